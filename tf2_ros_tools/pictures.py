@@ -10,18 +10,17 @@ import warnings
 from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from importlib.util import find_spec
 from io import BytesIO
 from textwrap import wrap
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py import BufferCore
+from tf2_py import FrameInfo
 from tf2_ros_tools.findings import Finding, Limits, delay_label, longest_interval, rate_label
 from tf2_ros_tools.output import not_known, printable
 from tf2_ros_tools.program import RunError, UsageError, format_of, write_output
@@ -52,21 +51,17 @@ STYLES = {
 PROBLEM = {"color": "#D55E00", "fontcolor": "#A83E00", "penwidth": "3"}
 GROUND = " "  # the last line of an edge's label, because Graphviz draws the edge just below it
 FONT = {"fontname": "Helvetica", "fontsize": "11"}
-MOST_FINDINGS = 20
 LONGEST_FINDING = 120  # characters
-MOST_REASONS = 3  # on an edge
 REASON_WIDTH = 32  # characters of a line
 # Names that can be ids of nodes. Other characters may have a meaning for Graphviz, such as the colon.
 PLAIN_NAME = re.compile(r"[\w/. -]{1,200}")
 PAGE_IN = "180,180"  # a larger picture is scaled: a page of PDF has at most 200 inches
 
-Spans = Mapping[str, tuple[float, float]]
-
 
 def tree_dot(
     streams: Sequence[Stream],
     findings: Sequence[Finding] = (),
-    spans: Spans = MappingProxyType({}),
+    infos: Mapping[str, FrameInfo] = MappingProxyType({}),
     time: float | None = None,
 ) -> str:
     """
@@ -74,7 +69,7 @@ def tree_dot(
 
     :param streams: the result of ``Streams.report``.
     :param findings: what is wrong with them; written on the edges of the frames, and below the tree.
-    :param spans: the oldest and the newest stamp in a buffer of each dynamic frame, in seconds.
+    :param infos: the frames of a buffer.
     :param time: the time of the report, in seconds of the clock of the streams.
     """
     import graphviz
@@ -88,16 +83,21 @@ def tree_dot(
             "size": PAGE_IN,
             "labelloc": "b",
             "labeljust": "l",
-            "label": _lines(_below(findings), "\\l"),
+            "label": _lines([label(one.text, LONGEST_FINDING) for one in findings], "\\l"),
         },
         node_attr={**FONT, "shape": "box", "style": "rounded,filled", "fillcolor": "#F4F6F8"},
         edge_attr={**FONT, "fontsize": "10", "arrowsize": "0.7"},
     )
+    spans = {
+        name: (info.oldest_ns / S, info.newest_ns / S)
+        for name, info in infos.items()
+        if not info.static and info.oldest_ns is not None and info.newest_ns is not None
+    }
     problems = _problems(findings)
     stale = {finding.frame for finding in findings if finding.kind == "stale"}
-    names = sorted({name for one in streams for name in (one.frame, one.parent)} | problems.keys())
-    ids = {name: name if PLAIN_NAME.fullmatch(name) else f"#{place}" for place, name in enumerate(names)}
     drawn = {name for one in streams for name in (one.frame, one.parent)}
+    names = sorted(drawn | problems.keys())
+    ids = {name: name if PLAIN_NAME.fullmatch(name) else f"#{place}" for place, name in enumerate(names)}
     for name in names:
         # What has no edge has problems: all its transforms are refused.
         text = _lines([label(name), *([] if name in drawn else problems[name])], "\\n")
@@ -132,17 +132,8 @@ def _problems(findings: Sequence[Finding]) -> dict[str, list[str]]:
     for finding in findings:
         for frame in finding.numbers.get("frames", [finding.frame] if finding.frame else []):
             text = label(finding.text.removeprefix(f"{frame} "), LONGEST_FINDING)
-            problems.setdefault(frame, []).append("\n".join(wrap(text, REASON_WIDTH)))
-    return {
-        frame: [line for text in _cut(texts, MOST_REASONS) for line in text.splitlines()]
-        for frame, texts in problems.items()
-    }
-
-
-def _cut(texts: Sequence[str], most: int) -> Iterator[str]:
-    yield from texts[:most]
-    if len(texts) > most:
-        yield f"and {len(texts) - most} more"
+            problems.setdefault(frame, []).extend(wrap(text, REASON_WIDTH))
+    return problems
 
 
 def _facts(stream: Stream, span: tuple[float, float] | None) -> Iterator[str]:
@@ -158,10 +149,6 @@ def _stamps(span: tuple[float, float] | None) -> Iterator[str]:
     if span is not None:
         yield f"most recent transform: {span[1]:.6f}"
         yield f"oldest transform: {span[0]:.6f}"
-
-
-def _below(findings: Sequence[Finding]) -> Iterator[str]:
-    return _cut([label(finding.text, LONGEST_FINDING) for finding in findings], MOST_FINDINGS)
 
 
 def _add_tree_legend(dot: Any, time: float | None) -> None:
@@ -294,35 +281,27 @@ GAP: Style = {"facecolor": VERMILION, "alpha": 0.3, "edgecolor": VERMILION, "hat
 NOT_YET: Style = {"facecolor": "#F0F0F0", "edgecolor": "#C4C4C4", "hatch": "..."}
 
 
-@dataclass(frozen=True)
-class Row:
-    """
-    A row of the picture: when the transforms of a stream were received.
+class Row(NamedTuple):
+    """A row of the picture: when the transforms of a stream were received."""
 
-    :param name: the name of the frame.
-    :param stream: its figures; None if nothing was received.
-    :param times: in seconds, ascending, shape (N,).
-    :param delays: from the stamp to the reception, in seconds, shape (N,).
-    :param gap: the longest time between two receptions that is not shown as a gap, in seconds.
-    """
+    name: str  # of the frame
+    stream: Stream | None = None  # its figures; None if nothing was received
+    times: Times = np.zeros(0)  # in seconds, ascending, shape (N,)
+    delays: Times = np.zeros(0)  # from the stamp to the reception, in seconds, shape (N,)
 
-    name: str
-    stream: Stream | None
-    times: Times
-    delays: Times
-    gap: float
+    @property
+    def gap(self) -> float:
+        """The longest time between two receptions that is not shown as a gap, in seconds."""
+        return np.inf if self.stream is None else longest_interval(self.stream, Limits())
 
 
-def heard_rows(
-    records: NDArray[np.void], streams: Sequence[Stream], frames: Sequence[str], limits: Limits
-) -> list[Row]:
+def heard_rows(records: Records, streams: Sequence[Stream], frames: Sequence[str]) -> list[Row]:
     """
     Make the rows of streams.
 
     :param records: ``tf2_ros.records.RECORD``, in the order of arrival.
     :param streams: the result of ``Streams.report``.
     :param frames: names, indexed by the ids in the records.
-    :param limits: determine which intervals are gaps.
     """
     numbers = {name: number for number, name in enumerate(frames)}
     records = taken(records)
@@ -337,9 +316,8 @@ def heard_rows(
             & (own["publisher"] == stream.publisher_id)
             & (own["static"] == stream.static)
         ]
-        times = own["received_ns"] / S
-        delays = (own["received_ns"] - own["stamp_ns"]) / S
-        rows.append(Row(stream.frame, stream, times, delays, longest_interval(stream, limits)))
+        received = own["received_ns"]
+        rows.append(Row(stream.frame, stream, received / S, (received - own["stamp_ns"]) / S))
     return rows
 
 
@@ -461,35 +439,19 @@ def heard_picture(
     :param span: the first and the last time, in seconds.
     :raises RunError: no transform of the wanted frames was received.
     """
-    rows = heard_rows(records, streams, frames, Limits())
-    if wanted:
-        if not {row.name for row in rows}.intersection(map(_name, wanted)):
-            names = [*map(_name, wanted)]
+    rows = heard_rows(records, streams, frames)
+    names = [name.removeprefix("/") for name in wanted]
+    if names:
+        rows = [row for name in names for row in [one for one in rows if one.name == name] or [Row(name)]]
+        if not any(row.stream for row in rows):
             unknown = [not_known(name, frames) for name in names if name not in frames]
             raise RunError("; ".join(unknown) or f"no valid transform of {' and '.join(names)} was received")
-        rows = [row for name in wanted for row in _rows_of(_name(name), rows)]
     return heard_figure(rows, *span)
 
 
 def write_plot(name: str, figure: Any) -> None:
     """Write a matplotlib figure in the format that the extension of the file means."""
     write_output(name, file_of(figure, format_of(name)))
-
-
-def dot_of(
-    buffer: BufferCore, streams: Sequence[Stream], findings: Sequence[Finding], time: float | None
-) -> str:
-    """
-    Describe the tree of frames in DOT.
-
-    :param time: the time of the report, in seconds; None: unknown.
-    """
-    spans = {
-        name: (info.oldest_ns / S, info.newest_ns / S)
-        for name, info in buffer.frames().items()
-        if not info.static and info.oldest_ns is not None and info.newest_ns is not None
-    }
-    return tree_dot(streams, findings, spans, time)
 
 
 def drawn(dot: str, kind: str) -> bytes:
@@ -510,12 +472,3 @@ def drawn(dot: str, kind: str) -> bytes:
         said = (failure.stderr or b"").decode(errors="replace").strip()
         raise RunError(f"dot failed: {said or failure}") from None
     return picture
-
-
-def _rows_of(name: str, rows: list[Row]) -> list[Row]:
-    nothing = np.zeros(0)
-    return [row for row in rows if row.name == name] or [Row(name, None, nothing, nothing, np.inf)]
-
-
-def _name(frame: str) -> str:
-    return frame.removeprefix("/")

@@ -1,21 +1,19 @@
 """Pictures, drawn from records and arrays without a node, and read again."""
 
 import re
-from datetime import datetime, timezone
-from math import inf
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from making import S
 from processes import needs_dot
 
+from tf2_py import FrameInfo
 from tf2_ros.records import RECORD
-from tf2_ros_tools.findings import Finding, Limits
+from tf2_ros_tools.findings import Finding
 from tf2_ros_tools.pictures import (
     GAP,
     NOT_YET,
-    PROBLEM,
-    STYLES,
     Row,
     file_of,
     heard_figure,
@@ -66,6 +64,9 @@ def stream(frame, parent="map", publisher="/robot", static=False, **figures):
 ROBOT = [stream("odom"), stream("base", "odom", publisher="/wheels"), stream("camera", "base", static=True)]
 
 
+ODOM = FrameInfo("map", False, 9, S, 10_500_000_000)
+
+
 def groups(svg, kind):
     """The texts of the parts of one class, each as a list of lines."""
     return [
@@ -82,7 +83,7 @@ def drawn(*arguments, **how):
 @needs_dot
 class TestTree:
     def test_has_a_node_for_each_frame_and_an_edge_for_each_stream(self):
-        svg = drawn(ROBOT, spans={"odom": (1.0, 10.5)}, time=12.5)
+        svg = drawn(ROBOT, infos={"odom": ODOM}, time=12.5)
         assert sorted(groups(svg, "frame")) == [["base"], ["camera"], ["map"], ["odom"]]
         assert groups(svg, "static") == [["/robot", "static"]]
         figures = ["50.0 Hz", "delay 1.0 ms, max 4.0 ms"]
@@ -111,11 +112,6 @@ class TestTree:
             ("/intruder", "is published by 2 publishers:", "/intruder, /wheels"),
             ("ghost",),  # it has no edge
         }
-        for group in ElementTree.fromstring(svg).iter(f"{SVG}g"):
-            kinds = group.get("class", "").split()
-            if kinds[-1:] == ["dynamic"]:
-                colours = {path.get("stroke") for path in group.iter(f"{SVG}path")}
-                assert colours == {(PROBLEM if "problem" in kinds else STYLES["dynamic"])["color"].lower()}
 
     def test_nodes_have_the_names_of_their_frames(self):
         dot = tree_dot([stream("odom"), stream("a:b", "odom"), stream("robot1/base link", "odom")])
@@ -124,7 +120,7 @@ class TestTree:
         assert '"a:b"' not in dot.replace('label="a:b"', "").replace('tooltip="a:b"', "")
 
     def test_the_oldest_and_the_most_recent_stamp_are_shown_beside_an_edge(self):
-        svg = drawn(ROBOT, spans={"odom": (1.0, 10.5)})
+        svg = drawn(ROBOT, infos={"odom": ODOM})
         titles = [
             one.get("{http://www.w3.org/1999/xlink}title") for one in ElementTree.fromstring(svg).iter()
         ]
@@ -145,19 +141,13 @@ class TestTree:
     def test_every_format_is_what_its_name_says(self, kind):
         assert render(tree_dot(ROBOT), kind).startswith(STARTS[kind])
 
-    def test_without_dot_that_is_the_error(self, monkeypatch, tmp_path):
-        monkeypatch.setenv("PATH", str(tmp_path))
-        with pytest.raises(FileNotFoundError):
-            render(tree_dot(ROBOT), "svg")
-
 
 BEGIN, END = 1000.0, 1010.0
-NOTHING = np.zeros(0)
 
 
-def row(name, times, delay=0.001, gap=0.2, **how):
+def row(name, times, delay=0.001, **how):
     times = np.asarray(times, float)
-    return Row(name, stream(name, **how), times, np.full(len(times), delay), gap)
+    return Row(name, stream(name, **how), times, np.full(len(times), delay))
 
 
 def texts_of(figure):
@@ -193,7 +183,7 @@ class TestHeard:
         with_gap = STEADY[(STEADY < BEGIN + 4) | (STEADY >= BEGIN + 6)]
         rows = [row("steady", STEADY), row("with_gap", with_gap), row("stopped", STEADY[STEADY < BEGIN + 7])]
         rows.append(row("silent", [BEGIN - 1]))
-        rows.append(row("slow", [BEGIN, BEGIN + 5], gap=inf))
+        rows.append(row("slow", [BEGIN, BEGIN + 5], period=None))
         assert bars(heard_figure(rows, BEGIN, END)) == [
             (1.0, 1000.0, 10.0),
             (2.0, 1006.99, 3.01),
@@ -203,7 +193,7 @@ class TestHeard:
     def test_what_is_blank_at_the_beginning_is_marked_as_not_received_yet(self):
         late = STEADY[STEADY >= BEGIN + 3]
         rows = [row("steady", STEADY), row("late", late), row("fixed", [BEGIN + 4], static=True)]
-        rows.append(Row("never", None, NOTHING, NOTHING, inf))
+        rows.append(Row("never"))
         figure = heard_figure(rows, BEGIN, END)
         assert bars(figure, NOT_YET) == [(0.0, 1000.0, 10.0), (1.0, 1000.0, 4.0), (2.0, 1000.0, 3.01)]
         assert bars(figure) == []
@@ -215,12 +205,7 @@ class TestHeard:
 
     @pytest.mark.parametrize(
         ("span", "shown"),
-        [
-            (0.004, {"21:27:14.251000", "21:27:14.254000"}),
-            (10.0, {"21:27:15", "21:27:20"}),
-            (7200.0, {"21:30", "23:00"}),
-            (259_200.0, {"2026-11-21", "2026-11-23"}),
-        ],
+        [(10.0, {"21:27:15", "21:27:20"}), (259_200.0, {"2026-11-21", "2026-11-23"})],
     )
     def test_the_axis_shows_the_times_of_the_clock(self, span, shown):
         begin = 1795210034.251
@@ -229,10 +214,6 @@ class TestHeard:
         assert shown <= set(texts_of(figure))
         assert axes.get_xlabel() == "time in UTC, from 2026-11-20 21:27:14 (1795210034.251 s)"
         assert axes.get_xlim() == pytest.approx((begin, begin + span), abs=1e-6)
-        # Each tick is where its text says.
-        date = "%Y-%m-%d %H:%M:%S.%f"
-        for place, text in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True):
-            assert text.get_text() in datetime.fromtimestamp(round(place, 6), timezone.utc).strftime(date)
 
     @pytest.mark.parametrize("name", [*HOSTILE, "$\\frac{$"])
     def test_a_name_is_shown_as_it_is(self, name):
@@ -252,7 +233,7 @@ class TestHeard:
         )
         streams = [stream("odom", publisher_id=0), stream("odom", publisher_id=1, period=0.1)]
         streams.append(stream("base", "odom", static=True))
-        rows = heard_rows(records, streams, frames, Limits())
+        rows = heard_rows(records, streams, frames)
         assert [one.name for one in rows] == ["odom", "odom", "base"]
         assert [list(one.times) for one in rows] == [
             [BEGIN + 20e-9, BEGIN + 1],
@@ -260,7 +241,7 @@ class TestHeard:
             [BEGIN + 30e-9],
         ]
         assert list(rows[0].delays) == pytest.approx([10e-9, 1.0])
-        assert [one.gap for one in rows] == [pytest.approx(0.2), pytest.approx(0.5), inf]
+        assert [one.gap for one in rows] == [pytest.approx(0.2), pytest.approx(0.5), np.inf]
 
 
 @pytest.mark.parametrize("kind", STARTS)

@@ -151,7 +151,7 @@ SHORTEST_S = 1.0  # of a picture; one message has no length
 def tree(options: Namespace) -> int:
     """Print the tree of frames, or draw it; return the exit status."""
     from tf2_ros_tools.findings import report
-    from tf2_ros_tools.pictures import NO_DOT, dot_of, drawn, needs_graphviz
+    from tf2_ros_tools.pictures import NO_DOT, drawn, needs_graphviz, tree_dot
 
     if options.output is not None:
         needs_graphviz("the tree as text")
@@ -160,7 +160,8 @@ def tree(options: Namespace) -> int:
         print(heard.buffer.tree())
         return SUCCESS
     said = report(heard)
-    dot, kind = dot_of(heard.buffer, said.streams, said.findings, said.end), format_of(options.output)
+    dot = tree_dot(said.streams, said.findings, heard.buffer.frames(), said.end)
+    kind = format_of(options.output)
     try:
         write_output(options.output, dot.encode() if kind == "gv" else drawn(dot, kind))
     except FileNotFoundError:

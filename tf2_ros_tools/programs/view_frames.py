@@ -159,10 +159,10 @@ def _text(heard: Listening) -> str:
 def _draw(heard: Listening, description: str, picture: str, kind: str) -> bool:
     """Write both files; False: only the first, because Graphviz's program is not installed."""
     from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.pictures import NO_DOT, dot_of, drawn
+    from tf2_ros_tools.pictures import NO_DOT, drawn, tree_dot
 
     report = heard.report(Limits())
-    dot = dot_of(heard.buffer, report.streams, report.findings, report.time)
+    dot = tree_dot(report.streams, report.findings, heard.buffer.frames(), report.time)
     write_output(description, dot.encode())
     try:
         write_output(picture, drawn(dot, kind))

@@ -80,18 +80,20 @@ class Parser(ArgumentParser):
                 help="put the node into the namespace NS, and use NS/tf and NS/tf_static",
             )
 
-    def add_command(self, name: str, summary: str, description: str, example: str) -> "Parser":
+    def add_command(self, name: str, summary: str, example: str) -> "Parser":
         """
         Add a command, which is the first argument of the command line and has its own arguments.
 
-        :param summary: a line for the help of the program; for the others, see :class:`Parser`.
+        :param summary: what it does, in a sentence without a full stop that begins in lower case.
         :return: the parser of its arguments.
         """
         if self._commands is None:
-            self._commands = self.add_subparsers(title="commands", metavar="COMMAND", dest="command")
-            self._commands.required = True
+            self._commands = self.add_subparsers(
+                title="commands", metavar="COMMAND", dest="command", required=True
+            )
+        text = f"{summary[0].upper()}{summary[1:]}."
         made: Parser = self._commands.add_parser(
-            name, help=summary, description=description, example=example, node=self._node
+            name, help=summary, description=text, example=example, node=self._node
         )
         return made
 
@@ -207,40 +209,30 @@ def _complete(parser: Parser) -> None:
 # Numbers on a command line.
 
 
-def finite_number(text: str) -> float:
-    """
-    Read a finite number as Python's ``float`` does, for argparse.
+def _number(expected: str, accepts: Callable[[float], bool]) -> Callable[[str], float]:
+    """For argparse: read a number as Python's ``float`` does, and refuse the others in words."""
 
-    :raises ArgumentTypeError: the text is not a number.
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        raise ArgumentTypeError(f"{text!r} is not a number") from None
-    if not math.isfinite(value):
-        raise ArgumentTypeError(f"expected a finite number, got {text}")
-    return value
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            raise ArgumentTypeError(f"{text!r} is not a number") from None
+        if not (math.isfinite(value) and accepts(value)):
+            raise ArgumentTypeError(f"expected {expected}, got {text}")
+        return value
 
-
-def positive_number(text: str) -> float:
-    """Read a finite number above 0."""
-    value = finite_number(text)
-    if value <= 0.0:
-        raise ArgumentTypeError(f"expected a number above 0, got {text}")
-    return value
+    return read
 
 
-def non_negative_number(text: str) -> float:
-    """Read a finite number that is 0 or more."""
-    value = finite_number(text)
-    if value < 0.0:
-        raise ArgumentTypeError(f"expected 0 or more, got {text}")
-    return value
+finite_number = _number("a finite number", lambda value: True)
+positive_number = _number("a number above 0", lambda value: value > 0.0)
+non_negative_number = _number("0 or more", lambda value: value >= 0.0)
+_stamp = _number("seconds since 1970, before the year 2262", lambda value: 0.0 <= value * 1e9 < 2**63)
 
 
 def nanoseconds(text: str) -> int:
     """Read seconds and return nanoseconds, exactly; a float cannot hold all digits of a stamp."""
-    finite_number(text)
+    _stamp(text)
     return round(Decimal(text.strip()) * 10**9)
 
 

@@ -7,12 +7,11 @@ import select
 
 import numpy as np
 import pytest
-from making import S, at, transform
+from making import S
 from processes import DEADLINE_S, ended, running, until
 from scipy.spatial.transform import Rotation
 
 from tf2_ros_tools.output import rpy_from_matrices
-from tf2_ros_tools.programs.tf2_echo import _json
 from tf2_ros_tools.urdf import quaternion_from_rpy
 
 pytestmark = pytest.mark.ours
@@ -56,29 +55,14 @@ def listed(numbers):
 
 
 class TestWaiting:
-    def test_the_known_frames_are_told_but_not_all_of_a_thousand(self, peer):
+    def test_the_known_frames_are_told_and_cannot_write_a_line_of_their_own(self, peer):
         with running("tf2_echo", "map", "robot") as echo:
             talker = peer()
-            talker.send(("map", "camera", S, 1.0))
-            until(lambda: echo.stderr.readline() == "Known frames: camera, map\n")
-            talker.send(*((f"f{i:03d}", f"f{i + 1:03d}", S, 1.0) for i in range(999)))
-            names = ", ".join(["camera", *(f"f{i:03d}" for i in range(19))])
-            until(lambda: echo.stderr.readline() == f"Known frames: {names} and 982 more\n")
-
-    def test_a_known_frame_cannot_write_a_line_of_its_own(self, peer):
-        with running("tf2_echo", "map", "robot") as echo:
-            peer().send(("map", "x\x1b[2J\n[INFO]", S, 1.0))
+            talker.send(("map", "x\x1b[2J\n[INFO]", S, 1.0))
             until(lambda: echo.stderr.readline() == "Known frames: map, x\\x1b[2J\\n[INFO]\n")
-
-    def test_what_the_lookup_advises_is_told(self, tf2_ros, peer):
-        known = tf2_ros.Buffer()
-        known.set_transform_static(transform("map", "camera"), "test")
-        with running("tf2_echo", "map", "camara") as echo:
-            peer().send(("map", "camera", S, 1.0), static=True)
-            lines = until(lambda: (line := echo.stderr.readline()).count('"camara"') and [line])
-        with pytest.raises(tf2_ros.LookupException) as caught:
-            known.lookup_transform("map", "camara", at(0))
-        assert f": {caught.value}" in lines[0]
+            talker.send(*((f"f{i:03d}", f"f{i + 1:03d}", S, 1.0) for i in range(999)))
+            names = ", ".join(f"f{i:03d}" for i in range(5))
+            until(lambda: echo.stderr.readline() == f"Known frames: {names} and 997 more\n")
 
     def test_it_takes_the_transform_when_it_comes(self, peer):
         with running("tf2_echo", "map", "robot", *WAIT, "--once") as echo:
@@ -117,34 +101,24 @@ class TestTimes:
             until(forgotten)
 
 
-class TestJson:
-    def test_a_failure_is_a_line_with_an_error(self, peer):
-        with running("tf2_echo", "map", "robot", "20", "--json") as echo:
-            talker = peer()
-            talker.send(("map", "robot", S, 1.0))
-            assert "error" not in json.loads(echo.stdout.readline())
-            talker.send(("moon", "robot", 2 * S, 1.0))
-            failure = until(lambda: (line := json.loads(echo.stdout.readline())).get("error") and line)
-        assert failure["error"]["type"] in ("ConnectivityException", "LookupException")
-        assert "map" in failure["error"]["text"]
-        assert (failure["header"]["frame_id"], failure["child_frame_id"]) == ("map", "robot")
+def test_a_failure_is_a_line_of_json_with_an_error(peer):
+    with running("tf2_echo", "map", "robot", "20", "--json") as echo:
+        talker = peer()
+        talker.send(("map", "robot", S, 1.0))
+        assert "error" not in json.loads(echo.stdout.readline())
+        talker.send(("moon", "robot", 2 * S, 1.0))
+        failure = until(lambda: (line := json.loads(echo.stdout.readline())).get("error") and line)
+    assert failure["error"]["type"] in ("ConnectivityException", "LookupException")
+    assert "map" in failure["error"]["text"]
+    assert (failure["header"]["frame_id"], failure["child_frame_id"]) == ("map", "robot")
 
 
 class TestEnd:
-    def test_a_reader_who_has_seen_enough_ends_it(self, peer):
-        with running("tf2_echo", "map", "robot", "50") as echo:
-            peer().send(("map", "robot", S, 1.0))
-            assert echo.stdout.readline() == "At time 1.000000000\n"
-            echo.stdout.close()
-            assert echo.wait(DEADLINE_S) == 1
-            assert "Traceback" not in echo.stderr.read()
-            echo.stdout = None
-
     def test_who_asks_the_robot_for_its_frames_is_not_answered_by_it(self, node):
         with running("tf2_echo", "map", "robot"):
             until(lambda: "tf2_echo" in node.get_node_names())
-            services = {name for name, _ in node.get_service_names_and_types_by_node("tf2_echo", "/")}
-            assert "/tf2_frames" not in services
+            # It exists for a moment, until the program has removed it.
+            until(lambda: "/tf2_frames" not in [name for name, _ in node.get_service_names_and_types()])
 
 
 class TestRpy:
@@ -164,11 +138,3 @@ class TestRpy:
             np.round(Rotation.from_euler("y", pitch).as_matrix()) @ Rotation.from_euler("x", roll).as_matrix()
         )
         assert rpy_from_matrices(matrix) == pytest.approx((roll, pitch, 0.0))
-
-
-def test_a_number_that_json_lacks_is_null():
-    sent = transform("map", "robot")
-    sent.transform.translation.x = math.inf
-    for precision in (None, 3):
-        line = _json(sent, precision)
-        assert json.loads(line, parse_constant=pytest.fail)["transform"]["translation"]["x"] is None

@@ -7,10 +7,10 @@ import json
 import os
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from tf2_ros_tools.bag_tables import (
     add_batch,
@@ -47,7 +47,9 @@ Answer questions about recorded transforms, without ROS: what a recording contai
 and where a frame was at a given time.
 
 A recording is a rosbag2 folder, or a file that ends in .mcap, .db3 or .bag (ROS 1). Each command has its \
-own help, for example tf2_bag lookup --help."""
+own help, for example tf2_bag lookup --help.
+
+Exit status: 0 if the command could be done, otherwise 1."""
 
 EXAMPLE = """\
   tf2_bag info drive.mcap
@@ -221,117 +223,86 @@ def _stem(path: str) -> str:
 # The commands.
 
 
-class Command(NamedTuple):
-    """A command: what it does, what adds its arguments, and its help."""
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser("tf2_bag", DESCRIPTION, EXAMPLE, node=False)
 
-    work: Callable[[Namespace], int]
-    add_arguments: Sequence[Callable[[Parser], object]]
-    summary: str
-    description: str
-    examples: str
+    def add(name: str, work: Callable[[Namespace], int], summary: str, *examples: str) -> Parser:
+        example = "\n".join(f"  tf2_bag {name} {one}" for one in examples)
+        command = made.add_command(name, summary, example)
+        command.set_defaults(work=work)
+        return command
+
+    command = add(
+        "info",
+        info,
+        "print the topics of a recording, the tree, the rate and delay of each frame, and the problems",
+        "drive.mcap",
+    )
+    add_recording(command)
+    _add_json(command)
+    command = add(
+        "check",
+        check,
+        "print a line for each problem with the transforms; the exit status is 1 if there are any",
+        "drive.mcap --expect robot.yaml --junit transforms.xml",
+        "drive.mcap --min-rate 10 --ignore stale",
+    )
+    add_recording(command)
+    _add_json(command)
+    add_check_options(command)
+    command = add(
+        "lookup",
+        lookup,
+        "write the pose of the frame SOURCE in the frame TARGET at many times as a table; by default, at the "
+        "stamps of all dynamic transforms between the two",
+        "drive.mcap map base_link > path.csv",
+        "drive.mcap map lidar --at /points -o lidar.tum",
+        "drive.mcap map base_link --times 1795210034.5 1795210035",
+    )
+    add_recording(command)
+    add_lookup(command)
+    command = add(
+        "tree",
+        tree,
+        "print the tree of frames, or draw it with topics, rates, delays and problems",
+        "drive.mcap",
+        "drive.mcap -o tree.svg",
+    )
+    add_recording(command)
+    add_output(command, "pdf", "svg", "png", "gv")
+    command = add(
+        "plot",
+        plot,
+        "plot when each frame was received, or the path of a frame from above and over time",
+        "drive.mcap odom base_link -o odometry.svg",
+        "drive.mcap --path map base_link -o path.svg",
+    )
+    add_recording(command)
+    add_plot_options(command, "the recording's name with .png, in this folder")
+    command = add(
+        "batch",
+        batch,
+        "write the poses of a frame in many recordings, as a Parquet table for each, and a table of the "
+        "problems in all of them; a run skips what an earlier one has finished",
+        "recordings/ --lookup map base_link --rate 10 --out tables",
+        "day1/*.mcap --lookup map lidar --at /points --out tables --workers 4",
+    )
+    add_batch(command)
+    command = add(
+        "view",
+        view,
+        "show the frames of a recording and their motion in the viewer rerun",
+        "drive.mcap",
+        "drive.mcap -o drive.rrd",
+    )
+    add_recording(command)
+    add_output(command, "rrd", more=", instead of opening the viewer")
+    return made
 
 
 def _add_json(made: Parser) -> None:
     made.add_argument("--json", action="store_true", help="print one JSON object")
-
-
-COMMANDS: Mapping[str, Command] = {
-    "info": Command(
-        info,
-        [add_recording, _add_json],
-        "list the contents of a recording",
-        """\
-Print what a recording contains: its topics, the tree of frames, how often and how late each frame was \
-received, and the problems that tf2_bag check reports.
-
-Exit status: 0 if it can be read, otherwise 1.""",
-        "  tf2_bag info drive.mcap\n  tf2_bag info drive.mcap --json",
-    ),
-    "check": Command(
-        check,
-        [add_recording, _add_json, add_check_options],
-        "report problems",
-        """\
-Print one line for each problem with the transforms of a recording: unconnected trees, loops, frames with \
-two parents or on two topics, frames that end early, gaps, stamps in the future, and differences from a file \
-of expectations.
-
-Exit status: 0 if there is no problem, otherwise 1.""",
-        "  tf2_bag check drive.mcap --expect robot.yaml --junit transforms.xml\n"
-        "  tf2_bag check drive.mcap --min-rate 10 --ignore stale",
-    ),
-    "lookup": Command(
-        lookup,
-        [add_recording, add_lookup],
-        "write the poses of a frame as a table",
-        """\
-Look up the pose of the frame SOURCE in the frame TARGET at many times, and write one line for each. By \
-default, the times are the stamps of all dynamic transforms between the two.
-
-Exit status: 0 if there was an answer at any time, otherwise 1.""",
-        "  tf2_bag lookup drive.mcap map base_link > path.csv\n"
-        "  tf2_bag lookup drive.mcap map lidar --at /points -o lidar.tum\n"
-        "  tf2_bag lookup drive.mcap map base_link --rate 10 -o path.parquet\n"
-        "  tf2_bag lookup drive.mcap map base_link --times 1795210034.5 1795210035",
-    ),
-    "tree": Command(
-        tree,
-        [add_recording, lambda made: add_output(made, "pdf", "svg", "png", "gv")],
-        "print or draw the tree of frames",
-        """\
-Print the tree of frames, or draw it with topics, rates, delays and problems, like view_frames.
-
-Exit status: 0 if that was possible, otherwise 1.""",
-        "  tf2_bag tree drive.mcap\n  tf2_bag tree drive.mcap -o tree.svg",
-    ),
-    "plot": Command(
-        plot,
-        [
-            add_recording,
-            lambda made: add_plot_options(made, "the recording's name with .png, in this folder"),
-        ],
-        "plot when frames were received, or the path of a frame",
-        """\
-Plot when each frame was received, with gaps, rates and delays, like tf2_plot, and print the name of the \
-file. With --path, plot the path of a frame in another frame, from above and as components over time.
-
-Exit status: 0 if the picture was written, otherwise 1.""",
-        "  tf2_bag plot drive.mcap\n  tf2_bag plot drive.mcap odom base_link -o odometry.svg\n"
-        "  tf2_bag plot drive.mcap --path map base_link -o path.svg",
-    ),
-    "batch": Command(
-        batch,
-        [add_batch],
-        "look up and check in many recordings",
-        """\
-Look up the pose of one frame in another frame in many recordings. The results are a Parquet table for each \
-recording, and one table of the problems in all of them. A run skips what an earlier one has finished.
-
-Exit status: 0 if all recordings could be read, and each had an answer, otherwise 1.""",
-        "  tf2_bag batch recordings/ --lookup map base_link --rate 10 --out tables\n"
-        "  tf2_bag batch day1/*.mcap --lookup map lidar --at /points --out tables --workers 4",
-    ),
-    "view": Command(
-        view,
-        [add_recording, lambda made: add_output(made, "rrd", more=", instead of opening the viewer")],
-        "open a recording in rerun",
-        """\
-Show the frames of a recording and their motion in the viewer rerun.
-
-Exit status: 0 if the viewer was opened or the file was written, otherwise 1.""",
-        "  tf2_bag view drive.mcap\n  tf2_bag view drive.mcap -o drive.rrd",
-    ),
-}
-
-
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser("tf2_bag", DESCRIPTION, EXAMPLE, node=False)
-    for name, one in COMMANDS.items():
-        command = made.add_command(name, one.summary, one.description, one.examples)
-        for add in one.add_arguments:
-            add(command)
-    return made
 
 
 def bag(options: Namespace) -> int:
@@ -341,7 +312,8 @@ def bag(options: Namespace) -> int:
     from tf2_ros_tools.reading import BagError
 
     try:
-        return COMMANDS[options.command].work(options)
+        status: int = options.work(options)
+        return status
     except ModuleNotFoundError as lack:
         # A library of an extra; the text names the extra.
         raise RunError(str(lack)) from None

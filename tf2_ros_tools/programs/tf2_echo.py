@@ -6,18 +6,19 @@ from __future__ import annotations
 import json
 import sys
 import time
-from argparse import ArgumentTypeError, Namespace
+from argparse import Namespace
 from collections.abc import Iterable
-from math import degrees, isfinite
-from typing import TYPE_CHECKING
+from math import degrees, inf
+from typing import TYPE_CHECKING, Any
 
 from tf2_ros_tools.completion import add_frames
-from tf2_ros_tools.output import printable, rpy_from_matrices
+from tf2_ros_tools.output import first_names, rpy_from_matrices
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,
     Parser,
     UsageError,
+    finite_number,
     nanoseconds,
     non_negative_number,
     positive_number,
@@ -27,7 +28,6 @@ from tf2_ros_tools.program import (
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
     from rclpy.node import Node
-    from rclpy.time import Time
 
     from tf2_py import TransformException
     from tf2_ros import Buffer
@@ -36,15 +36,10 @@ __all__ = ["main"]
 
 S = 1_000_000_000  # ns
 
-DIGITS = 3  # after the point
-REPORT_NS = 1 * S  # between two log lines about a transform that is not available yet
-MOST_NAMES = 20  # in such a log line
-LONGEST_NS = 365 * 86400 * S  # of a wait
-
-
-STAMPS_END_NS = 2**31 * 10**9  # a stamp has 31 bits for its seconds
-
-MOST_DIGITS = 17  # more than a double has
+DIGITS = 3  # after the point, by default; a double has at most 17
+REPORT_S = 1.0  # between two log lines about a transform that is not available yet
+LONGEST_S = 365 * 86400.0  # of a wait
+LAST_NS = 2**31 * S - 1  # the last stamp that a message can hold
 
 DESCRIPTION = """\
 Print the transform that maps data from the frame SOURCE to the frame TARGET, RATE times a second. \
@@ -89,15 +84,14 @@ def parser() -> Parser:
         "--time",
         dest="time_ns",
         metavar="SECONDS",
-        type=_stamp,
+        type=nanoseconds,
         default=0,
         help="look up at this time since the epoch; default: the latest",
     )
     when.add_argument(
         "--offset",
-        dest="offset_ns",
         metavar="SECONDS",
-        type=_offset,
+        type=finite_number,
         help="look up at the current time plus this offset; a negative offset is in the past",
     )
     made.add_argument(
@@ -106,32 +100,11 @@ def parser() -> Parser:
     made.add_argument(
         "--precision",
         metavar="DIGITS",
-        type=_digits,
+        type=int,
+        choices=range(18),
         help="number of decimals; 3 by default, with --json all",
     )
     return made
-
-
-def _stamp(text: str) -> int:
-    stamp_ns = nanoseconds(text)
-    if not 0 <= stamp_ns < STAMPS_END_NS:
-        raise ArgumentTypeError(
-            f"expected a number from 0 to 2**31 - 1, as the seconds of a stamp, got {text}"
-        )
-    return stamp_ns
-
-
-def _offset(text: str) -> int:
-    offset_ns = nanoseconds(text)
-    if abs(offset_ns) >= STAMPS_END_NS:
-        raise ArgumentTypeError(f"expected a number between -2**31 and 2**31, got {text}")
-    return offset_ns
-
-
-def _digits(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) <= MOST_DIGITS):
-        raise ArgumentTypeError(f"expected a whole number from 0 to {MOST_DIGITS}, got {text}")
-    return int(text)
 
 
 def echo(options: Namespace) -> int:
@@ -156,22 +129,21 @@ class _Echo:
         self._node = node
         self._buffer = buffer
         self._options = options
-        self._begin_ns = time.monotonic_ns()
-        wait_ns = None if options.wait is None else round(min(options.wait * S, LONGEST_NS))
-        self._give_up_ns = None if wait_ns is None else self._begin_ns + wait_ns
+        self._begin_s = time.monotonic()
 
     def run(self) -> None:
         """Look up and print forever, or until the first transform, or until the wait is over."""
         from tf2_py import InvalidArgumentException, TransformException
 
-        period_ns = max(1, round(min(S / self._options.rate, LONGEST_NS)))
-        next_ns = time.monotonic_ns()
+        period_s = min(1.0 / self._options.rate, LONGEST_S)
+        end_s = inf if self._options.wait is None else self._begin_s + self._options.wait
+        next_s = self._begin_s
         while True:
-            next_ns = max(next_ns + (period_ns if self.found else REPORT_NS), time.monotonic_ns())
-            if not self.found and self._give_up_ns is not None:
-                next_ns = min(next_ns, self._give_up_ns)
+            next_s = max(next_s + period_s, time.monotonic())
+            if not self.found:
+                next_s = min(time.monotonic() + REPORT_S, end_s)
             try:
-                transform = self._look_up(next_ns)
+                transform = self._look_up(next_s)
             except InvalidArgumentException as refusal:
                 raise UsageError(str(refusal)) from None
             except TransformException as reason:
@@ -179,63 +151,51 @@ class _Echo:
                     self._print_failure(reason)
                 else:
                     self._log_waiting(reason)
-                    if self._give_up_ns is not None and time.monotonic_ns() >= self._give_up_ns:
+                    if time.monotonic() >= end_s:
                         return
             else:
                 if not self.found:
-                    next_ns = time.monotonic_ns() + period_ns
+                    next_s = time.monotonic() + period_s
                 self.found = True
                 print((_json if self._options.json else _text)(transform, self._options.precision))
                 if self._options.once:
                     return
-            time.sleep(max(0, next_ns - time.monotonic_ns()) / S)
+            time.sleep(max(0.0, next_s - time.monotonic()))
 
-    def _look_up(self, until_ns: int) -> TransformStamped:
+    def _look_up(self, until_s: float) -> TransformStamped:
         from rclpy.duration import Duration
-
-        # With a timeout, so that a transform is printed when it arrives, and not at the next round.
-        timeout = Duration(nanoseconds=max(0, until_ns - time.monotonic_ns()))
-        return self._buffer.lookup_transform(
-            self._options.target, self._options.source, self._when(), timeout
-        )
-
-    def _when(self) -> Time:
         from rclpy.time import Time
 
-        if self._options.offset_ns is None:
-            return Time(nanoseconds=self._options.time_ns)
-        # Not 0, which means the latest time, and where simulated time begins.
-        time_ns = self._now().nanoseconds + self._options.offset_ns
-        return Time(nanoseconds=min(max(1, time_ns), STAMPS_END_NS - 1))
-
-    def _now(self) -> Time:
-        return self._node.get_clock().now()
+        # With a timeout, so that a transform is printed when it arrives, and not at the next round.
+        timeout = Duration(seconds=max(0.0, until_s - time.monotonic()))
+        time_ns = self._options.time_ns
+        if self._options.offset is not None:
+            # Not 0, which means the latest time, and where simulated time begins.
+            asked_ns = self._node.get_clock().now().nanoseconds + self._options.offset * S
+            time_ns = int(min(max(1, asked_ns), LAST_NS))
+        return self._buffer.lookup_transform(
+            self._options.target, self._options.source, Time(nanoseconds=time_ns), timeout
+        )
 
     def _print_failure(self, reason: TransformException) -> None:
-        now_ns = self._now().nanoseconds
+        now = self._node.get_clock().now()
         if self._options.json:
-            sec, nanosec = divmod(now_ns, S)
             content = {
-                "header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": self._options.target},
+                "header": _header(now.to_msg(), self._options.target),
                 "child_frame_id": self._options.source,
                 "error": {"type": type(reason).__name__, "text": str(reason)},
             }
             print(json.dumps(content))
             return
-        print(f"Failure at {now_ns / S:.3f}\nException thrown:{reason}")
+        print(f"Failure at {now.nanoseconds / S:.3f}\nException thrown:{reason}")
         print(f"The current list of frames is:\n{self._buffer.all_frames_as_string()}")
 
     def _log_waiting(self, reason: TransformException) -> None:
-        waited_s = (time.monotonic_ns() - self._begin_ns) / S
-        names = sorted(self._buffer.frames())
-        known = printable(", ".join(names[:MOST_NAMES]))
-        if len(names) > MOST_NAMES:
-            known += f" and {len(names) - MOST_NAMES} more"
         domain = self._node.context.get_domain_id()
         self._node.get_logger().info(
             f"Waiting for transform {self._options.target} ->  {self._options.source}: {reason}\n"
-            f"Waited {waited_s:.1f} s in ROS domain {domain}\n"
-            f"Known frames: {known or 'none'}"
+            f"Waited {time.monotonic() - self._begin_s:.1f} s in ROS domain {domain}\n"
+            f"Known frames: {first_names(sorted(self._buffer.frames())) or 'none'}"
         )
 
 
@@ -270,18 +230,13 @@ def _text(transform: TransformStamped, precision: int | None) -> str:
 def _json(transform: TransformStamped, precision: int | None) -> str:
     from tf2_ros.numpy import to_matrix
 
-    def numbers(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
-        # JSON has no infinity: a translation may overflow.
+    def numbers(names: Iterable[str], values: Iterable[float]) -> dict[str, float]:
         rounded = (float(one) if precision is None else round(float(one), precision) for one in values)
-        return {name: one if isfinite(one) else None for name, one in zip(names, rounded, strict=True)}
+        return dict(zip(names, rounded, strict=True))
 
-    stamp = transform.header.stamp
     v, q = transform.transform.translation, transform.transform.rotation
     content = {
-        "header": {
-            "stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec},
-            "frame_id": transform.header.frame_id,
-        },
+        "header": _header(transform.header.stamp, transform.header.frame_id),
         "child_frame_id": transform.child_frame_id,
         "transform": {
             "translation": numbers("xyz", (v.x, v.y, v.z)),
@@ -290,6 +245,10 @@ def _json(transform: TransformStamped, precision: int | None) -> str:
         "rpy": numbers(("roll", "pitch", "yaw"), rpy_from_matrices(to_matrix(transform))),
     }
     return json.dumps(content)
+
+
+def _header(stamp: Any, frame: str) -> dict[str, Any]:
+    return {"stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec}, "frame_id": frame}
 
 
 def main(args: list[str] | None = None) -> int:

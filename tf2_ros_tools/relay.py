@@ -30,8 +30,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, FrameInfo, TransformException
-from tf2_ros import TransformBroadcaster
 from tf2_ros.records import Recording
+from tf2_ros.transform_broadcaster import publish_transforms
 from tf2_ros_tools.output import counted, not_known, printable
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import path_to_root
@@ -173,7 +173,7 @@ def read_rules(path: Path, resolve: Callable[[str], str]) -> list[Rule]:
     try:
         rules = [_rule(f"rule {number}", given, resolve) for number, given in enumerate(document, start=1)]
         _check_topics(rules)
-    except ValueError as refusal:
+    except (ValueError, RuntimeError) as refusal:  # the latter of rcl: a name is too long
         raise UsageError(f"{path}: {refusal}") from None
     return rules
 
@@ -183,23 +183,17 @@ def _rule(label: str, given: Any, resolve: Callable[[str], str]) -> Rule:
     if is_mapping and nonempty_text(given.get("name")) is not None:
         label = f"{label} ({given['name']})"
     read = read_keys(label, given, _KEYS_OF_POSE if is_mapping and "as" in given else _KEYS)
-    read.pop("name", None)
     if "threshold" in read:
-        read["threshold"] = Threshold(
-            **read_keys(f"{label}: threshold", read["threshold"], _KEYS_OF_THRESHOLD)
-        )
+        limits = read_keys(f"{label}: threshold", read["threshold"], _KEYS_OF_THRESHOLD)
+        read["threshold"] = Threshold(**limits)
     shift = read.pop("shift", 0.0)
-    try:
-        source, to = tuple(map(resolve, read.pop("from", TOPICS))), tuple(map(resolve, read.pop("to")))
-    except RuntimeError as refusal:  # of rcl: a name is too long
-        raise ValueError(f"{label}: {refusal}") from None
     rule = Rule(
         label,
-        source,
-        to,
+        source=tuple(map(resolve, read.pop("from", TOPICS))),
+        to=tuple(map(resolve, read.pop("to"))),
         shift_ns=None if shift == NOW else round(shift * S),
         pose=read.pop("as", None),
-        **read,
+        **{key: value for key, value in read.items() if key != "name"},
     )
     if len(rule.frames) == 1 and not rule.subtree:
         raise ValueError(f"{label}: 'frames': expected two or more; for one with all below it, use subtree")
@@ -296,6 +290,8 @@ class Relay:
     ) -> None:
         self.rule = rule
         self.buffer = buffer
+        self.targets: list[Target] = []  # for dynamic transforms, or poses; for static ones
+        self.due_s = 0.0  # of the monotonic clock
         self._owners = owners
         self._tree: dict[str, tuple[str | None, bool]] = {}
         self._links: list[Link] = []
@@ -498,48 +494,34 @@ class Source:
         return [(names[child], stamp_ns) for _, child, stamp_ns in arrived], went_back
 
 
-class _Target(TransformBroadcaster):
-    """
-    A topic to which rules send.
+@dataclass(eq=False)
+class Target:
+    """A topic to which rules send."""
 
-    :param publisher: None in a dry run.
-    :param dry: gets the transforms in a dry run.
-    """
-
-    def __init__(self, topic: str, use: str, publisher: Publisher | None, dry: BufferCore) -> None:
-        self.topic = topic
-        self.use = use
-        self.count: Counter[str] = Counter()
-        self.pub_tf = publisher
-        self._latched: list[TransformStamped] = []
-        self._dry = dry
+    topic: str
+    use: str  # DYNAMIC, STATIC or one of POSES
+    publisher: Publisher | None  # None in a dry run ...
+    dry: BufferCore  # ... in which this gets the transforms
+    count: Counter[str] = field(default_factory=Counter)
+    latched: list[TransformStamped] = field(default_factory=list)
 
     def send(self, transforms: list[TransformStamped]) -> None:
         """Send these; static ones only if they differ from those before, which they replace."""
-        if transforms == self._latched:
+        if transforms == self.latched:
             return
         if self.use == STATIC:
-            self._latched = transforms
+            self.latched = transforms
         self.count.update(messages=1, transforms=len(transforms))
-        if self.pub_tf is None:
-            self._dry.set_transforms(transforms, "tf2_relay", self.use == STATIC)
+        if self.publisher is None:
+            self.dry.set_transforms(transforms, "tf2_relay", self.use == STATIC)
         else:
-            self.sendTransform(transforms)
+            publish_transforms(self.publisher, transforms)
 
     def send_pose(self, pose: PoseStamped | Odometry) -> None:
         """Send a message that is not for tf2."""
         self.count.update(messages=1)
-        if self.pub_tf is not None:
-            self.pub_tf.publish(pose)
-
-
-@dataclass
-class _Running:
-    """A rule that is applied, and the topics to which it sends: dynamic transforms, or poses; static ones."""
-
-    relay: Relay
-    targets: list[_Target]
-    due_s: float  # of the monotonic clock
+        if self.publisher is not None:
+            self.publisher.publish(pose)
 
 
 class Relaying:
@@ -559,7 +541,7 @@ class Relaying:
         self._stack = stack
         # Topics remain until the program ends, also if the rules no longer name them.
         self._sources: dict[tuple[str, ...], Source] = {}
-        self._targets: dict[tuple[str, str], _Target] = {}  # by topic and use
+        self._targets: dict[tuple[str, str], Target] = {}  # by topic and use
         self._dry: dict[str, BufferCore] = defaultdict(BufferCore)  # by topics
         self._version = _version(path)
         self._apply()
@@ -573,13 +555,12 @@ class Relaying:
                 self._maintain(now_s)
                 maintain_s = now_s + MAINTAIN_S
             self._look(now_s)
-            for one in self._running:
-                if now_s >= one.due_s:
-                    rate = one.relay.rule.rate
-                    period_s = ALL_S if rate == ALL_RATE else 1.0 / rate
-                    one.due_s = max(one.due_s + period_s, now_s)
-                    self._send_dynamic(one, now_s)
-            wake_s = min(now_s + LOOK_S, maintain_s, end_s, *(one.due_s for one in self._running))
+            for relay in self._relays:
+                if now_s >= relay.due_s:
+                    period_s = ALL_S if relay.rule.rate == ALL_RATE else 1.0 / relay.rule.rate
+                    relay.due_s = max(relay.due_s + period_s, now_s)
+                    self._send_dynamic(relay, now_s)
+            wake_s = min(now_s + LOOK_S, maintain_s, end_s, *(relay.due_s for relay in self._relays))
             time.sleep(max(wake_s - time.monotonic(), 0.0))
 
     def report(self) -> Iterator[str]:
@@ -601,20 +582,19 @@ class Relaying:
 
     def problems(self) -> list[str]:
         """Get a text for each frame that a rule names, but that cannot be sent."""
-        return [text for one in self._running for text in one.relay.problems()]
+        return [text for relay in self._relays for text in relay.problems()]
 
     def _apply(self) -> None:
         """Read the rules, and replace those before."""
-        running: list[_Running] = []
+        relays: list[Relay] = []
         owners: dict[tuple[str, str], tuple[Relay, str]] = {}
         for rule in read_rules(self._path, self._node.resolve_topic_name):
             try:
-                source = self._source(rule.source)
-                targets = [self._target(rule, topic, use) for topic, use in rule.uses]
+                relays.append(Relay(rule, self._source(rule.source).buffer, owners))
+                relays[-1].targets = [self._target(rule, topic, use) for topic, use in rule.uses]
             except RuntimeError as refusal:  # of rcl: above all, a topic has messages of another type
                 raise UsageError(f"{rule.label}: {refusal}") from None
-            running.append(_Running(Relay(rule, source.buffer, owners), targets, time.monotonic()))
-        self._running = running
+        self._relays = relays
         self._warned: set[str] = set()
         self._patience_s = time.monotonic() + PATIENCE_S
 
@@ -625,14 +605,14 @@ class Relaying:
             self._sources[topics] = Source(topics, buffer, recording)
         return self._sources[topics]
 
-    def _target(self, rule: Rule, topic: str, use: str) -> _Target:
+    def _target(self, rule: Rule, topic: str, use: str) -> Target:
         if (topic, use) not in self._targets:
             durability = DurabilityPolicy.TRANSIENT_LOCAL if use == STATIC else DurabilityPolicy.VOLATILE
             qos = QoSProfile(depth=1 if use == STATIC else 100, durability=durability)
             kind = {"PoseStamped": PoseStamped, "Odometry": Odometry}.get(use, TFMessage)
             publisher = None if self._is_dry else self._node.create_publisher(kind, topic, qos)
             dry = BufferCore() if rule.pose else self._dry[" and ".join(rule.to)]
-            self._targets[topic, use] = _Target(topic, use, publisher, dry)
+            self._targets[topic, use] = Target(topic, use, publisher, dry)
         return self._targets[topic, use]
 
     def _maintain(self, now_s: float) -> None:
@@ -649,9 +629,9 @@ class Relaying:
         statics = {
             target: list[TransformStamped]() for target in self._targets.values() if target.use == STATIC
         }
-        for one in self._running:
-            if not one.relay.rule.pose:
-                statics[one.targets[1]] += one.relay.static_transforms()
+        for relay in self._relays:
+            if not relay.rule.pose:
+                statics[relay.targets[1]] += relay.static_transforms()
         for target, transforms in statics.items():
             target.send(transforms)
         if not self._is_dry and now_s >= self._patience_s:
@@ -668,22 +648,19 @@ class Relaying:
                 source.buffer.clear()
                 text = "The stamps of all frames went back; forgetting what was received before"
                 self._node.get_logger().warning(text)
-            for one in self._running:
-                if one.relay.buffer is not source.buffer:
-                    continue
-                if went_back:
-                    one.relay.forget()  # and what has just arrived, too
-                else:
-                    one.relay.note(arrived)
+            for relay in self._relays:
+                if relay.buffer is source.buffer and went_back:
+                    relay.forget()  # and what has just arrived, too
+                elif relay.buffer is source.buffer:
+                    relay.note(arrived)
 
-    def _send_dynamic(self, one: _Running, now_s: float) -> None:
-        clock_ns = self._node.get_clock().now().nanoseconds
-        transforms = one.relay.dynamic_transforms(now_s, clock_ns)
-        if not one.relay.rule.pose:
-            one.targets[0].send(transforms)
+    def _send_dynamic(self, relay: Relay, now_s: float) -> None:
+        transforms = relay.dynamic_transforms(now_s, self._node.get_clock().now().nanoseconds)
+        if not relay.rule.pose:
+            relay.targets[0].send(transforms)
             return
         for transform in transforms:
-            one.targets[0].send_pose(pose_message(one.relay, transform))
+            relay.targets[0].send_pose(pose_message(relay, transform))
 
 
 def pose_message(relay: Relay, transform: TransformStamped) -> Any:

@@ -3,7 +3,6 @@
 import random
 import re
 import signal
-import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -74,12 +73,6 @@ CAMERA = [("base", "camera"), ("camera", "optical")]
             {"frames": ("map", "base", "optical"), "collapse": True},
             [("map", "base")],
             [("base", "optical")],
-        ),
-        ({"frames": ("map", "island")}, [], []),
-        (
-            {"frames": ("map", "odom"), "prefix": "r1/", "rename": {"map": "world"}},
-            [("world", "r1/odom")],
-            [],
         ),
         ({"frames": ("map", "odom"), "rename": {"map": "odom", "odom": "map"}}, [("odom", "map")], []),
     ],
@@ -229,7 +222,7 @@ class TestReplays:
             # One that has ended is not waited for.
             ["no 0.1 a:x:100 b:x:100", "no 0.4 a:x:50", "yes 0.2 a:x:51"],
             # Two publishers of a frame with different clocks.
-            [step for i in range(10) for step in (f"no 0.1 a:x:{100 + i}", f"no 0.1 b:x:{50 + i}")],
+            ["no 0.1 a:x:100", "no 0.1 b:x:50", "no 0.1 a:x:101", "no 0.1 b:x:51"],
         ],
     )
     def test_time_goes_back_if_it_does_for_all_that_are_active(self, look, script):
@@ -267,15 +260,11 @@ class TestThreshold:
 
 
 class TestStamps:
-    def test_they_are_shifted_by_a_number_of_seconds(self):
-        relay = Relay(rule(shift_ns=12 * S), robot(), {})
-        assert {stamp_ns(one) for one in relay.dynamic_transforms(0.0, 0)} == {22 * S}
-        assert all(stamp_ns(one) == 0 for one in relay.static_transforms())
-
     def test_now_keeps_the_time_between_transforms(self):
         buffer = robot()
         relay = Relay(rule(shift_ns=None), buffer, {})
         assert {stamp_ns(one) for one in relay.dynamic_transforms(0.0, 1000 * S)} == {1000 * S}
+        assert all(stamp_ns(one) == 0 for one in relay.static_transforms())
         buffer.set_transform(transform("map", "odom", 10.5), "test")
         [moved] = relay.dynamic_transforms(1.0, 2000 * S)
         assert stamp_ns(moved) == 1000.5 * S
@@ -320,35 +309,26 @@ class TestConflicts:
 
 
 WRONG = {
-    "": "must contain a list of rules",
     "- 3": "rule 1: expected a mapping with to, got 3",
-    "- {frames: [a, b]}": "rule 1: 'to': expected two topics",
     "- {name: far, to: [/a, /b], treshold: 1}": r"\(far\): 'treshold' is not a key; did you mean threshold\?",
     "- {to: [/a, /b]}\n- {to: [/a, /b], rate: 0}": "rule 2: 'rate': expected a number of Hz from .* got 0",
     "- {to: [/a b, /c]}": r"rule 1: 'to': expected two topics, .* got \['/a b', '/c'\]",
-    "- {to: [/a, /b], frames: [1, 2]}": "rule 1: 'frames': expected the name of a frame",
     "- {to: [/a, /b], frames: base}": "rule 1: 'frames': expected two or more; .* use subtree",
     "- {to: [/a, /b], collapse: true}": "rule 1: collapse needs frames or subtree",
     "- {to: [/a, /b], threshold: {translation: 1, rotation: 1, repaet: 1}}": "did you mean repeat",
     "- {to: [/a, /b], shift: later}": "rule 1: 'shift': expected a number of seconds, or now, got 'later'",
     "- {to: /a, as: Pose, frames: [a, b]}": "rule 1: 'as': expected one of PoseStamped, Odometry, got 'Pose'",
-    "- {to: /a, as: Odometry, frames: [a, b], subtree: c}": "rule 1: 'subtree' is not a key; the keys are ",
     "- {to: [/tf, /tf_static]}": "rule 1: 'to' has the topic /tf, from which a rule reads",
-    "- {to: [/a, /b]}\n- {from: [/a, /b], to: [/c, /d]}": "rule 1: 'to' has the topic /a, from which a rule",
     "- {to: [/a, /b]}\n- {to: [/c, /a]}": "rule 2: 'to' has /a as /tf_static, but another rule has it as /tf",
-    "- {to: [/a, /b]}\n- {to: /a, as: Odometry, frames: [c, d]}": (
-        "rule 2: 'to' has /a as Odometry, but another rule has it as /tf"
-    ),
 }
 
 
-class TestFiles:
-    @pytest.mark.parametrize(("text", "said"), WRONG.items())
-    def test_a_wrong_one_is_explained(self, tmp_path, text, said):
-        path = tmp_path / "relay.yaml"
-        path.write_text(text)
-        with pytest.raises(UsageError, match=said):
-            read_rules(path, str)
+@pytest.mark.parametrize(("text", "said"), WRONG.items())
+def test_a_wrong_file_is_explained(tmp_path, text, said):
+    path = tmp_path / "relay.yaml"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=said):
+        read_rules(path, str)
 
 
 # As a process.
@@ -404,24 +384,6 @@ class Received(list):
     def __init__(self, node, topic, message=TFMessage, static=False):
         durability = DurabilityPolicy.TRANSIENT_LOCAL if static else DurabilityPolicy.VOLATILE
         node.create_subscription(message, topic, self.append, QoSProfile(depth=1000, durability=durability))
-
-
-def test_a_collapsed_pair_arrives_with_new_names_and_the_stamp_of_what_moves(tmp_path, node, robots):
-    robot, _ = robots
-    text = f"- {{{TO_TEXT}, frames: [map, camera], collapse: true, prefix: r1/, rename: {{map: world}}}}"
-    with relaying(tmp_path, text) as (process, _), receiver(node) as buffer:
-        robot.send(("base", "camera", 0, 0.25), static=True)
-        keep_sending(robot, lambda: "r1/camera" in buffer)
-        found = buffer.lookup_transform_core("world", "r1/camera", 0)
-        assert translation(found) == (2.25, 0.0, 0.0)
-        assert stamp_ns(found) > 0
-        assert {*buffer.frames()} == {"world", "r1/camera"}
-        found = counts(process)
-    messages, transforms = found["in", "/tf and /tf_static"]
-    assert messages == transforms > 1
-    messages, transforms = found["out", "/relay/tf"]
-    assert 0 < messages <= transforms
-    assert found["out", "/relay/tf_static"] == (0, 0)
 
 
 def test_a_late_receiver_gets_all_static_transforms_in_one_message(tmp_path, node, executor, robots):
@@ -501,23 +463,18 @@ def test_a_changed_file_is_read_again_and_a_wrong_one_is_not_followed(tmp_path, 
     assert found["out", "/other/tf_static"] == (1, 1)
 
 
-def test_a_replay_is_followed_within_a_fraction_of_a_second(tmp_path, node, executor, robots):
-    delays = []
+def test_a_replay_is_followed(tmp_path, node, executor, robots):
     with relaying(tmp_path, f"- {{{TO_TEXT}, rate: 100}}") as (process, _):
         received = Received(node, "/relay/tf")
-        for first in range(1_000_000, 500_000, -100_000):
+        for first in (1_000_000, 900_000, 800_000):
 
             def has_come(first=first):
                 stamps = [stamp_ns(one) // S for message in received for one in message.transforms]
                 return any(first <= one < first + 50_000 for one in stamps)
 
-            begun = time.monotonic()
             keep_sending(robots[0], has_come, executor, first=first)
-            delays.append(time.monotonic() - begun)
         first_line(process, "went back")
         counts(process)
-    # The first of them also waited for discovery; a busy machine delays some.
-    assert sorted(delays[1:])[1] < 0.3, delays
 
 
 def test_a_dry_run_shows_trees_and_sends_nothing(tmp_path, node, robots):

@@ -3,8 +3,6 @@
 from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from cpython.bytes cimport PyBytes_FromStringAndSize
 
-import os
-
 include "core/sync.pyx"
 include "core/names.pyx"
 include "core/history.pyx"

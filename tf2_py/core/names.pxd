@@ -36,7 +36,7 @@ cdef inline void name_strip(const char** text, size_t* size) noexcept nogil:
         size[0] -= 1
 
 
-# Keyed with a secret of this process, so that nobody can choose names that collide.
+# As Python hashes bytes: with a secret of this process, so that nobody can choose names that collide.
 cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil
 
 # Zero a Names before names_init; after a failed names_init, names_free is still due.

@@ -7,81 +7,16 @@ cdef enum:
     # In a table that is half full, a million names make a run this long by chance once in 10^15 tables.
     LONGEST_RUN = 256
 
-cdef uint64_t KEY[2]        # the secret of this process
+cdef extern from "Python.h":
+    ctypedef struct PyHash_FuncDef:
+        Py_ssize_t (*hash)(const void* data, Py_ssize_t size) noexcept nogil
+    PyHash_FuncDef* PyHash_GetFuncDef()
 
-
-cdef int _draw_key() except -1:
-    cdef bytes drawn = os.urandom(sizeof(KEY))
-    memcpy(KEY, <const char*>drawn, sizeof(KEY))
-    return 0
-
-
-_draw_key()
-
-
-# SipHash-1-3: J.-P. Aumasson and D. J. Bernstein, SipHash: a fast short-input PRF, 2012, with one round per
-# word and three at the end, as Python, Rust and Ruby hash their strings.
-
-cdef inline uint64_t _rotated(uint64_t word, int bits) noexcept nogil:
-    return word << bits | word >> (64 - bits)
-
-
-cdef inline void _round(uint64_t* v) noexcept nogil:
-    v[0] += v[1]
-    v[2] += v[3]
-    v[1] = _rotated(v[1], 13) ^ v[0]
-    v[3] = _rotated(v[3], 16) ^ v[2]
-    v[0] = _rotated(v[0], 32)
-    v[2] += v[1]
-    v[0] += v[3]
-    v[1] = _rotated(v[1], 17) ^ v[2]
-    v[3] = _rotated(v[3], 21) ^ v[0]
-    v[2] = _rotated(v[2], 32)
-
-
-cdef inline uint64_t _last_word(const char* text, size_t size) noexcept nogil:
-    # The last size % 8 bytes, little-endian, and the size in the highest byte. The reads overlap, so that
-    # the compiler knows the length of each.
-    cdef size_t left = size & 7
-    cdef uint64_t word = 0
-    cdef uint64_t high = 0
-    if left and size >= 8:
-        memcpy(&word, text + size - 8, 8)
-        word >>= 8 * (8 - left)
-    elif left >= 4:
-        memcpy(&word, text, 4)
-        memcpy(&high, text + left - 4, 4)
-        word |= high << 8 * (left - 4)
-    elif left:
-        word = (<uint64_t><unsigned char>text[0]
-                | <uint64_t><unsigned char>text[left // 2] << 8 * (left // 2)
-                | <uint64_t><unsigned char>text[left - 1] << 8 * (left - 1))
-    return word | <uint64_t>size << 56
+cdef PyHash_FuncDef* PYTHONS = PyHash_GetFuncDef()      # SipHash, with the secret of this process
 
 
 cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil:
-    # The words are those of a little-endian machine; on another one only the published values would differ.
-    cdef uint64_t v[4]
-    cdef uint64_t word
-    cdef size_t at
-    v[0] = KEY[0] ^ <uint64_t>0x736F6D6570736575     # "somepseudorandomlygeneratedbytes"
-    v[1] = KEY[1] ^ <uint64_t>0x646F72616E646F6D
-    v[2] = KEY[0] ^ <uint64_t>0x6C7967656E657261
-    v[3] = KEY[1] ^ <uint64_t>0x7465646279746573
-    for at in range(0, size & ~<size_t>7, 8):
-        memcpy(&word, text + at, 8)
-        v[3] ^= word
-        _round(v)
-        v[0] ^= word
-    word = _last_word(text, size)
-    v[3] ^= word
-    _round(v)
-    v[0] ^= word
-    v[2] ^= 0xFF
-    _round(v)
-    _round(v)
-    _round(v)
-    return v[0] ^ v[1] ^ v[2] ^ v[3]
+    return <uint64_t>PYTHONS.hash(text, <Py_ssize_t>size)
 
 
 cdef inline uint32_t _find_hashed(const Names* names, const char* text, size_t size,

@@ -300,22 +300,17 @@ cdef void _extrapolate(const History* history, int64_t time_ns, Transform* out) 
 
 cdef Gap history_transform_under(const History* history, int64_t time_ns, const Policy* policy,
                                  Transform* out, int64_t* used_ns) noexcept nogil:
-    cdef uint32_t older, newer
-    cdef uint32_t hint = NEWEST_HINT
     cdef int64_t older_ns, newer_ns
     cdef int64_t found_ns = history_time_within(history, time_ns, policy.tolerance_ns)
-    cdef Gap gap = _find_slots(history, found_ns, &hint, &older, &newer)
-    used_ns[0] = time_ns
-    if gap != GAP_NONE:
-        return gap
     if found_ns != time_ns and policy.extrapolates:
+        used_ns[0] = time_ns
         _extrapolate(history, time_ns, out)
         return GAP_NONE
     used_ns[0] = found_ns
     if policy.max_gap_ns != INT64_MAX and history_stamps_around(history, found_ns, &older_ns, &newer_ns):
         if newer_ns - older_ns > policy.max_gap_ns:
             return GAP_LONG
-    return history_transform_at(history, found_ns, hint, out)
+    return history_transform_at(history, found_ns, NEWEST_HINT, out)
 
 
 cdef bint history_stamps_around(const History* history, int64_t time_ns, int64_t* older_ns,

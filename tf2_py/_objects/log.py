@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Hashable
-from typing import Any, Protocol
+from typing import Any
 
 from tf2_py._objects.errors import printable, seconds
 
@@ -25,12 +24,6 @@ REFUSALS = (
     ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would exceed max_bytes, or shared memory is full"),
 )
 OLD_DATA = 1 << 8
-
-
-class Throttle(Protocol):
-    """The throttle of an engine, which limits how often something is logged."""
-
-    def passes(self, what: Hashable) -> bool: ...
 
 
 def logger(name: str) -> Any:
@@ -77,13 +70,11 @@ def not_logged(count: int) -> None:
     _logger().warning(f"{count} more transforms were refused and not logged; statistics() counts them all")
 
 
-def malformed(throttle: Throttle, what: str, error: str) -> None:
+def malformed(what: str, error: str) -> None:
     """Log one message that could not be read."""
-    if throttle.passes(what):
-        _logger().error(f"Ignoring a malformed message on {what}: {error}")
+    _logger().error(f"Ignoring a malformed message on {what}: {error}")
 
 
-def receiving_failed(throttle: Throttle, error: str) -> None:
+def receiving_failed(error: str) -> None:
     """Log an error in the thread of a receiver; ``error`` is a traceback."""
-    if throttle.passes("receiver"):
-        _logger().error(f"Receiving transforms failed: {error}")
+    _logger().error(f"Receiving transforms failed: {error}")

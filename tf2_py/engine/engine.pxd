@@ -46,7 +46,8 @@ cdef class Engine:
     cdef Waiters _waiters
     cdef Lock _lock
     cdef ForkedLock _forked             # _lock
-    cdef object _throttle               # of log lines
+    cdef object _throttle               # of log lines ...
+    cdef object _refusals               # ... and of those about refused transforms
     cdef unsigned long long _malformed      # messages; guarded by the GIL
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them

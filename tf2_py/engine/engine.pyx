@@ -8,56 +8,26 @@ cdef enum:
     LINES_PER_SECOND = 20
 
 
-cdef struct Recent:
-    # What was logged within the last second.
-    uint64_t keys[LINES_PER_SECOND]
-    int64_t until_ns[LINES_PER_SECOND]      # steady time; an entry whose time has passed is free
-    uint64_t unlogged                       # how often there was no free entry, since the last summary
-
-
-cdef bint _passes(Recent* recent, uint64_t key, int64_t now_ns) noexcept nogil:
-    # Whether to log a key: once a second, and at most LINES_PER_SECOND keys.
-    cdef int place
-    cdef int free = -1
-    for place in range(LINES_PER_SECOND):
-        if recent.until_ns[place] <= now_ns:
-            free = place
-        elif recent.keys[place] == key:
-            return False
-    if free < 0:
-        recent.unlogged += 1
-        return False
-    recent.keys[free] = key
-    recent.until_ns[free] = now_ns + PERIOD_NS
-    return True
-
-
 cdef class Throttle:
-    """Lets each key pass once a second, and at most LINES_PER_SECOND keys."""
+    """Lets each key pass once in a second, and at most LINES_PER_SECOND keys."""
 
     # Read and written with the GIL held.
-    cdef Recent _refused
-    cdef Recent _others
-    cdef int64_t _summary_ns            # steady time before which there is no further summary
+    cdef set _passed
+    cdef int64_t _until_ns      # steady time at which another second begins
+    cdef uint64_t unlogged      # how often there were too many keys
 
-    def passes(self, what):
+    cpdef bint passes(self, what) except -1:
         """Whether a line about ``what``, hashable, is to be logged now."""
-        return _passes(&self._others, <uint64_t><Py_ssize_t>hash(what), monotonic_ns())
-
-    cdef bint passes_refused(self, const Entry* entry, int64_t now_ns) noexcept:
-        # The reasons change the key of a child; the multiplier, 2^64 / golden ratio, spreads them.
-        cdef uint64_t key = name_hash(entry.incoming.child, entry.incoming.child_size)
-        return _passes(&self._refused, key ^ entry.refused * <uint64_t>0x9E3779B97F4A7C15, now_ns)
-
-    cdef uint64_t summary(self, int64_t now_ns) noexcept:
-        # How many refused transforms a summary is to count; 0: none is due.
-        cdef uint64_t unlogged = self._refused.unlogged
-        if self._summary_ns > now_ns:
-            return 0
-        if unlogged:
-            self._refused.unlogged = 0
-            self._summary_ns = now_ns + PERIOD_NS
-        return unlogged
+        cdef int64_t now_ns = monotonic_ns()
+        if now_ns >= self._until_ns:
+            self._passed, self._until_ns = set(), now_ns + PERIOD_NS
+        if what in self._passed:
+            return False
+        if len(self._passed) == LINES_PER_SECOND:
+            self.unlogged += 1
+            return False
+        self._passed.add(what)
+        return True
 
 
 # The self check of debug builds, which are compiled with ``-DTF2_SELF_CHECK``: releasing a lock after writing
@@ -69,7 +39,7 @@ cdef extern from *:
     #include <stdio.h>
     #include <stdlib.h>
     #define TF2_SELF_CHECKS 1
-    #define tf2_broken(problem) (fprintf(stderr, "tf2 self check: %s\n", problem), abort())
+    #define tf2_broken(problem) (fprintf(stderr, "tf2 self check: %s\\n", problem), abort())
     #else
     #define TF2_SELF_CHECKS 0
     #define tf2_broken(problem) ((void)(problem))
@@ -154,7 +124,7 @@ cdef class Engine:
         fork_watch(&self._forked, &self._lock)
         if tree_init(&self._tree, &DEFAULT_RETENTION, &NO_LIMITS) != 0:
             raise MemoryError
-        self._throttle = Throttle()
+        self._throttle, self._refusals = Throttle(), Throttle()
         self._advice = Advice()
         self._tf2_kept = set()
         self._names, self._authorities = [], []
@@ -276,17 +246,14 @@ cdef class Engine:
 
     cdef int _log_refused(self, Batch* batch) except -1:
         # Only what is printed is converted to text.
-        cdef Throttle throttle = self._throttle
+        cdef Throttle throttle = self._refusals
         cdef const Entry* entry
-        cdef int64_t now_ns
-        cdef uint64_t more
+        cdef uint64_t child
         cdef size_t i
-        if batch.refused == 0:
-            return 0
-        now_ns = monotonic_ns()
-        for i in range(batch.count):
+        for i in range(batch.count if batch.refused else 0):
             entry = &batch.entries[i]
-            if entry.refused and throttle.passes_refused(entry, now_ns):
+            child = name_hash(entry.incoming.child, entry.incoming.child_size)
+            if entry.refused and throttle.passes((child, entry.refused)):
                 log.refused(
                     entry.refused,
                     name_for_log(entry.incoming.parent, entry.incoming.parent_size),
@@ -294,16 +261,16 @@ cdef class Engine:
                     name_for_log(batch.authority, batch.authority_size),
                     entry.incoming.stamp_ns,
                 )
-        more = throttle.summary(now_ns)
-        if more:
-            log.not_logged(more)
+        if throttle.unlogged and self._throttle.passes("refusals"):
+            log.not_logged(throttle.unlogged)
+            throttle.unlogged = 0
         return 0
 
     cdef object malformed(self, const Batch* batch, size_t size, str topic=None):
         self._malformed += 1
         error = batch_error(batch, size)
-        if topic is not None:
-            log.malformed(self._throttle, topic, str(error))
+        if topic is not None and self._throttle.passes(topic):
+            log.malformed(topic, str(error))
         return error
 
     cdef object _deliver(self, Batch* batch, list later):

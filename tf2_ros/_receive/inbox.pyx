@@ -524,7 +524,8 @@ cdef class Inbox(ReadHook):
                     engine.report(&parcel.batch, later)
             except BaseException:
                 # Usually for lack of memory; the next message may succeed.
-                log.receiving_failed(engine._throttle, traceback.format_exc())
+                if engine._throttle.passes("receiver"):
+                    log.receiving_failed(traceback.format_exc())
             parcel = parcel.next
         _free_parcels(parcels)
         if later:

@@ -235,16 +235,15 @@ cdef inline void lock_release(Lock* lock) noexcept nogil:
 
 cdef struct ForkedLock:
     # A lock in the list. It must not move while it is listed.
-    Lock* lock              # NULL: not listed
+    Lock* lock
     # NULL, or what is called in a forked child with `owner`, while no other thread exists.
     void (*in_child)(void* owner) noexcept nogil
     void* owner
-    ForkedLock* previous
     ForkedLock* next
 
 
 # Zeroed before, but for `in_child` and `owner`. From here to `fork_forget`, a fork waits for the lock, so
 # that the child finds what it guards consistent.
 cdef void fork_watch(ForkedLock* forked, Lock* lock) noexcept nogil
-# No effect on a zeroed one that was never watched.
+# No effect on one that is not watched.
 cdef void fork_forget(ForkedLock* forked) noexcept nogil

@@ -16,26 +16,18 @@ cdef void fork_watch(ForkedLock* forked, Lock* lock) noexcept nogil:
     global _first_forked
     pthread_mutex_lock(&_list_lock)
     forked.lock = lock
-    forked.previous = NULL
     forked.next = _first_forked
-    if forked.next != NULL:
-        forked.next.previous = forked
     _first_forked = forked
     pthread_mutex_unlock(&_list_lock)
 
 
 cdef void fork_forget(ForkedLock* forked) noexcept nogil:
-    global _first_forked
-    if forked.lock == NULL:
-        return
+    cdef ForkedLock** at = &_first_forked
     pthread_mutex_lock(&_list_lock)
-    if forked.next != NULL:
-        forked.next.previous = forked.previous
-    if forked.previous != NULL:
-        forked.previous.next = forked.next
-    else:
-        _first_forked = forked.next
-    forked.lock = NULL
+    while at[0] != NULL and at[0] != forked:
+        at = &at[0].next
+    if at[0] == forked:
+        at[0] = forked.next
     pthread_mutex_unlock(&_list_lock)
 
 

@@ -2,8 +2,6 @@
 
 import importlib
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 try:
     from tf2_py._tf2_py import BufferCore
@@ -32,11 +30,7 @@ try:
 except ModuleNotFoundError as missing:
     if missing.name != "rpyutils":
         raise
-
-    @contextmanager
-    def add_dll_directories_from_env(env_name: str) -> Iterator[None]:
-        """Do nothing: without ROS there are no libraries to find."""
-        yield
+    from contextlib import nullcontext as add_dll_directories_from_env
 
 
 # What `import *` imports from tf2's package.

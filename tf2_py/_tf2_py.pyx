@@ -350,6 +350,12 @@ cdef class BufferCore(Engine):
             raise self.error(query, status)
         return 0
 
+    cdef object _answer(self, const Query* query, target_frame, source_frame):
+        cdef Transform transform
+        cdef int64_t stamp_ns
+        self._lookup_or_raise(query, &transform, &stamp_ns)
+        return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
+
     cdef tuple _can(self, const Query* query):
         cdef int64_t stamp_ns
         cdef Status status
@@ -380,11 +386,8 @@ cdef class BufferCore(Engine):
             or time; see the class.
         """
         cdef Query query
-        cdef Transform transform
-        cdef int64_t stamp_ns
         query_fill(&query, target_frame, source_frame, time)
-        self._lookup_or_raise(&query, &transform, &stamp_ns)
-        return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
+        return self._answer(&query, target_frame, source_frame)
 
     def lookup_transform_full_core(
         self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
@@ -406,12 +409,9 @@ cdef class BufferCore(Engine):
         It raises what :meth:`lookup_transform_core` raises.
         """
         cdef Query query
-        cdef Transform transform
-        cdef int64_t stamp_ns
         query_fill(&query, target_frame, source_frame, source_time, "source_time")
         query_fix(&query, fixed_frame, target_time)
-        self._lookup_or_raise(&query, &transform, &stamp_ns)
-        return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
+        return self._answer(&query, target_frame, source_frame)
 
     def lookup_transforms(
         self,
@@ -719,11 +719,8 @@ cdef class BufferCore(Engine):
     ) -> TransformStamped:
         """Look up as :meth:`lookup_transform_core`, or at two times, under a policy of ``policy_of``."""
         cdef Query query
-        cdef Transform transform
-        cdef int64_t stamp_ns
         query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, policy)
-        self._lookup_or_raise(&query, &transform, &stamp_ns)
-        return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
+        return self._answer(&query, target_frame, source_frame)
 
     # Waiting.
 

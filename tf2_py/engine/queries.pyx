@@ -105,7 +105,6 @@ cdef str name_for_log(const char* text, size_t size):
 cdef enum:
     MOST_COMPARED = 200         # known names: comparing takes some 20 us for each, with the GIL held
     MOST_REMEMBERED = 64        # suggestions
-    LONGEST_REMEMBERED = 100    # characters of an unknown name
 
 cdef int64_t SILENCE_NS = 100000000         # how often the topics are checked while nothing is new
 
@@ -141,7 +140,7 @@ cdef class Advice:
     cdef str suggestion(self, str name, object list_names):
         # If the names change meanwhile, this dict is not used any more.
         cdef dict suggestions = self._suggestions
-        if not 0 < self._count <= MOST_COMPARED or len(name) > LONGEST_REMEMBERED:
+        if not 0 < self._count <= MOST_COMPARED:
             return ""
         if name not in suggestions:
             found = errors.closest(name, list_names())

@@ -16,7 +16,6 @@ recording=recording)``. Neither calls Python for each message.
 
 from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_CheckBuffer, PyObject_GetBuffer
 from cpython.long cimport PyLong_AsLongLongAndOverflow
-from cpython.object cimport PyObject
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
 from libc.stdlib cimport free, malloc
@@ -293,11 +292,9 @@ def insert_messages(Engine buffer not None, messages, sources, *, on_malformed=N
     It holds the GIL. If it is interrupted, the buffer keeps what was inserted before.
     """
     cdef dict by_topic = {source.topic: source for source in sources}
-    cdef dict by_connection = {}
     cdef Filling filling = Filling.__new__(Filling)
-    cdef PyObject* last = NULL      # the latest connection, which by_connection keeps
     cdef size_t number = 0
-    cdef size_t reported = 0
+    cdef object connection = object()   # of the latest message; at first, of none
     cdef tuple message = None       # the latest one
     cdef tuple following
     filling.buffer = buffer
@@ -322,23 +319,17 @@ def insert_messages(Engine buffer not None, messages, sources, *, on_malformed=N
                     raise
                 raise explained from error
             message = following
-            connection = message[0]
-            if <PyObject*>connection != last:
-                kept = by_connection.get(id(connection))
-                if kept is None:
-                    topic = connection if isinstance(connection, str) else connection.topic
-                    kept = by_connection[id(connection)] = (connection, by_topic[topic])
-                filling.begin(<MessageSource>(<tuple>kept)[1])
-                last = <PyObject*>connection
+            if message[0] is not connection:
+                connection = message[0]
+                filling.begin(by_topic[connection if isinstance(connection, str) else connection.topic])
             filling.add(message)
             number += 1
-            if progress is not None and number - reported == COUNT_EVERY:
-                progress(number - reported)
-                reported = number
+            if progress is not None and number % COUNT_EVERY == 0:
+                progress(COUNT_EVERY)
     finally:
         filling.insert()
     if progress is not None:
-        progress(number - reported)
+        progress(number % COUNT_EVERY)
     return number
 
 

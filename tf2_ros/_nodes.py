@@ -98,6 +98,7 @@ class Spinner:
         node's context is shut down.
     :param owner: kept alive by the thread.
     :param at_end: called by the thread when it ends, to destroy what only it uses.
+    :param until: the node whose end ends the thread; None: the node that it spins.
 
     The thread ends with :meth:`stop`, with the shutdown of ``executor``, with the node's context, and when
     the node is destroyed, unless a program has added other nodes to ``executor``. It idles when another
@@ -111,10 +112,11 @@ class Spinner:
         daemon: bool,
         owner: object = None,
         at_end: Callable[[], None] | None = None,
+        until: Node | None = None,
     ) -> None:
         self._owner = owner
         self._at_end = at_end
-        self._node = weakref.ref(node)
+        self._node = weakref.ref(until or node)
         self.executor = SingleThreadedExecutor(context=node.context)
         self._wake_handle = executor_wake_handle(self.executor)
         self._process = os.getpid()

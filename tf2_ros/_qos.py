@@ -9,7 +9,8 @@ def transforms_qos(depth: int, *, is_static: bool) -> QoSProfile:
     return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, durability=durability)
 
 
-def lookup_qos() -> QoSProfile:
-    """The profile of the services of the action."""
+def lookup_qos() -> dict[str, QoSProfile]:
+    """The profiles of the services of the action, as arguments of its client and of its server."""
     # One transform may answer many goals at once; the usual queue of ten would lose the first answers.
-    return QoSProfile(history=HistoryPolicy.KEEP_ALL)
+    keep_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+    return {f"{service}_service_qos_profile": keep_all for service in ("goal", "result", "cancel")}

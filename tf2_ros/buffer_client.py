@@ -9,7 +9,7 @@ import os
 import threading
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Generator
 from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
@@ -19,7 +19,6 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.action.client import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -29,16 +28,14 @@ from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, counted, duration_ns, errors, frame_name, printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
-from tf2_ros._arguments import optional_timeout_ns, require_node
+from tf2_ros._arguments import require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._messages import time_msg
-from tf2_ros._nodes import Spinner, hidden_node, node_has_ended
+from tf2_ros._nodes import Spinner, hidden_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import context_was_shut_down
-from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros._wait.futures import WakingFuture
-from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros.buffer_server import CODES
 
@@ -55,49 +52,19 @@ EXCEPTIONS = {code: kind for kind, code in CODES}
 
 
 class PendingGoal(WakingFuture[Any]):
-    """The future of the server's response to one goal, or of a TimeoutException that says what failed."""
+    """The future of the result of one goal, or of a TimeoutException that says what failed."""
 
-    def __init__(self, sender: "GoalSender", goal: Any, timeout_ns: int | None, padding_ns: int) -> None:
+    def __init__(self, goal: Any, padding_ns: int) -> None:
         super().__init__()
         self.goal = goal
         self.begin_ns = time.monotonic_ns()
         # Steady times: of the lookup, and until which a server that was found may respond.
-        self.deadline_ns = None if timeout_ns is None else self.begin_ns + timeout_ns
-        self.last_ns = None if timeout_ns is None else self.begin_ns + timeout_ns + padding_ns
-        self.request: Future | None = None  # what was sent last, the goal or the request for its result
-        self.handle: Any = None  # if the server has accepted the goal
-        self._sender = sender
+        self.deadline_ns = self.begin_ns + Duration.from_msg(goal.timeout).nanoseconds
+        self.last_ns = self.deadline_ns + padding_ns
 
     def error(self, text: str) -> TimeoutException:
         """The exception of a goal that fails now."""
         return TimeoutException(errors.after_wait(text, time.monotonic_ns() - self.begin_ns))
-
-    def expire(self) -> None:
-        """A deadline has passed."""
-        self._sender.put(self._sender.advance, self)
-
-    def abandon(self) -> None:
-        """Stop waiting for the response, and cancel the goal; without effect if it is over."""
-        if not self.over():
-            self._sender.put(self._sender.abandon, self)
-
-    def send_to(self, action_client: ActionClient) -> Future:
-        """Send the goal, with what is left of its timeout."""
-        timeout = FOR_EVER
-        if self.deadline_ns is not None:
-            left_ns = max(self.deadline_ns - time.monotonic_ns(), 0)
-            timeout = Duration(nanoseconds=min(left_ns, FOR_EVER.nanoseconds))
-        self.goal.timeout = timeout.to_msg()
-        return action_client.send_goal_async(self.goal)
-
-    def cancel_in_server(self) -> None:
-        """Cancel the goal in the server, now or when it says that it has accepted the goal."""
-        if self.handle is not None:
-            self.handle.cancel_goal_async()
-        elif self.request is not None and self.request.done():
-            _cancel_if_accepted(self.request)  # its executor may be shut down, and call nothing any more
-        elif self.request is not None:
-            self.request.add_done_callback(_cancel_if_accepted)
 
 
 class GoalSender:
@@ -107,13 +74,14 @@ class GoalSender:
     :param node: the node of the client. Goals do not depend on its executor: a hidden node in the same
         context, which a separate thread spins, sends them.
     :param ns: the name of the action, as this node resolves it.
-    :param period_s: how often to check whether the server is available.
+    :param period_s: how often to check for the server and for the end of a timeout.
     """
 
     def __init__(self, node: Node, ns: str, period_s: float) -> None:
-        self._name = _resolved(node, ns)
+        # As a client of the node itself would have it, remapping included.
+        self.name = node.resolve_service_name(ns + GOAL_SERVICE).removesuffix(GOAL_SERVICE)
         self.process = os.getpid()
-        self._pending: set[PendingGoal] = set()
+        self._pending: dict[PendingGoal, Generator[None, None, Any]] = {}  # with the steps that are left
         self._ended = False
         self._node = hidden = hidden_node(
             "_buffer_client_impl",
@@ -122,162 +90,140 @@ class GoalSender:
             namespace=node.get_namespace(),
             use_global_arguments=False,
         )
-        self.action_client = ActionClient(
-            hidden,
-            LookupTransform,
-            self._name,
-            goal_service_qos_profile=lookup_qos(),
-            result_service_qos_profile=lookup_qos(),
-            cancel_service_qos_profile=lookup_qos(),
-        )
+        self.action_client = ActionClient(hidden, LookupTransform, self.name, **lookup_qos())
         # All else happens in the thread of the hidden node, because rclpy's action client loses a response
         # that arrives before the thread that sent the request has returned.
         self._queue = callback_queue(hidden)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = hidden.create_timer(period_s, self._advance_all, clock=steady)
         self._timer.cancel()
-        self._spinner = Spinner(hidden, daemon=True, at_end=self._end)
-        self._spinner.thread.name = "tf2_ros buffer client"
-        self._owner_node = weakref.ref(node)
-        check_regularly(self)
+        self.spinner = Spinner(hidden, daemon=True, at_end=self._end, until=node)
+        self.spinner.thread.name = "tf2_ros buffer client"
 
-    def send(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> PendingGoal:
+    def send(self, goal: Any, padding_ns: int) -> PendingGoal:
         """
         Send a goal, as soon as a server is available.
 
-        :param timeout_ns: nanoseconds of steady time, for finding a server and for the lookup. None: no end.
+        :param goal: its ``timeout`` is for finding a server and for the lookup, in steady time.
         :param padding_ns: how much longer to wait for the response of a server that was found.
         """
-        pending = PendingGoal(self, goal, timeout_ns, padding_ns)
-        self._pending.add(pending)
-        self.put(self._begin, pending)
-        for deadline_ns in (pending.deadline_ns, pending.last_ns):
-            if deadline_ns is not None:
-                deadlines.add(deadline_ns, pending)
+        pending = PendingGoal(goal, padding_ns)
+        self._pending[pending] = self._steps(pending)
+        self._queue.put(partial(self._advance, pending))
         if self._ended:
-            self._end_goal(pending, self._end_error(pending))
+            self._fail_at_end(pending)
         return pending
 
+    def abandon(self, pending: PendingGoal) -> None:
+        """Cancel a goal, unless it has a result; from any thread."""
+        if not pending.done():
+            self._queue.put(partial(self._forget, pending))
+
     def state(self) -> str:
-        """Describe the action, and how many goals have no outcome yet."""
-        goals = "ended" if self._ended else counted(len(self._pending), "pending lookup")
-        goals = FORKED if is_inherited(self.process) else goals
-        return f"action {printable(self._name)}, {goals}"
+        """How many goals have no outcome yet, or why none can be sent."""
+        if is_inherited(self.process):
+            return FORKED
+        return "ended" if self._ended else counted(len(self._pending), "pending lookup")
 
-    def put(self, call: Callable[[PendingGoal], None], pending: PendingGoal) -> None:
-        """Have the thread make this call for a goal; from any thread."""
-        if not is_inherited(self.process):  # otherwise it is the end of a coroutine of the parent
-            self._queue.put(partial(call, pending))
-
-    def close(self, *, wait: bool = True) -> None:
-        """
-        End; pending goals fail with a TimeoutException.
-
-        :param wait: until the thread has ended. Not from a finalizer, see ``Spinner.stop``.
-        """
-        if not self._ended and not is_inherited(self.process):
-            self._ended = True
-            self._spinner.stop(wait=wait)
-
-    def _tf2_check(self) -> None:
-        """End with the node of the client."""
-        node = self._owner_node()
-        if node is None or node_has_ended(node):
-            self.close(wait=False)
+    # All that follows happens in the thread.
 
     def _end(self) -> None:
         self._ended = True
         for pending in list(self._pending):
-            self._end_goal(pending, self._end_error(pending))
+            self._fail_at_end(pending)
         self._queue.close("the client has ended")
         self.action_client.destroy()
         self._node.destroy_node()
         del self._timer  # it refers to this, so only the collector would free both
 
-    # All that follows happens in the thread.
+    def _fail_at_end(self, pending: PendingGoal) -> None:
+        if context_was_shut_down(self._node.context):
+            error = TimeoutException(errors.shut_down(time.monotonic_ns() - pending.begin_ns))
+        else:
+            error = pending.error("The buffer client was destroyed.")
+        self._forget(pending)
+        pending.set_exception(error)
 
-    def _begin(self, pending: PendingGoal) -> None:
-        self.advance(pending)
-        if self._pending and self._timer.is_canceled():
-            self._timer.reset()
+    def _forget(self, pending: PendingGoal) -> None:
+        """Take no more steps of a goal; it is cancelled in the server, if it was sent and has no result."""
+        steps = self._pending.pop(pending, None)
+        if steps is not None:
+            steps.close()
 
     def _advance_all(self) -> None:
         for pending in list(self._pending):
-            self.advance(pending)
+            self._advance(pending)
+
+    def _advance(self, pending: PendingGoal, _: object = None) -> None:
+        """Take the next step of a goal, unless it has ended; after each period and response."""
+        try:
+            if pending in self._pending:
+                next(self._pending[pending])
+        except StopIteration as end:
+            self._forget(pending)
+            pending.set_result(end.value)
+        except Exception as error:
+            self._forget(pending)
+            # Without a context nothing can be sent; after its shutdown no outcome is expected.
+            if not self._node.context.ok():
+                self._fail_at_end(pending)
+            # Its traceback would refer to the goal, which refers to it.
+            pending.set_exception(error.with_traceback(None))
         if not self._pending:
             self._timer.cancel()
+        elif self._timer.is_canceled():
+            self._timer.reset()
 
-    def advance(self, pending: PendingGoal, _: object = None) -> None:
-        """Take the next step of a goal; after each period, response and deadline."""
-        if self._ended or pending.over():
-            return
+    def _steps(self, pending: PendingGoal) -> Generator[None, None, Any]:
+        """Find a server, send a goal, and return its result; resumed by ``_advance``."""
+        while not self.action_client.server_is_ready():
+            if time.monotonic_ns() >= pending.deadline_ns:
+                raise pending.error(f"The buffer server is not ready: no server of [{self.name}] was found.")
+            yield
+        goal = pending.goal
+        left_ns = max(pending.deadline_ns - time.monotonic_ns(), 0)
+        goal.timeout = Duration(nanoseconds=left_ns).to_msg()
+        request = self.action_client.send_goal_async(goal)
         try:
-            problem = self._step(pending, self.action_client.server_is_ready())
-        except RuntimeError:
-            # Without a context nothing can be sent; after its shutdown no outcome is expected.
-            if self._node.context.ok():
-                raise
-        else:
-            if problem:
-                self._end_goal(pending, pending.error(problem))
+            handle = yield from self._response(pending, request)
+            if not handle.accepted:
+                raise pending.error("The buffer server refused the goal. Something is likely wrong with it.")
+            response = yield from self._response(pending, handle.get_result_async())
+        except BaseException:  # also if it was abandoned
+            _cancel(request)
+            raise
+        result = response.result
+        # A server whose wait timed out or was cancelled may send an empty result without an error.
+        if result.error.error == TF2Error.NO_ERROR and (
+            response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
+        ):
+            raise pending.error(
+                f"The buffer server did not get the transform from [{printable(goal.source_frame)}] to "
+                f"[{printable(goal.target_frame)}] in time."
+            )
+        return result
 
-    def _step(self, pending: PendingGoal, server_is_ready: bool) -> str:
-        """Return why the goal fails now, if it does."""
-        request: Any = pending.request
-        if request is None:
-            if server_is_ready:
-                self._await_response(pending, pending.send_to(self.action_client))
-            elif _is_past(pending.deadline_ns):
-                return f"The buffer server is not ready: no server of [{self._name}] was found."
-        elif not request.done():
-            server = f"The buffer server [{self._name}]"
-            if not server_is_ready:
-                return f"{server} went away before it answered."
-            if _is_past(pending.last_ns):
-                return f"{server} did not answer in time. Something is likely wrong there."
-        elif pending.handle is not None:
-            self._pending.discard(pending)
-            pending.set_result(request.result())
-        elif request.result().accepted:
-            pending.handle = request.result()
-            self._await_response(pending, pending.handle.get_result_async())
-        else:
-            return "The buffer server refused the goal. Something is likely wrong with it."
-        return ""
-
-    def _await_response(self, pending: PendingGoal, request: Future) -> None:
-        pending.request = request
-        request.add_done_callback(partial(self.advance, pending))
-
-    def abandon(self, pending: PendingGoal) -> None:
-        """Cancel a goal, unless it is over."""
-        if not self._ended and not pending.over():
-            self._end_goal(pending, None)
-
-    def _end_goal(self, pending: PendingGoal, error: TimeoutException | None) -> None:
-        """End a goal with this error, or cancel it; the server need not answer it any more."""
-        self._pending.discard(pending)
-        if error is None:
-            pending.cancel()
-        else:
-            pending.set_exception(error)
-        with suppress(RuntimeError):  # the context was shut down
-            pending.cancel_in_server()
-
-    def _end_error(self, pending: PendingGoal) -> TimeoutException:
-        if context_was_shut_down(self._node.context):
-            return TimeoutException(errors.shut_down(time.monotonic_ns() - pending.begin_ns))
-        return pending.error("The buffer client was destroyed.")
+    def _response(self, pending: PendingGoal, request: Future) -> Generator[None, None, Any]:
+        server = f"The buffer server [{self.name}]"
+        request.add_done_callback(partial(self._advance, pending))
+        while not request.done():
+            if not self.action_client.server_is_ready():
+                raise pending.error(f"{server} went away before it answered.")
+            if time.monotonic_ns() >= pending.last_ns:
+                raise pending.error(f"{server} did not answer in time. Something is likely wrong there.")
+            yield
+        return request.result()
 
 
-def _is_past(steady_ns: int | None) -> bool:
-    return steady_ns is not None and time.monotonic_ns() >= steady_ns
-
-
-def _cancel_if_accepted(response: Future) -> None:
-    handle: Any = response.result()
+def _cancel(request: Future) -> None:
+    """Cancel a goal in the server, now or when it says that it has accepted the goal."""
+    if not request.done():
+        request.add_done_callback(_cancel)
+        return
+    handle: Any = request.result()
     if handle.accepted:
-        handle.cancel_goal_async()
+        with suppress(RuntimeError):  # the context was shut down
+            handle.cancel_goal_async()
 
 
 class BufferClient(BufferInterface):
@@ -287,7 +233,7 @@ class BufferClient(BufferInterface):
     :param node: the node whose context and namespace are used. It need not be spun: a hidden node with a
         separate thread sends the goals, so blocking lookups also work in callbacks of any executor.
     :param ns: the name of the server's action.
-    :param check_frequency: how often to check whether a server is available, in Hz.
+    :param check_frequency: how often to check for a server and for the end of a timeout, in Hz.
     :param timeout_padding: how much longer than the timeout of a lookup to wait for the server's response.
     :raises ValueError: ``check_frequency`` is not above 0.
 
@@ -325,21 +271,20 @@ class BufferClient(BufferInterface):
         self._tf2_goal_sender = GoalSender(node, ns, 1.0 / check_frequency)
         self.action_client = self._tf2_goal_sender.action_client
         # Without destroy(), too, no thread remains; at exit it ends by itself.
-        weakref.finalize(self, self._tf2_goal_sender.close, wait=False).atexit = False
+        weakref.finalize(self, self._tf2_goal_sender.spinner.stop, wait=False).atexit = False
 
     def __repr__(self) -> str:
-        return f"<{class_name(type(self))}: {self._tf2_goal_sender.state()}>"
+        sender = self._tf2_goal_sender
+        return f"<{class_name(type(self))}: action {printable(sender.name)}, {sender.state()}>"
 
     def destroy(self) -> None:
         """End the client; pending lookups raise a TimeoutException. May be called again."""
-        self._tf2_goal_sender.close()
+        self._tf2_goal_sender.spinner.stop()
 
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: TimeLike, timeout: DurationLike = NO_TIMEOUT
     ) -> TransformStamped:
-        goal = _simple_goal(target_frame, source_frame, time)
-        goal.timeout = _duration_msg(timeout)
-        return self.__process_goal(goal)
+        return self.__process_goal(_simple_goal(target_frame, source_frame, time, timeout))
 
     def lookup_transform_full(
         self,
@@ -350,14 +295,13 @@ class BufferClient(BufferInterface):
         fixed_frame: str,
         timeout: DurationLike = NO_TIMEOUT,
     ) -> TransformStamped:
-        goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
-        goal.timeout = _duration_msg(timeout)
+        goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
         return self.__process_goal(goal)
 
     async def lookup_transform_async(
         self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: DurationLike | None = None
     ) -> TransformStamped:
-        return await self._tf2_await(_simple_goal(target_frame, source_frame, time), timeout)
+        return await self._tf2_await(_simple_goal(target_frame, source_frame, time, timeout))
 
     async def lookup_transform_full_async(
         self,
@@ -379,11 +323,11 @@ class BufferClient(BufferInterface):
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for a server and its answer, in steady time. None: forever.
         """
-        goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
-        return await self._tf2_await(goal, timeout)
+        goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
+        return await self._tf2_await(goal)
 
     def __process_goal(self, goal: Any) -> TransformStamped:
-        pending = self._tf2_send(goal, duration_ns(Duration.from_msg(goal.timeout), "timeout"))
+        pending = self._tf2_send(goal)
         # Not an Event: a signal handler that raises inside one leaves it locked.
         done = threading.Lock()
         done.acquire()
@@ -391,76 +335,47 @@ class BufferClient(BufferInterface):
         try:
             # The sender's thread gives every goal an outcome, also at its own end.
             done.acquire()
-            return self.__process_result(_result_of(pending, pending.result()))
+            return self.__process_result(pending.result())
         finally:
-            pending.abandon()
+            self._tf2_goal_sender.abandon(pending)
 
     def __process_result(self, result: Any) -> TransformStamped:
         if result.error.error != TF2Error.NO_ERROR:
             raise EXCEPTIONS.get(result.error.error, TransformException)(printable(result.error.error_string))
         return result.transform
 
-    async def _tf2_await(self, goal: Any, timeout: DurationLike | None) -> TransformStamped:
-        pending = self._tf2_send(goal, optional_timeout_ns(timeout))
+    async def _tf2_await(self, goal: Any) -> TransformStamped:
+        pending = self._tf2_send(goal)
         try:
-            return self.__process_result(_result_of(pending, await pending))
+            return self.__process_result(await pending)
         finally:
-            pending.abandon()
+            self._tf2_goal_sender.abandon(pending)
 
-    def _tf2_send(self, goal: Any, lookup_ns: int | None) -> PendingGoal:
+    def _tf2_send(self, goal: Any) -> PendingGoal:
         refuse_inherited(self, self._tf2_goal_sender.process)
-        padding_ns = duration_ns(self.timeout_padding, "timeout_padding")
-        return self._tf2_goal_sender.send(goal, lookup_ns, padding_ns)
+        return self._tf2_goal_sender.send(goal, duration_ns(self.timeout_padding, "timeout_padding"))
 
 
 # The names are checked here, because a message accepts any object until the sender's thread serialises it.
 
 
-def _simple_goal(target_frame: str, source_frame: str, time: Any) -> Any:
+def _simple_goal(
+    target_frame: str, source_frame: str, time: Any, timeout: Any, time_argument: str = "time"
+) -> Any:
+    timeout_ns = FOR_EVER.nanoseconds if timeout is None else max(duration_ns(timeout, "timeout"), 0)
     return LookupTransform.Goal(
         target_frame=frame_name(target_frame, "target_frame"),
         source_frame=frame_name(source_frame, "source_frame"),
-        source_time=time_msg(time, "time"),
+        source_time=time_msg(time, time_argument),
+        timeout=min(Duration(nanoseconds=timeout_ns), FOR_EVER).to_msg(),
     )
 
 
 def _full_goal(
-    target_frame: str, target_time: Any, source_frame: str, source_time: Any, fixed_frame: str
+    target_frame: str, target_time: Any, source_frame: str, source_time: Any, fixed_frame: str, timeout: Any
 ) -> Any:
-    return LookupTransform.Goal(
-        target_frame=frame_name(target_frame, "target_frame"),
-        target_time=time_msg(target_time, "target_time"),
-        source_frame=frame_name(source_frame, "source_frame"),
-        source_time=time_msg(source_time, "source_time"),
-        fixed_frame=frame_name(fixed_frame, "fixed_frame"),
-        advanced=True,
-    )
-
-
-def _result_of(pending: PendingGoal, response: Any) -> Any:
-    goal, result = pending.goal, response.result
-    # A server whose wait timed out or was cancelled may send an empty result without an error.
-    if result.error.error == TF2Error.NO_ERROR and (
-        response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
-    ):
-        text = (
-            f"The buffer server did not get the transform from [{printable(goal.source_frame)}] to "
-            f"[{printable(goal.target_frame)}] in time."
-        )
-        raise pending.error(text)
-    return result
-
-
-def _duration_msg(timeout: Any) -> Any:
-    """The duration message of a timeout; at most FOR_EVER, with either sign."""
-    longest_ns: int = FOR_EVER.nanoseconds
-    return Duration(nanoseconds=max(-longest_ns, min(duration_ns(timeout, "timeout"), longest_ns))).to_msg()
-
-
-def _resolved(node: Node, ns: str) -> str:
-    # As a client of the node itself would have it, remapping included.
-    service: str = node.resolve_service_name(ns + GOAL_SERVICE)
-    if service.endswith(GOAL_SERVICE):
-        return service.removesuffix(GOAL_SERVICE)
-    name: str = expand_topic_name(ns, node.get_name(), node.get_namespace())
-    return name
+    goal = _simple_goal(target_frame, source_frame, source_time, timeout, "source_time")
+    goal.target_time = time_msg(target_time, "target_time")
+    goal.fixed_frame = frame_name(fixed_frame, "fixed_frame")
+    goal.advanced = True
+    return goal

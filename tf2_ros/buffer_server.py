@@ -93,7 +93,7 @@ class BufferServer:
         # Both are in one group, so that no other thread ends a goal while its cancellation is decided. The
         # queue is a separate one.
         group = MutuallyExclusiveCallbackGroup()
-        self._ended = CallbackQueue(node, group)
+        self._queue = CallbackQueue(node, group)
         self._server: ActionServer | None = ActionServer(
             node,
             LookupTransform,
@@ -102,10 +102,8 @@ class BufferServer:
             callback_group=group,
             handle_accepted_callback=self._begin,
             cancel_callback=self._cancel,
-            goal_service_qos_profile=lookup_qos(),
-            result_service_qos_profile=lookup_qos(),
-            cancel_service_qos_profile=lookup_qos(),
             result_timeout=KEEP_RESULT_S,
+            **lookup_qos(),
         )
         self._process = os.getpid()
         keep_in_children(node)
@@ -118,7 +116,7 @@ class BufferServer:
         server, self._server = self._server, None
         if server is None or is_inherited(self._process):
             return
-        self._ended.close("the server has ended")
+        self._queue.close("the server has ended")
         for lookup in list(self._lookups.values()):
             lookup.cancel()
         self._lookups.clear()
@@ -132,11 +130,8 @@ class BufferServer:
 
     def _begin(self, handle: Any) -> None:
         lookup = self._lookups[bytes(handle.goal_id.uuid)] = self._look_up(handle.request)
-        if lookup.done():
-            handle.execute()
-        else:
-            # The executor answers, not the thread that inserts the transform.
-            lookup.add_done_callback(lambda _: self._ended.put(handle.execute))
+        # The executor answers, not the thread that inserts the transform.
+        lookup.add_done_callback(lambda _: self._queue.put(handle.execute))
 
     def _look_up(self, goal: Any) -> Future:
         fixed = (goal.fixed_frame, goal.target_time) if goal.advanced else ()
@@ -156,10 +151,9 @@ class BufferServer:
 
     def _cancel(self, handle: Any) -> CancelResponse:
         lookup = self._lookups.get(bytes(handle.goal_id.uuid))
-        if lookup is None or lookup.cancelled():
+        if lookup is None:
             return CancelResponse.REJECT
-        lookup.cancel()
-        # Not if the answer was first.
+        lookup.cancel()  # without effect if the answer was first
         return CancelResponse.ACCEPT if lookup.cancelled() else CancelResponse.REJECT
 
     def _finish(self, handle: Any) -> LookupTransform.Result:

@@ -76,7 +76,7 @@ class TestBufferServer:
         task = client.lookup_transform_async("map", "robot", at(1), timeout=Duration(seconds=1))
         task.send(None)
         (pending,) = client._tf2_goal_sender._pending
-        until(lambda: pending.handle is not None)
+        until(lambda: client.action_client._pending_result_requests)
         server.kill()
         until(pending.done)
         with pytest.raises(tf2_py.TimeoutException, match="buffer server"):

@@ -2,7 +2,6 @@
 
 import gc
 import threading
-import weakref
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -50,8 +49,7 @@ class GoalClient:
         # In the thread that takes the answers: rclpy drops one that comes before it has noted the request.
         self._request = node.executor.create_task
         # The usual queue of ten would lose answers that are sent all at once.
-        keep_all = {"result_service_qos_profile": lookup_qos()}
-        self.client = ActionClient(node, LookupTransform, "lookup", **keep_all)
+        self.client = ActionClient(node, LookupTransform, "lookup", **lookup_qos())
         until(self.client.server_is_ready)
 
     def send(self, target="map", source="robot", ns=S, timeout=LONG, fixed=None, target_ns=0):
@@ -105,35 +103,23 @@ def insert(buffer, parent="map", child="robot", seconds=1.0, x=0.0):
     buffer.set_transform(transform(parent, child, seconds, (x, 0, 0)), "me")
 
 
+SIMPLE = ("map", "robot", S, LONG)
+FULL = ("robot", "robot", S, LONG, "map", 2 * S)
+
+
 class TestAnswers:
-    def test_an_available_transform_is_answered_at_once(self, goal_client, buffer):
-        insert(buffer, x=2)
-        for timeout in (NONE, LONG):
-            status, result = goal_client.answer_to(timeout=timeout)
-            assert status == GoalStatus.STATUS_SUCCEEDED
-            assert result.error.error == TF2Error.NO_ERROR
-            assert result.transform == buffer.lookup_transform("map", "robot", _time(S))
-
-    def test_a_waiting_goal_is_answered_when_its_transform_is_inserted(self, goal_client, buffer):
-        future = goal_client.result_of(goal_client.send())
+    @pytest.mark.parametrize(("goal", "x"), [(SIMPLE, 1), (FULL, -4)], ids=["simple", "full"])
+    def test_a_goal_is_answered_when_its_transform_is_available(self, goal_client, buffer, goal, x):
+        waiting = goal_client.result_of(goal_client.send(*goal))
         until(lambda: buffer.statistics()["waiters"] == 1)
-        assert not future.done()
-        insert(buffer, x=3)
-        status, result = _answer(future)
-        assert status == GoalStatus.STATUS_SUCCEEDED
-        assert result.transform.transform.translation.x == 3
-
-    def test_an_advanced_goal_is_a_full_lookup_and_may_wait(self, goal_client, buffer):
-        advanced = ("robot", "robot", S, LONG, "map", 2 * S)
+        assert not waiting.done()
         insert(buffer, seconds=1, x=1)
-        future = goal_client.result_of(goal_client.send(*advanced))
-        until(lambda: buffer.statistics()["waiters"] == 1)
         insert(buffer, seconds=2, x=5)
-        for _, result in (_answer(future), goal_client.answer_to(*advanced)):
-            assert result.transform == buffer.lookup_transform_full(
-                "robot", _time(2 * S), "robot", _time(S), "map"
-            )
-            assert result.transform.transform.translation.x == -4
+        later = [goal_client.answer_to(*goal[:3], timeout, *goal[4:]) for timeout in (LONG, NONE)]
+        for status, result in (_answer(waiting), *later):
+            assert (status, result.error.error) == (GoalStatus.STATUS_SUCCEEDED, TF2Error.NO_ERROR)
+            assert (result.transform.header.frame_id, result.transform.child_frame_id) == goal[:2]
+            assert result.transform.transform.translation.x == x
 
     def test_many_goals_that_wait_delay_no_other(self, goal_client, buffer, serving):
         stamps = [S + i for i in range(200)]
@@ -161,6 +147,7 @@ class TestErrors:
             (TF2Error.INVALID_ARGUMENT_ERROR, [NONE, LONG], "", "robot", S, None),
             (TF2Error.INVALID_ARGUMENT_ERROR, [NONE, LONG], "map", "/map", S, None),
             (TF2Error.INVALID_ARGUMENT_ERROR, [NONE, LONG], "map", "robot", S, ""),
+            (TF2Error.INVALID_ARGUMENT_ERROR, [NONE, LONG], "map", "robot", (2**31 + 2) * S, None),
         ],
     )
     def test_it_is_that_of_the_lookup(
@@ -168,7 +155,7 @@ class TestErrors:
     ):
         insert(buffer)
         insert(buffer, "sea", "island")
-        with pytest.raises(tf2_py.TransformException) as raised:
+        with pytest.raises((tf2_py.TransformException, OverflowError)) as raised:
             if fixed is None:
                 buffer.lookup_transform(target, source, _time(ns))
             else:
@@ -177,13 +164,6 @@ class TestErrors:
             status, result = goal_client.answer_to(target, source, ns, timeout, fixed)
             assert (status, result.error.error) == (GoalStatus.STATUS_SUCCEEDED, code)
             assert result.error.error_string == str(raised.value)
-
-    def test_a_time_that_no_stamp_has_is_an_invalid_argument(self, goal_client, buffer):
-        insert(buffer)
-        for timeout in (NONE, LONG):
-            status, result = goal_client.answer_to(ns=(2**31 + 2) * S, timeout=timeout)
-            assert status == GoalStatus.STATUS_SUCCEEDED
-            assert result.error.error == TF2Error.INVALID_ARGUMENT_ERROR
 
     def test_a_timeout_has_the_reason_of_the_last_attempt(self, goal_client, buffer):
         future = goal_client.result_of(goal_client.send(timeout=Duration(seconds=0.5), ns=9 * S))
@@ -221,6 +201,7 @@ class TestEnd:
         self, tf2_ros, new_node, buffer, recwarn, how
     ):
         node = new_node("serving")
+        before = {*node.timers, *node.waitables}
         server = tf2_ros.BufferServer(buffer, node, "lookup")
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -234,25 +215,11 @@ class TestEnd:
             goal_client.client.destroy()
         for _ in range(2):
             server.destroy()
+        assert {*node.timers, *node.waitables} <= before
         insert(buffer)
         # The first service of a process imports a module that is deprecated.
         warned = [warning for warning in recwarn if warning.category is not DeprecationWarning]
         assert [str(warning.message) for warning in warned] == []
-
-    @pytest.mark.parametrize("how", ["destroy", "destroy_node"])
-    def test_nothing_of_it_is_left_to_the_collector(self, tf2_ros, new_node, how):
-        node, buffer = new_node("serving"), tf2_ros.Buffer()
-        before = {*node.timers, *node.waitables}
-        server = tf2_ros.BufferServer(buffer, node, "lookup")
-        parts = [weakref.ref(part) for part in (server, server._server, buffer)]
-        gc.disable()
-        try:
-            getattr(server if how == "destroy" else node, how)()
-            del server, buffer
-            until(lambda: [part() for part in parts] == [None, None, None])
-        finally:
-            gc.enable()
-        assert {*node.timers, *node.waitables} <= before
 
     def test_a_goal_that_is_being_answered_logs_no_error(self, tf2_ros, node, executor, buffer, capfd):
         server = tf2_ros.BufferServer(buffer, node, "lookup")

@@ -75,13 +75,6 @@ class TestSizes:
                 terminal.shows(partial(is_highlighted, name))
                 terminal.press(DOWN)
 
-    def test_a_resized_terminal_is_drawn_anew(self, talker):
-        with monitor((120, 30)) as terminal:
-            for size in ((80, 24), (45, 24), (60, 24), (120, 30), (45, 12), (80, 24)):
-                terminal.resize(*size)
-                terminal.shows(lambda lines: JUNK not in "".join(lines) and len(names(lines)) >= 2)
-                assert {*names(terminal.lines)} <= {*NAMES}
-
 
 class TestKeys:
     def test_sorting_by_name_delay_and_rate(self, peer):

@@ -100,11 +100,6 @@ class TestLookup:
         assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses, equal_nan=True)
         assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.npz", "a.parquet", "a.tum"]
 
-    def test_the_times_may_be_those_of_its_own_csv(self, run, drive_mcap, tmp_path):
-        run("lookup", drive_mcap, "map", "base", "--rate", 3, "-o", tmp_path / "way.csv")
-        out = run("lookup", drive_mcap, "map", "base", "--times", tmp_path / "way.csv")[1]
-        assert out == (tmp_path / "way.csv").read_text()
-
 
 class TestInfo:
     def test_json_has_the_same(self, run, drive_mcap):
@@ -121,10 +116,6 @@ class TestInfo:
         assert frames["odom"]["rate"] == pytest.approx(10.0)
         assert frames["odom"]["gap"] == pytest.approx(0.1)
         assert said["findings"] == []
-
-
-def findings(text):
-    return {(one["kind"], one["frame"]) for one in json.loads(text)["findings"]}
 
 
 class TestCheck:
@@ -144,12 +135,6 @@ class TestCheck:
         found = json.loads(out)
         assert found["saved"] and {one["delay"] for one in found["streams"]} == {None}
 
-    def test_expectations_without_a_reader_of_yaml_say_what_to_install(self, run, drive_mcap, monkeypatch):
-        monkeypatch.setitem(sys.modules, "yaml", None)
-        advice = re.escape("PyYAML: pip install 'tf2-ros-cython[cli]'")
-        with pytest.raises(RunError, match=f"--expect needs the Python package {advice}"):
-            run("check", drive_mcap, "--expect", "robot.yaml")
-
 
 class TestPictures:
     @needs_dot
@@ -161,14 +146,6 @@ class TestPictures:
         assert (tmp_path / "t.pdf").read_bytes().startswith(b"%PDF")
         assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
         assert sorted(os.listdir(tmp_path)) == ["t.pdf", "t.png", "t.svg"]
-
-    def test_without_the_package_graphviz_one_line_says_what_to_install(
-        self, run, drive_mcap, tmp_path, monkeypatch
-    ):
-        monkeypatch.setattr("tf2_ros_tools.pictures.find_spec", lambda name: None)
-        advice = re.escape("graphviz: pip install 'tf2-ros-cython[cli]'; the tree as text does not")
-        with pytest.raises(RunError, match=f"pictures need the Python package {advice}"):
-            run("tree", drive_mcap, "-o", tmp_path / "t.svg")
 
     def test_graphvizs_file_needs_no_graphviz(self, run, drive_mcap, tmp_path, monkeypatch):
         monkeypatch.setenv("PATH", str(tmp_path))
@@ -213,22 +190,6 @@ class TestBatch:
             status, out, err = run(*command)
             assert (status, out.splitlines()[0]) == (1, f"{counts}, 0 failed, 1 without an answer")
             assert err.startswith(f"tf2_bag batch: {path}: ") and "camra" in err and err.count("\n") == 1
-
-    def test_a_folder_that_cannot_be_read_is_told(self, run, tmp_path, monkeypatch):
-        (tmp_path / "day" / "closed").mkdir(parents=True)
-        recording(tmp_path / "day" / "a.mcap", count=30)
-        scandir = os.scandir
-
-        def refuse(path="."):
-            if "closed" in os.fspath(path):
-                raise PermissionError(13, "Permission denied", os.fspath(path))
-            return scandir(path)
-
-        monkeypatch.setattr(os, "scandir", refuse)
-        command = ("--lookup", "map", "camera", "--out", tmp_path / "tables", "--workers", 1)
-        status, out, err = run("batch", tmp_path / "day", *command)
-        assert (status, out.splitlines()[0]) == (1, "1 done, 0 done before, 1 failed")
-        assert err == f"tf2_bag batch: {tmp_path}/day/closed: Permission denied\n"
 
     def test_ctrl_c_says_how_to_go_on(self, tmp_path):
         one = recording(tmp_path / "0.mcap", count=30)

@@ -1,8 +1,6 @@
 """tf2_plot, as a process of its own, beside one that broadcasts."""
 
 import re
-import subprocess
-import sys
 import threading
 from xml.etree import ElementTree
 
@@ -68,17 +66,3 @@ def test_where_there_is_nothing_to_draw_one_line_says_why(tmp_path):
     said = r"tf2_plot: no transform was received on /\w+ and /\w+ in ROS domain \d+"
     assert re.fullmatch(said, err.splitlines()[-1])
     assert not any(tmp_path.iterdir())
-
-
-def test_without_matplotlib_one_line_says_what_to_install():
-    # As where it is not installed: it is found nowhere.
-    code = (
-        "import sys; from importlib import util\n"
-        "find = util.find_spec\n"
-        "util.find_spec = lambda name: None if name == 'matplotlib' else find(name)\n"
-        "from tf2_ros_tools.programs.tf2_plot import main; sys.exit(main(['tf2_plot']))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, timeout=DEADLINE_S)
-    assert (done.returncode, done.stdout) == (1, "")
-    advice = "pip install 'tf2-ros-cython[plot]'"
-    assert done.stderr == f"tf2_plot: pictures need the Python package matplotlib: {advice}\n"

@@ -134,7 +134,7 @@ def test_a_joint_is_published_at_most_at_the_frequency(robot, file):
 
 def test_stamps_may_be_ignored(robot, file):
     with running(NAME, file, "--ros-args", "-p", "ignore_timestamp:=true"):
-        for ns in (100 * S, 100 * S + 1, 50 * S, 0):
+        for ns in (100 * S, 50 * S, 0):
             robot.moved(ns, ["lift"], [0.1])
 
 

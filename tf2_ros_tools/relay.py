@@ -30,8 +30,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, FrameInfo, TransformException
+from tf2_ros import TransformBroadcaster
 from tf2_ros.records import Recording
-from tf2_ros.transform_broadcaster import publish_transforms
 from tf2_ros_tools.output import counted, not_known, printable
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import path_to_root
@@ -494,34 +494,40 @@ class Source:
         return [(names[child], stamp_ns) for _, child, stamp_ns in arrived], went_back
 
 
-@dataclass(eq=False)
-class Target:
-    """A topic to which rules send."""
+class Target(TransformBroadcaster):
+    """
+    A topic to which rules send.
 
-    topic: str
-    use: str  # DYNAMIC, STATIC or one of POSES
-    publisher: Publisher | None  # None in a dry run ...
-    dry: BufferCore  # ... in which this gets the transforms
-    count: Counter[str] = field(default_factory=Counter)
-    latched: list[TransformStamped] = field(default_factory=list)
+    :param use: DYNAMIC, STATIC or one of POSES.
+    :param publisher: None in a dry run.
+    :param dry: gets the transforms in a dry run.
+    """
+
+    def __init__(self, topic: str, use: str, publisher: Publisher | None, dry: BufferCore) -> None:
+        self.topic = topic
+        self.use = use
+        self.count: Counter[str] = Counter()
+        self.pub_tf = publisher
+        self._latched: list[TransformStamped] = []
+        self._dry = dry
 
     def send(self, transforms: list[TransformStamped]) -> None:
         """Send these; static ones only if they differ from those before, which they replace."""
-        if transforms == self.latched:
+        if transforms == self._latched:
             return
         if self.use == STATIC:
-            self.latched = transforms
+            self._latched = transforms
         self.count.update(messages=1, transforms=len(transforms))
-        if self.publisher is None:
-            self.dry.set_transforms(transforms, "tf2_relay", self.use == STATIC)
+        if self.pub_tf is None:
+            self._dry.set_transforms(transforms, "tf2_relay", self.use == STATIC)
         else:
-            publish_transforms(self.publisher, transforms)
+            self.sendTransform(transforms)
 
     def send_pose(self, pose: PoseStamped | Odometry) -> None:
         """Send a message that is not for tf2."""
         self.count.update(messages=1)
-        if self.publisher is not None:
-            self.publisher.publish(pose)
+        if self.pub_tf is not None:
+            self.pub_tf.publish(pose)
 
 
 class Relaying:

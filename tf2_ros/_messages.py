@@ -13,7 +13,6 @@ else:
     globals().update({name: getattr(message_classes, name) for name in message_classes.__all__})
 
 __all__ = [
-    "A_MESSAGE",
     "Header",
     "Point",
     "Pose",
@@ -30,7 +29,6 @@ __all__ = [
 ]
 
 GIMBAL_LOCK = 0.99999  # sine of the pitch from which on roll and yaw turn about one axis, as in tf2
-A_MESSAGE = "a TransformStamped, Transform, PoseStamped or Pose"
 
 
 def time_msg(time: Any, argument: str) -> Time:
@@ -54,7 +52,7 @@ def parts_of(msg: Any) -> tuple[Any, Any]:
         return inner.translation, inner.rotation
     if hasattr(inner, "position"):
         return inner.position, inner.orientation
-    raise TypeError(f"expected {A_MESSAGE}, got {type(msg).__name__}")
+    raise TypeError(f"expected a TransformStamped, Transform, PoseStamped or Pose, got {type(msg).__name__}")
 
 
 def numbers_of(msg: Any) -> tuple[float, ...]:

@@ -18,7 +18,6 @@ from tf2_py._internal import (
     time_ns,
 )
 from tf2_ros._messages import (
-    A_MESSAGE,
     Header,
     Pose,
     PoseStamped,
@@ -227,6 +226,7 @@ def to_columns(
     :return: new arrays of shape (N,): ``stamp_ns``, int64, nanoseconds; ``x``, ``y``, ``z``, float64, metres;
         ``qx``, ``qy``, ``qz``, ``qw``, float64, of length one. NaN where the rotation is NaN.
     :raises TypeError: the type is wrong, arrays have no times, or messages have times.
+    :raises AttributeError: a message has no header.
     :raises ValueError: shapes are wrong, the numbers of times and transforms differ, or a rotation has no
         finite length above zero.
 
@@ -243,7 +243,7 @@ def to_columns(
         if times is not None:
             raise TypeError("messages contain their own stamps: pass no times")
         msgs: list[Any] = list(transforms)
-        stamps_ns = np.array([_stamp_ns(msg) for msg in msgs], dtype=np.int64)
+        stamps_ns = np.array([time_ns(msg.header.stamp, "header.stamp") for msg in msgs], dtype=np.int64)
         translations, rotations = to_arrays(msgs)
     if rotations.shape != (len(stamps_ns), 4):
         raise ValueError(f"{len(stamps_ns)} times, but rotations of shape {rotations.shape}")
@@ -325,19 +325,8 @@ def _arrays(rows: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
 
 
 def _one(msg: Any) -> tuple[Array, Array]:
-    if isinstance(msg, Iterable):
-        raise TypeError(f"expected {A_MESSAGE}, got {type(msg).__name__}: pass to_arrays(...) of many")
     translations, rotations = _arrays([numbers_of(msg)])
     return translations[0], rotations[0]
-
-
-def _stamp_ns(msg: Any) -> int:
-    try:
-        stamp = msg.header.stamp
-    except AttributeError as missing:
-        wanted = "stamped messages, or a tuple (translations, rotations)"
-        raise TypeError(f"expected {wanted}, got {type(msg).__name__}: {missing}") from None
-    return time_ns(stamp, "header.stamp")
 
 
 def _translations_and_turns(transforms: Message | Pair) -> tuple[Array, Array]:

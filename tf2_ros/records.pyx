@@ -18,8 +18,7 @@ from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_CheckBuffer
 from cpython.long cimport PyLong_AsLongLongAndOverflow
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
-from libc.stdlib cimport free, malloc
-from libc.string cimport memcpy, memset
+from libc.string cimport memset
 
 from tf2_py._internal cimport (
     NAME_NO_MEMORY,
@@ -198,32 +197,22 @@ cdef class Recording:
         return found
 
     cdef list _new_names(self, const Names* names, list known):
-        # No Python object is made under the lock, and names keep their addresses only under the lock.
-        cdef size_t known_count = len(known)
-        cdef size_t count, text_size, i
-        cdef char* text = NULL
-        cdef Name* found = NULL
+        cdef list found = []
+        cdef const Name* name
+        cdef size_t count, i
         lock_acquire(&self._records.lock)
         count = names.count
-        text_size = names.text_size
         lock_release(&self._records.lock)
-        if count == known_count:
-            return []
-        text = <char*>malloc(text_size + 1)
-        found = <Name*>malloc(count * sizeof(Name))
-        try:
-            if text == NULL or found == NULL:
-                raise MemoryError
+        for i in range(len(known), count):
             lock_acquire(&self._records.lock)
-            memcpy(text, names.text, text_size)
-            memcpy(found, names.names, count * sizeof(Name))
-            lock_release(&self._records.lock)
-            return [
-                text[found[i].start:found[i].start + found[i].size] for i in range(known_count, count)
-            ]
-        finally:
-            free(text)
-            free(found)
+            try:
+                # Names keep their addresses only under the lock, and making bytes runs no other code.
+                name = &names.names[i]
+                text = names.text[name.start:name.start + name.size]
+            finally:
+                lock_release(&self._records.lock)
+            found.append(text)
+        return found
 
 
 cdef class MessageSource:

@@ -18,7 +18,6 @@ from tf2_py._objects.errors import (
 from tf2_py._tf2_py import (
     FOR_EVER_NS,
     as_times_ns,
-    call_all,
     call_despite_signals,
     duration_ns,
     frame_name,
@@ -39,7 +38,6 @@ __all__ = [
     "MalformedObjectError",
     "as_times_ns",
     "bad_name",
-    "call_all",
     "call_despite_signals",
     "class_name",
     "counted",

@@ -26,7 +26,8 @@ if TYPE_CHECKING or HAS_ROS:
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._nodes import WaitContexts, note_filler
-    from tf2_ros._wait.changes import Changes, ChangeSubscription
+    from tf2_ros._wait.changes import Changes
+    from tf2_ros._wait.endings import ChangeSubscription
     from tf2_ros._wait.futures import TransformFuture, WakingFuture
 
     if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from tf2_ros_cython import _requirement  # noqa: F401
 import itertools
 import os
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from enum import Enum
-from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypedDict
 
 from geometry_msgs.msg import TransformStamped
@@ -22,7 +22,6 @@ from rclpy.qos import QoSProfile
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import (
     FOR_EVER_NS,
-    call_despite_signals,
     class_name,
     duration_ns,
     frame_name,
@@ -32,11 +31,11 @@ from tf2_py._internal import (
 )
 from tf2_py.typing import DurationLike
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, require_node
-from tf2_ros._forking import FORKED, LOCK, LiveObjects, is_inherited, refuse_inherited
+from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
-from tf2_ros._wait.callbacks import call_in_executor, callback_queue
+from tf2_ros._wait.callbacks import callback_queue, put_in_executor
+from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, first_key
 from tf2_ros._wait.futures import WakingFuture
-from tf2_ros._wait.rounds import Ending, end_message, first_value
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
 
@@ -45,8 +44,6 @@ __all__ = ["FilterFailureReason", "MessageFilter"]
 # A warning is logged when this many messages were dropped and none passed, at most every WARN_EVERY_S.
 MANY = 20
 WARN_EVERY_S = 15.0
-
-PASSED, CLEARED = "passed", "cleared"  # what became of a message that was not dropped
 
 if TYPE_CHECKING:
     from typing_extensions import TypeVar, TypeVarTuple, Unpack
@@ -172,8 +169,9 @@ class MessageFilter(Generic[_Message]):
         self.callbacks: dict[int, _Callback] = {}
         self._failure_callbacks: dict[int, _Callback] = {}
         self._connections = itertools.count()
-        self._streams: LiveObjects[MessageStream[_Message]] = LiveObjects()
-        self._kept: set[Any] = set()  # what awaits a message, and nothing else may refer to
+        # Replaced, never changed, because any thread reads it.
+        self._streams: tuple[weakref.ref[MessageStream[_Message]], ...] = ()
+        self._kept: dict[Any, None] = {}  # what awaits a message, and nothing else may refer to
         self._buffer, self._node = buffer, node
         self._queue = callback_queue(node)
         self._subscription: Any = None
@@ -189,8 +187,7 @@ class MessageFilter(Generic[_Message]):
             raise ValueError(f"queue_size: expected 0 or more, got {queue_size}")
         self._queue_size = queue_size
         self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
-        self._numbers = itertools.count(1)
-        self._waiting: dict[int, _Queued] = {}  # the oldest first
+        self._waiting: dict[QueuedMessage, None] = {}  # the oldest first
         # How many have ended in which way.
         self._ended: dict[str, int] = dict.fromkeys((PASSED, CLEARED, *FilterFailureReason), 0)
         self._dropped_in_a_row = 0
@@ -207,10 +204,17 @@ class MessageFilter(Generic[_Message]):
         refuse_inherited(self, self._process)
         if self._closed:
             return
-        header = getattr(message, "header", None)
+        header: Any = getattr(message, "header", None)
         if not hasattr(header, "frame_id") or not hasattr(header, "stamp"):
             raise TypeError(f"{kind_of(message)} has no header with a frame and a time")
-        call_despite_signals(partial(self._begin, _Queued(self, message, header)))
+        # Without a leading slash, which a buffer also removes from the names of transforms.
+        frame = frame_name(header.frame_id, "header.frame_id").removeprefix("/")
+        queued = QueuedMessage(self, message, frame, time_ns(header.stamp, "header.stamp"))
+        try:
+            self._begin(queued)
+        except BaseException:
+            queued.cancel()  # nothing may be left that waits for nothing
+            raise
 
     def registerCallback(
         self, callback: "Callable[[_Message, Unpack[_More]], object]", *arguments: "Unpack[_More]"
@@ -248,8 +252,8 @@ class MessageFilter(Generic[_Message]):
     def clear(self) -> None:
         """Remove the messages that wait, and those for which no callback was called yet."""
         refuse_inherited(self, self._process)
-        for queued in list(self._waiting.values()):
-            self._forget(queued)
+        for queued in list(self._waiting):
+            queued.cancel()
 
     def close(self) -> None:
         """Take no more messages, remove those that wait, and end the iterations; may be called again."""
@@ -260,7 +264,7 @@ class MessageFilter(Generic[_Message]):
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
         self.clear()
-        for stream in self._streams:
+        for stream in self._live_streams():
             stream.close()
 
     def __enter__(self) -> "MessageFilter[_Message]":
@@ -299,10 +303,14 @@ class MessageFilter(Generic[_Message]):
     def __aiter__(self) -> "MessageStream[_Message]":
         refuse_inherited(self, self._process)
         stream: MessageStream[_Message] = MessageStream(self._has_ended, self._kept)
-        self._streams.add(stream)
+        self._streams = (*map(weakref.ref, self._live_streams()), weakref.ref(stream))
         if self._closed:
             stream.close()
         return stream
+
+    def _live_streams(self) -> "list[MessageStream[_Message]]":
+        streams = (reference() for reference in self._streams)
+        return [stream for stream in streams if stream is not None]
 
     def _has_ended(self) -> bool:
         refuse_inherited(self, self._process)
@@ -326,203 +334,92 @@ class MessageFilter(Generic[_Message]):
         elif input is not None:
             raise TypeError(f"input: expected (message type, topic, qos), a filter, or None, got {input!r}")
 
-    # What becomes of a message. There is no lock: a message ends when `end_message` removes it from those
-    # that wait, which is one step for all threads and signal handlers. Everything else may be repeated, and
-    # is, where a signal handler has cut it short.
-
-    def _begin(self, queued: "_Queued") -> None:
-        if not queued.number:
-            number = next(self._numbers)
-            self._waiting[number], queued.number = queued, number
-        reason = None
-        if not self._look_up(queued):
-            if self._is_too_old(queued):
-                reason = FilterFailureReason.OUT_THE_BACK
-            elif self._timeout_ns is not None and self._timeout_ns <= 0:
-                reason = FilterFailureReason.NO_TRANSFORM_FOUND
-            elif self._timeout_ns is not None:
+    def _begin(self, queued: QueuedMessage) -> None:
+        outcome = self._look_up(queued)
+        if outcome is None and self._is_too_old(queued):
+            outcome = FilterFailureReason.OUT_THE_BACK
+        elif outcome is None and self._timeout_ns is not None:
+            if self._timeout_ns <= 0:
+                outcome = FilterFailureReason.NO_TRANSFORM_FOUND
+            else:
                 deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
-        if queued.outcome is not None:
-            # The insert that this one needs may have completed earlier ones, and has not called back yet.
-            while (oldest := first_value(self._waiting)) not in (None, queued) and oldest.is_answered():
-                self._advance(oldest)
-        self._end(queued, reason)
+        if outcome is not None:
+            # The transform of this one may have completed earlier ones, whose callbacks wait for an executor.
+            while (oldest := self._oldest()) not in (None, queued) and oldest.over():
+                oldest()
+            queued.end(outcome)
         # Those that were added before may have become too old while they waited.
-        while (oldest := first_value(self._waiting)) is not None and self._is_too_old(oldest):
-            self._end(oldest, FilterFailureReason.OUT_THE_BACK)
-        self._keep_to_size()
-
-    def _advance(self, queued: "_Queued") -> None:
-        if self._look_up(queued):
-            self._end(queued)
-
-    def _keep_to_size(self) -> None:
+        while (oldest := self._oldest()) is not None and self._is_too_old(oldest):
+            self._drop(oldest, FilterFailureReason.OUT_THE_BACK)
         while self._queue_size and len(self._waiting) > self._queue_size:
-            oldest = first_value(self._waiting)
-            if oldest is not None:
-                self._end(oldest, FilterFailureReason.QUEUE_FULL)
+            if (oldest := self._oldest()) is not None:
+                self._drop(oldest, FilterFailureReason.QUEUE_FULL)
 
-    def _look_up(self, queued: "_Queued") -> bool:
+    def _drop(self, queued: QueuedMessage, reason: FilterFailureReason) -> None:
+        # What it lacked may have been received without having been reported.
+        queued.end(self._look_up(queued) or reason)
+
+    def _oldest(self) -> QueuedMessage | None:
+        return first_key(self._waiting)
+
+    def _look_up(self, queued: QueuedMessage) -> TransformStamped | FilterFailureReason | None:
         """
-        Note that a message can pass, or never will; otherwise wait for the first transform that it lacks.
+        The transform into the first target frame, if all are available; the reason, if they will never be.
 
-        Other threads may do the same at the same time.
+        Otherwise wait for the first one that a message lacks. Several threads may do so at the same time.
         """
         while True:
-            queued.outcome = None
             wait, outcome = self._lacking(queued)
-            queued.wait, queued.outcome = wait, outcome
-            if queued.number not in self._waiting:
-                queued.stop()
-            elif wait is not None and wait.answer is not None:
-                continue  # another thread has just inserted it
-            return outcome is not None
+            queued.waits_for(wait)
+            # Another thread may just have inserted it, and be superseded by this one.
+            if wait is None or wait.answer is None:
+                return outcome
 
-    def _lacking(self, queued: "_Queued") -> tuple[Any, Any]:
+    def _lacking(self, queued: QueuedMessage) -> tuple[Any, TransformStamped | FilterFailureReason | None]:
         first = None
         try:
             for frame, later_ns in self._needed:
                 if later_ns and not queued.stamp_ns:
                     continue  # the latest time has no later one
                 stamp_ns = queued.stamp_ns + later_ns
-                wait = BufferCore._wait(
-                    self._buffer, frame, queued.frame, stamp_ns, notify=partial(self._answered, queued)
-                )
+                wait = BufferCore._wait(self._buffer, frame, queued.frame, stamp_ns, notify=queued.answered)
                 answer = wait.answer
                 if answer is None:
                     return wait, None
                 first = first or answer
-        except (TransformException, OverflowError, ValueError) as error:
-            return None, str(error)
+        except (TransformException, OverflowError, ValueError):
+            if not queued.frame:
+                return None, FilterFailureReason.EMPTY_FRAME_ID
+            return None, FilterFailureReason.NO_TRANSFORM_FOUND
         return None, first
 
-    def _answered(self, queued: "_Queued", _: Any) -> Ending | None:
-        """What follows from an insert, in its thread: what runs the callbacks, if there are any."""
-        if not self._look_up(queued):
-            return None
-        ending = self._ending(queued)
-        if self._calls_back():
-            return ending
-        ending()
-        return None
-
-    def _ending(self, queued: "_Queued", reason: FilterFailureReason | None = None) -> Ending:
-        """What makes the call of :meth:`_end`, or forgets the message."""
-        return Ending(partial(self._end, queued, reason), partial(self._forget, queued), self._queue)
-
-    def _calls_back(self) -> bool:
-        return bool(self.callbacks or self._failure_callbacks)
-
-    def _expire(self, queued: "_Queued") -> None:
+    def _expire(self, queued: QueuedMessage) -> None:
         """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
-        if queued.is_answered() and self._look_up(queued):
-            return  # it is about to pass
-        queue = self._queue if self._calls_back() else None
-        call_in_executor(queue, self._ending(queued, FilterFailureReason.TIMEOUT))
+        ending = queued.end_or_queue(self._look_up(queued) or FilterFailureReason.TIMEOUT)
+        if ending is not None and not put_in_executor(self._queue, ending):
+            ending()
 
-    def _is_too_old(self, queued: "_Queued") -> bool:
+    def _is_too_old(self, queued: QueuedMessage) -> bool:
         """Whether the buffer would refuse data of a message's time for every frame on the path."""
-        for frame in self._frames if queued.stamp_ns and queued.outcome is None else ():
+        for frame in self._frames if queued.stamp_ns and not queued.over() else ():
             with suppress(TransformException):  # not connected yet
                 newest = BufferCore.get_latest_common_time(self._buffer, frame, queued.frame)
                 if newest.nanoseconds - self._buffer.cache_time_ns > queued.stamp_ns:
                     return True
         return False
 
-    def _end(self, queued: "_Queued", reason: FilterFailureReason | None = None) -> None:
-        """Let a message pass if it can, or else drop it for this reason; without one, it waits on."""
-        if reason is not None and queued.is_answered():
-            self._look_up(queued)  # the insert has not come to it yet
-        outcome, message = queued.outcome, queued.message
-        if isinstance(outcome, str):
-            unnamed = not queued.frame
-            reason = FilterFailureReason.EMPTY_FRAME_ID if unnamed else FilterFailureReason.NO_TRANSFORM_FOUND
-        elif outcome is not None:
-            reason = None
-        elif reason is None:
-            return
-        calls: list[Callable[[], object]] = []
-        if reason is None:
-            passed: Any = (message, outcome)
-            for stream in self._streams:
-                # The second may be repeated.
-                calls.append(partial(stream.items.append, passed))
-                calls.append(partial(call_despite_signals, stream.wake))
-            calls += [partial(callback, message, *more) for callback, more in list(self.callbacks.values())]
-        else:
-            failed = list(self._failure_callbacks.values())
-            calls += [partial(callback, message, reason, *more) for callback, more in failed]
-        try:
-            if end_message(self._waiting, queued.number, self._ended, reason or PASSED, calls):
-                self._warn_of_drops(queued, reason)
-        finally:
-            queued.stop()
-
-    def _forget(self, queued: "_Queued", _: object = None) -> None:
-        """Remove a message without calling back."""
-        end_message(self._waiting, queued.number, self._ended, CLEARED, [])
-        queued.stop()
-
-    def _warn_of_drops(self, queued: "_Queued", reason: FilterFailureReason | None) -> None:
-        self._dropped_in_a_row = 0 if reason is None else self._dropped_in_a_row + 1
-        if reason is None or self._dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
+    def _warn_of_drops(self, queued: QueuedMessage, outcome: TransformStamped | FilterFailureReason) -> None:
+        is_dropped = isinstance(outcome, FilterFailureReason)
+        self._dropped_in_a_row = self._dropped_in_a_row + 1 if is_dropped else 0
+        if not is_dropped or self._dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
         frames = printable(" ".join(self._frames))
+        lacks = queued.wait.reason() if queued.wait is not None else ""
         self._node.get_logger().warning(
             f"MessageFilter [target={frames}]: the last {self._dropped_in_a_row} messages were dropped; the "
-            f"newest, from frame [{printable(queued.frame)}], for {reason.value}. {queued.lacks()}".rstrip()
+            f"newest, from frame [{printable(queued.frame)}], for {outcome.value}. {lacks}".rstrip()
         )
-
-
-class _Queued:
-    """A message that waits."""
-
-    __slots__ = (
-        "__weakref__",
-        "_filter",
-        "frame",
-        "message",
-        "number",
-        "outcome",
-        "stamp_ns",
-        "wait",
-    )
-
-    def __init__(self, filter: MessageFilter[Any], message: Any, header: Any) -> None:
-        self._filter = filter
-        self.message = message
-        self.number = 0  # in the order of arrival; 0: not added yet
-        # Without a leading slash, which a buffer also removes from the names of transforms.
-        self.frame = frame_name(header.frame_id, "header.frame_id").removeprefix("/")
-        self.stamp_ns = time_ns(header.stamp, "header.stamp")
-        # The transform into the first target frame if it can pass; the text of the error if it never will.
-        self.outcome: TransformStamped | str | None = None
-        self.wait: Any = None  # for the first transform that it lacks
-
-    def stop(self) -> None:
-        """End the wait."""
-        self.wait = None
-
-    def is_answered(self) -> bool:
-        """Whether what it waited for has been inserted, or nothing is missing."""
-        wait = self.wait
-        return self.outcome is not None or (wait is not None and wait.answer is not None)
-
-    def lacks(self) -> str:
-        """Why it cannot pass."""
-        wait = self.wait
-        return str(self.outcome or (wait and wait.reason()) or "")
-
-    # The protocol of what has a deadline.
-
-    def over(self) -> bool:
-        """Whether it waits no more."""
-        return self.number not in self._filter._waiting
-
-    def expire(self) -> None:
-        """Drop the message."""
-        self._filter._expire(self)
 
 
 class MessageStream(Generic[_Message]):
@@ -535,21 +432,17 @@ class MessageStream(Generic[_Message]):
     If several iterate, each item is given to one of them.
     """
 
-    def __init__(self, has_ended: Callable[[], bool], kept: set[Any]) -> None:
+    def __init__(self, has_ended: Callable[[], bool], kept: dict[Any, None]) -> None:
         self._has_ended = has_ended
         self._kept = kept
         self.items: deque[tuple[_Message, TransformStamped]] = deque()
-        self._arrival: WakingFuture[None] = WakingFuture(has_ended, kept)  # all that iterate await it
+        self.arrival: WakingFuture[None] = WakingFuture(has_ended, kept)  # all that iterate await it
         self._closed = False
-
-    def wake(self) -> None:
-        """Have all that iterate look again; may be repeated."""
-        self._arrival.set_result(None)
 
     def close(self) -> None:
         """End the iteration after the last item."""
         self._closed = True
-        self.wake()
+        self.arrival.end()
 
     def __aiter__(self) -> "MessageStream[_Message]":
         return self
@@ -557,9 +450,9 @@ class MessageStream(Generic[_Message]):
     async def __anext__(self) -> tuple[_Message, TransformStamped]:
         while True:
             with LOCK:
-                if self._arrival.done():
-                    self._arrival = WakingFuture(self._has_ended, self._kept)
-                arrival = self._arrival
+                if self.arrival.done():
+                    self.arrival = WakingFuture(self._has_ended, self._kept)
+                arrival = self.arrival
             # First this, then the check; who appends an item does this in the opposite order.
             try:
                 return self.items.popleft()

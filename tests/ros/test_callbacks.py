@@ -206,7 +206,7 @@ class TestEndOfTheNode:
         with pytest.raises(tf2_ros.TimeoutException, match=text):
             asyncio.run(main()) if awaited else until(future.done) and future.result()
         assert names == []
-        assert buffer._tf2_kept == set()
+        assert not buffer._tf2_kept
         context.try_shutdown()
 
     @pytest.mark.parametrize("end", ["destroyed", "shut down"])

@@ -50,7 +50,7 @@ def test_awaits_that_are_cancelled_leave_nothing_on_the_future(tf2_ros):
             task.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await task
-        assert future._WakingFuture__done_callbacks == []
+        assert future.done_callbacks == []
         future.cancel()
 
     asyncio.run(main())
@@ -87,23 +87,17 @@ class TestEachLine:
                 self.reached = count.reached
 
             yield second, insert
-        assert second > 2, "nothing was interrupted"
+        assert second > 1, "nothing was interrupted"
 
-    def test_a_future_is_done(self, buffer):
-        for second, insert in self.rounds(buffer):
-            future = buffer.wait_for_transform_async("map", "robot", at(second), timeout=DEADLINE_S)
-            insert()
-            assert future.done()
-            assert buffer.statistics()["waiters"] == 0
-
-    def test_a_future_calls_its_callback(self, buffer):
+    def test_ending_a_future_runs_no_line_of_python(self, buffer):
         called = []
-        for second, insert in self.rounds(buffer):
-            future = buffer.wait_for_transform_async("map", "robot", at(second))
-            future.add_done_callback(called.append)
-            insert()
-            assert called == [future]
-            called.clear()
+        future = buffer.wait_for_transform_async("map", "robot", at(1), timeout=DEADLINE_S)
+        future.add_done_callback(called.append)
+        with interrupted(1) as count:
+            buffer.set_transform(transform("map", "robot", 1), "x")
+        assert called == [future]
+        assert not count.reached
+        assert buffer.statistics()["waiters"] == 0
 
     def test_a_task_of_asyncio_goes_on(self, buffer):
         async def main():
@@ -147,21 +141,18 @@ class TestEachLine:
             assert filter.statistics()["received"] == filter.statistics()["passed"] == second
 
     @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # rclpy's Future.__init__
-    @pytest.mark.parametrize("nested", [False, True])
-    def test_a_subscription_to_changes_gets_the_last_one(self, buffer, nested):
+    def test_a_subscription_to_changes_gets_the_last_one(self, buffer):
         seen = []
 
         def note(found):
             seen.append(found.header.stamp)
-            if nested and found.header.stamp.nanosec == 0:
+            if found.header.stamp.nanosec == 0:
                 buffer.set_transform(transform("map", "robot", found.header.stamp.sec + 0.5), "x")
 
         subscription = buffer.on_change("map", "robot", note)
         for second, insert in self.rounds(buffer):
             insert()
-            if not nested:
-                buffer.set_transform(transform("map", "robot", second + 0.5), "x")
-            if nested and seen[-1].sec != second:
+            if seen[-1].sec != second:
                 continue  # the call itself was interrupted
             newest = buffer.lookup_transform("map", "robot", Time()).header.stamp
             # A thread may call back with a change that came before the next wait.

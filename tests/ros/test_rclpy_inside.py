@@ -17,7 +17,7 @@ from spinning import spinning
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import _rclpy
-from tf2_ros._wait import rounds
+from tf2_ros._wait import endings, rounds
 
 
 def ignore(message):
@@ -179,8 +179,8 @@ class TestTasksAndFutures:
 
         ros.spin_until_future_complete(node, Watching(), timeout_sec=0.01)
         assert added
-        assert all(rounds.only_wakes(callback) for callback in added)
-        assert not rounds.only_wakes(print)
+        assert all(endings.only_wakes(callback) for callback in added)
+        assert not endings.only_wakes(print)
 
 
 def test_only_one_module_reads_rclpys_inside():

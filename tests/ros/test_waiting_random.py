@@ -166,7 +166,7 @@ def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
     for reference in begun:
         end(reference())
     assert buffer.statistics()["waiters"] == 0, "a wait goes on that nobody waits for"
-    assert buffer._tf2_kept == set()
+    assert not buffer._tf2_kept
     ends = sum((player.ends for player in players), Counter())
     assert ends.keys() == {"cancelled", "NoneType", "TimeoutException"}, "the game is too simple"
     for player in players:

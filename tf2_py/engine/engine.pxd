@@ -52,7 +52,7 @@ cdef class Engine:
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
-    cdef readonly set _tf2_kept         # what waits for this engine, and nothing else may refer to
+    cdef readonly dict _tf2_kept        # its keys wait for this engine, and nothing else may refer to them
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef Tap _tap                       # of what a program inserts here; or None
 

@@ -126,7 +126,7 @@ cdef class Engine:
             raise MemoryError
         self._throttle, self._refusals = Throttle(), Throttle()
         self._advice = Advice()
-        self._tf2_kept = set()
+        self._tf2_kept = {}
         self._names, self._authorities = [], []
 
     def __dealloc__(self):
@@ -623,22 +623,6 @@ def call_despite_signals(call):
         try:
             call()
             break
-        except BaseException as raised:
-            errors.append(raised)
-    if errors:
-        raise errors[0]
-
-
-def call_all(calls, *_):
-    """
-    Call each of these, and in the end raise the first exception, if there was one.
-
-    Further arguments are ignored, so that this can be the callback of a future.
-    """
-    cdef list errors = []
-    for call in calls:
-        try:
-            call()
         except BaseException as raised:
             errors.append(raised)
     if errors:

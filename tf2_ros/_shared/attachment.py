@@ -24,7 +24,7 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._rcl import problem
     from tf2_ros._rclpy import context_was_shut_down
     from tf2_ros._wait.callbacks import hand_over, queue_of
-    from tf2_ros._wait.rounds import Ending
+    from tf2_ros._wait.endings import Ending
 
 
 def open_ring(name: str) -> RingReader:

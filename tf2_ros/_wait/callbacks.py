@@ -16,7 +16,8 @@ from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._nodes import WaitContexts, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down, is_in_executor, new_wake_handle
 from tf2_ros._receive.inboxes import check_regularly
-from tf2_ros._wait.rounds import Ending, ExecutorRounds
+from tf2_ros._wait.endings import Ending
+from tf2_ros._wait.rounds import ExecutorRounds
 from tf2_ros._wait.timers import call_logged
 
 Call = Callable[[], object]
@@ -160,12 +161,12 @@ def queue_of(buffer: object) -> CallbackQueue | None:
     return None
 
 
-def call_in_executor(queue: CallbackQueue | None, call: Call) -> None:
-    """Have the executor that has the node of a queue run a call; if none has it now, run it here."""
-    if queue is not None and queue.is_in_executor():
-        queue.put(call)
-    else:
-        call()
+def put_in_executor(queue: CallbackQueue | None, call: Call) -> bool:
+    """Have the executor that has the node of a queue run a call; return False if none has it now."""
+    if queue is None or not queue.is_in_executor():
+        return False
+    queue.put(call)
+    return True
 
 
 def hand_over(calls: Iterable[Ending], queue: CallbackQueue | None) -> None:

@@ -1,5 +1,5 @@
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from types import FrameType
 from typing import Any, Protocol, TypeVar, type_check_only
 
@@ -7,9 +7,6 @@ from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import Watching
 
 _Rounds = TypeVar("_Rounds", bound=ExecutorRounds)
-_Key = TypeVar("_Key")
-_Kind = TypeVar("_Kind")
-_Value = TypeVar("_Value")
 
 @type_check_only
 class Sleeper(Protocol):
@@ -42,27 +39,4 @@ class ExecutorRounds(Watching):
     def run(self, count: int) -> None: ...
     def wake(self) -> None: ...
 
-class Waker: ...
-
-def finalize(future: Any) -> None: ...
-
-class Ending:
-    def __init__(
-        self, end: Callable[[], object], drop: Callable[[str], object], queue: Any = None
-    ) -> None: ...
-    @property
-    def queue(self) -> Any: ...
-    def __call__(self, *args: object, **kwargs: object) -> None: ...
-    def drop(self, why: str) -> None: ...
-
-def only_wakes(callback: object) -> bool: ...
-def run_done_callbacks(future: Any, callbacks: list[Callable[[Any], object]]) -> None: ...
-def end_message(
-    waiting: dict[_Key, Any],
-    number: _Key,
-    counts: dict[_Kind, int],
-    kind: _Kind,
-    calls: Iterable[Callable[[], object]],
-) -> bool: ...
-def first_value(mapping: dict[Any, _Value]) -> _Value | None: ...
 def is_below_own_loop(frame: FrameType | None) -> bool: ...

@@ -21,17 +21,14 @@ from tf2_ros._receive.inbox cimport Watching
 
 import sys
 import traceback
-import warnings
 from collections import deque
-from functools import partial
 from threading import get_ident, main_thread
-from types import FunctionType
 
 import rclpy
 from rclpy.executors import Executor
 from rclpy.waitable import NumberOfEntities
 
-from tf2_py._internal import call_despite_signals, log
+from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._rclpy import has_tasks
 
@@ -114,133 +111,6 @@ def is_below_own_loop(frame):
             return True
         frame = frame.f_back
     return False
-
-
-class Waker:
-    """The done callback of a future that only wakes whatever awaits it, and may be called several times."""
-
-
-cdef enum:
-    TRIES = 10      # a second signal during a call that only wakes something is rare already
-
-
-cpdef bint only_wakes(callback):
-    """
-    Whether a done callback runs no user code: ours, or one by which an executor wakes itself.
-
-    Assumes that those are functions of ``rclpy.executors``. Otherwise they are treated as a program's.
-    """
-    if isinstance(callback, Waker):
-        return True
-    return isinstance(callback, FunctionType) and callback.__module__ == "rclpy.executors"
-
-
-def run_done_callbacks(future, list callbacks):
-    """
-    Remove the callbacks from their list, and call each with the future, in the end raising the first error.
-
-    An ``Exception`` of a callback becomes a warning, as in rclpy, which does not call those behind one that
-    raises anything else. What only wakes comes last, so that whatever awaits the future finds that the
-    program's callbacks have run; it is called again if a signal handler has cut it short.
-    """
-    cdef int tries
-    cdef list errors = []
-    while True:
-        callback = _next(callbacks)
-        if callback is None:
-            break
-        tries = TRIES if only_wakes(callback) else 1
-        failed = None
-        while tries > 0:
-            tries -= 1
-            try:
-                callback(future)
-            except BaseException as raised:
-                failed = raised
-            else:
-                if failed is not None:
-                    errors.append(failed)   # of a signal handler
-                    failed = None
-                break
-        if isinstance(failed, Exception):
-            try:
-                warnings.warn(f"Unhandled exception in done callback: {failed}", stacklevel=2)
-            except BaseException as raised:
-                errors.append(raised)
-        elif failed is not None:
-            errors.append(failed)
-    if errors:
-        raise errors[0]
-
-
-cdef object _next(list callbacks):
-    # Remove the next one from the list, in one step; None if there is none.
-    cdef Py_ssize_t i
-    for i in range(len(callbacks)):
-        if not only_wakes(callbacks[i]):
-            return callbacks.pop(i)
-    return callbacks.pop(0) if callbacks else None
-
-
-def finalize(future):
-    """As the finalizer of rclpy's Future, which is Python: there, a Ctrl-C would be lost."""
-    if future._exception is not None and not future._exception_fetched:
-        print(f"The following exception was never retrieved: {future._exception}", file=sys.stderr)
-
-
-cdef class Ending:
-    """
-    Ends a wait that has its answer, together with its callbacks; may be called several times.
-
-    :param end: does so; called again where a signal handler has cut it short.
-    :param drop: called with the reason if nothing will call this any more; runs no user code.
-    :param queue: the CallbackQueue that must call this; None: that of whatever received the transform.
-    """
-
-    cdef object _end, _drop
-    cdef readonly object queue
-
-    def __init__(self, end, drop, queue=None):
-        self._end, self._drop, self.queue = end, drop, queue
-
-    def __call__(self):
-        call_despite_signals(self._end)
-
-    def drop(self, why):
-        """End the wait without its callbacks."""
-        call_despite_signals(partial(self._drop, why))
-
-
-def end_message(waiting, number, counts, kind, calls):
-    """
-    Remove a message from those that wait, count it, and make these calls, in one step; not if it was removed.
-
-    What a call raises is logged, if it is an ``Exception``; anything else is raised after the last call.
-
-    :return: whether it was there.
-    """
-    if waiting.pop(number, None) is None:
-        return False
-    counts[kind] += 1
-    cdef list errors = []
-    for call in calls:
-        try:
-            try:
-                call()
-            except Exception:
-                log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
-        except BaseException as raised:
-            errors.append(raised)
-    if errors:
-        raise errors[0]
-    return True
-
-
-def first_value(mapping):
-    """The first value of a dict, or None, in one step."""
-    for value in mapping.values():
-        return value
-    return None
 
 
 @cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed

@@ -1,0 +1,390 @@
+"""
+End futures, messages of filters and subscriptions to changes, each in one step with its callbacks.
+
+This is Cython because no signal handler and no other thread runs between two of its lines that run no code in
+Python. So nothing here needs a lock, and nothing has to be repeated after an interrupt.
+"""
+
+from libc.stdint cimport int64_t
+
+import sys
+import traceback
+import warnings
+from types import FunctionType
+
+from tf2_py import BufferCore, TimeoutException
+from tf2_py._internal import log
+
+PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
+
+cdef enum:
+    TRIES = 10      # a second signal during a call that only wakes something is rare already
+
+
+# The life of a future, from the first to one of the last two.
+cdef enum State:
+    PENDING
+    QUEUED      # it has an outcome, which is not visible; what runs its callbacks will end it with them
+    DONE
+    CANCELLED
+
+cdef tuple STATES = ("pending", "queued", "done", "cancelled")
+
+
+cdef class Ending:
+    """
+    What ends once, with its callbacks. The first outcome counts, but cancelling replaces one that is queued.
+
+    It is called to end it with the outcome that is queued.
+    """
+
+    cdef object __weakref__
+    cdef State _state
+    cdef object _result, _error
+    cdef public object wait     # for what it lacks, with the buffer; None: for nothing of a buffer
+    cdef public dict kept       # the owner's references to what nothing else may refer to
+    cdef readonly object queue  # the CallbackQueue that must call it; None: of what received the transform
+
+    def __cinit__(self, *_, **__):
+        self.kept = {}
+
+    @property
+    def state(self):
+        """A word for its state."""
+        return STATES[self._state]
+
+    def over(self):
+        """Whether it has an outcome, so that no deadline ends it."""
+        return self._state != PENDING
+
+    def has_ended(self):
+        """Whether it has an outcome that is visible."""
+        return self._state >= DONE
+
+    def answered(self, answer):
+        """End with the answer of what it waits for; called by the engine. See :meth:`end_or_queue`."""
+        return self.end_or_queue(answer)
+
+    def end(self, result=None, error=None):
+        """End with this outcome, unless it has one, and run the callbacks in this thread."""
+        if self._state == PENDING:
+            self._result, self._error = result, error
+        if self._state < DONE:
+            self._end(DONE)
+
+    def end_or_queue(self, result=None, error=None):
+        """
+        End with this outcome, unless it has one; if that runs user code, only note it.
+
+        :return: what has to be called in that case.
+        """
+        if self._state == PENDING:
+            self._result, self._error = result, error
+            if self._runs_user_code():
+                self._state = QUEUED
+                return self
+            self._end(DONE)
+        return None
+
+    def __call__(self):
+        if self._state == QUEUED:
+            self._end(DONE)
+
+    def cancel(self):
+        """End the wait; without effect if it has ended."""
+        if self._state < DONE:
+            self._end(CANCELLED)
+
+    def drop(self, why):
+        """End a queued one without its callbacks, because nothing can run them any more."""
+        if self._state == QUEUED:
+            self._end(CANCELLED)
+
+    cdef int _end(self, State state) except -1:
+        cdef list errors = []   # making it may run a finalizer, which may end this
+        if self._state >= DONE:
+            return 0
+        self._state = state
+        self.kept.pop(self, None)
+        if self.wait is not None:
+            self.wait.cancel()
+        self._call_back(errors)
+        self.wait = None
+        if errors:
+            raise errors[0]
+        return 0
+
+    # For subclasses.
+
+    cdef bint _runs_user_code(self) except -1:
+        return True
+
+    cdef int _call_back(self, list errors) except -1:
+        # What the callbacks raise is added to the errors, the first of which is raised after the last one.
+        return 0
+
+
+def notify(reference, answer):
+    """Call ``answered`` of what a weak reference refers to, if it exists."""
+    ending = reference()
+    return None if ending is None else ending.answered(answer)
+
+
+class Waker:
+    """The done callback of a future that only wakes whatever awaits it, and may be called several times."""
+
+
+cpdef bint only_wakes(callback):
+    """
+    Whether a done callback runs no user code: ours, or one by which an executor wakes itself.
+
+    Assumes that those are functions of ``rclpy.executors``. Otherwise they are treated as a program's.
+    """
+    if isinstance(callback, Waker):
+        return True
+    return isinstance(callback, FunctionType) and callback.__module__ == "rclpy.executors"
+
+
+cdef class FutureEnding(Ending):
+    """The part of a future that ends it; see rclpy's Future."""
+
+    cdef readonly list done_callbacks
+    cdef bint _is_fetched
+
+    def __cinit__(self, *_, **__):
+        self.done_callbacks = []
+
+    def __del__(self):
+        if self._state == DONE and self._error is not None and not self._is_fetched:
+            print(f"The following exception was never retrieved: {self._error}", file=sys.stderr)
+
+    def done(self):
+        """Whether it has a result or an exception."""
+        return self._state == DONE
+
+    def cancelled(self):
+        """Whether it was cancelled."""
+        return self._state == CANCELLED
+
+    def result(self):
+        """The result, or raise the exception. None while there is neither, as rclpy's."""
+        error = self.exception()
+        if error is not None:
+            raise error
+        return self._result if self._state == DONE else None
+
+    def exception(self):
+        """The exception, or None."""
+        self._is_fetched = True
+        return self._error if self._state == DONE else None
+
+    def set_result(self, result):
+        """End with this result, unless it has an outcome."""
+        self.end(result)
+
+    def set_exception(self, exception):
+        """End with this exception, unless it has an outcome."""
+        self.end(None, exception)
+
+    def add_done_callback(self, callback):
+        """Add a callback, which keeps the future alive; if it has ended, call it here."""
+        if self._state >= DONE:
+            callback(self)
+            return
+        self.done_callbacks.append(callback)
+        if not only_wakes(callback):
+            self.kept[self] = None
+
+    def remove_done_callback(self, callback):
+        """Remove a callback; whether it had been added."""
+        try:
+            self.done_callbacks.remove(callback)
+        except ValueError:
+            return False
+        if not self._runs_user_code():
+            self.kept.pop(self, None)
+        return True
+
+    def drop(self, why):
+        error = TimeoutException(f"The callbacks of this wait were dropped, because {why}")
+        cdef list wakers = [one for one in self.done_callbacks if only_wakes(one)]
+        if self._state == QUEUED:
+            self.done_callbacks = wakers
+            self._result, self._error = None, error
+            self._end(DONE)
+
+    cdef bint _runs_user_code(self) except -1:
+        for callback in self.done_callbacks:
+            if not only_wakes(callback):
+                return True
+        return False
+
+    cdef int _call_back(self, list errors) except -1:
+        # What only wakes comes last, so that whatever awaits the future finds that the program's callbacks
+        # have run; it is called again if a signal handler has cut it short.
+        cdef list callbacks = self.done_callbacks
+        self.done_callbacks = []
+        for callback in callbacks:
+            if not only_wakes(callback):
+                _call(callback, self, 1, errors)
+        for callback in callbacks:
+            if only_wakes(callback):
+                _call(callback, self, TRIES, errors)
+        return 0
+
+
+cdef int _call(callback, argument, int tries, list errors) except -1:
+    # An `Exception` of a callback becomes a warning, as in rclpy.
+    error = None
+    while tries > 0:
+        tries -= 1
+        try:
+            callback(argument)
+            break
+        except BaseException as raised:
+            error = raised
+    if isinstance(error, Exception):
+        try:
+            warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=2)
+        except BaseException as raised:
+            errors.append(raised)
+    elif error is not None:
+        errors.append(error)
+    return 0
+
+
+cdef class QueuedMessage(Ending):
+    """
+    A message that waits in a MessageFilter. Its result is a transform, or the reason why it is dropped.
+
+    :param frame: of its header, without a leading slash.
+    """
+
+    cdef readonly object message
+    cdef readonly str frame
+    cdef readonly int64_t stamp_ns
+    cdef object _filter
+
+    def __init__(self, filter, message, str frame, int64_t stamp_ns):
+        self.message, self.frame, self.stamp_ns = message, frame, stamp_ns
+        self._filter, self.queue, self.kept = filter, filter._queue, filter._waiting
+        self.kept[self] = None
+
+    def waits_for(self, wait):
+        """Note what it waits for, unless it has an outcome."""
+        if self._state == PENDING:
+            self.wait = wait
+
+    def answered(self, answer):
+        # It may lack another transform. If a signal handler cuts this short, the engine repeats it.
+        outcome = self._filter._look_up(self)
+        return None if outcome is None else self.end_or_queue(outcome)
+
+    def expire(self):
+        """Drop the message, because its timeout has passed."""
+        self._filter._expire(self)
+
+    cdef bint _runs_user_code(self) except -1:
+        return bool(self._filter.callbacks) or bool(self._filter._failure_callbacks)
+
+    cdef int _call_back(self, list errors) except -1:
+        cdef tuple given
+        filter, outcome = self._filter, self._result
+        if self._state == CANCELLED:
+            filter._ended[CLEARED] += 1
+            return 0
+        if isinstance(outcome, str):
+            filter._ended[outcome] += 1
+            callbacks, given = filter._failure_callbacks, (self.message, outcome)
+        else:
+            filter._ended[PASSED] += 1
+            callbacks, given = filter.callbacks, (self.message,)
+            for reference in filter._streams:
+                stream = reference()
+                if stream is not None:
+                    stream.items.append((self.message, outcome))
+                    try:
+                        stream.arrival.end()
+                    except BaseException as raised:
+                        errors.append(raised)
+        for callback, more in list(callbacks.values()):
+            try:
+                try:
+                    callback(*given, *more)
+                except Exception:
+                    log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
+            except BaseException as raised:
+                errors.append(raised)
+        try:
+            filter._warn_of_drops(self, outcome)
+        except BaseException as raised:
+            errors.append(raised)
+        return 0
+
+
+def first_key(dict mapping):
+    """The first key of a dict, or None, in one step."""
+    for key in mapping:
+        return key
+    return None
+
+
+cdef class ChangeSubscription(Ending):
+    """
+    Calls a function with each transform between two frames that differs from the previous one.
+
+    :param put: called with this; has an executor call it, or returns False.
+    """
+
+    cdef object _buffer, _callback, _put
+    cdef tuple _frames
+    cdef bint _is_running
+
+    def __init__(self, buffer, target_frame, source_frame, callback, put):
+        cdef list errors = []
+        self._buffer, self._frames = buffer, (target_frame, source_frame)
+        self._callback, self._put, self.kept = callback, put, buffer._tf2_kept
+        self.kept[self] = None
+        try:
+            if self._has_next(errors):
+                self()
+            if errors:
+                raise errors[0]
+        except BaseException:
+            self.cancel()   # the program gets nothing to cancel it with
+            raise
+
+    def __call__(self):
+        cdef list errors = []
+        while self._state == QUEUED and not self._is_running:
+            self._is_running = True
+            result, self._result = self._result, None
+            _call(self._callback, result, 1, errors)
+            if not self._has_next(errors):
+                break
+        if errors:
+            raise errors[0]
+
+    cdef bint _has_next(self, list errors) except -1:
+        # Wait for the next one. Whether it is available, and to be delivered by this thread.
+        self._is_running = True     # other threads leave what they insert to this one
+        if self._state < DONE:
+            self._state = PENDING
+            try:
+                self.wait = BufferCore._wait(
+                    self._buffer, *self._frames, 0, notify=self.answered, after=self.wait
+                )
+                if self.wait.answer is not None:
+                    self.answered(self.wait.answer)
+            except BaseException as raised:
+                errors.append(raised)
+                self.cancel()
+        self._is_running = False
+        if self._state != QUEUED:
+            return False
+        # As many may follow as arrive during the callback: an executor does other work in between.
+        try:
+            return not self._put(self)
+        except BaseException as raised:
+            errors.append(raised)   # of a signal handler
+            return True

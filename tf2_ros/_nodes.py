@@ -25,10 +25,9 @@ from tf2_ros._rclpy import (
     RCLError,
     context_was_shut_down,
     enter_handle,
-    executor_wake_handle,
     is_shut_down,
     mark_shut_down,
-    trigger,
+    wake,
 )
 from tf2_ros._receive.inboxes import check_regularly
 
@@ -96,7 +95,6 @@ class Spinner:
 
     :param daemon: let the interpreter exit while the thread runs. Otherwise the program continues until the
         node's context is shut down.
-    :param owner: kept alive by the thread.
     :param at_end: called by the thread when it ends, to destroy what only it uses.
     :param until: the node whose end ends the thread; None: the node that it spins.
 
@@ -110,15 +108,12 @@ class Spinner:
         node: Node,
         *,
         daemon: bool,
-        owner: object = None,
         at_end: Callable[[], None] | None = None,
         until: Node | None = None,
     ) -> None:
-        self._owner = owner
         self._at_end = at_end
         self._node = weakref.ref(until or node)
         self.executor = SingleThreadedExecutor(context=node.context)
-        self._wake_handle = executor_wake_handle(self.executor)
         self._process = os.getpid()
         keep_in_children(node)
         keep_in_children(self.executor)
@@ -141,7 +136,7 @@ class Spinner:
         if is_inherited(self._process):
             return
         # The spinning thread does the rest of the shutdown: another one could destroy what is in use.
-        mark_shut_down(self.executor, self._wake_handle)
+        mark_shut_down(self.executor)
         # It does not live if a signal handler raised before it was started.
         if wait and self.thread.is_alive() and self.thread is not threading.current_thread():
             self.thread.join(CALLBACK_END_WAIT_S)
@@ -150,7 +145,7 @@ class Spinner:
         """Wake the executor after a shutdown, see ``CallbackQueue._tf2_check``, and end with the node."""
         node = self._node()
         if context_was_shut_down(self.executor.context):
-            trigger(self._wake_handle)
+            wake(self.executor)
         elif (node is None or node_has_ended(node)) and len(self.executor.get_nodes()) <= 1:
             self.stop(wait=False)
 
@@ -164,7 +159,6 @@ class Spinner:
                 raise
             # The context ended, or a program shut the executor down, between two checks of the executor.
         finally:
-            self._owner = None
             for node in self.executor.get_nodes():
                 self.executor.remove_node(node)
             self.executor.shutdown()

@@ -110,36 +110,29 @@ def has_tasks(executor: Executor | None) -> bool:
     return tasks is None or len(tasks) > 0
 
 
-def executor_wake_handle(executor: Executor) -> Any:
-    """
-    The handle of the guard condition that wakes an executor.
-
-    Assumes the attribute ``_guard``. Without it, None.
-    """
-    return getattr(getattr(executor, "_guard", None), "handle", None)
-
-
-def mark_shut_down(executor: Executor, wake_handle: Any) -> None:
+def mark_shut_down(executor: Executor) -> None:
     """
     Let an executor end its spin, without destroying what another thread is using, and without its locks.
 
     Assumes that ``shutdown()`` begins by setting ``_is_shutdown`` and triggering the guard condition. An
-    executor without these is shut down in the ordinary way, without waiting for it.
-
-    :param wake_handle: of :func:`executor_wake_handle`, taken while the executor was new.
+    executor without this attribute is shut down in the ordinary way, without waiting for it.
     """
-    if wake_handle is None or not hasattr(executor, "_is_shutdown"):
+    if not hasattr(executor, "_is_shutdown"):
         executor.shutdown(timeout_sec=0)
         return
     executor._is_shutdown = True
-    trigger(wake_handle)
+    wake(executor)
 
 
-def trigger(wake_handle: Any) -> None:
-    """Wake the executor that waits for a guard condition, given its handle; without one, do nothing."""
-    if wake_handle is not None:
-        with suppress(InvalidHandle), wake_handle:  # it was destroyed: the spin has ended
-            wake_handle.trigger_guard_condition()
+def wake(executor: Executor) -> None:
+    """
+    Wake an executor, unless it was shut down.
+
+    Assumes that ``wake()`` takes no lock of the executor, and raises one of these errors if another thread is
+    shutting it down.
+    """
+    with suppress(AttributeError, InvalidHandle):
+        executor.wake()
 
 
 # Subscriptions.

@@ -337,11 +337,9 @@ class TransformListener:
             topic.context = getattr(self.node, "context", None)
 
     def __spin(self) -> None:
-        # Only the listener uses a hidden node; a program's own is spun also after the listener's end.
-        if self._tf2_owns_node:
-            spinner = Spinner(self.node, daemon=True, at_end=self.node.destroy_node)
-        else:
-            spinner = Spinner(self.node, daemon=False, owner=self)
+        # Only the listener uses a hidden node; a program's own keeps the program alive.
+        owns = self._tf2_owns_node
+        spinner = Spinner(self.node, daemon=owns, at_end=self.node.destroy_node if owns else None)
         self._tf2_spinner = spinner
         self.executor = spinner.executor
         self.dedicated_listener_thread = spinner.thread

@@ -85,8 +85,10 @@ class TestExecutors:
     def test_one_that_is_marked_ends_its_spin(self, executor):
         with spinning(executor):
             assert not _rclpy.is_shut_down(executor)
-            _rclpy.mark_shut_down(executor, _rclpy.executor_wake_handle(executor))
+            _rclpy.mark_shut_down(executor)
         assert _rclpy.is_shut_down(executor)
+        executor.shutdown()
+        _rclpy.wake(executor)
 
     def test_one_that_gave_a_node_away_remains_its_attribute(self, node, executor):
         assert not _rclpy.is_in_executor(node)

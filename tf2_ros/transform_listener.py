@@ -373,19 +373,6 @@ class StaticTransformListener(TransformListener):
     :param static_qos: a profile, or the depth of the queue. None: transient local, depth 100.
     :param tf_static_topic: the topic of static transforms.
     :param prefix: put before the names of all frames that arrive.
-
-    >>> from rclpy.duration import Duration
-    >>> from rclpy.time import Time
-    >>> from tf2_ros import Buffer, StaticTransformBroadcaster, StaticTransformListener
-    >>> from geometry_msgs.msg import TransformStamped
-    >>> mount = TransformStamped(child_frame_id="camera")
-    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
-    >>> StaticTransformBroadcaster(node).sendTransform(mount)  # usually in another process
-    >>> buffer = Buffer()
-    >>> with StaticTransformListener(buffer, node):
-    ...     answer = buffer.lookup_transform("base_link", "camera", Time(), timeout=Duration(seconds=5))
-    >>> answer.transform.translation.x
-    0.3
     """
 
     def __init__(

@@ -18,7 +18,6 @@ from rclpy.executors import Executor
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 from rclpy.task import Task
 
 # What the functions of the C++ part raise. Assumes that it has this name there; otherwise a RuntimeError,
@@ -26,17 +25,6 @@ from rclpy.task import Task
 RCLError: type[Exception] = getattr(rclpy_implementation, "RCLError", RuntimeError)
 
 # Handles: the objects of the C++ part, each counting its users.
-
-
-def handle_pointer(handle: Any) -> int:
-    """
-    The address of a handle's rcl struct.
-
-    Assumes the attribute ``pointer``, an int, which holds while the handle is in use (``enter_handle``).
-    Without it an AttributeError is raised.
-    """
-    pointer: int = handle.pointer
-    return pointer
 
 
 def enter_handle(handle: Any, uses: ExitStack) -> bool:
@@ -136,18 +124,6 @@ def wake(executor: Executor) -> None:
 
 
 # Subscriptions.
-
-
-def hide_from_executors(subscription: Subscription, is_hidden: bool = True) -> None:
-    """
-    Keep executors from waiting for a subscription and its events, or no longer.
-
-    Assumes that they skip an entity whose ``_executor_event`` is set, as if an executor were about to take
-    from it. An executor that ignores it takes messages, too, and inserts them by the subscription's callback.
-    """
-    events: Any = subscription.event_handlers  # rclpy declares them as one
-    for entity in (subscription, *events):
-        entity._executor_event = is_hidden
 
 
 def report_incompatible_qos(handler: EventHandler) -> None:

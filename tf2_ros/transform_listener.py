@@ -21,7 +21,7 @@ from tf2_py._internal import class_name
 from tf2_ros import _names
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
-from tf2_ros._nodes import Spinner, hidden_node, keep_in_children, note_filler
+from tf2_ros._nodes import Spinner, hidden_node, keep_in_children
 from tf2_ros._qos import transforms_qos
 from tf2_ros._rcl import problem
 from tf2_ros._receive.inbox import AUTHORITY
@@ -151,10 +151,13 @@ class TransformListener:
             Topic("tf_static_sub", "static_callback", tf_static_topic, static_qos, is_static=True),
         ]
         self._tf2_topics = [topic for topic in topics if topic.is_static or not static_only]
+        for topic in self._tf2_topics:
+            own = getattr(TransformListener, topic.method)
+            topic.is_own = getattr(self, topic.method) == own.__get__(self)
+        self._tf2_buffer = buffer
         try:
             if isinstance(self.node, Node) and problem() is None:
                 self._tf2_queue = callback_queue(self.node)
-            self.buffer = buffer
             given = [one for one in (qos, static_qos, recording) if one is not None]
             self.__attach(bool(static_only or prefix or given))
             if self._tf2_attachment is None:
@@ -164,6 +167,7 @@ class TransformListener:
                     "the listener of an attached buffer subscribes to nothing: it can neither put a prefix "
                     "before the names of frames nor record who sends transforms"
                 )
+            note_listener(self)
             if spin_thread or self._tf2_owns_node:
                 self.__spin()
         except BaseException:
@@ -185,10 +189,9 @@ class TransformListener:
         changed = self.__dict__.get("_tf2_buffer") is not buffer
         self._tf2_buffer = buffer
         if self._tf2_receiver is not None:
-            self._tf2_receiver.redirect()
+            self._tf2_receiver.redirect(self._tf2_direct_buffer())
         if changed and self._tf2_attachment is not None:
             self._tf2_attachment.leave(self, "this program gives the listener another buffer")
-        note_filler(self.__dict__.get("node"), buffer, self._tf2_queue)
         note_listener(self)
 
     @property
@@ -299,12 +302,7 @@ class TransformListener:
             return []  # a node may make subscriptions of its own kind
         if self._tf2_direct_buffer() is None:
             return []
-        return [topic for topic in self._tf2_topics if self.__is_own(topic)]
-
-    def __is_own(self, topic: Topic) -> bool:
-        """Whether the callback is this class's own method, and no other code."""
-        own = getattr(TransformListener, topic.method)
-        return bool(getattr(self, topic.method) == own.__get__(self))
+        return [topic for topic in self._tf2_topics if topic.is_own]
 
     def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to, and decide for each topic what takes its messages."""
@@ -316,25 +314,16 @@ class TransformListener:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
         for topic in self._tf2_topics:
-            self.__subscribe(topic, topic in taken)
-        if taken:
-            self._tf2_receiver = Receiver(self, taken, self._tf2_queue)
-        note_listener(self)
-
-    def __subscribe(self, topic: Topic, is_hidden: bool) -> None:
-        qos = transforms_qos(100, is_static=topic.is_static) if topic.qos is None else topic.qos
-        topic.is_counted = self.__is_own(topic)
-        self.group.hides = is_hidden
-        try:
+            qos = transforms_qos(100, is_static=topic.is_static) if topic.qos is None else topic.qos
             made = self.node.create_subscription(
                 TFMessage, topic.name, getattr(self, topic.method), qos, callback_group=self.group
             )
-        finally:
-            self.group.hides = False
-        self.__dict__[topic.attribute] = made
-        if isinstance(made, Subscription):
-            topic.subscription, topic.name = made, made.topic_name
-            topic.context = getattr(self.node, "context", None)
+            setattr(self, topic.attribute, made)
+            if isinstance(made, Subscription):
+                topic.subscription, topic.name = made, made.topic_name
+                topic.context = getattr(self.node, "context", None)
+        if taken:
+            self._tf2_receiver = Receiver(self, taken, self._tf2_queue)
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own keeps the program alive.

@@ -429,14 +429,12 @@ cdef class Inbox(ReadHook):
     cdef object _engine(self):
         return None if self._reference is None else self._reference()
 
-    def fills(self, Engine buffer not None):
-        """Whether the transforms go into this buffer."""
-        return self._state.engine == <void*>buffer
-
     def fill(self, Engine buffer):
         """Insert from now on into this buffer, which is not kept alive; None: into none."""
         cdef Parcels parcels
         cdef Copying copying = None
+        if buffer is not None and self._state.engine == <void*>buffer:
+            return
         reference = None if buffer is None else weakref.ref(buffer)
         # From here to the report no code in Python runs, and so no other thread that fills or drains.
         engine = self._engine()

@@ -1,7 +1,6 @@
 """Receive a listener's transforms without an executor, because no user code handles them."""
 
 import os
-import weakref
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -12,13 +11,13 @@ from rclpy.clock import ROSClock
 from rclpy.qos import HistoryPolicy
 from rclpy.subscription import Subscription
 
+from tf2_py import BufferCore
 from tf2_ros._forking import is_inherited
 from tf2_ros._rclpy import (
     context_was_shut_down,
     enter_handle,
-    handle_pointer,
-    hide_from_executors,
     report_incompatible_qos,
+    wake,
 )
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import add_owner, check_regularly, start_threads
@@ -32,17 +31,14 @@ class ListenerGroup(ReentrantCallbackGroup):
     """
     The callback group of a listener.
 
-    It is reentrant, so that transforms arrive while another callback of the node waits for them. While
-    ``hides`` is set, executors skip the subscriptions that are made in it, before they first see them.
+    It is reentrant, so that transforms arrive while another callback of the node waits for them.
     """
 
-    hides = False
+    hidden: frozenset[Any] = frozenset()  # subscriptions and their events, which executors skip
 
-    def add_entity(self, entity: Any) -> None:
-        """Add an entity, which is a new one of the node."""
-        if self.hides and isinstance(entity, Subscription):
-            hide_from_executors(entity)
-        super().add_entity(entity)
+    def can_execute(self, entity: Any) -> bool:
+        """Whether an executor may wait for an entity of the group now."""
+        return entity not in self.hidden
 
 
 class Receiver:
@@ -50,7 +46,8 @@ class Receiver:
     Inserts what arrives on a listener's topics into a buffer when that is read: the owner of an inbox.
 
     :param listener: a TransformListener, which has found that no user code handles the messages.
-    :param topics: those that it takes, whose subscriptions are hidden from executors.
+    :param topics: those that it takes, and hides from executors. An executor that has seen a subscription
+        before may take one more message, which the listener's callback inserts.
     :param queue: the CallbackQueue of the node, which is informed of what arrives.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked
@@ -58,11 +55,11 @@ class Receiver:
     """
 
     def __init__(self, listener: Any, topics: Sequence[Topic], queue: Any) -> None:
-        self._listener = weakref.ref(listener)
+        self._group: ListenerGroup = listener.group
         self._context = listener.node.context
         self._queue = queue
         self._process = os.getpid()
-        self._topics: list[Topic] = []  # replaced, never changed
+        self._topics: list[Topic] = []
         self._source = Subscriptions(listener._tf2_recording, listener._tf2_prefix)
         self.inbox = Inbox(self._source, queue.hand_over)
         self.inbox.inform(queue)
@@ -72,7 +69,7 @@ class Receiver:
         add_owner(self)
         check_regularly(self)
         queue.sleepers.add(self)
-        self.redirect()
+        self.redirect(listener._tf2_direct_buffer())
         if not queue.in_sets:
             self.before_sleep(False)  # the node has moved meanwhile
         self._context.on_shutdown(self.stop)  # referred to weakly there
@@ -83,17 +80,15 @@ class Receiver:
         is_dead = is_inherited(self._process) or context_was_shut_down(self._context)
         return [] if is_dead else self._topics
 
-    def redirect(self) -> None:
-        """Fill the listener's buffer from now on; leave all to executors if that is not a plain one."""
-        listener = self._listener()
-        buffer = None if listener is None else listener._tf2_direct_buffer()
+    def redirect(self, buffer: BufferCore | None) -> None:
+        """Fill this buffer from now on; None: user code handles transforms, so leave all to executors."""
         if buffer is None:
             self._leave_to_executors()
-        elif self._topics and not self.inbox.fills(buffer):
+        elif self._topics:
             self.inbox.fill(buffer)
             clock = getattr(buffer, "clock", None)
             if isinstance(clock, ROSClock):
-                self._source.follow(clock.handle, handle_pointer(clock.handle))
+                self._source.follow(clock.handle)
 
     def before_sleep(self, in_user_code: bool) -> None:
         """Prepare for an executor of the node that is about to sleep; see ``Sleeper``."""
@@ -109,7 +104,7 @@ class Receiver:
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
         if not is_inherited(self._process):
-            self._topics = []
+            self._set_topics([])
             self._queue.sleepers.discard(self)
             self.inbox.close()
 
@@ -131,36 +126,41 @@ class Receiver:
             for handler in subscription.event_handlers:
                 report_incompatible_qos(handler)
 
+    def _set_topics(self, topics: list[Topic]) -> None:
+        self._topics = topics  # never changed itself
+        subscriptions: list[Any] = [topic.subscription for topic in topics]
+        self._group.hidden = frozenset(
+            [*subscriptions, *(h for one in subscriptions for h in one.event_handlers)]
+        )
+
     def _take(self, topic: Topic) -> None:
         subscription: Any = topic.subscription
         uses = ExitStack()
         if not enter_handle(subscription.handle, uses):
             return  # another thread has destroyed it
-        self._topics = [*self._topics, topic]
+        self._set_topics([*self._topics, topic])
         subscription.destroy = partial(self._destroy, topic)  # the node calls this
-        pointer, qos = handle_pointer(subscription.handle), subscription.qos_profile
+        qos = subscription.qos_profile
         depth = ENDLESS if qos.history == HistoryPolicy.KEEP_ALL else max(1, qos.depth)
         try:
-            self._source.subscribe(topic.arrivals, uses, pointer, topic.name, topic.is_static, depth)
+            self._source.subscribe(
+                topic.arrivals, uses, subscription.handle.pointer, topic.name, topic.is_static, depth
+            )
         except RuntimeError:
             self._leave_to_executors()  # this middleware does not report arrivals
 
     def _leave_to_executors(self) -> None:
-        topics, listener = self._topics, self._listener()
         self.stop()
-        for topic in topics:
-            subscription: Any = topic.subscription
-            hide_from_executors(subscription, is_hidden=False)
-        executor = None if listener is None else listener.node.executor
+        executor = self._queue.executor()
         if executor is not None:
-            executor.wake()
+            wake(executor)
 
     def _destroy(self, topic: Topic) -> None:
         """Destroy the subscription, after this has stopped using it."""
         if is_inherited(self._process):
             return
         self._source.unsubscribe(topic.arrivals)
-        self._topics = [one for one in self._topics if one is not topic]
+        self._set_topics([one for one in self._topics if one is not topic])
         if not self._topics:
             self.stop()
         subscription: Any = topic.subscription

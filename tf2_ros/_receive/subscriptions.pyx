@@ -255,19 +255,18 @@ cdef class Subscriptions(Source):
         inboxes_unlock()
         uses.close()
 
-    def follow(self, handle, clock):
+    def follow(self, clock):
         """
         Record the time of a simulated clock with what arrives, until the inbox fills another buffer.
 
-        :param handle: of the clock of the buffer; kept.
-        :param clock: address of its ``rcl_clock_t``.
+        :param clock: the handle of the buffer's clock; kept.
         """
         cdef int64_t now_ns
         if self._recording is None:
             return
-        self._clock_handle = handle
+        self._clock_handle = clock
         inboxes_lock()
-        self._subscribed.clock = <rcl_clock_t*><uintptr_t>clock
+        self._subscribed.clock = <rcl_clock_t*><uintptr_t>clock.pointer
         word_store(&self.inbox.wants_each, _simulated_now(self._subscribed.clock, &now_ns))
         inboxes_unlock()
 

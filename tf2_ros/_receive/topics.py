@@ -12,6 +12,7 @@ from rclpy.subscription import Subscription
 from tf2_py import BufferCore
 from tf2_py._internal import counted
 from tf2_ros._forking import LiveObjects
+from tf2_ros._nodes import note_filler
 from tf2_ros._rclpy import context_was_shut_down, enter_handle
 from tf2_ros._receive.subscriptions import TopicArrivals
 
@@ -35,9 +36,9 @@ class Topic:
     ) -> None:
         self.attribute, self.method, self.name, self.qos = attribute, method, name, qos
         self.is_static = is_static
+        self.is_own = True  # whether the method is TransformListener's, so that `arrivals` counts all
         self.subscription: Subscription | None = None  # of rclpy's class or a subclass
         self.context: Any = None  # of the subscription
-        self.is_counted = True  # whether `arrivals` counts all: the listener's own method has them
         self.arrivals = TopicArrivals()
 
     def is_open(self) -> bool:
@@ -50,7 +51,7 @@ class Topic:
     def describe(self) -> str:
         """Describe its name, how many messages there were, and when the last one was."""
         count, last_ns = self.arrivals.taken()
-        facts = counted(count, "message") if count or self.is_counted else "messages not counted"
+        facts = counted(count, "message") if count or self.is_own else "messages not counted"
         if count:
             facts += f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago"
         return f"{self.name}: {facts}" if self.is_open() else f"{self.name}: {facts}, ended"
@@ -61,10 +62,13 @@ _listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener
 
 def note_listener(listener: Any) -> None:
     """Note that a TransformListener fills its buffer from now on."""
+    buffer = listener.buffer
     _listeners.add(listener)
-    if isinstance(listener.buffer, BufferCore):
-        BufferCore._ask_for_silence(listener.buffer, _silence)
-    sharing = getattr(listener.buffer, "_tf2_sharing", None)
+    # A subclass that does not call __init__ may not have a node yet.
+    note_filler(getattr(listener, "node", None), buffer, listener._tf2_queue)
+    if isinstance(buffer, BufferCore):
+        BufferCore._ask_for_silence(buffer, _silence)
+    sharing = getattr(buffer, "_tf2_sharing", None)
     if sharing is not None:
         sharing._tf2_check()  # readers learn at once that a listener fills it
 
@@ -77,7 +81,7 @@ def open_topics(buffer: object) -> list[Topic]:
 
 def _silence(buffer: object) -> tuple[str, str]:
     # What BufferCore._ask_for_silence expects.
-    topics = [topic for topic in open_topics(buffer) if topic.is_counted]
+    topics = [topic for topic in open_topics(buffer) if topic.is_own]
     return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
 
 

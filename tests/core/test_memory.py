@@ -1,34 +1,12 @@
 """Reference counts and memory stay where they were, whatever is done often."""
 
-import gc
-import sys
-
 import pytest
+from leaks import assert_nothing_is_left
 from making import at, transform
 from rclpy.duration import Duration
 from repeated_calls import actions, failures, fill, raising
 
 pytestmark = pytest.mark.ours
-
-TIMES = 20_000
-SLACK = TIMES // 100  # blocks; one lost object in a hundred calls would already show
-
-
-def blocks_after(action):
-    for _ in range(100):  # caches and free lists fill
-        action()
-    left = blocks_left_by(action)
-    # Some of 3.13's fill for thousands of calls; a leak goes on.
-    return left if abs(left) < SLACK else blocks_left_by(action)
-
-
-def blocks_left_by(action):
-    gc.collect()
-    before = sys.getallocatedblocks()
-    for _ in range(TIMES):
-        action()
-    gc.collect()
-    return sys.getallocatedblocks() - before
 
 
 @pytest.fixture
@@ -38,14 +16,10 @@ def buffer(tf2_py):
     return buffer
 
 
-def test_calls_leave_nothing_behind(buffer):
-    left = {name: blocks_after(action) for name, action in actions(buffer).items()}
-    assert {name: blocks for name, blocks in left.items() if abs(blocks) >= SLACK} == {}
-
-
-def test_errors_leave_nothing_behind(buffer):
-    left = {name: blocks_after(action) for name, action in failures(buffer).items()}
-    assert {name: blocks for name, blocks in left.items() if abs(blocks) >= SLACK} == {}
+@pytest.mark.parametrize("calls", [actions, failures])
+def test_calls_and_errors_leave_nothing_behind(buffer, calls):
+    for call in calls(buffer).values():
+        assert_nothing_is_left(call, times=10_000)
 
 
 def resident_bytes():

@@ -8,6 +8,7 @@ rotations x y z w.
 
 import math
 import sys
+from typing import NamedTuple
 
 from model_listings import RESERVED, Listings, S, seconds
 from model_math import (
@@ -58,6 +59,17 @@ class ModelError(Exception):
         self.kind, self.text, self.texts = kind, texts[0], texts
 
 
+class Policy(NamedTuple):
+    """What a lookup accepts beyond tf2's; times in ns."""
+
+    tolerance: int = 0
+    extrapolate: bool = False
+    max_gap: int | None = None
+
+
+TF2 = Policy()
+
+
 class Gap(Exception):
     """A frame has no data at a time."""
 
@@ -89,6 +101,29 @@ class Frame:
 
     def newest_parent(self):
         return self.samples[-1][1] if self.samples else None
+
+    def used_ns(self, time, policy):
+        """The stamp of the data for a time, and whether it is carried on from there."""
+        late = not self.static and self.samples and 0 < time - self.newest_ns() <= policy.tolerance
+        return (self.newest_ns(), policy.extrapolate) if late else (time, False)
+
+    def data_under(self, name, time, policy):
+        used_ns, carried_on = (time, False) if time == NEWEST else self.used_ns(time, policy)
+        if not carried_on:
+            return self.data_at(name, used_ns)
+        before, last = self.samples[-2:] if len(self.samples) > 1 else self.samples * 2
+        if before[0] == last[0] or before[1] != last[1]:
+            return (last[1], last[2:])
+        return interpolated(before, last, time)
+
+    def is_torn(self, time, policy):
+        """Whether the samples around the time are further apart than accepted."""
+        if self.static or policy.max_gap is None:
+            return False
+        time, _ = self.used_ns(time, policy)
+        stamps = [sample[0] for sample in self.samples]
+        before, after = [ns for ns in stamps if ns <= time], [ns for ns in stamps if ns > time]
+        return time not in stamps and after[0] - before[-1] > policy.max_gap
 
     def data_at(self, name, time):
         """The parent, and the transform to it. Raises a Gap."""
@@ -304,8 +339,22 @@ class Model(Listings):
             frame = self.frames.get(target)
             return (frame.newest_ns() if ns == 0 and frame is not None else ns), IDENTITY
         stamp = ns or self._latest(target, source)
-        found, _ = self._walk(target, source, stamp or NEWEST)
+        found, *_ = self._walk(target, source, stamp or NEWEST)
         return stamp, found
+
+    def lookup_under(self, policy, target, source, ns):
+        """As `lookup`; of an error only the kind is what it should be."""
+        if target == source:
+            return self.lookup(target, source, ns)
+        self._check_names("lookupTransform", target_frame=target, source_frame=source)
+        stamp = ns or self._latest(target, source)
+        found, chain, top = self._walk(target, source, stamp or NEWEST, policy)
+        frames = [self.frames[name] for name in chain[:top] + chain[top + 1 :]] if stamp else []
+        if any(frame.is_torn(stamp, policy) for frame in frames):
+            raise ModelError("ExtrapolationException", "a long gap")
+        used = [frame.used_ns(stamp, policy) for frame in frames]
+        stamp = min([stamp, *[ns for ns, carried_on in used if not carried_on]])
+        return self._answer(stamp, target, source, found)
 
     def check_wait(self, target, source, *fixed):
         """A wait for a name that may be inserted begins; one for a name that no lookup accepts raises."""
@@ -373,24 +422,24 @@ class Model(Listings):
         stamps = [self.frames[name].newest_ns() for name in names]
         return min([ns for ns in stamps if ns != 0], default=0)
 
-    def data_at(self, name, time):
+    def data_at(self, name, time, policy=TF2):
         """(parent, transform to it), None for a root, or the Gap."""
-        key = (name, time)
+        key = (name, time, policy)
         if key not in self._found:
             try:
-                found = self.frames[name].data_at(name, time) if name in self.frames else None
+                found = self.frames[name].data_under(name, time, policy) if name in self.frames else None
             except Gap as gap:
                 found = gap
             self._found[key] = found
         return self._found[key]
 
-    def _walk(self, target, source, time):
-        """tf2's walkToTopParent: the transform, and the frames from source to target."""
+    def _walk(self, target, source, time, policy=TF2):
+        """tf2's walkToTopParent: the transform, the frames from source to target, the index of the top."""
         # From the source to its root, or to its first gap.
         to_top, frame, passed, source_gap = IDENTITY, source, [], None
         while True:
             passed.append(frame)
-            data = self.data_at(frame, time)
+            data = self.data_at(frame, time, policy)
             if data is None or isinstance(data, Gap):
                 source_gap = data
                 break
@@ -405,7 +454,7 @@ class Model(Listings):
         to_top, frame, passed_down = IDENTITY, target, []
         while frame != top:
             passed_down.append(frame)
-            data = self.data_at(frame, time)
+            data = self.data_at(frame, time, policy)
             if data is None:
                 break
             if isinstance(data, Gap):
@@ -429,7 +478,7 @@ class Model(Listings):
         index = chain.index(top[0])
         if index > MOST_HOPS or len(chain) - 1 - index > MOST_HOPS:
             raise self._loop(target, source)
-        return transform, chain
+        return transform, chain, index
 
     # Errors.
 

@@ -1,5 +1,6 @@
 """Queries that a buffer and the model must answer alike; each is a step of a pair."""
 
+import itertools
 import math
 import re
 
@@ -7,7 +8,7 @@ import numpy as np
 import yaml
 from geometry_msgs.msg import PointStamped
 from making import S, stamp_ns
-from model import STAMPS_END
+from model import STAMPS_END, Policy
 from model_answers import (
     Broken,
     as_model_tells,
@@ -26,6 +27,7 @@ from processes import until
 from rclpy.duration import Duration
 
 POINT = (0.5, -1.0, 2.0)
+POLICIES = (Policy(2), Policy(3, True), Policy(max_gap=2), Policy(50, True, 4))
 
 
 class Queries:
@@ -111,6 +113,40 @@ class Queries:
                 agree = same_answer((*want[1][:3], *row), want[1])
             if not agree:
                 raise Broken(f"{query}, row {i}: {row}, the model {want}", query)
+
+    def do_policy(self, policy, target, source, times):
+        """Lookups that accept more than tf2's, one by one and in one call; of errors the kind is compared."""
+        options = {
+            "tolerance": Duration(nanoseconds=policy.tolerance),
+            "extrapolate": policy.extrapolate,
+            "max_gap": None if policy.max_gap is None else Duration(nanoseconds=policy.max_gap),
+        }
+        query = ("policy", policy, target, source, times)
+        rows = of_buffer(
+            lambda: self.buffer.lookup_transforms(target, source, times, on_missing="nan", **options)
+        )
+        for i, ns in enumerate(times):
+            wanted = of_model(lambda ns=ns: self.model.lookup_under(policy, target, source, ns))
+            got = of_buffer(
+                lambda ns=ns: as_model_tells(self.buffer.lookup_transform(target, source, ns, **options))
+            )
+            self._compare(query, got, (*wanted[:2], got[2:]) if wanted[0] == "error" else wanted, same_answer)
+            if rows[0] == "error":
+                require(got[:2] == rows[:2], "another error of many times", query, rows, got)
+                continue
+            row = (*rows[1][0][i], *rows[1][1][i])
+            agree = all(map(math.isnan, row)) if got[0] == "error" else row == (*got[1][3], *got[1][4])
+            require(agree, "other numbers of many times", query, row, got)
+
+    def _ask_at_the_ends_of_policies(self, dice):
+        for name, frame in self.model.frames.items():
+            for older, newer in itertools.pairwise(frame.samples[-4:]):
+                policy = Policy(max_gap=max(0, newer[0] - older[0] - dice.randrange(2)))
+                self.do_policy(policy, older[1], name, ((older[0] + newer[0]) // 2,))
+            if frame.samples and frame.newest_ns() < STAMPS_END - 10:
+                policy = Policy(dice.randrange(1, 5), dice.random() < 0.5)
+                end = frame.newest_ns() + policy.tolerance
+                self.do_policy(policy, frame.newest_parent(), name, (end - 1, end, end + 1))
 
     def do_chain(self, target, target_ns, source, source_ns, fixed):
         arguments = (target, target_ns, source, source_ns, fixed)
@@ -237,9 +273,11 @@ class Queries:
             self.do_series(target, source, some)
             self.do_series(target, source, some, fixed, some[0])
             self.do_chain(target, some[0], source, some[1], fixed)
+            self.do_policy(dice.choice(POLICIES), target, source, some)
             point = (dice.choice((0.0, 1.0)), -2.0, 0.5)
             references = (dice.choice(names), point, dice.choice(names))
             self.do_velocity(target, source, *references, some[0], dice.choice((0, 1, 2, 3, 10, 1000, S)))
+        self._ask_at_the_ends_of_policies(dice)
         for _ in range(2):
             lookup = (
                 (target, source, some[1])

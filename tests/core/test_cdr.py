@@ -28,16 +28,12 @@ MESSAGES = [
 ]
 
 
-def test_the_encoder_of_these_tests_agrees_with_ros():
+def test_the_encoder_of_these_tests_agrees_with_ros(buffer):
     # Not byte for byte: what ROS leaves in the padding is arbitrary.
     message = TFMessage(transforms=MESSAGES)
     assert deserialize_message(encode(MESSAGES), TFMessage) == message
     assert len(encode(MESSAGES)) == len(serialize_message(message))
-
-
-def test_what_ros_serialises_is_read(buffer):
-    assert buffer.set_transforms_cdr(serialize_message(TFMessage(transforms=MESSAGES)), "x") == 2
-    assert translation(buffer.lookup_transform_core("map", "odom", at(1.25))) == (1, 2, 3)
+    assert buffer.set_transforms_cdr(serialize_message(message), "x") == 2
 
 
 @pytest.mark.parametrize("order", "<>")

@@ -53,11 +53,13 @@ def test_by_default_covariances_are_those_of_the_messages(t):
         assert_allclose(result.ravel(), message.covariance, rtol=1e-12, atol=1e-12)
 
 
-def test_each_covariance_is_propagated_by_its_own_transform():
+def test_each_covariance_is_propagated_by_its_own_transform_and_what_is_missing_is_nan():
     many, (translations, rotations) = covariances(20), poses(20)
+    translations[1] = rotations[1] = np.nan
     for lever_arm in (False, True):
         got = propagate(many, (translations, rotations), lever_arm=lever_arm)
         assert got.dtype == np.float64 and got.shape == (20, 6, 6)
+        assert np.isnan(got[1]).all() and np.isfinite(got[[0, 2]]).all()
         for i in range(20):
             one = (translations[i], rotations[i])
             assert_allclose(got[i], propagate(many[i], one, lever_arm=lever_arm), rtol=1e-13)
@@ -113,15 +115,6 @@ def test_one_transform_serves_all_covariances_and_one_covariance_all_transforms(
     assert propagate(many[0], t).shape == (6, 6)
     shaped = translations.reshape(2, 3, 3), rotations.reshape(2, 3, 4)
     assert propagate(many.reshape(2, 3, 6, 6), shaped).shape == (2, 3, 6, 6)
-
-
-def test_what_is_missing_is_nan():
-    many, (translations, rotations) = covariances(3), poses(3)
-    translations[1] = rotations[1] = np.nan
-    for lever_arm in (False, True):
-        got = propagate(many, (translations, rotations), lever_arm=lever_arm)
-        assert np.isnan(got[1]).all()
-        assert np.isfinite(got[[0, 2]]).all()
 
 
 @pytest.mark.parametrize(

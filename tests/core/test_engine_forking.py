@@ -1,6 +1,7 @@
 """A forked child of a process whose other threads are in the middle of something with a buffer."""
 
 import gc
+import itertools
 import os
 import threading
 
@@ -31,18 +32,18 @@ def fill(core):
         core.set_transform(transform("map", "robot", ns=1 * S + i * S // SAMPLES), "me")
 
 
-# What other threads do, again and again, while the process forks.
-BUSINESS = {
-    "looking up at many times": lambda core, n: core.lookup_transforms("map", "robot", TIMES_NS),
-    "inserting": lambda core, n: core.set_transform(transform("map", "other", ns=1 * S + n), "me"),
-    "inserting many": lambda core, n: core.set_transforms(
+# What a thread each does, again and again, while the process forks.
+BUSINESS = (
+    lambda core, n: core.lookup_transforms("map", "robot", TIMES_NS),
+    lambda core, n: core.set_transform(transform("map", "other", ns=1 * S + n), "me"),
+    lambda core, n: core.set_transforms(
         [transform("map", f"other{i}", ns=1 * S + n) for i in range(300)], "me"
     ),
-    "listing": lambda core, n: core.all_frames_as_yaml(),
-    "waiting in vain": lambda core, n: core._wait("map", "nowhere", at(1)).wait_for(1_000_000, lambda: True),
-    "making another": lambda core, n: type(core)().set_transform(transform("a", "b", 1), "me"),
-    "collecting and forking": lambda core, n: (gc.collect(), os.waitpid(fork(lambda: None), 0)),
-}
+    lambda core, n: core.all_frames_as_yaml(),
+    lambda core, n: core._wait("map", "nowhere", at(1)).wait_for(1_000_000, lambda: True),
+    lambda core, n: type(core)().set_transform(transform("a", "b", 1), "me"),
+    lambda core, n: (gc.collect(), os.waitpid(fork(lambda: None), 0)),
+)
 
 
 def use(core):
@@ -64,28 +65,27 @@ def use(core):
     assert other.can_transform_core("map", "robot", at(1))[0]
 
 
-@pytest.mark.parametrize("business", BUSINESS)
-def test_it_uses_a_buffer_that_other_threads_of_its_parent_were_using(core, business):
-    ending, rounds = threading.Event(), []
+def test_it_uses_a_buffer_that_other_threads_of_its_parent_were_using(core):
+    ending, busy = threading.Event(), set()
 
-    def work():
-        n = 0
-        while not ending.is_set():
-            n += 1
-            BUSINESS[business](core, n)
-            rounds.append(n)
+    def work(business):
+        for n in itertools.count():
+            business(core, n)
+            busy.add(business)
+            if ending.is_set():
+                return
 
-    threads = [threading.Thread(target=work) for _ in range(2)]
+    threads = [threading.Thread(target=work, args=(business,)) for business in BUSINESS]
     for thread in threads:
         thread.start()
     try:
-        until(lambda: rounds)
-        statuses = [in_a_child(lambda: use(core)) for _ in range(FORKS)]
+        until(lambda: len(busy) == len(BUSINESS))
+        statuses = [in_a_child(lambda: use(core)) for _ in range(5 * FORKS)]
     finally:
         ending.set()
         for thread in threads:
             thread.join()
-    assert statuses == [0] * FORKS
+    assert statuses == [0] * 5 * FORKS
     core._self_check()
     assert core.can_transform_core("map", "robot", at(1.5))[0]
 
@@ -124,20 +124,6 @@ def test_a_grandchild_uses_what_its_parent_made(core):
         assert core.can_transform_core("map", "first", at(1))[0]
 
     assert in_a_child(have_a_child) == 0
-
-
-def test_threads_that_fork_at_the_same_time_do_not_disturb_each_other(core):
-    statuses = []
-
-    def have_children():
-        statuses.extend([in_a_child(lambda: use(core)) for _ in range(10)])
-
-    threads = [threading.Thread(target=have_children) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert statuses == [0] * 40
 
 
 class TestWaitsOfTheParent:

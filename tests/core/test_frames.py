@@ -31,14 +31,13 @@ def test_the_facts_of_a_frame_can_be_pickled_and_copied(tf2_py, robot):
     assert pickle.loads(pickle.dumps(frames)) == copy.deepcopy(frames) == frames
 
 
-# `in`.
+class Name(str):
+    """Of a program's own."""
 
 
-def test_a_subclass_of_str_is_a_name(robot):
-    class Name(str):
-        pass
-
-    assert Name("map") in robot
+@pytest.mark.parametrize("name", ["map", Name("map"), "odom", "base", "camera"])
+def test_the_name_of_a_frame_is_in_a_buffer(robot, name):
+    assert name in robot
 
 
 @pytest.mark.parametrize("other", [None, 5, b"map", ["map"], ("map",), "a\0b", "\ud800"], ids=ascii)
@@ -66,33 +65,25 @@ def test_a_subclass_may_use_the_names_itself(tf2_ros):
     assert "2 frames" in repr(own)
 
 
-# repr.
-
-
-def test_the_repr_tells_what_a_buffer_holds(tf2_py, robot):
-    assert repr(tf2_py.BufferCore()) == "<tf2_py.BufferCore: 0 frames, 0 samples, 0 waiters>"
+def test_the_repr_tells_what_a_buffer_holds_also_in_a_forked_child(tf2_py, robot):
     waits = [robot._wait("map", "nowhere", at_ns(0)) for _ in range(2)]
     assert repr(robot) == "<tf2_py.BufferCore: 4 frames, 6 samples over 2.0 s, 2 waiters>"
-    assert all(wait.cancel() for wait in waits)
-    robot.clear()
-    assert repr(robot) == "<tf2_py.BufferCore: 4 frames, 1 sample, 0 waiters>"
 
-
-def test_a_repr_shows_the_name_of_a_subclass(tf2_ros):
-    class Own(tf2_ros.Buffer):
-        pass
-
-    assert repr(tf2_ros.Buffer()).startswith("<tf2_ros.Buffer: 0 frames")
-    assert repr(Own()).startswith(f"<{__name__}.test_a_repr_shows_the_name_of_a_subclass.<locals>.Own: 0")
-
-
-def test_a_buffer_that_was_never_initialised_has_a_repr(tf2_ros):
-    assert repr(tf2_ros.Buffer.__new__(tf2_ros.Buffer)) == "<tf2_ros.Buffer: 0 frames, 0 samples, 0 waiters>"
-
-
-def test_a_forked_child_can_list_and_show_the_buffer(robot):
     def look():
         assert repr(robot) == "<tf2_py.BufferCore: 4 frames, 6 samples over 2.0 s, 0 waiters>"
         assert "map" in robot and len(robot.frames()) == 4 and "camera (static)" in robot.tree()
 
     assert in_a_child(look) == 0
+    assert all(wait.cancel() for wait in waits)
+    robot.clear()
+    assert repr(robot) == "<tf2_py.BufferCore: 4 frames, 1 sample, 0 waiters>"
+
+
+def test_the_repr_shows_the_name_of_a_class_also_before_it_is_initialised(tf2_ros):
+    class Own(tf2_ros.Buffer):
+        pass
+
+    empty = ": 0 frames, 0 samples, 0 waiters>"
+    for buffer in (tf2_ros.Buffer(), tf2_ros.Buffer.__new__(tf2_ros.Buffer)):
+        assert repr(buffer) == f"<tf2_ros.Buffer{empty}"
+    assert repr(Own()) == f"<{__name__}.{Own.__qualname__}{empty}"

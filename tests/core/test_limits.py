@@ -68,17 +68,11 @@ def test_the_environment_sets_limits_for_programs_that_do_not(name, monkeypatch)
     BufferCore(**{name: 1000})
     monkeypatch.setenv(f"TF2_ROS_CYTHON_{name.upper()}", "1000")
     BufferCore()
-
-
-@pytest.mark.parametrize("value", [0, -1, 1 << 63])
-def test_a_limit_that_is_none_is_a_value_error(value):
-    with pytest.raises(ValueError, match="max_frames: expected a number above 0"):
-        BufferCore(max_frames=value)
-
-
-def test_a_limit_that_is_no_number_is_a_type_error():
-    with pytest.raises(TypeError, match="max_bytes: expected an int"):
-        BufferCore(max_bytes="1000")
+    for wrong in (0, -1, 1 << 63):
+        with pytest.raises(ValueError, match=f"{name}: expected a number above 0"):
+            BufferCore(**{name: wrong})
+    with pytest.raises(TypeError, match=f"{name}: expected an int"):
+        BufferCore(**{name: "1000"})
 
 
 def test_samples_of_one_stamp_are_few_however_many_come():

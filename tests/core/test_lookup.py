@@ -66,30 +66,24 @@ def every_question(buffer, time):
 
 
 class TestPath:
-    def test_a_thousand_hops_are_allowed_on_each_side(self, tf2_py, buffer):
-        for i in range(1001):
-            buffer.set_transform_static(transform(f"l{i}", f"l{i + 1}", 0, (1, 0, 0)), "x")
-            buffer.set_transform_static(
-                transform("l0" if i == 0 else f"r{i}", f"r{i + 1}", 0, (1, 0, 0)), "x"
-            )
-        assert translation(buffer.lookup_transform_core("r1000", "l1000", at(0))) == (0, 0, 0)
-        with pytest.raises(tf2_py.LookupException, match="contains a loop"):
-            buffer.lookup_transform_core("r1001", "l1001", at(0))
-
-    @pytest.mark.ours
-    def test_as_many_hops_are_allowed_in_a_tree_that_once_had_a_loop(self, tf2_py, buffer):
-        fill(buffer, ("a b",), ("b a",))
+    @pytest.mark.parametrize("looped", [False, pytest.param(True, marks=pytest.mark.ours)])
+    def test_a_thousand_hops_are_allowed_on_each_side(self, tf2_py, buffer, looped):
+        if looped:
+            fill(buffer, ("a b",), ("b a",))
         for side in "lr":
             for i in range(1003):
                 parent = f"{side}{i}" if i else "root"
                 buffer.set_transform_static(transform(parent, f"{side}{i + 1}", 0, (1, 0, 0)), "x")
         assert translation(buffer.lookup_transform_core("r1000", "l1000", at(0))) == (0, 0, 0)
         assert buffer.get_latest_common_time("r1000", "l1000").nanoseconds == 0
-        for target, source in (("r1001", "l1000"), ("r1000", "l1001")):
-            with pytest.raises(tf2_py.LookupException, match="contains a loop"):
-                buffer.lookup_transform_core(target, source, at(1))
-        with pytest.raises(tf2_py.TransformException):
-            buffer.get_latest_common_time("r1001", "l1000")
+        with pytest.raises(tf2_py.LookupException, match="contains a loop"):
+            buffer.lookup_transform_core("r1001", "l1001", at(0))
+        if looped:
+            for target, source in (("r1001", "l1000"), ("r1000", "l1001")):
+                with pytest.raises(tf2_py.LookupException, match="contains a loop"):
+                    buffer.lookup_transform_core(target, source, at(1))
+            with pytest.raises(tf2_py.TransformException):
+                buffer.get_latest_common_time("r1001", "l1000")
 
     @pytest.mark.ours
     def test_hops_above_the_common_ancestor_do_not_count(self, buffer):

@@ -12,10 +12,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 from rosbags.typesys import Stores, get_typestore
-from travelling import TIMES_NS, check_copy, filled
+from travelling import check_copy, filled
 
 from tf2_py import BufferCore
-from tf2_ros_tools import bag
 
 pytestmark = pytest.mark.ours
 
@@ -98,13 +97,6 @@ def test_its_schema_defines_the_messages_of_ros(path):
     assert sorted(kept) == sorted(line.split()[:2] for line in wanted.splitlines())
 
 
-def test_the_loader_of_recordings_reads_it(path, buffer):
-    loaded = bag.load(path)
-    lookups = ("base", "camera"), ("map", "odom")
-    for target, source in lookups:
-        assert loaded.lookup_transform(target, source, 0) == buffer.lookup_transform_core(target, source, 0)
-
-
 def test_several_transforms_share_a_message(tmp_path):
     buffer = BufferCore()
     for i in range(100):
@@ -127,7 +119,7 @@ def test_a_file_is_replaced_and_nothing_else_is_left(path, tmp_path):
 def test_the_longest_name_can_be_written(buffer, tmp_path):
     path = tmp_path / ("r" * 250 + ".mcap")
     buffer.save(path)
-    check_copy(BufferCore.load(path), buffer, TIMES_NS)
+    check_copy(BufferCore.load(path), buffer)
     buffer.save(os.fsencode(path))
     assert [*tmp_path.iterdir()] == [path]
 
@@ -154,6 +146,9 @@ def test_a_missing_library_names_the_extra(path, buffer, monkeypatch):
 def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
     whole = path.read_bytes()
     damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(b"hello")
+    with pytest.raises(ValueError, match="damaged.mcap: "):
+        BufferCore.load(damaged)
     refused = 0
     for at in range(0, len(whole), 97):
         for data in (whole[:at], whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :]):
@@ -164,7 +159,7 @@ def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
                 assert "damaged.mcap: " in str(error)
                 refused += 1
             else:  # the summary at the end of the file is not needed
-                check_copy(loaded, buffer, TIMES_NS)
+                check_copy(loaded, buffer)
     assert refused > len(whole) // 97
 
 
@@ -205,14 +200,6 @@ def test_a_file_of_something_else_is_refused_by_name(why, path):
     tampered(path, REFUSED[why])
     with pytest.raises(ValueError, match=f"robot.mcap: .*{why}"):
         BufferCore.load(path)
-
-
-def test_what_is_no_mcap_file_is_refused_by_name(tmp_path):
-    path = tmp_path / "text.mcap"
-    for data in (b"", b"hello", b"\x89MCAP0\r\n"):
-        path.write_bytes(data)
-        with pytest.raises(ValueError, match="text.mcap: "):
-            BufferCore.load(path)
 
 
 def test_a_file_on_a_full_disk_is_as_before(tmp_path):

@@ -46,12 +46,6 @@ def test_classes_and_functions_of_the_table_import_from_the_package(package):
         assert getattr(importlib.import_module(package), name) is getattr(inner, name) is entry
 
 
-@every_package
-def test_the_rows_of_a_table_are_in_order(package):
-    names = [(cls.__module__.partition(".")[0], cls.__name__) for cls in TABLES[package]]
-    assert names == sorted(names)
-
-
 def stub_line(function, table):
     """What a stub has for a function of the table."""
     message, transform = list(inspect.signature(function).parameters)[:2]

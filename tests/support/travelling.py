@@ -127,25 +127,8 @@ def held(buffer, names):
     return found
 
 
-def is_cleared(buffer, names):
-    """Whether some frames had samples: a copy reports them as never having had any (docs/differences.md)."""
-    listed = buffer.all_frames_as_string()
-    return any(f"Frame {name} exists with parent NO_PARENT." in listed for name in names)
-
-
-def without_reason(answer):
-    """An answer, but nothing about why there is none."""
-    if isinstance(answer, (list, tuple)) and len(answer) == 2 and isinstance(answer[1], str):
-        return "no answer" if "Exception" in str(answer[0]) else answer[0]
-    return answer
-
-
-def check_copy(arrived, buffer, times_ns):
-    """A copy has the samples of a buffer, and gives the same answers about the frames that these name."""
+def check_copy(arrived, buffer):
+    """A copy has the samples of a buffer and what belongs to them; test_model.py holds its answers."""
     arrived._self_check()
     names = named_by_samples(buffer)
     assert held(arrived, names) == held(buffer, names)
-    found, wanted = (answers(one, names, times_ns) for one in (arrived, buffer))
-    if is_cleared(buffer, names):
-        found, wanted = ({key: without_reason(one[key]) for key in one} for one in (found, wanted))
-    assert found == wanted

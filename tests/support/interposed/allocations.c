@@ -16,7 +16,7 @@
 #include <sys/types.h>
 #include <unistd.h>
 
-enum { NOBODY, OURS, EVERYBODY };
+enum { NOBODY, OURS };
 
 volatile long counted_of = NOBODY;      /* whose allocations are counted */
 volatile unsigned long counted_thread;  /* and in which thread, as pthread_self has it; 0: in all */
@@ -25,7 +25,6 @@ volatile long first_to_fail;            /* counted from 1; 0: none fails */
 volatile long last_to_fail;
 volatile long failed;                   /* how many failed */
 volatile long live;                     /* blocks of malloc and its kin that nobody has freed yet */
-void *volatile failed_at;               /* where the last one that failed was asked for */
 
 extern void *__libc_malloc(size_t), *__libc_calloc(size_t, size_t), *__libc_realloc(void *, size_t);
 extern void *__libc_memalign(size_t, size_t);
@@ -77,13 +76,12 @@ static int fails(void *caller)
         return 0;
     if (counted_thread && counted_thread != (unsigned long)pthread_self())
         return 0;
-    if (counted_of == OURS && !is_ours(caller))
+    if (!is_ours(caller))
         return 0;
     long number = __atomic_add_fetch(&counted, 1, __ATOMIC_RELAXED);
     if (!first_to_fail || number < first_to_fail || number > last_to_fail)
         return 0;
     __atomic_add_fetch(&failed, 1, __ATOMIC_RELAXED);
-    failed_at = caller;
     errno = ENOMEM;
     return 1;
 }

@@ -6,6 +6,7 @@ Signals that raise at random moments in waits, filters, listeners and a client; 
 
 import faulthandler
 import gc
+import os
 import random
 import signal
 import sys
@@ -14,8 +15,12 @@ import time
 from contextlib import suppress
 
 import rclpy
-from geometry_msgs.msg import PointStamped, TransformStamped
+from geometry_msgs.msg import PointStamped
 from rclpy.time import Time
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), os.pardir))
+
+from making import transform
 
 from tf2_ros import Buffer, BufferClient, MessageFilter, TransformException, TransformListener
 from tf2_ros._forking import LOCK
@@ -37,13 +42,6 @@ class WaitsAtItsEnd:
         buffer.can_transform("map", "never", Time(seconds=3), 0.0001)
 
 
-def transform(seconds):
-    message = TransformStamped(child_frame_id="robot")
-    message.header.frame_id, message.header.stamp.sec = "map", seconds
-    message.transform.rotation.w = 1.0
-    return message
-
-
 def wait():
     for _ in range(10):
         buffer.wait_for_transform_async("map", "never", Time(seconds=3), timeout=100.0)
@@ -55,7 +53,7 @@ def wait():
 def insert():
     future = buffer.wait_for_transform_async("map", "robot", Time(seconds=random.randrange(1, 1000)))
     future.add_done_callback(lambda _: None)
-    buffer.set_transform(transform(random.randrange(1, 1000)), "me")
+    buffer.set_transform(transform("map", "robot", random.randrange(1, 1000)), "me")
 
 
 def filter_messages():
@@ -63,7 +61,7 @@ def filter_messages():
     point.header.frame_id, point.header.stamp.sec = "robot", random.randrange(1, 1000)
     message_filter.add(point)
     stream = message_filter.__aiter__()
-    buffer.set_transform(transform(random.randrange(1, 1000)), "me")
+    buffer.set_transform(transform("map", "robot", random.randrange(1, 1000)), "me")
     stream.close()
 
 

@@ -57,8 +57,19 @@ def spun_node(name: str, options: Namespace, **node_options: Any) -> Iterator[No
     rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(name, **node_options)
-        with _spinning(node):
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        thread = threading.Thread(target=_spin, args=(executor,), daemon=True)
+        thread.start()
+        try:
             yield node
+        finally:
+            # This also ends the thread, which may use the executor until then.
+            rclpy.try_shutdown()
+            thread.join(CALLBACK_END_WAIT_S)
+            if not thread.is_alive():
+                executor.shutdown()
+                node.destroy_node()
     except (NameValidationException, ParameterException) as refusal:
         raise UsageError(str(refusal)) from None
     finally:
@@ -69,23 +80,6 @@ def wait() -> NoReturn:
     """Wait in the main thread until Ctrl-C or SIGTERM."""
     while True:
         time.sleep(1.0)
-
-
-@contextmanager
-def _spinning(node: Node) -> Iterator[None]:
-    executor = SingleThreadedExecutor(context=node.context)
-    executor.add_node(node)
-    thread = threading.Thread(target=_spin, args=(executor,), daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        # This also ends the thread, which may use the executor until then.
-        rclpy.try_shutdown(context=node.context)
-        thread.join(CALLBACK_END_WAIT_S)
-        if not thread.is_alive():
-            executor.shutdown()
-            node.destroy_node()
 
 
 def _spin(executor: SingleThreadedExecutor) -> None:
@@ -141,9 +135,7 @@ DRAIN_S = 1.0  # the longest time between two calls of `drain`
 # every three seconds.
 DISCOVERY_S = 5.0
 UNTIL_DISCOVERED = {"nothing", "clock", "roots", "missing"}  # kinds of findings that discovery may explain
-UNKNOWN_NODE = (
-    "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or no longer knows
-)
+UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or any more
 
 
 @dataclass(frozen=True)
@@ -236,17 +228,15 @@ class Listening:
         now_ns = self._node.get_clock().now().nanoseconds
         gids = self._recording.publishers()
         alive = self._look_up_publishers()
-        publishers = [self._names.get(gid) or _short(gid) for gid in gids]
-        streams, refused = self._streams.report(now_ns, self._recording.frames(), publishers)
-        alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
-        jump_back = self._streams.jump_back(now_ns)
+        publishers = [self._names.get(gid) or f"{gid.hex()[:12]}..{gid.hex()[-8:]}" for gid in gids]
+        streams, refused = self._streams.report(now_ns, self.frames(), publishers)
         findings = find(
             streams,
             limits,
             expectations,
-            alive_ids,
+            {number for number, gid in enumerate(gids) if gid in alive},
             refused=refused,
-            jump_back=jump_back,
+            jump_back=self._streams.jump_back(now_ns),
             no_clock=now_ns <= 0,
             where=self.where,
         )
@@ -283,8 +273,7 @@ class Listening:
         frames = chain_between(newest, *ends)
         if frames is None:
             return Chain(ends, None, None)
-        numbers = {name: number for number, name in enumerate(self._recording.frames())}
-        children = [numbers[name] for name in moving_on(newest, frames)]
+        children = [self.frames().index(name) for name in moving_on(newest, frames)]
         return Chain(ends, frames, self._streams.net_delay(children, now_ns))
 
 
@@ -300,9 +289,10 @@ def shown_streams(report: Report) -> list[Stream]:
 
 def problems(report: Report) -> list[Finding]:
     """Get the findings, of the chain if there is one, and what could not be recorded or read."""
-    shown = {"", *(stream.frame for stream in shown_streams(report))}
-    has_chain = report.chain is not None and report.chain.frames is not None
-    found = [one for one in report.findings if one.frame in shown or not has_chain]
+    found = list(report.findings)
+    if report.chain is not None and report.chain.frames is not None:
+        shown = {"", *(stream.frame for stream in shown_streams(report))}
+        found = [one for one in found if one.frame in shown]
     if report.lost:
         text = f"{counted(report.lost, 'transform')} arrived too fast to be recorded"
         found.append(Finding("lost", "", text))
@@ -347,8 +337,3 @@ def listening(
     recording = Recording()
     with filled_buffer(node, recording, topics=topics, cache_time=cache_time) as buffer:
         yield Listening(node, buffer, recording, topics, window_s)
-
-
-def _short(gid: bytes) -> str:
-    text = gid.hex()
-    return f"{text[:12]}..{text[-8:]}"

@@ -1,17 +1,21 @@
-"""Objects of every known type transformed by a buffer; tests/ros/test_buffer_interface.py has the others."""
+"""Objects transformed by a buffer: every known type, types of one's own, and types that nobody knows."""
 
+import asyncio
 import subprocess
 import sys
 import textwrap
 
 import pytest
-from geometry_msgs.msg import PointStamped
-from known_types import STAMPED
+from geometry_msgs.msg import PointStamped, PolygonInstance, PoseStamped
+from known_types import STAMPED, UNSTAMPED
 from making import at, stamp_ns, transform
 from random_messages import Maker, numbers
-from sensor_msgs.msg import PointCloud2, PointField
+from rclpy.duration import Duration
+from sensor_msgs.msg import JointState, PointCloud2, PointField
 
 pytestmark = pytest.mark.ours
+
+NO_TIME = Duration()
 
 
 @pytest.fixture
@@ -53,6 +57,96 @@ def test_a_cloud_without_a_time_is_transformed_by_the_latest_and_keeps_its_stamp
     assert (got.header.frame_id, stamp_ns(got)) == ("map", 0)
     point = buffer.transform(stamped(PointStamped(), 0, "odom"), "map")  # which gets that of the transform
     assert (stamp_ns(point), point.point.x) == (3_000_000_000, 3.0)
+
+
+def test_full_carries_from_one_time_to_another(buffer):
+    got = buffer.transform_full(stamped(PointStamped(), 1, "odom"), "odom", at(3), "map")
+    assert got.point.x == -2.0
+    assert (got.header.frame_id, stamp_ns(got)) == ("odom", 3_000_000_000)
+
+
+def test_async_carries_as_soon_as_it_can(buffer):
+    async def both():
+        transforming = asyncio.ensure_future(
+            buffer.transform_async(stamped(PointStamped(), 3.5, "odom"), "map")
+        )
+        await asyncio.sleep(0)
+        assert not transforming.done()
+        buffer.set_transform(transform("map", "odom", 4, (4, 0, 0)), "x")
+        return await transforming
+
+    assert asyncio.run(both()).point.x == 3.5
+
+
+class Spot:
+    """A type of a program's own."""
+
+    def __init__(self, header, xyz):
+        self.header, self.xyz = header, xyz
+
+
+@pytest.fixture
+def spots(tf2_ros):
+    """Spots are known, for as long as the test runs."""
+    registrations = (tf2_ros.TransformRegistration, tf2_ros.ConvertRegistration)
+    tables = [table for cls in registrations for table in vars(cls).values() if isinstance(table, dict)]
+    before = [dict(table) for table in tables]
+
+    def carry(spot, t):
+        return Spot(t.header, [x + 100 for x in spot.xyz])
+
+    def from_msg(m):
+        return Spot(m.header, [m.point.x, m.point.y, m.point.z])
+
+    def to_msg(spot):
+        message = PointStamped(header=spot.header)
+        message.point.x, message.point.y, message.point.z = spot.xyz
+        return message
+
+    tf2_ros.TransformRegistration().add(Spot, carry)
+    tf2_ros.ConvertRegistration().add_from_msg(Spot, from_msg)
+    tf2_ros.ConvertRegistration().add_to_msg(Spot, to_msg)
+    yield
+    for table, entries in zip(tables, before, strict=True):
+        table.clear()
+        table.update(entries)
+
+
+@pytest.mark.parametrize("way", ["transform", "transform_full", "transform_async"])
+def test_the_result_becomes_the_type_asked_for(buffer, spots, way):
+    message = stamped(PointStamped(), 3, "odom")
+    got = {
+        "transform": lambda: buffer.transform(message, "map", new_type=Spot),
+        "transform_full": lambda: buffer.transform_full(message, "map", at(3), "map", NO_TIME, Spot),
+        "transform_async": lambda: asyncio.run(buffer.transform_async(message, "map", new_type=Spot)),
+    }[way]()
+    assert type(got) is Spot and got.xyz == [3.0, 0.0, 0.0] and got.header.frame_id == "map"
+
+
+def test_a_programs_own_types_and_functions_are_used(tf2_ros, buffer, spots):
+    spot = stamped(Spot(PointStamped().header, [1.0, 2.0, 3.0]), 3)
+    assert buffer.transform(spot, "map").xyz == [101.0, 102.0, 103.0]
+    got = buffer.transform(spot, "map", new_type=PointStamped)
+    assert type(got) is PointStamped and got.point.y == 102.0
+    tf2_ros.TransformRegistration().add(PoseStamped, lambda pose, t: "own")
+    assert buffer.transform(stamped(PoseStamped(), 2), "map") == "own"
+
+
+@pytest.mark.parametrize(
+    ("message", "new_type", "cure"),
+    [
+        (JointState(), None, r"JointState is not .*TransformRegistration\(\)\.add"),
+        (PolygonInstance(), None, r"PolygonInstance is not .*TransformRegistration\(\)\.add"),
+        (Spot(PointStamped().header, []), None, r"Spot is not .*TransformRegistration\(\)\.add"),
+        (PointStamped(), Spot, r"Spot is not .*ConvertRegistration\(\)\.add_from_msg"),
+        (UNSTAMPED[0](), None, "header"),
+    ],
+)
+def test_an_unknown_type_is_refused_by_name_and_with_a_cure(tf2_ros, buffer, message, new_type, cure):
+    if hasattr(message, "header"):
+        message = stamped(message, 2)
+    with pytest.raises(tf2_ros.TypeException, match=cure):
+        buffer.transform(message, "map", new_type=new_type)
 
 
 def run(program):

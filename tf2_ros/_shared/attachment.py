@@ -191,7 +191,7 @@ def _hand_over(reference: "weakref.ref[Any]", calls: "list[Ending]") -> None:
     # Puts these into the queue that runs the callbacks of the buffer.
     buffer = reference()
     if HAS_ROS:
-        hand_over(calls, None if buffer is None else queue_of(buffer))
+        hand_over(None if buffer is None else queue_of(buffer), calls)
         return
     for call in calls:
         call_logged(call, "In a callback")

@@ -64,10 +64,6 @@ class CallbackQueue(ExecutorRounds, Waitable):
         else:
             self.wake()
 
-    def hand_over(self, calls: Iterable[Ending]) -> None:
-        """See the function."""
-        hand_over(calls, self)
-
     def is_in_executor(self) -> bool:
         """Whether an executor has the node now."""
         node = self.node()
@@ -169,7 +165,7 @@ def put_in_executor(queue: CallbackQueue | None, call: Call) -> bool:
     return True
 
 
-def hand_over(calls: Iterable[Ending], queue: CallbackQueue | None) -> None:
+def hand_over(queue: CallbackQueue | None, calls: Iterable[Ending]) -> None:
     """
     Have waits ended by what was received; called by the thread that reports what was inserted.
 

@@ -39,7 +39,7 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
     A future that may be completed in any thread, and wakes whatever runs the tasks that await it.
 
     :param in_vain: returns whether a shutdown has ended the wait. It is called while an asyncio loop awaits
-        the future, which :meth:`expire` then ends. None: no check.
+        the future, which :meth:`expire` then ends.
     :param kept: the owner's references to futures that have callbacks, and to what awaits them. Nothing else
         may refer to these: an asyncio loop refers to its tasks only weakly.
 
@@ -51,10 +51,10 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
     # Two leading underscores keep these names apart from those of rclpy's Future in any release.
 
     def __init__(
-        self, in_vain: Callable[[], bool] | None = None, kept: dict[Any, None] | None = None
+        self, in_vain: Callable[[], bool] = lambda: False, kept: dict[Any, None] | None = None
     ) -> None:
         super().__init__()
-        self.__in_vain = in_vain
+        self.is_in_vain = in_vain
         self.kept = {} if kept is None else kept
         self.__process = os.getpid()
 
@@ -73,50 +73,24 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
         """
         Sleep until it has ended; then return its result, None if it was cancelled, or raise its exception.
 
-        Where the awaiting coroutine is cancelled or closed, Python raises at the ``yield`` of one of the two
-        methods below, which removes what would have woken it. The future itself is not cancelled: it waits on
-        as long as something refers to it. Usually only the coroutine did, so its waiter ends with it, as the
-        engine refers to the future weakly (``_notify``).
+        Where the awaiting coroutine is cancelled or closed, Python raises at the ``yield``, and what would
+        have woken it is removed. The future itself is not cancelled: it waits on as long as something refers
+        to it. Usually only the coroutine did, so its waiter ends with it, as the engine refers to the future
+        weakly (``notify``).
         """
         if self.is_dead():
             raise RuntimeError(f"{self!r}: create the future after the fork")
         if not self.has_ended():
-            if (sleeper := _SleepingTask.of_this_thread()) is not None:
-                yield from self.__sleep_in(sleeper)
-            elif (loop := _running_loop()) is not None:
-                yield from self.__sleep_in_loop(loop)
-        while not self.has_ended():
-            yield  # it is awaited by a loop of another kind, which polls
+            sleeper = _sleeper(self)
+            try:
+                self.kept[sleeper] = None
+                self.add_done_callback(sleeper)
+                yield from sleeper.sleep(self)
+            finally:
+                sleeper.awake = True
+                self.remove_done_callback(sleeper)
+                self.kept.pop(sleeper, None)
         return self.result()
-
-    def __sleep_in(self, sleeper: "_SleepingTask") -> Generator[Any, Any, None]:
-        # An executor steps an awaiting task only when it has something else to do, and completing this future
-        # gives it nothing to do.
-        self.add_done_callback(sleeper)
-        try:
-            while not self.has_ended():
-                yield
-        finally:
-            sleeper.awake = True
-            self.remove_done_callback(sleeper)
-
-    def __sleep_in_loop(self, loop: "asyncio.AbstractEventLoop") -> Generator[Any, Any, None]:
-        # Without this, asyncio would poll.
-        sleeper = _SleepingLoop(loop, self)
-        try:
-            self.kept[sleeper] = None
-            self.add_done_callback(sleeper)
-            if self.__in_vain is not None:
-                sleeper.expire()
-            yield from sleeper.woken
-        finally:
-            # If the task was cancelled, leave nothing behind.
-            self.remove_done_callback(sleeper)
-            self.kept.pop(sleeper, None)
-
-    def is_in_vain(self) -> bool:
-        """Whether a shutdown has ended the wait."""
-        return self.__in_vain is not None and self.__in_vain()
 
     def expire(self) -> None:
         """End the wait after a shutdown: with None, unless a subclass does more. Called in any thread."""
@@ -124,21 +98,26 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
 
 
 class _SleepingTask(Waker):
-    """An awaiting task of an executor. This does not keep it alive, because it refers to the future."""
+    """
+    What wakes a task of an executor, to which it refers weakly, because the task refers to the future.
 
-    def __init__(self, task: Task) -> None:
+    :param task: None: it is awaited by a loop of another kind, which polls.
+    """
+
+    def __init__(self, task: Task | None) -> None:
         self.awake = False
-        self._task = weakref.ref(task)
+        self._task = None if task is None else weakref.ref(task)
 
-    @classmethod
-    def of_this_thread(cls) -> "_SleepingTask | None":
-        """For the task that this thread is stepping, if any."""
-        task = running_task()
-        return None if task is None else cls(task)
+    def sleep(self, future: WakingFuture[Any]) -> Generator[Any, Any, None]:
+        """Sleep until the future has ended."""
+        # An executor steps an awaiting task only when it has something else to do, and completing this future
+        # gives it nothing to do.
+        while not future.has_ended():
+            yield
 
     def __call__(self, _: object = None) -> None:
         """Have the executor step the task, once none of its threads does."""
-        task = None if self.awake else self._task()
+        task = None if self._task is None or self.awake else self._task()
         executor = None if task is None else task_executor(task)
         if task is None or executor is None:
             return
@@ -160,45 +139,38 @@ class _SleepingTask(Waker):
         self()
 
 
-def _running_loop() -> "asyncio.AbstractEventLoop | None":
-    # If a loop runs, asyncio is loaded. It is not imported here: that takes a tenth of the time of importing
-    # tf2_ros, and in a forked child it could wait forever for a thread of the parent that was importing it.
-    get_running_loop = getattr(sys.modules.get("asyncio"), "get_running_loop", None)
-    if get_running_loop is None:
-        return None
-    try:
-        loop: asyncio.AbstractEventLoop = get_running_loop()
-    except RuntimeError:
-        return None
-    return loop
-
-
 class _SleepingLoop(Waker):
     """
-    What a task of an asyncio loop awaits: ``woken``, which refers to the task.
+    What wakes a task of an asyncio loop, which otherwise would poll. It awaits ``_woken``.
 
     After a shutdown, an executor runs no tasks, but an asyncio loop continues. A signal shuts a context down
     without calling anything, so the thread of the deadlines checks the contexts while a loop awaits.
     """
 
     def __init__(self, loop: "asyncio.AbstractEventLoop", future: WakingFuture[Any]) -> None:
+        self.awake = False
         self._loop = loop
         self._future = future
-        self.woken: asyncio.Future[None] = loop.create_future()
+        self._woken: asyncio.Future[None] = loop.create_future()
+
+    def sleep(self, _: object) -> Generator[Any, Any, None]:
+        """Sleep until the future has ended."""
+        self.expire()
+        yield from self._woken
 
     def __call__(self, _: object) -> None:
         with suppress(RuntimeError):  # the loop is closed, so nothing awaits any more
             self._loop.call_soon_threadsafe(self._end)
 
     def _end(self) -> None:
-        if not self.woken.done():
-            self.woken.set_result(None)
+        if not self._woken.done():
+            self._woken.set_result(None)
 
     # The protocol of what has a deadline.
 
     def over(self) -> bool:
         """Whether the task is awake, or will never be."""
-        return self.woken.done() or self._loop.is_closed()
+        return self.awake or self._loop.is_closed()
 
     def expire(self) -> None:
         """End the future if it waits in vain; otherwise check again after SHUTDOWN_CHECK_NS."""
@@ -206,6 +178,16 @@ class _SleepingLoop(Waker):
             self._future.expire()
         else:
             deadlines.add(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
+
+
+def _sleeper(future: WakingFuture[Any]) -> _SleepingTask | _SleepingLoop:
+    """What wakes whatever runs in this thread."""
+    # If a loop runs, asyncio is loaded. It is not imported here: that takes a tenth of the time of importing
+    # tf2_ros, and in a forked child it could wait forever for a thread of the parent that was importing it.
+    get_running_loop = getattr(sys.modules.get("asyncio"), "_get_running_loop", None)
+    task = running_task()
+    loop = None if task is not None or get_running_loop is None else get_running_loop()
+    return _SleepingTask(task) if loop is None else _SleepingLoop(loop, future)
 
 
 class TransformFuture(WakingFuture[TransformStamped]):

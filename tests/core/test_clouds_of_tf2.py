@@ -29,13 +29,9 @@ DATATYPES = {
 WHOLE = ["i1", "u1", "i2", "u2", "i4", "u4"]
 
 
-def cloud(columns, points, point_step=None, **fields):
+def cloud(columns, points, **fields):
     """A cloud of columns (name, kind), and of points, one tuple each."""
     dtype = np.dtype([(name, f"<{kind}") for name, kind in columns])
-    if point_step is not None:
-        offsets = [dtype.fields[name][1] for name, _ in columns]
-        names, formats = zip(*((name, f"<{kind}") for name, kind in columns), strict=True)
-        dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": point_step})
     rows = np.zeros(len(points), dtype)
     rows[:] = points
     message = PointCloud2(height=1, width=len(points), point_step=dtype.itemsize)

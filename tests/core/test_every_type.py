@@ -99,25 +99,19 @@ def test_the_result_goes_over_the_wire(cls, t):
 
 
 @every_type
-@pytest.mark.parametrize("wrong", [None, 5, "text", [], ..., Header()], ids=repr)
-def test_another_type_is_a_type_error_that_names_the_one_wanted(cls, t, wrong):
+def test_other_objects_and_transforms_are_type_errors_that_name_what_is_wanted(cls, t):
+    function, message = TransformRegistration().get(cls), Maker(12).message(cls)
     # Points of every type share one function.
-    wanted = cls.__name__.removesuffix("Stamped").removesuffix("32")
-    with pytest.raises(TypeError, match=f"expected a (geometry|nav|sensor)_msgs/{wanted}"):
-        TransformRegistration().get(cls)(wrong, t)
-
-
-@every_type
-@pytest.mark.parametrize("wrong", [None, 5, Pose(), Vector3()], ids=lambda w: type(w).__name__)
-def test_another_transform_is_a_type_error_that_names_the_one_wanted(cls, wrong):
-    with pytest.raises(TypeError, match="geometry_msgs/TransformStamped"):
-        apply(Maker(12).message(cls), wrong)
-
-
-@every_stamped_type
-def test_a_message_with_a_header_needs_a_transform_with_a_header(cls, t):
-    with pytest.raises(TypeError, match="expected a geometry_msgs/TransformStamped.*got Transform"):
-        apply(Maker(13).message(cls), t.transform)
+    wanted = (
+        f"expected a (geometry|nav|sensor)_msgs/{cls.__name__.removesuffix('Stamped').removesuffix('32')}"
+    )
+    for arguments, text in (
+        *[((wrong, t), wanted) for wrong in (None, 5, "text", [], ..., Header())],
+        *[((message, wrong), "geometry_msgs/TransformStamped") for wrong in (None, 5, Pose(), Vector3())],
+        *[((message, t.transform), "a geometry_msgs/TransformStamped.*got Transform")] * (cls in STAMPED),
+    ):
+        with pytest.raises(TypeError, match=text):
+            function(*arguments)
 
 
 @every_type

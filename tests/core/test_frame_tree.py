@@ -34,7 +34,3 @@ def test_a_long_chain_is_complete_and_not_indented_without_end():
     lines = tree_text(frames).splitlines()
     assert [line.split()[0] for line in lines] == list(frames)
     assert lines[MAX_DEPTH + 1] == "  " * MAX_DEPTH + f"f{MAX_DEPTH + 1} (static)"
-
-
-def test_what_does_not_print_is_escaped():
-    assert names(tree_text({"\x1b[31mred\n": static("a\u202e")})) == ["a\\u202e", "  \\x1b[31mred\\n"]

@@ -3,8 +3,9 @@
 from collections import OrderedDict
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
+from making import at, transform
 
 from tf2_py import BufferCore
 from tf2_py._objects.errors import class_name, counted, printable
@@ -33,3 +34,27 @@ def test_a_class_is_named_with_its_package():
 @pytest.mark.parametrize(("number", "said"), [(0, "0 frames"), (1, "1 frame"), (2, "2 frames")])
 def test_one_thing_is_in_the_singular(number, said):
     assert counted(number, "frame") == said
+
+
+@given(st.text(characters, min_size=1, max_size=6).filter(lambda name: "\0" not in name))
+@example("\x1b[31mred\n\u202e\U000e0001")
+def test_every_text_of_a_buffer_prints(tf2_py, tf2_ros, name):
+    name = "n" + name.encode("utf-8", "ignore").decode()
+    buffer = tf2_py.BufferCore()
+    buffer.set_transform(transform("map", name, 5), name)
+    for parent, child in (("moon", "crater" + name), ("a" + name, "b" + name), ("b" + name, "a" + name)):
+        buffer.set_transform(transform(parent, child, 1), name)
+    texts = [buffer.all_frames_as_string(), buffer.tree(), tf2_ros.format_transform(transform(name, name))]
+    kinds = set()
+    for source, seconds in (("nowhere" + name, 1), (name, 6), ("crater" + name, 1), ("a" + name, 1)):
+        wait = buffer._wait("map", source, at(seconds))
+        with pytest.raises(tf2_py.TransformException) as caught:
+            buffer.lookup_transform_core("map", source, at(seconds))
+        kinds.add(type(caught.value).__name__)
+        texts += [str(caught.value), buffer.can_transform_core("map", source, at(seconds))[1], wait.lacks()]
+    assert kinds == {"LookupException", "ExtrapolationException", "ConnectivityException"}
+    for text in texts:
+        assert text.replace("\n", "").isprintable()
+        assert printable(name) in text
+    dot = buffer._allFramesAsDot()  # in which backslashes are doubled
+    assert dot.replace("\n", "").isprintable()

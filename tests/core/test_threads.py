@@ -2,6 +2,7 @@
 
 import random
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -18,25 +19,6 @@ STEP = 10_000_000  # ns
 def telling(stamp_ns, parent, child):
     # Its number encodes its stamp: whatever is interpolated between whole samples gives the time back.
     return transform(parent, child, ns=stamp_ns, xyz=(stamp_ns / S, 0, 0))
-
-
-def run_all(functions):
-    """Run each in a thread, raise what the first of them raised."""
-    errors = []
-
-    def guarded(function):
-        try:
-            function()
-        except BaseException as error:
-            errors.append(error)
-
-    threads = [threading.Thread(target=guarded, args=(function,)) for function in functions]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    if errors:
-        raise errors[0]
 
 
 def advance(buffer, links, rounds, rng):
@@ -85,6 +67,8 @@ def test_no_vector_lookup_sees_half_of_a_sample(looped):
         finally:
             done.set()
 
-    run_all([read, read, read, write])
+    with ThreadPoolExecutor() as threads:
+        for ended in [threads.submit(work) for work in (read, read, read, write)]:
+            ended.result()
     buffer._self_check()
     assert sum(answers) > 0

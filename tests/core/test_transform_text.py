@@ -60,10 +60,6 @@ def test_a_rotation_need_not_have_length_one(text):
     assert angles(text(m)) == [0.0, 0.0, 90.0]
 
 
-def test_what_does_not_print_in_a_name_is_escaped(text):
-    assert text(transform("a\n", "\x1b[31m")).startswith("a\\n -> \\x1b[31m at ")
-
-
 def test_what_is_no_transform_is_refused(text):
     with pytest.raises(TypeError, match="expected a TransformStamped"):
         text("map")

@@ -141,7 +141,7 @@ class Machine(RuleBasedStateMachine):
     def change(self, step):
         self.take(step)
 
-    @rule(name=names)
+    @rule(name=frames | names)
     def forget(self, name):
         self.take(("forget", name))
 

@@ -8,6 +8,8 @@ from making import S, about_z, at, at_ns, rotation, transform, translation
 from ros_optional import Duration, Time
 from scipy.spatial.transform import Rotation
 
+from tf2_py import ExtrapolationException
+
 pytestmark = pytest.mark.ours
 
 FRAMES = ["map", "odom", "base", "arm", "hand", "mast", "camera", "plate"]
@@ -56,23 +58,41 @@ def span_of_all(buffer):
 
 
 def singles(buffer, target, source, times, **two_times):
+    """Rows of as many lookups of one time; NaN: there is no answer."""
     rows = []
     for ns in times:
-        if two_times:
-            m = buffer.lookup_transform_full_core(
-                target, two_times["target_time"], source, at_ns(int(ns)), two_times["fixed_frame"]
-            )
-        else:
-            m = buffer.lookup_transform_core(target, source, at_ns(int(ns)))
-        rows.append((*translation(m), *rotation(m)))
+        try:
+            if two_times:
+                m = buffer.lookup_transform_full_core(
+                    target, two_times["target_time"], source, at_ns(int(ns)), two_times["fixed_frame"]
+                )
+            else:
+                m = buffer.lookup_transform_core(target, source, at_ns(int(ns)))
+            rows.append((*translation(m), *rotation(m)))
+        except ExtrapolationException:
+            rows.append((np.nan,) * 7)
     return np.array(rows).reshape(-1, 7)
 
 
 def assert_same_to_the_last_bit(series, rows):
-    got = np.hstack(series)
+    got, missing = np.hstack(series), np.isnan(rows).any(axis=1)
     assert got.shape == rows.shape
     assert got.dtype == np.float64
-    assert (got.view(np.int64) == np.ascontiguousarray(rows).view(np.int64)).all()
+    assert np.isnan(got[missing]).all()
+    assert (got[~missing].view(np.int64) == np.ascontiguousarray(rows[~missing]).view(np.int64)).all()
+
+
+def check(buffer, target, source, times, **two_times):
+    """Rows are those of single lookups, and the first one without an answer is the error."""
+    rows = singles(buffer, target, source, times, **two_times)
+    series = buffer.lookup_transforms(target, source, times, on_missing="nan", **two_times)
+    assert_same_to_the_last_bit(series, rows)
+    missing = np.flatnonzero(np.isnan(rows[:, 0]))
+    if len(missing):
+        with pytest.raises(ExtrapolationException, match=rf"^times\[{missing[0]}\]: "):
+            buffer.lookup_transforms(target, source, times, **two_times)
+    else:
+        assert_same_to_the_last_bit(buffer.lookup_transforms(target, source, times, **two_times), rows)
 
 
 @pytest.mark.parametrize("source", FRAMES)
@@ -82,9 +102,9 @@ def test_the_numbers_are_those_of_single_lookups(buffer, target, source):
     times = np.random.default_rng(1).integers(low, high, 150)
     times[::20] = 0
     times[3] = high
-    assert_same_to_the_last_bit(
-        buffer.lookup_transforms(target, source, times), singles(buffer, target, source, times)
-    )
+    check(buffer, target, source, times)
+    times[[81, 99, 149]] = (high + 1, 1, 2**31 * S - 1)
+    check(buffer, target, source, times)
 
 
 @pytest.mark.parametrize(
@@ -95,20 +115,15 @@ def test_two_times(buffer, target, source, fixed):
     low, high = span_of_all(buffer)
     times = np.sort(np.random.default_rng(2).integers(low, high, 200))
     for target_time in (at_ns(high), at(0)):
-        two_times = {"fixed_frame": fixed, "target_time": target_time}
-        assert_same_to_the_last_bit(
-            buffer.lookup_transforms(target, source, times, **two_times),
-            singles(buffer, target, source, times, **two_times),
-        )
+        check(buffer, target, source, times, fixed_frame=fixed, target_time=target_time)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 63, 64, 65, 255, 256, 257, 1000])
 def test_any_number_of_times(buffer, count):
     low, high = span(buffer, "map", "hand")
-    times = np.linspace(low, high, count).astype(np.int64)
-    translations, rotations = buffer.lookup_transforms("map", "hand", times)
-    assert (translations.shape, rotations.shape) == ((count, 3), (count, 4))
-    assert_same_to_the_last_bit((translations, rotations), singles(buffer, "map", "hand", times))
+    times = np.linspace(low, high + S, count).astype(np.int64)
+    check(buffer, "map", "hand", times[times <= high])
+    check(buffer, "map", "hand", times)
 
 
 class TestTimes:
@@ -131,48 +146,7 @@ class TestTimes:
     def test_anything_that_is_whole_nanoseconds(self, buffer, make):
         got = buffer.lookup_transforms("map", "odom", make(self.NS))
         assert_same_to_the_last_bit(got, singles(buffer, "map", "odom", self.NS))
-        small = buffer.lookup_transforms("base", "plate", np.array([2, 0], np.int8), on_missing="nan")
-        assert_same_to_the_last_bit(
-            small, np.hstack(buffer.lookup_transforms("base", "plate", [2, 0], on_missing="nan"))
-        )
-
-    @pytest.mark.parametrize(
-        ("times", "error"),
-        [
-            ([1.5, 2.5], TypeError),
-            (np.array([1.0]), TypeError),
-            (1, TypeError),
-            (None, TypeError),
-            ("12", TypeError),
-            (["1"], TypeError),
-            ([...], TypeError),
-            ([True, False], TypeError),
-            ([5, True], TypeError),
-            ([5, "6"], TypeError),
-            (np.array([5, 1.5], object), TypeError),
-            (np.array([5, 2**63], object), ValueError),
-            (np.ma.masked_array([5, 6], [False, True]), ValueError),
-            (np.zeros((2, 2), np.int64), ValueError),
-            ([[S]], ValueError),
-            ([S, (S, S)], ValueError),
-            ([np.array([S])], ValueError),
-            (np.array([S, [S]], object), ValueError),
-            (np.int64(3), (TypeError, ValueError)),
-            ([2**63], ValueError),
-            ([2**70], ValueError),
-            (np.array([2**63], np.uint64), ValueError),
-            (np.array([2, 3], "m8[ns]"), TypeError),
-        ],
-        ids=repr,
-    )
-    def test_what_is_wrong_says_what_is_wanted(self, buffer, times, error):
-        with pytest.raises(error, match=r"integer nanoseconds of shape \(N,\)|timedelta64"):
-            buffer.lookup_transforms("map", "base", times)
-
-    @pytest.mark.parametrize("times", [[1.5], np.array([2.0])], ids=repr)
-    def test_of_seconds_it_is_said_what_they_must_become(self, buffer, times):
-        with pytest.raises(TypeError, match="float64: multiply seconds by 1e9, and round them to int64$"):
-            buffer.lookup_transforms("map", "base", times)
+        check(buffer, "base", "plate", np.array([2, 0], np.int8))
 
 
 class TestDates:
@@ -210,23 +184,6 @@ class TestDates:
         self.same(buffer, list(pandas.DatetimeIndex(self.NS.view("M8[ns]"))))
         self.same(buffer, [np.int64(first), second, third])
 
-    @pytest.mark.parametrize(
-        "wrong",
-        [
-            np.datetime64("NaT", "ns"),
-            np.datetime64("NaT"),
-            np.datetime64("9999-01-01"),
-            np.datetime64(1, "ps"),
-        ],
-        ids=str,
-    )
-    def test_what_is_no_time_in_nanoseconds_is_named_by_its_index(self, buffer, wrong):
-        times = np.array([np.datetime64(3, "s").astype(wrong.dtype), wrong])
-        with pytest.raises(
-            ValueError, match=r"times\[1\](: expected whole nanoseconds within 64 bits| is NaT)"
-        ):
-            buffer.lookup_transforms("map", "odom", times)
-
     def test_a_date_of_pandas_that_does_not_fit_is_named(self, buffer):
         pandas = pytest.importorskip("pandas")
         late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])
@@ -234,23 +191,35 @@ class TestDates:
             buffer.lookup_transforms("map", "odom", late)
 
 
-class TestMissing:
-    def test_the_first_missing_time_is_raised_with_its_index(self, tf2_py, buffer):
-        low, high = span(buffer, "map", "base")
-        times = np.full(500, low)
-        times[321] = high + 5 * S
-        times[400] = 1
-        with pytest.raises(tf2_py.ExtrapolationException, match=r"^times\[321\]: .*into the future"):
-            buffer.lookup_transforms("map", "base", times)
+ARRAY = r"integer nanoseconds of shape \(N,\)"
+NO_TIMES = [
+    *[
+        (times, TypeError, ARRAY)
+        for times in (1, None, "12", ["1"], [...], [True, False], [5, True], [5, "6"])
+    ],
+    *[(times, TypeError, ARRAY) for times in ([1.5, 2.5], np.array([1.0]), np.array([5, 1.5], object))],
+    (np.int64(3), (TypeError, ValueError), ARRAY),
+    *[
+        (times, ValueError, ARRAY)
+        for times in ([[S]], [S, (S, S)], [np.array([S])], np.array([S, [S]], object))
+    ],
+    *[(times, ValueError, ARRAY) for times in (np.zeros((2, 2), np.int64), [2**63], [2**70])],
+    *[(times, ValueError, ARRAY) for times in (np.array([5, 2**63], object), np.array([2**63], np.uint64))],
+    (np.ma.masked_array([5, 6], [False, True]), ValueError, ARRAY),
+    ([1.5], TypeError, "float64: multiply seconds by 1e9, and round them to int64$"),
+    (np.array([2.0]), TypeError, "float64: multiply seconds by 1e9, and round them to int64$"),
+    (np.array([2, 3], "m8[ns]"), TypeError, "timedelta64"),
+    (np.array([3, "NaT"], "M8[ns]"), ValueError, r"times\[1\] is NaT"),
+    (np.array([3, "NaT"], "M8[D]"), ValueError, r"times\[1\] is NaT"),
+    (np.array(["1970-01-02", "9999-01-01"], "M8[D]"), ValueError, r"times\[1\]: expected whole nanoseconds"),
+    (np.array([1000, 1], "M8[ps]"), ValueError, r"times\[1\]: expected whole nanoseconds within 64 bits"),
+]
 
-    def test_nan_fills_what_is_missing_and_nothing_else(self, buffer):
-        low, high = span(buffer, "map", "base")
-        times = np.linspace(low, high, 500).astype(np.int64)
-        times[[0, 7, 499]] = (1, high + 1, 2**62)
-        translations, rotations = buffer.lookup_transforms("map", "base", times, on_missing="nan")
-        missing = np.isnan(np.hstack([translations, rotations]))
-        assert sorted(set(np.nonzero(missing)[0])) == [0, 7, 499]
-        assert missing[[0, 7, 499]].all()
+
+@pytest.mark.parametrize(("times", "error", "text"), NO_TIMES, ids=repr)
+def test_what_is_no_time_says_what_is_wanted(buffer, times, error, text):
+    with pytest.raises(error, match=text):
+        buffer.lookup_transforms("map", "odom", times)
 
 
 class TestPoints:

@@ -41,7 +41,6 @@ OF_PROJECT = ("tf2_", "build_backend/", "messages/", "setup.py", "setup.cfg", "p
 OF_SOURCES = {
     "packaging/test_adding_a_type.py": "compiles an extension",
     "core/test_allocation_failures.py": "runs a program of the checkout",
-    "packaging/test_bench.py": "measures the checkout",
     "packaging/test_colcon.py": "builds the project",
     "programs/test_cli.py": "reads the sources",
     "packaging/test_cross.py": "compiles the project",
@@ -52,7 +51,6 @@ OF_SOURCES = {
     "packaging/test_layout.py": "reads the imports of the sources",
     "packaging/test_messages_packaging.py": "builds the project",
     "packaging/test_packaging.py": "builds the project",
-    "packaging/test_portable.py": "reads the C that was compiled",
     "programs/test_manners.py": "reads the sources",
     "packaging/test_public_names.py": "reads the sources",
     "packaging/test_sourced.py": "builds the project",

@@ -57,16 +57,6 @@ def modules() -> dict[str, tuple[Path, ...]]:
     return {name: tuple(paths) for name, paths in found.items()}
 
 
-def extensions() -> list[str]:
-    """The extension modules; a .pyx in a folder that is no package is a chapter of one."""
-    return [
-        name
-        for name, paths in modules().items()
-        for path in paths
-        if path.suffix == ".pyx" and (path.parent / "__init__.py").exists()
-    ]
-
-
 def imports(path: Path) -> list[Import]:
     """What a file imports and cimports, anywhere in it; relative names are made absolute."""
     parent = list(path.relative_to(ROOT).parent.parts)

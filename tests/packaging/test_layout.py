@@ -12,110 +12,55 @@ pytestmark = pytest.mark.ours
 
 INTERNALS = ROOT / "docs" / "internals.md"
 HEADER = ["package", "owns", "imports", "beside the standard libraries", "underscored modules open to others"]
-ANYTHING = "anything"
+ANYTHING = ["anything"]
 # What Cython brings: C's, POSIX's and Python's own declarations.
 STANDARD = {"libc", "posix", "cpython", "cython", *sys.stdlib_module_names}
 
 
-class Row:
-    """A line of the table."""
-
-    def __init__(self, cells):
-        self.name, self.allowed, self.outside, self.open = (
-            re.findall(r"`([^`]+)`", cells[i]) or [cells[i]] for i in (0, 2, 3, 4)
-        )
-        [self.name] = self.name
-
-    def may_import(self, row):
-        return self.allowed == [ANYTHING] or row in (self.name, *self.allowed)
-
-
 def read_table():
+    """The rows of the table by their packages, each a list of the names in each of its columns."""
     lines = INTERNALS.read_text(encoding="utf-8").splitlines()
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    start = cells.index(HEADER) + 2
-    rows = []
-    for i in range(start, len(lines)):
-        if not lines[i].startswith("|"):
-            break
-        rows.append(Row(cells[i]))
-    return {row.name: row for row in rows}
+    rows = cells[cells.index(HEADER) + 2 :]
+    rows = rows[: [len(row) == len(HEADER) for row in rows].index(False)]
+    return {row[0].strip("`"): [re.findall(r"`([^`]+)`", cell) or [cell] for cell in row] for row in rows}
 
 
 TABLE = read_table()
 # The imports of each module, of all its files; those of the packages themselves are among them.
 IMPORTS = {name: [one for path in paths for one in imports(path)] for name, paths in modules().items()}
+OPEN = {f"{name}.{module}" for name, row in TABLE.items() for module in row[4]}
 
 
-def row_of(module):
-    """The line of the table that a module belongs to: the longest name that is a part of its own."""
-    return max((name for name in TABLE if is_within(module, name)), key=len, default=None)
-
-
-def is_within(module, package):
-    return module == package or module.startswith(package + ".")
+def package_of(module):
+    """The package of the table that a module belongs to: the longest name that is a part of its own."""
+    return max((name for name in TABLE if f"{module}.".startswith(f"{name}.")), key=len, default=None)
 
 
 def top(module):
     return module.partition(".")[0]
 
 
-def ours(module):
-    return row_of(module) is not None
+def is_allowed(module, imported):
+    """Whether the table allows an import."""
+    package, other = package_of(module), package_of(imported)
+    _, _, allowed, outside, _ = TABLE[package]
+    if other is None:
+        return outside == ANYTHING or top(imported) in {*STANDARD, *outside}
+    if allowed == ANYTHING:
+        return True
+    is_private = top(imported) != top(module) and "._" in imported and imported not in OPEN
+    return other in (package, *allowed) and not is_private
 
 
-def found(wrong):
-    """The imports for which `wrong` holds, as lines to read."""
-    return [
+def test_modules_import_and_cimport_what_the_table_allows():
+    assert [name for name in IMPORTS if package_of(name) is None] == []
+    assert [
         f"{module}, line {one.line}: {one.module}"
-        for module, all_of_them in IMPORTS.items()
-        for one in all_of_them
-        if wrong(module, one)
-    ]
-
-
-def test_every_module_has_a_line_in_the_table():
-    assert [name for name in modules() if row_of(name) is None] == []
-    assert {top(name) for name in modules()} >= set(PACKAGES)
-
-
-def test_imports_and_cimports_go_in_the_direction_of_the_table():
-    def against_the_table(module, one):
-        return ours(one.module) and not TABLE[row_of(module)].may_import(row_of(one.module))
-
-    assert found(against_the_table) == []
-
-
-def test_the_table_knows_what_is_imported_from_outside_the_project():
-    def undeclared(module, one):
-        outside = TABLE[row_of(module)].outside
-        return not (ours(one.module) or top(one.module) in STANDARD or top(one.module) in outside)
-
-    def is_checked(module):
-        return TABLE[row_of(module)].outside != [ANYTHING]
-
-    assert found(lambda module, one: is_checked(module) and undeclared(module, one)) == []
-
-
-def test_the_core_imports_no_python_of_this_project():
-    core = {"tf2_py._core", "tf2_py.core"}
-    assert found(lambda module, one: row_of(module) in core and ours(one.module) and not one.is_cimport) == []
-    assert [TABLE[name].outside for name in core] == [["nothing"], ["nothing"]]
-
-
-def test_underscored_modules_of_another_package_are_used_only_where_the_table_opens_them():
-    def is_private(module, one):
-        if not ours(one.module) or top(one.module) == top(module):
-            return False
-        underscored = any(part.startswith("_") for part in one.module.split("."))
-        may_use_it = one.module in opened() or TABLE[row_of(module)].allowed == [ANYTHING]
-        return underscored and not may_use_it
-
-    assert found(is_private) == []
-
-
-def opened():
-    return {f"{row.name}.{name}" for row in TABLE.values() for name in row.open if name != "none"}
+        for module, found in IMPORTS.items()
+        for one in found
+        if not is_allowed(module, one.module)
+    ] == []
 
 
 def test_no_modules_import_each_other_in_a_circle():

@@ -10,7 +10,7 @@ import tarfile
 import zipfile
 
 import pytest
-from installing import backend_at, checkout_copy
+from installing import Prefix, backend_at, checkout_copy, sourced, unsourced
 from paths import ROOT
 
 # By its place and not by the path: the path must not make the checkout's packages importable.
@@ -22,24 +22,6 @@ environment = build_backend.environment
 def path_of_its_own(monkeypatch):
     """The build runs setup.py in this process, which adds its folder; children of later tests inherit it."""
     monkeypatch.setattr(sys, "path", sys.path[:])
-
-
-@pytest.fixture
-def prefix(tmp_path):
-    """An install prefix of ROS 2 with the packages named, as AMENT_PREFIX_PATH would list it."""
-
-    def make(name, *packages):
-        index = tmp_path / name / "share" / "ament_index" / "resource_index" / "packages"
-        index.mkdir(parents=True)
-        for package in packages:
-            (index / package).touch()
-        return str(tmp_path / name)
-
-    return make
-
-
-def sourced(*prefixes):
-    return {"AMENT_PREFIX_PATH": os.pathsep.join(prefixes), "PATH": os.environ["PATH"]}
 
 
 def test_missing_compilers_are_named_with_what_to_install(tmp_path):
@@ -90,7 +72,7 @@ def test_source_distribution_holds_what_a_build_needs(monkeypatch, tmp_path):
 
 
 @pytest.mark.long("builds three wheels")
-def test_wheel_holds_the_same_wherever_it_is_built(tmp_path, prefix):
+def test_wheel_holds_the_same_wherever_it_is_built(tmp_path):
     """Nothing of an earlier build, and nothing that depends on a ROS 2, nor on the choice of one."""
     project = checkout_copy(tmp_path / "project")
     for source in project.glob("tf2_*/**/*.pyx"):
@@ -99,17 +81,13 @@ def test_wheel_holds_the_same_wherever_it_is_built(tmp_path, prefix):
         (project / "build" / "lib" / left).parent.mkdir(parents=True, exist_ok=True)
         (project / "build" / "lib" / left).touch()
     held = []
-    with_messages, without = prefix("jazzy", "rclpy", "tf2_msgs"), prefix("workspace", "rclpy")
-    for name, ros in (("none", {}), ("whole", sourced(with_messages)), ("bare", sourced(without))):
+    whole = Prefix(tmp_path / "jazzy").mark("rclpy", "tf2_msgs")
+    bare = Prefix(tmp_path / "workspace").mark("rclpy")
+    for name, ros in (("none", unsourced()), ("whole", sourced(whole)), ("bare", sourced(bare))):
         (tmp_path / name).mkdir()
         hook = f"build_wheel({str(tmp_path / name)!r}, {{'ros': 'kilted'}})"
-        environment = {key: text for key, text in os.environ.items() if key != "AMENT_PREFIX_PATH"}
-        subprocess.run(
-            [sys.executable, "-c", f"import build_backend; build_backend.{hook}"],
-            cwd=project,
-            env={**environment, **ros},
-            check=True,
-        )
+        program = f"import build_backend; build_backend.{hook}"
+        subprocess.run([sys.executable, "-c", program], cwd=project, env=ros, check=True)
         [wheel] = (tmp_path / name).glob("*.whl")
         with zipfile.ZipFile(wheel) as opened:
             held.append({entry: opened.read(entry) for entry in opened.namelist()})

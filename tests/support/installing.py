@@ -14,6 +14,8 @@ from paths import ROOT
 
 OURS = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
 SITE = Path("lib", f"python{sys.version_info.major}.{sys.version_info.minor}", "site-packages")
+PIP_INSTALL = ("install", "--quiet", "--no-deps", "--no-index")
+BUILT = ("*.so", "*.egg-info", "__pycache__", "_built.py", "_release.py", "build")
 INDEX = Path("share", "ament_index", "resource_index", "packages")
 
 
@@ -26,29 +28,16 @@ def backend_at(folder, name):
 
 
 def checkout_copy(target):
-    """The checkout's own files, without anything built."""
-    skip = ["*.so", "*.egg-info", "__pycache__", "_built.py"]
-    target.mkdir(parents=True)
-    for name in (*OURS, "tf2_ros_tools", "tf2_ros_cython", "build_backend", "resource"):
-        shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns(*skip))
+    """The checkout's own files, without anything built, and without what is for its developers."""
+    others = ("tests", "docs", "bench", "reliability", "release", "examples", "messages", "dist", ".*")
+    shutil.copytree(ROOT, target, ignore=shutil.ignore_patterns(*BUILT, *others))
     messages_copy(target / "messages")
-    for name in (
-        "setup.py",
-        "setup.cfg",
-        "pyproject.toml",
-        "package.xml",
-        "MANIFEST.in",
-        "LICENSE",
-        "README.md",
-    ):
-        shutil.copy(ROOT / name, target)
     return target
 
 
 def messages_copy(target):
     """The checkout's project of tf2_msgs, without anything built."""
-    skip = ["*.so", "*.egg-info", "__pycache__", "_release.py", "build"]
-    shutil.copytree(ROOT / "messages", target, ignore=shutil.ignore_patterns(*skip))
+    shutil.copytree(ROOT / "messages", target, ignore=shutil.ignore_patterns(*BUILT))
     for kind in ("msg", "srv", "action"):
         for generated in (target / "src" / "tf2_msgs" / kind).glob("*.py"):
             generated.unlink()
@@ -154,17 +143,7 @@ def new_venv(path, wheel=None, *options):
 
 
 def pip_install(python, wheel, *options, **environment):
-    command = [
-        sys.executable,
-        "-m",
-        "pip",
-        "--python",
-        python,
-        "install",
-        "--quiet",
-        "--no-deps",
-        "--no-index",
-    ]
+    command = [sys.executable, "-m", "pip", "--python", python, *PIP_INSTALL]
     subprocess.run([*command, *options, wheel], env={**unsourced(), **environment}, check=True)
 
 

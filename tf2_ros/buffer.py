@@ -10,7 +10,7 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, require_linux
-from tf2_ros._wait.blocking import BlockingWait, Lookup
+from tf2_ros._wait.blocking import Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
 
@@ -203,7 +203,7 @@ class Buffer(BufferCore, BufferInterface):
             return self.lookup_transform_core(target_frame, source_frame, time)
         accepted = policy_of("lookup_transform", **policy)
         lookup = Lookup(target_frame, source_frame, time, policy=accepted)
-        return BlockingWait(self, duration_ns(timeout, "timeout")).for_answer(lookup)
+        return lookup.block(self, duration_ns(timeout, "timeout"))
 
     def lookup_transform_full(
         self,
@@ -221,17 +221,16 @@ class Buffer(BufferCore, BufferInterface):
             )
         accepted = policy_of("lookup_transform_full", **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
-        return BlockingWait(self, duration_ns(timeout, "timeout")).for_answer(lookup)
+        return lookup.block(self, duration_ns(timeout, "timeout"))
 
     def _tf2_can(self, timeout: DurationLike, policy: "LookupPolicy", *arguments: Any) -> tuple[bool, str]:
         ask = self.can_transform_core if len(arguments) == 3 else self.can_transform_full_core
         if timeout is NO_TIMEOUT and not policy:
             can, reason = ask(*arguments)
             return bool(can), reason
-        accepted = policy_of("can_transform", **policy)
-        wait = BlockingWait(self, duration_ns(timeout, "timeout"))
+        lookup = Lookup.of(*arguments, policy=policy_of("can_transform", **policy))
         try:
-            wait.for_answer(Lookup.of(*arguments, policy=accepted))
+            lookup.block(self, duration_ns(timeout, "timeout"))
         except TransformException as error:
             return False, str(error)
         return True, ""

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tf2_py import BufferCore, InvalidArgumentException, TransformException
+from tf2_py import BufferCore
 from tf2_py._internal import errors
 from tf2_ros_cython._presence import HAS_ROS
 
@@ -48,65 +48,29 @@ class Lookup(NamedTuple):
         """
         return BufferCore._wait(core, *self[:-1], notify=notify, policy=self.policy)
 
-
-class BlockingWait:
-    """
-    A wait of the calling thread, which begins when this is made.
-
-    :param core: the buffer, whose :class:`Shutdown` ends the wait.
-    :param timeout_ns: nanoseconds of steady time, at most FOR_EVER_NS. 0 or less: there is no wait.
-    """
-
-    def __init__(self, core: BufferCore, timeout_ns: int) -> None:
-        self._core = core
-        self._shutdown = Shutdown(core)
-        self._timeout_ns = timeout_ns
-        self._begin_ns = time.monotonic_ns()
-        self._waits = timeout_ns > 0
-
-    def for_answer(self, lookup: Lookup) -> Any:
+    def block(self, core: BufferCore, timeout_ns: int) -> Any:
         """
-        Wait, without the GIL, until there is an answer, and return it.
+        Wait in this thread, without the GIL, until there is an answer, and return it.
 
-        When the wait has ended, raise what the lookup raises, with the text of :meth:`told`. For an invalid
-        name, raise at once.
+        :param timeout_ns: nanoseconds of steady time, at most FOR_EVER_NS. 0 or less: do not wait.
+        :raises TransformException: what the lookup raises. After a wait, its text also says how long that
+            took, or that the :class:`Shutdown` of the buffer ended it.
         """
-        if not self._waits:
-            return lookup.now(self._core)
+        if timeout_ns <= 0:
+            return self.now(core)
+        shutdown = Shutdown(core)
+        begin_ns = time.monotonic_ns()
         while True:
-            try:
-                wait = lookup.wait(self._core)
-            except TransformException:
-                self._waits = False
-                raise
+            wait = self.wait(core)
             answer = wait.answer
             if answer is not None:
                 return answer
-            if wait.wait_for(self._timeout_ns, self._alive):
+            if wait.wait_for(timeout_ns, lambda: not shutdown.happened()):
                 return wait.answer
             reason = wait.reason()
             if reason is not None:
-                raise self.error(reason)
+                waited_ns = min(time.monotonic_ns() - begin_ns, timeout_ns)
+                ended = shutdown.happened()
+                text = errors.shut_down(waited_ns) if ended else errors.after_wait(str(reason), waited_ns)
+                raise type(reason)(text)
             # It has arrived between the two, and the next lookup finds it.
-
-    def told(self, reason: str) -> str:
-        """Add to the reason of the lookup how long the wait took; or say what ended it."""
-        if not self._waits:
-            return reason
-        waited_ns = min(time.monotonic_ns() - self._begin_ns, self._timeout_ns)
-        return errors.after_wait(reason, waited_ns) if self._alive() else errors.shut_down(waited_ns)
-
-    def error(self, error: TransformException) -> TransformException:
-        """
-        Add the same to an error of the lookup. Its class remains, because programs catch it.
-
-        The error of an invalid argument remains as it is, because no wait would have helped.
-        """
-        if isinstance(error, InvalidArgumentException):
-            return error
-        text = str(error)
-        told = self.told(text)
-        return error if told == text else type(error)(told)
-
-    def _alive(self) -> bool:
-        return not self._shutdown.happened()

@@ -117,24 +117,19 @@ def test_nothing_is_loaded_at_the_start_but_where_a_ros_is_sourced(installation,
 
 
 @pytest.mark.parametrize(
-    ("forked", "expected"),
+    ("forked", "others", "expected"),
     [
-        ("tf2_py", all_of("distribution", tf2_py="fork")),
-        ("tf2_ros", all_of("distribution", tf2_ros="fork", tf2_py="ours")),
-        ("tf2_geometry_msgs", all_of("ours", tf2_geometry_msgs="fork", tf2_sensor_msgs="distribution")),
-        ("tf2_sensor_msgs", all_of("ours", tf2_sensor_msgs="fork")),
+        ("tf2_py", [], all_of("distribution", tf2_py="fork")),
+        ("tf2_ros", [], all_of("distribution", tf2_ros="fork", tf2_py="ours")),
+        ("tf2_geometry_msgs", [], all_of("ours", tf2_geometry_msgs="fork", tf2_sensor_msgs="distribution")),
+        ("tf2_sensor_msgs", [], all_of("ours", tf2_sensor_msgs="fork")),
+        ("tf2_sensor_msgs", ["rclpy"], all_of("ours", tf2_sensor_msgs="fork")),  # still no distribution
     ],
 )
-def test_a_workspaces_fork_stays_with_what_stands_on_it(in_venv, ros, tmp_path, forked, expected):
-    overlay = Prefix(tmp_path / "overlay").add_stubs("fork", forked)
+def test_a_workspaces_fork_stays_with_what_stands_on_it(in_venv, ros, tmp_path, forked, others, expected):
+    overlay = Prefix(tmp_path / "overlay").mark(*others).add_stubs("fork", forked)
     found = in_venv.owners(sourced(overlay, ros))
     assert found == {**expected, "tf2_msgs": messages_of(ros)}
-
-
-def test_a_workspace_with_an_rclpy_of_its_own_is_no_distribution(in_venv, ros, tmp_path):
-    overlay = Prefix(tmp_path / "overlay").mark("rclpy").add_stubs("fork", "tf2_sensor_msgs")
-    found = in_venv.owners(sourced(overlay, ros))
-    assert found == all_of("ours", tf2_sensor_msgs="fork", tf2_msgs=messages_of(ros))
 
 
 def test_a_distribution_may_have_a_folder_for_each_package(in_venv, ros, tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import installing
 import pytest
-from pages import program, run_program
+from pages import run_program
 from paths import ROOT
 from processes import DEADLINE_S
 from sources import PYPROJECT, modules
@@ -17,20 +17,21 @@ pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without R
 
 RECORDINGS = ROOT / "docs" / "recordings.md"
 EXTRAS = ("bag", "fleet", "rerun", "scipy", "cli", "plot")
-# What works without ROS, and some names that need it.
-WITH = {"Buffer", "BufferCore", "BufferInterface", "LookupException", "TransformStamped", "format_transform"}
-WITHOUT = {"BufferClient", "MessageFilter", "StaticTransformListener", "Time", "TransformListener"}
-LACKING = (
-    "tf2_ros.buffer_client",
-    "tf2_ros.buffer_server",
-    "tf2_ros.message_filter",
-    "tf2_ros.static_transform_broadcaster",
-    "tf2_ros.static_transform_listener",
-    "tf2_ros.transform_broadcaster",
-    "tf2_ros.transform_listener",
-    "tf2_geometry_msgs",
-    "tf2_sensor_msgs",
-)
+NODES = ("buffer_client", "buffer_server", "message_filter", "static_transform_broadcaster")
+NODES += ("static_transform_listener", "transform_broadcaster", "transform_listener")
+NEED_ROS = [
+    *(
+        f"import tf2_ros; tf2_ros.{name}"
+        for name in ("BufferClient", "MessageFilter", "Time", "TransformListener")
+    ),
+    *(f"import tf2_ros.{module}" for module in NODES),
+    *(f"from tf2_ros import {module}" for module in NODES),
+    "import tf2_geometry_msgs",
+    "import tf2_sensor_msgs",
+    "import types, tf2_ros; tf2_ros.Buffer(node=types.SimpleNamespace(create_service=print))",
+    "import tf2_ros; tf2_ros.Buffer().wait_for_transform_async('a', 'b', 0)",
+    "import tf2_ros; tf2_ros.Buffer().on_change('a', 'b', print)",
+]
 
 
 @dataclass
@@ -77,19 +78,11 @@ def world(tmp_path_factory):
     return World(installing.new_venv(made / "venv"), environment, made)
 
 
-class TestNames:
-    def test_each_works_or_says_what_to_install(self, world):
-        world.does(f"import tf2_ros; [getattr(tf2_ros, name) for name in {sorted(WITH)}]")
-        for name in WITHOUT:
-            said = world.lacks(f"import tf2_ros; tf2_ros.{name}")
-            assert f"tf2_ros.{name} needs ROS 2, and no rclpy is found by {world.python}: " in said
-            assert "in a clone of tf2-ros-cython, pip install ./messages '.[ros]'" in said
-
-    @pytest.mark.parametrize("module", LACKING)
-    def test_a_module_for_nodes_says_so_when_it_is_imported(self, world, module):
-        parent, _, name = module.rpartition(".")
-        for code in (f"import {module}", f"from {parent} import {name}" if parent else f"import {module}"):
-            assert " needs ROS 2, and no rclpy is found by " in world.lacks(code)
+@pytest.mark.parametrize("code", NEED_ROS)
+def test_what_needs_ros_says_so_and_what_to_install(world, code):
+    said = world.lacks(code)
+    assert f" needs ROS 2, and no rclpy is found by {world.python}: " in said
+    assert "in a clone of tf2-ros-cython, pip install ./messages '.[ros]'" in said
 
 
 def test_what_is_about_recordings_loads(world):
@@ -106,15 +99,12 @@ assert not {{"rclpy", "geometry_msgs", "tf2_msgs"}} & {{*sys.modules}}
 """)
 
 
-class TestPrograms:
-    @pytest.mark.parametrize("name", ["tf2_echo", "tf2_check", "view_frames"])
-    def test_one_says_in_one_line_what_is_missing(self, world, name):
-        arguments = ["map", "camera"] if name == "tf2_echo" else []
-        ended = world.run("-m", f"tf2_ros_tools.programs.{name}", *arguments)
-        assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (1, "", 1)
-        assert ended.stderr.startswith(
-            f"{name}: tf2_ros needs ROS 2, and no rclpy is found by {world.python}"
-        )
+@pytest.mark.parametrize("command", ["tf2_echo map camera", "tf2_check", "view_frames"])
+def test_a_program_says_in_one_line_what_is_missing(world, command):
+    name, *arguments = command.split()
+    ended = world.run("-m", f"tf2_ros_tools.programs.{name}", *arguments)
+    assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (1, "", 1)
+    assert ended.stderr.startswith(f"{name}: tf2_ros needs ROS 2, and no rclpy is found by {world.python}")
 
 
 class TestAnRclpyThatIsNoRos:
@@ -165,18 +155,6 @@ print(pickle.dumps(buffer).hex())
     assert back.can_transform("base_link", "camera", 0, timeout=0.01)
 
 
-@pytest.mark.parametrize(
-    "call",
-    [
-        "tf2_ros.Buffer(node=types.SimpleNamespace(create_service=print))",
-        "tf2_ros.Buffer().wait_for_transform_async('a', 'b', 0)",
-        "tf2_ros.Buffer().on_change('a', 'b', print)",
-    ],
-)
-def test_what_a_buffer_lacks_needs_ros(world, call):
-    assert " needs ROS 2, and no rclpy is found by " in world.lacks(f"import types, tf2_ros; {call}")
-
-
 def test_a_buffer_works(world):
     """The tests of a buffer that need no ROS, in this environment."""
     path = ROOT / "tests" / "core" / "test_plain_buffer.py"
@@ -185,6 +163,5 @@ def test_a_buffer_works(world):
     assert " passed" in ended.stdout and "skipped" not in ended.stdout
 
 
-@pytest.mark.skipif(not program(RECORDINGS), reason="the page has no programs")
 def test_the_chapter_about_recordings_holds(world, tmp_path):
     run_program(RECORDINGS, tmp_path, world.python, world.environment)

@@ -3,9 +3,9 @@
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from paths import ROOT
 
@@ -28,15 +28,13 @@ _TEXT = re.compile(
     r"|#[^\n]*",
     re.DOTALL,
 )
-_FROM = re.compile(
-    r"^[ \t]*from[ \t]+(?P<module>[.\w]+)[ \t]+(?P<kind>c?import)[ \t\f]*(?P<names>\([^)]*\)|[^\n]*)",
+_STATEMENT = re.compile(
+    r"^[ \t]*(?:from[ \t]+(?P<origin>[.\w]+)[ \t]+)?(?P<kind>c?import)\b[ \t]*(?P<names>\([^)]*\)|[^\n]*)",
     re.MULTILINE,
 )
-_PLAIN = re.compile(r"^[ \t]*(?P<kind>c?import)[ \t]+(?P<names>[^\n]+)", re.MULTILINE)
 
 
-@dataclass(frozen=True)
-class Import:
+class Import(NamedTuple):
     """One imported module: ``from a import b`` imports ``a.b`` where that is a module, otherwise ``a``."""
 
     module: str
@@ -60,24 +58,14 @@ def modules() -> dict[str, tuple[Path, ...]]:
 def imports(path: Path) -> list[Import]:
     """What a file imports and cimports, anywhere in it; relative names are made absolute."""
     parent = list(path.relative_to(ROOT).parent.parts)
-    return [
-        Import(module, line, is_cimport)
-        for name, names, line, is_cimport in statements(path.read_text(encoding="utf-8"))
-        for module in _absolute(name, names, parent)
-    ]
-
-
-def statements(text: str) -> Iterator[tuple[str, tuple[str, ...], int, bool]]:
-    """The import and cimport statements: module, names taken from it, line, whether a cimport."""
-    code = code_of(text).replace("\\\n", "\f")
-    for pattern in (_FROM, _PLAIN):
-        for found in pattern.finditer(code):
-            line = 1 + code.count("\n", 0, found.start()) + code.count("\f", 0, found.start())
-            is_cimport, names = found["kind"] == "cimport", _names(found["names"])
-            if pattern is _FROM:
-                yield found["module"], names, line, is_cimport
-            else:
-                yield from ((name, (), line, is_cimport) for name in names)
+    code = code_of(path.read_text(encoding="utf-8"))
+    found = []
+    for one in _STATEMENT.finditer(code):
+        names = [part.split()[0] for part in one["names"].strip("() \t\n").split(",") if part.split()]
+        imported = names if one["origin"] is None else _absolute(one["origin"], names, parent)
+        line = 1 + code.count("\n", 0, one.start())
+        found += [Import(module, line, one["kind"] == "cimport") for module in imported]
+    return found
 
 
 def code_of(text: str) -> str:
@@ -85,12 +73,7 @@ def code_of(text: str) -> str:
     return _TEXT.sub(lambda found: '""' + "\n" * found[0].count("\n") if found[0][0] != "#" else "", text)
 
 
-def _names(listed: str) -> tuple[str, ...]:
-    parts = (part.split() for part in listed.strip("() \t\n\f").split(","))
-    return tuple(words[0] for words in parts if words)
-
-
-def _absolute(name: str, names: tuple[str, ...], parent: list[str]) -> Iterator[str]:
+def _absolute(name: str, names: list[str], parent: list[str]) -> Iterator[str]:
     level = len(name) - len(name.lstrip("."))
     if level:
         kept = parent[: len(parent) - level + 1]

@@ -34,9 +34,8 @@ from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, r
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._wait.callbacks import callback_queue, put_in_executor
-from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, first_key
+from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, deadlines, first_key
 from tf2_ros._wait.futures import WakingFuture
-from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]

@@ -194,11 +194,11 @@ class TestTimeout:
         assert future.exception() is not None
 
     def test_waits_that_ended_leave_nothing_until_their_deadline(self, buffer):
-        from tf2_ros._wait.timers import deadlines
+        from tf2_ros._wait.endings import deadlines
 
         for _ in range(5000):
             wait(buffer, timeout=Duration(seconds=3)).cancel()
-        until(lambda: len(deadlines.entries()) < 500)
+        until(lambda: len(deadlines.entries) < 500)
 
 
 class Long:
@@ -228,9 +228,9 @@ def insert_for_a_waiter(buffer):
 
 
 def has_deadline(future):
-    from tf2_ros._wait.timers import deadlines
+    from tf2_ros._wait.endings import deadlines
 
-    return any(entry[2]() is future for entry in deadlines.entries())
+    return any(entry[2]() is future for entry in deadlines.entries)
 
 
 def deadline_threads():

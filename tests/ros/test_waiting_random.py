@@ -16,7 +16,7 @@ from rclpy.time import Time
 from spinning import spinning
 
 from tf2_py import BufferCore
-from tf2_ros._wait.timers import deadlines
+from tf2_ros._wait.endings import deadlines
 
 pytestmark = pytest.mark.ours
 
@@ -178,7 +178,7 @@ def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
     del buffer, executor, players, player, threads
     until(lambda: gc.collect() is not None and gone() is None)
     until(lambda: gc.collect() is not None and not any(reference() for reference in begun))
-    until(lambda: not deadlines.entries())
+    until(lambda: not deadlines.entries)
 
 
 def end(future):

@@ -23,7 +23,6 @@ from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import add_owner, check_regularly, start_threads
 from tf2_ros._receive.subscriptions import Subscriptions
 from tf2_ros._receive.topics import Topic
-from tf2_ros._wait.callbacks import hand_over
 
 ENDLESS = 2**31 - 1  # messages that a queue without a limit holds
 
@@ -62,7 +61,7 @@ class Receiver:
         self._process = os.getpid()
         self._topics: list[Topic] = []
         self._source = Subscriptions(listener._tf2_recording, listener._tf2_prefix)
-        self.inbox = Inbox(self._source, partial(hand_over, queue))
+        self.inbox = Inbox(self._source, queue.hand_over)
         self.inbox.inform(queue)
         start_threads()
         for topic in topics:

@@ -14,7 +14,7 @@ from tf2_ros._shared.files import describe_owner, is_owned, open_file
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
 from tf2_ros._shared.owner import Owner
 from tf2_ros._shared.ring import RingReader
-from tf2_ros._wait.timers import call_logged
+from tf2_ros._wait.endings import call_logged
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:

@@ -16,9 +16,8 @@ from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._nodes import WaitContexts, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down, is_in_executor, new_wake_handle
 from tf2_ros._receive.inboxes import check_regularly
-from tf2_ros._wait.endings import Ending
+from tf2_ros._wait.endings import Ending, call_logged
 from tf2_ros._wait.rounds import ExecutorRounds
-from tf2_ros._wait.timers import call_logged
 
 Call = Callable[[], object]
 
@@ -63,6 +62,10 @@ class CallbackQueue(ExecutorRounds, Waitable):
             self._drop_all()
         else:
             self.wake()
+
+    def hand_over(self, calls: Iterable[Ending]) -> None:
+        """See the function."""
+        hand_over(self, calls)
 
     def is_in_executor(self) -> bool:
         """Whether an executor has the node now."""

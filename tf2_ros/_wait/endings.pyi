@@ -1,6 +1,6 @@
 import weakref
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar, type_check_only
 
 from geometry_msgs.msg import TransformStamped
 
@@ -62,3 +62,22 @@ class ChangeSubscription(Ending):
         callback: Callable[[TransformStamped], object],
         put: Callable[[Ending], bool],
     ) -> None: ...
+
+def call_logged(call: Callable[[], object], where: str) -> None: ...
+
+@type_check_only
+class Expiring(Protocol):
+    """A wait that has a deadline."""
+
+    def over(self) -> bool:
+        """Whether it ended before its deadline."""
+
+    def expire(self) -> None:
+        """The deadline has passed."""
+
+class Deadlines:
+    @property
+    def entries(self) -> list[tuple[int, int, weakref.ref[Expiring]]]: ...
+    def add(self, deadline_ns: int, wait: Expiring) -> None: ...
+
+deadlines: Deadlines

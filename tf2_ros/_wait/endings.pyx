@@ -1,15 +1,22 @@
 """
-End futures, messages of filters and subscriptions to changes, each in one step with its callbacks.
+End futures, messages of filters and subscriptions to changes: each in one step with its callbacks, and at its
+deadline.
 
 This is Cython because no signal handler and no other thread runs between two of its lines that run no code in
 Python. So nothing here needs a lock, and nothing has to be repeated after an interrupt.
 """
 
-from libc.stdint cimport int64_t
+from libc.stdint cimport INT64_MAX, int64_t
 
+from tf2_py._internal cimport monotonic_ns
+
+import os
 import sys
+import threading
 import traceback
 import warnings
+import weakref
+from heapq import heappop, heappush
 from types import FunctionType
 
 from tf2_py import BufferCore, TimeoutException
@@ -388,3 +395,113 @@ cdef class ChangeSubscription(Ending):
         except BaseException as raised:
             errors.append(raised)   # of a signal handler
             return True
+
+
+# Deadlines.
+
+# How long a thread without work waits for more. In a busy program, starting a thread takes longer than most
+# work.
+cdef int64_t LINGER_NS = 1000000000
+cdef int64_t NEVER_NS = INT64_MAX
+
+cdef enum:
+    FEW = 64    # deadlines; it is not worth removing ended ones from fewer
+
+
+def call_logged(call, str where):
+    """Call something, and log what it raises, because no caller would catch it."""
+    try:
+        call()
+    except BaseException:
+        log.logger("tf2_ros").error(f"{where}: {traceback.format_exc()}")
+
+
+cdef class Deadlines:
+    """
+    Calls ``expire()`` of waits at their deadlines, unless they were over, or collected, before.
+
+    There is at most one thread: it starts with the first deadline and ends one second after the last.
+    """
+
+    cdef readonly list entries      # a heap of deadline, number and weak reference
+    cdef int64_t _added, _sleeps_until_ns
+    cdef Py_ssize_t _sweep_at
+    cdef bint _has_thread
+    cdef object _asleep             # released to wake the thread, so that an interrupted caller holds nothing
+
+    def __cinit__(self):
+        self.begin_anew()
+
+    def begin_anew(self):
+        """Forget thread and deadlines; also for a forked child, which does not have the thread."""
+        self.entries, self._sweep_at, self._has_thread = [], FEW, False
+        self._asleep = threading.Lock()
+        self._asleep.acquire()
+
+    def add(self, int64_t deadline_ns, wait):
+        """
+        Call ``wait.expire()`` when ``time.monotonic_ns()`` is ``deadline_ns``; refers to it weakly.
+
+        :raises RuntimeError: no thread can be started; the next call tries again.
+        """
+        self._added += 1
+        heappush(self.entries, (deadline_ns, self._added, weakref.ref(wait)))
+        if not self._has_thread:
+            if sys.is_finalizing():     # before Python 3.12, it would wait for the thread forever
+                raise RuntimeError("no thread can be started at the end of the interpreter")
+            # Of several that start at once, all but one end at once.
+            threading.Thread(target=self._run, name="tf2_ros deadlines", daemon=True).start()
+        elif (deadline_ns < self._sleeps_until_ns or len(self.entries) > self._sweep_at) \
+                and self._asleep.locked():
+            self._asleep.release()
+
+    def _run(self):
+        cdef int64_t now_ns
+        cdef bint is_woken = True
+        if self._has_thread:
+            return
+        self._has_thread = True
+        try:
+            while is_woken or self.entries:
+                self._sleeps_until_ns = NEVER_NS    # what is added meanwhile is looked at afterwards
+                self._sweep()
+                self._sleeps_until_ns = self._expire()
+                now_ns = monotonic_ns()
+                left_ns = max(min(self._sleeps_until_ns - now_ns, LINGER_NS), 0)
+                is_woken = self._asleep.acquire(timeout=left_ns / 1e9)
+        finally:
+            self._has_thread = False
+
+    cdef int64_t _expire(self) except -1:
+        # End all whose deadline has passed; return when the next one passes.
+        while self.entries:
+            entry = heappop(self.entries)
+            wait = _pending(entry)
+            if wait is None:
+                continue
+            if entry[0] > monotonic_ns():
+                heappush(self.entries, entry)
+                return entry[0]
+            call_logged(wait.expire, "At the end of a timeout")
+        return NEVER_NS
+
+    cdef int _sweep(self) except -1:
+        # Waits usually end well before their deadline. Their entries would pile up until then.
+        cdef list entries
+        if len(self.entries) > self._sweep_at:
+            entries, self.entries = self.entries, []
+            for entry in entries:
+                if _pending(entry) is not None:
+                    heappush(self.entries, entry)
+            self._sweep_at = 2 * len(self.entries) + FEW
+        return 0
+
+
+cdef object _pending(tuple entry):
+    wait = entry[2]()
+    return None if wait is None or wait.over() else wait
+
+
+# One for the whole process.
+deadlines = Deadlines()
+os.register_at_fork(after_in_child=deadlines.begin_anew)

@@ -21,8 +21,7 @@ from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import is_in_step, running_task, task_executor
 from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import put_in_executor, queue_of
-from tf2_ros._wait.endings import FutureEnding, Waker, notify
-from tf2_ros._wait.timers import deadlines
+from tf2_ros._wait.endings import FutureEnding, Waker, deadlines, notify
 
 if TYPE_CHECKING:
     import asyncio

@@ -48,8 +48,9 @@ def run(folder, module, *arguments, **environment):
     )
 
 
-# What Cython adds to a module and to a class.
+# What Cython adds to a module and to a class, and what has no signature there.
 OF_CYTHON = r"""
+.*\.__call__
 .*\.__test__
 .*\.__pyx_capi__
 .*\.__reduce_cython__

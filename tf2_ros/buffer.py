@@ -279,7 +279,15 @@ class Buffer(BufferCore, BufferInterface):
         """
         Get a future of what :meth:`lookup_transform_full` will return. Without ``timeout`` it waits forever.
 
-        See :meth:`wait_for_transform_async` for the future, its timeout and its callbacks.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param target_time: the time in ``target_frame``; 0 is the latest time.
+        :param source_frame: the frame that the data is in.
+        :param source_time: the time of the data; 0 is the latest time.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
+        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
+
+        :meth:`wait_for_transform_async` says where callbacks run.
         """
         accepted = policy_of("wait_for_transform_full_async", **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
@@ -327,6 +335,14 @@ class Buffer(BufferCore, BufferInterface):
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits forever.
+
+        :param target_frame: the frame into which the data is to be transformed.
+        :param target_time: the time in ``target_frame``; 0 is the latest time.
+        :param source_frame: the frame that the data is in.
+        :param source_time: the time of the data; 0 is the latest time.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait. None: until the context is shut down.
+        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
 
         It raises what :meth:`lookup_transform_async` raises.
         """

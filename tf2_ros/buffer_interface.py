@@ -322,7 +322,14 @@ class BufferInterface:
         """
         Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
-        It returns what :meth:`can_transform` returns, also with ``return_debug_tuple``.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param target_time: the time in ``target_frame``; 0 is the latest time.
+        :param source_frame: the frame that the data is in.
+        :param source_time: the time of the data; 0 is the latest time.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
+        :param return_debug_tuple: also return the reason, as :meth:`can_transform` does.
+        :param policy: further arguments of :meth:`lookup_transform_full`.
         """
         can, reason = self._tf2_can(
             timeout, policy, target_frame, target_time, source_frame, source_time, fixed_frame

@@ -60,7 +60,9 @@ class Receiver:
         self._queue = queue
         self._process = os.getpid()
         self._topics: list[Topic] = []
-        self._source = Subscriptions(listener._tf2_recording, listener._tf2_prefix)
+        clock = getattr(listener.buffer, "clock", None)
+        handle = clock.handle if isinstance(clock, ROSClock) else None
+        self._source = Subscriptions(listener._tf2_recording, handle, listener._tf2_prefix)
         self.inbox = Inbox(self._source, queue.hand_over)
         self.inbox.inform(queue)
         start_threads()
@@ -86,9 +88,6 @@ class Receiver:
             self._leave_to_executors()
         elif self._topics:
             self.inbox.fill(buffer)
-            clock = getattr(buffer, "clock", None)
-            if isinstance(clock, ROSClock):
-                self._source.follow(clock.handle)
 
     def before_sleep(self, in_user_code: bool) -> None:
         """Prepare for an executor of the node that is about to sleep; see ``Sleeper``."""

@@ -74,7 +74,7 @@ cdef struct Subscribed:
     Records* records            # NULL: nothing is recorded
     const char* prefix          # of all names; NULL: they stay as they are
     size_t prefix_size
-    rcl_clock_t* clock          # of the buffer, where something is recorded; or NULL
+    rcl_clock_t* clock          # whose time is recorded while it is simulated; or NULL
     rcl_allocator_t allocator   # that of malloc
 
 
@@ -187,24 +187,27 @@ cdef class Subscriptions(Source):
     Takes the messages of a listener's topics.
 
     :param recording: notes the sender and time of each transform; or None.
+    :param clock: the handle of a clock, whose time is recorded while it is simulated; or None.
     :param prefix: put before all names.
     """
 
     cdef Subscribed _subscribed
     cdef Recording _recording       # keeps the records
-    cdef object _clock_handle       # keeps the clock
+    cdef object _clock              # keeps the clock
     cdef bytes _prefix
     cdef list _topics               # in the order in which they were added
     cdef public bint is_told        # whether the middleware reports arrivals to this object
 
-    def __cinit__(self, Recording recording=None, str prefix=""):
+    def __cinit__(self, Recording recording=None, clock=None, str prefix=""):
         require_rcl()
         self.names, self._topics, self.is_told = [], [], True
         self.take, self.data = _take_subscribed, &self._subscribed
-        self._recording, self._prefix = recording, prefix.encode()
+        self._recording, self._clock, self._prefix = recording, clock, prefix.encode()
         self._subscribed.allocator = rcutils_get_default_allocator()
         if recording is not None:
             self._subscribed.records = &recording._records
+        if clock is not None:
+            self._subscribed.clock = <rcl_clock_t*><uintptr_t>clock.pointer
         if prefix:
             self._subscribed.prefix = self._prefix
             self._subscribed.prefix_size = len(self._prefix)
@@ -223,6 +226,8 @@ cdef class Subscriptions(Source):
         self._topics.append(topic)
         self.names.append(name)
         topic._uses = uses
+        # The first message says whether the clock is simulated.
+        word_store(&self.inbox.wants_each, self._recording is not None)
         inboxes_lock()
         arrivals.number = len(self.names) - 1
         arrivals.is_static, arrivals.depth = is_static, depth
@@ -254,25 +259,6 @@ cdef class Subscriptions(Source):
         arrivals.inbox = NULL
         inboxes_unlock()
         uses.close()
-
-    def follow(self, clock):
-        """
-        Record the time of a simulated clock with what arrives, until the inbox fills another buffer.
-
-        :param clock: the handle of the buffer's clock; kept.
-        """
-        cdef int64_t now_ns
-        if self._recording is None:
-            return
-        self._clock_handle = clock
-        inboxes_lock()
-        self._subscribed.clock = <rcl_clock_t*><uintptr_t>clock.pointer
-        word_store(&self.inbox.wants_each, _simulated_now(self._subscribed.clock, &now_ns))
-        inboxes_unlock()
-
-    cdef void redirected(self) noexcept:
-        self._subscribed.clock = NULL
-        word_store(&self.inbox.wants_each, 0)
 
     cdef int64_t count(self) noexcept:
         cdef const Arrivals* topic = self._subscribed.first

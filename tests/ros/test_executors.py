@@ -1,6 +1,5 @@
 """What a program that spins sees of transforms that arrive: as if its executor had taken them."""
 
-import asyncio
 import itertools
 import signal
 import threading
@@ -213,31 +212,6 @@ class TestCallbacksOfFutures:
             future.add_done_callback(lambda _, n=n: order.append(n))
         buffer.set_transform(transform("map", "odom", 2), "me")
         assert order == [0, 1, 2, 3, 4]
-
-    def test_asyncio_beside_a_spinning_loop_sees_a_future_that_is_done(
-        self, ros, buffer, listener, node, peer
-    ):
-        publisher, order = peer(), []
-
-        async def waiting(future):
-            answer = await future
-            order.append("awaiter")
-            return future.done(), future.result() is answer
-
-        async def main():
-            future = buffer.wait_for_transform_async("map", "robot", LATEST)
-            future.add_done_callback(lambda _: order.append("callback"))
-            task = asyncio.ensure_future(waiting(future))
-            sender = threading.Thread(target=lambda: publisher.send(("map", "robot", 1 * S, 1)))
-            sender.start()
-            while not task.done():
-                ros.spin_once(node, timeout_sec=0)
-                await asyncio.sleep(0.001)
-            sender.join()
-            return task.result()
-
-        assert asyncio.run(asyncio.wait_for(main(), DEADLINE_S)) == (True, True)
-        assert order == ["callback", "awaiter"]
 
 
 class TestProgramsThatReplaceParts:

@@ -62,14 +62,6 @@ class TestWithoutAReader:
         until(lambda: buffer.statistics()["taken"] == 300)
 
 
-def test_a_callback_set_on_the_listener_changes_nothing(buffer, listener, peer):
-    """As in tf2: the subscription has the bound method."""
-    listener.callback = lambda message: pytest.fail("called")
-    peer().send(("map", "robot", 1 * S, 5))
-    until(lambda: "robot" in buffer)
-    assert listener.receives == ("/tf", "/tf_static")
-
-
 class TestEventsExecutor:
     @pytest.fixture
     def events_executor(self, ros):

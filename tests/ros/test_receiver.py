@@ -3,19 +3,14 @@
 import gc
 import itertools
 import os
-import signal
-import subprocess
 import threading
 import weakref
 
 import pytest
-from making import at, at_ns, translation
-from processes import DEADLINE_S, errors_so_far, start, until
-from programs import flood as flooding
+from making import at, translation
+from processes import DEADLINE_S, errors_so_far, until
 from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
 from rclpy.time import Time
-from repetitions import times
 
 from tf2_msgs.msg import TFMessage
 
@@ -87,40 +82,14 @@ class TestWithoutAnExecutor:
         until(lambda: "incompatible QoS" in errors_so_far())
 
 
-class TestLoad:
-    def test_nothing_is_lost_beside_a_thread_that_keeps_the_gil(self, tf2_ros, node, flood):
-        """As many transforms as a hundred frames at 1 kHz."""
-        rate, count, messages = 2000, 50, times(4_000, 60_000)
-        buffer, ending = tf2_ros.Buffer(Duration(seconds=100)), threading.Event()
-
-        def keep_the_gil():
-            while not ending.is_set():
-                sum(range(10_000))
-
-        busy = threading.Thread(target=keep_the_gil)
-        busy.start()
-        try:
-            with tf2_ros.TransformListener(buffer, node, qos=QoSProfile(depth=flooding.DEPTH)):
-                flood(rate, count, messages).communicate()
-                until(lambda: taken(buffer) == messages * count)
-        finally:
-            ending.set()
-            busy.join()
-        statistics = buffer.statistics()
-        assert (statistics["samples"], sum(statistics["refused"].values())) == (messages * count, 0)
-        for n in (0, 1, 777, messages // 2, messages - 1):
-            stamp = at_ns(flooding.START_NS + n * flooding.NS_PER_S // rate)
-            for i in (0, 9, count - 1):
-                assert translation(buffer.lookup_transform("map", f"f{i}", stamp))[0] == n
-
-    def test_a_message_of_any_size_is_taken(self, buffer, listener, peer):
-        publisher = peer()
-        many = [("map", f"robot{i}", 1 * S, i) for i in range(20_000)]
-        publisher.send(*many)
-        publisher.send(("map", "last", 1 * S, 1))
-        until(knows(buffer, "last"))
-        assert taken(buffer) == len(many) + 1
-        assert translation(buffer.lookup_transform("map", "robot19999", LATEST))[0] == 19999
+def test_a_message_of_any_size_is_taken(buffer, listener, peer):
+    publisher = peer()
+    many = [("map", f"robot{i}", 1 * S, i) for i in range(20_000)]
+    publisher.send(*many)
+    publisher.send(("map", "last", 1 * S, 1))
+    until(knows(buffer, "last"))
+    assert taken(buffer) == len(many) + 1
+    assert translation(buffer.lookup_transform("map", "robot19999", LATEST))[0] == 19999
 
 
 class TestTrouble:
@@ -199,10 +168,3 @@ class TestEnd:
         until(knows(buffer, "arm"))
         assert not buffer.can_transform("map", "unsubscribed", LATEST)
         assert listener.receives
-
-    def test_a_signal_ends_it(self):
-        program = start("receives.py", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        assert program.stdout.readline() == "receives\n"
-        program.send_signal(signal.SIGINT)
-        assert program.communicate(timeout=DEADLINE_S) == ("ended\n", "")
-        assert program.returncode == 0

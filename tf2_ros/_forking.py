@@ -41,9 +41,6 @@ class LiveObjects(Generic[_Object]):
         """Remove all objects."""
         self._references.clear()
 
-    def __bool__(self) -> bool:
-        return bool(self._references)
-
     def __iter__(self) -> Iterator[_Object]:
         found = [reference() for reference in list(self._references.values())]
         return iter([one for one in found if one is not None])

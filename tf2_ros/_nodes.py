@@ -8,7 +8,7 @@ import os
 import threading
 import weakref
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from rclpy.context import Context
@@ -21,14 +21,7 @@ from rclpy.utilities import get_default_context
 from tf2_py._internal import keep_for_ever
 from tf2_ros._forking import LOCK, LiveObjects, is_inherited
 from tf2_ros._rcl import skip_exit_handlers
-from tf2_ros._rclpy import (
-    RCLError,
-    context_was_shut_down,
-    enter_handle,
-    is_shut_down,
-    mark_shut_down,
-    wake,
-)
+from tf2_ros._rclpy import RCLError, context_was_shut_down, enter_handle, is_shut_down, mark_shut_down, wake
 from tf2_ros._receive.inboxes import check_regularly
 
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
@@ -48,10 +41,10 @@ def hidden_node(
     Nothing in it depends on ROS time, and programs do not configure it. So it has no services,
     does not log to /rosout, and does not use simulated time.
     """
-    options: dict[str, Any] = {"context": context, "namespace": namespace}
     return Node(
         f"{prefix}_{id(owner):010x}",
-        **options,
+        context=context,
+        namespace=namespace,
         use_global_arguments=use_global_arguments,
         enable_rosout=False,
         start_parameter_services=False,
@@ -76,8 +69,8 @@ def keep_in_children(node_or_executor: object) -> None:
 
 
 def _after_fork_in_child() -> None:
-    if _of_middleware:
-        keep_for_ever(*_of_middleware)
+    if inherited := list(_of_middleware):
+        keep_for_ever(*inherited)
         skip_exit_handlers()
     _of_middleware.clear()
     _running.clear()
@@ -151,7 +144,11 @@ class Spinner:
 
     def _run(self) -> None:
         try:
-            self._spin()
+            while self.executor.context.ok() and not is_shut_down(self.executor):
+                with suppress(
+                    InvalidHandle
+                ):  # a part of the node was destroyed while the executor gathered them
+                    self.executor.spin()
         except ExternalShutdownException:
             return
         except (AttributeError, RCLError):
@@ -165,13 +162,6 @@ class Spinner:
             at_end, self._at_end = self._at_end, None
             if at_end is not None:
                 at_end()
-
-    def _spin(self) -> None:
-        while self.executor.context.ok() and not is_shut_down(self.executor):
-            try:
-                self.executor.spin()
-            except InvalidHandle:
-                continue  # a part of the node was destroyed while the executor gathered them
 
 
 @atexit.register

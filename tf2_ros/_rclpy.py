@@ -15,7 +15,6 @@ from typing import Any
 from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
-from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Task
@@ -39,16 +38,6 @@ def enter_handle(handle: Any, uses: ExitStack) -> bool:
     except InvalidHandle:
         return False
     return True
-
-
-def new_wake_handle(context: Any) -> Any:
-    """
-    The handle of a new guard condition that belongs to no node.
-
-    Assumes that ``GuardCondition`` takes neither callback nor callback group, and that its handle keeps alive
-    what it needs.
-    """
-    return GuardCondition(None, None, context).handle
 
 
 def context_was_shut_down(context: Any) -> bool:

@@ -152,8 +152,7 @@ class TransformListener:
         ]
         self._tf2_topics = [topic for topic in topics if topic.is_static or not static_only]
         for topic in self._tf2_topics:
-            own = getattr(TransformListener, topic.method)
-            topic.is_own = getattr(self, topic.method) == own.__get__(self)
+            topic.is_own = _is_method_of(TransformListener, self, topic.method)
         self._tf2_buffer = buffer
         try:
             if isinstance(self.node, Node) and problem() is None:
@@ -183,9 +182,6 @@ class TransformListener:
     def buffer(self, buffer: TransformSink) -> None:
         if self._tf2_process is not None:
             refuse_inherited(self, self._tf2_process)
-        # What arrived before goes into the buffer of before.
-        if self._tf2_receiver is not None:
-            self._tf2_receiver.inbox.catch_up()
         changed = self.__dict__.get("_tf2_buffer") is not buffer
         self._tf2_buffer = buffer
         if self._tf2_receiver is not None:
@@ -276,14 +272,11 @@ class TransformListener:
         return self._tf2_process is not None and is_inherited(self._tf2_process)
 
     def _tf2_direct_buffer(self) -> BufferCore | None:
-        """The buffer; None if user code would handle what is inserted. Runs no user code."""
-        buffer = self.__dict__.get("_tf2_buffer")
+        """The buffer; None if user code would handle what is inserted."""
+        buffer = self._tf2_buffer
         if not isinstance(buffer, BufferCore):
             return None
-        kind, own = type(buffer), getattr(buffer, "__dict__", {})
-        if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
-            return None
-        return buffer
+        return buffer if all(_is_method_of(BufferCore, buffer, name) for name in SETTERS) else None
 
     def __attach(self, has_options: bool) -> None:
         """Let another process receive, if the buffer is attached or the environment asks for it."""
@@ -332,6 +325,11 @@ class TransformListener:
         self._tf2_spinner = spinner
         self.executor = spinner.executor
         self.dedicated_listener_thread = spinner.thread
+
+
+def _is_method_of(kind: type, one: object, name: str) -> bool:
+    """Whether an object's method is that of a class, and no other code."""
+    return bool(getattr(one, name) == getattr(kind, name).__get__(one))
 
 
 def _valid_prefix(prefix: str) -> str:

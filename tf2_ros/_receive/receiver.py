@@ -13,12 +13,7 @@ from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
 from tf2_ros._forking import is_inherited
-from tf2_ros._rclpy import (
-    context_was_shut_down,
-    enter_handle,
-    report_incompatible_qos,
-    wake,
-)
+from tf2_ros._rclpy import context_was_shut_down, enter_handle, report_incompatible_qos, wake
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import add_owner, check_regularly, start_threads
 from tf2_ros._receive.subscriptions import Subscriptions
@@ -84,6 +79,7 @@ class Receiver:
 
     def redirect(self, buffer: BufferCore | None) -> None:
         """Fill this buffer from now on; None: user code handles transforms, so leave all to executors."""
+        self.inbox.catch_up()  # what arrived before goes into the buffer of before
         if buffer is None:
             self._leave_to_executors()
         elif self._topics:

@@ -8,13 +8,14 @@ from typing import Any
 
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.waitable import Waitable
 
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._nodes import WaitContexts, node_has_ended
-from tf2_ros._rclpy import context_was_shut_down, is_in_executor, new_wake_handle
+from tf2_ros._rclpy import context_was_shut_down, is_in_executor
 from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._wait.endings import Ending, call_logged
 from tf2_ros._wait.rounds import ExecutorRounds
@@ -45,8 +46,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
         self._context = node.context
         self._why_closed = ""
         self._has_warned = False
-        self._guard = new_wake_handle(node.context)
-        self.set_up(self._guard)
+        self.set_up(GuardCondition(None, None, node.context).handle)  # of no node
         self._process = os.getpid()
         node.add_waitable(self)
         check_regularly(self)

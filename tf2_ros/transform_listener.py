@@ -25,8 +25,7 @@ from tf2_ros._nodes import Spinner, hidden_node, keep_in_children
 from tf2_ros._qos import transforms_qos
 from tf2_ros._rcl import problem
 from tf2_ros._receive.inbox import AUTHORITY
-from tf2_ros._receive.receiver import ListenerGroup, Receiver
-from tf2_ros._receive.topics import Topic, note_listener
+from tf2_ros._receive.receiver import ListenerGroup, Receiver, Topic, note_listener
 from tf2_ros._shared.naming import is_wanted
 from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
 from tf2_ros.buffer import SETTERS, Buffer

@@ -17,7 +17,7 @@ from tf2_ros._shared.ring import RingWriter
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
-    from tf2_ros._receive.topics import open_topics
+    from tf2_ros._receive.receiver import open_topics
 
 LEAST_BYTES, MOST_BYTES = 17 << 16, 1 << 28  # of the file; readers refuse a ring of less than 1 MiB
 PART_OF_MEMORY, PART_OF_FOLDER = 32, 4  # no more than this part of the machine's, and of /dev/shm

@@ -5,7 +5,7 @@ import pytest
 from making_bags import S, Sent, Tf, drive, scan, write_mcap
 from robots import ARM, SIMPLE, joint_state
 
-from tf2_ros import InvalidArgumentException, LookupException
+from tf2_ros import LookupException
 from tf2_ros_tools import bag
 
 pytestmark = pytest.mark.ours
@@ -152,9 +152,7 @@ class TestFiles:
     ("frames", "how", "error", "said"),
     [
         ("camera", {}, TypeError, r"frames must be several names, use \['camera'\]"),
-        ([], {}, ValueError, "frames must be one or more different names"),
         (["camera", "camera"], {}, ValueError, "frames must be one or more different names"),
-        ([""], {}, InvalidArgumentException, "empty"),
         (["camera", "camra"], {}, LookupException, "camra"),
         (["camera"], {"at": "/image"}, bag.BagError, "topic /image: this topic does not exist; the topics"),
         (["camera"], {"relative_to": "mapp"}, LookupException, "mapp"),

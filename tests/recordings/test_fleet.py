@@ -5,7 +5,6 @@ import math
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -394,10 +393,3 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_continues(tmp_path, ou
     result = mapped(tmp_path / "runs", out)
     assert len(result.skipped) == done and len(result.done) == 50 - done
     assert not result.failed
-
-
-@pytest.mark.parametrize("library, options", [("pyarrow", {}), ("dask", {}), ("distributed", {"workers": 2})])
-def test_a_library_of_the_extra_that_is_missing_is_named(runs, out, monkeypatch, library, options):
-    monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(ModuleNotFoundError, match=rf"{library} is not installed: pip install .*\[fleet\]"):
-        bag.map_recordings(runs, "map", "camera", out, **options)

@@ -1,9 +1,7 @@
 """A buffer in a recording of rerun: what is read back, and what its viewer draws."""
 
-import os
 import re
 import signal
-import subprocess
 import sys
 
 import numpy as np
@@ -16,7 +14,7 @@ from scipy import ndimage
 
 import tf2_ros_tools.rerun
 from tf2_py import BufferCore, LookupException
-from tf2_ros_tools.rerun import Live, _free_ports, new_recording
+from tf2_ros_tools.rerun import Live, new_recording
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("needs rerun")]
 
@@ -153,12 +151,6 @@ def test_the_root_of_the_largest_tree_stands_still_unless_another_frame_is_chose
     assert the(logged(buffer, origin="base").static["/tf"][0], "frame") == "base"
 
 
-def test_another_root_is_the_path_above_all(logged):
-    found = logged(driving(), root="robots/one")
-    assert set(found.moving) == {"/robots/one/odom", "/robots/one/base"}
-    assert "/robots/one" in found.static
-
-
 def test_the_current_recording_is_logged_to(tmp_path):
     recording = rr.RecordingStream("of a program")
     recording.save(tmp_path / "own.rrd")
@@ -292,41 +284,6 @@ def test_without_a_screen_tf2_view_names_the_options_that_need_none(display, vie
     assert (status, out) == (1, "")
     said = r"tf2_view: the viewer of rerun did not open: there is no screen \([^()/]*\)"
     assert re.fullmatch(f"{said}; --web and -o FILE do not need a screen", err.splitlines()[-1])
-
-
-@pytest.fixture
-def served(viewer_home, tmp_path):
-    """A function: serves a recording with the viewer that runs in a browser; its address."""
-    servers = []
-
-    def serve(path):
-        ports = map(str, _free_ports(2))
-        options = [f"--{name}={port}" for name, port in zip(("port", "web-viewer-port"), ports, strict=True)]
-        command = [sys.executable, "-m", "rerun", "--serve-web", "--bind=127.0.0.1", *options, str(path)]
-        log = tmp_path / "server.log"
-        with log.open("w") as errors:
-            # A group of its own: the program is a child of this process.
-            servers.append(subprocess.Popen(command, stderr=errors, start_new_session=True))
-        return until(lambda: re.search(r"connect at (http:\S+)", log.read_text()))[1]
-
-    yield serve
-    for server in servers:
-        os.killpg(server.pid, signal.SIGTERM)
-        server.wait(DEADLINE_S)
-
-
-@needs_chromium
-def test_the_viewer_draws_the_axes_of_every_frame(served, tmp_path):
-    pytest.importorskip("tornado.websocket")
-    path = tmp_path / "buffer.rrd"
-    places = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)]
-    moving = [Tf("map", f"moving_{i}", BEGIN, place) for i, place in enumerate(places)]
-    tf2_ros_tools.rerun.save(buffer_of(moving, [Tf("map", "static", 0, (-1.0, 0.0, 0.0))]), path, axes=0.3)
-    address = served(path).replace("localhost", "127.0.0.1") + "&renderer=webgl"
-
-    # An arrow for x and one for y of each of five frames.
-    picture = picture_when(address, lambda one: arrows(one) == [5, 5], tmp_path)
-    assert arrows(picture) == [5, 5]
 
 
 def test_a_running_robot_is_written_until_interrupted(tmp_path):

@@ -117,25 +117,18 @@ def with_more(more):
     [
         ("<robot", "not XML: unclosed token: line 1, column 0"),
         ("<sdf/>", "the outermost element of a URDF is robot, not sdf"),
-        ("<robot/>", "the robot has no links"),
         ("<robot><link/></robot>", "a link has no name"),
         (robot_of(LINKS), "there are two links a"),
         (robot_of(AB, AB), "there are two joints ab"),
         (robot_of(AB), "2 links have no parent (a, c), but a URDF is one tree"),
         (robot_of(AB, joint("x", "d", "c")), "joint x: its parent d is not a link of the robot"),
-        (robot_of(AB, joint("x", "a", "d")), "joint x: its child d is not a link of the robot"),
         (robot_of('<joint name="x" type="fixed"/>'), "joint x has no parent"),
-        (robot_of('<joint name="x" type="fixed"><parent link="a"/></joint>'), "joint x has no child"),
-        (robot_of('<joint name="x" type="fixed"><parent/></joint>'), "the parent of joint x has no link"),
-        (robot_of('<joint name="x"/>'), "joint x has no type"),
         (robot_of(AB, BC, joint("ac", "a", "c")), "link c has two parents, by the joints bc and ac"),
-        (robot_of(AB, joint("cc", "c", "c")), "link c is its own ancestor"),
         (robot_of(AB, BC, joint("ca", "c", "a")), "link a is its own ancestor"),
         (
             robot_of(AB, joint("bc", "b", "c", "hinge")),
             "joint bc: its type is hinge, not fixed, revolute, continuous, prismatic, planar or floating",
         ),
-        (with_more('<mimic joint="bc"/>'), "joint bc mimics itself"),
         (
             robot_of(
                 joint("ab", "a", "b", more='<mimic joint="bc"/>'),
@@ -145,7 +138,6 @@ def with_more(more):
         ),
         (with_more('<mimic joint="ab" offset="x"/>'), "joint bc: offset: expected a finite number, got 'x'"),
         (with_more('<origin xyz="1 2"/>'), "joint bc: xyz: expected three finite numbers, got '1 2'"),
-        (with_more('<origin rpy="0 0 nan"/>'), "joint bc: rpy: expected three finite numbers, got '0 0 nan'"),
         (with_more('<axis xyz="0 0 0"/>'), "joint bc: its axis has no direction"),
     ],
 )

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from math import inf
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from tf2_ros_tools.output import counted, first_names, printable, three_digits, write_whole
-from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.program import FAILURE, SUCCESS, UsageError
 from tf2_ros_tools.streams import (
     Refused,
     Stream,
@@ -336,7 +336,6 @@ def _as_expected(frame: str, newest: Stream, expected: Expectation) -> Iterator[
 S = 1_000_000_000
 # A recording often ends with the shutdown of the robot, for which launch allows five seconds.
 LIMITS = Limits(stale=5.0)
-NOTHING_EXPECTED: Mapping[str, Expectation] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -352,10 +351,13 @@ class Report:
     clocks_differ: bool  # stamps and log times come from two clocks, so all delays are None
     saved: bool  # by a buffer, so log times are stamps, and all delays are None
 
+    @property
+    def seconds(self) -> float:
+        """The time from the first transform to the last one."""
+        return 0.0 if self.begin is None or self.end is None else self.end - self.begin
 
-def report(
-    heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Expectation] = NOTHING_EXPECTED
-) -> Report:
+
+def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Expectation] = {}) -> Report:
     """
     Report the contents of a recording, and its problems by the rules of ``tf2_check``.
 
@@ -373,28 +375,20 @@ def report(
     figures = Streams()
     figures.add(records)
     streams, refused = figures.report(now_ns, heard.frames, heard.publishers)
-    differ = not heard.saved and _clocks_differ(streams)
+    delays = [abs(one.delay) for one in streams if one.delay is not None]
+    differ = not heard.saved and bool(delays) and float(np.median(delays)) > SAME_CLOCK_S
     if heard.saved:
         # A frame whose last stamp is old may have been late.
         limits = replace(limits, stale=inf)
     if differ or heard.saved:
         streams = [without_delays(one) for one in streams]
     found = find(streams, limits, expectations, refused=refused, recorded=True)
-    if heard.end_ns is not None and not static.all():
-        found = [*_of_the_end((heard.end_ns - now_ns) / S, limits), *found]
-    begin, end = int(received.min()) / S, int(received.max()) / S
-    return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
-
-
-def _of_the_end(silence: float, limits: Limits) -> Iterator[Finding]:
+    silence = 0.0 if heard.end_ns is None or static.all() else (heard.end_ns - now_ns) / S
     if silence > limits.stale:
         text = f"no dynamic transform was received in the last {three_digits(silence)} s"
-        yield Finding("stale", "", text, {"silence": silence})
-
-
-def _clocks_differ(streams: Sequence[Stream]) -> bool:
-    delays = [abs(one.delay) for one in streams if one.delay is not None]
-    return bool(delays) and float(np.median(delays)) > SAME_CLOCK_S
+        found.insert(0, Finding("stale", "", text, {"silence": silence}))
+    begin, end = int(received.min()) / S, int(received.max()) / S
+    return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
 
 
 def without_delays(stream: Stream) -> Stream:
@@ -435,11 +429,6 @@ def milliseconds(seconds: float | None) -> str:
     return "" if seconds is None else f"{1e3 * seconds:.1f}"
 
 
-def not_ignored(findings: Sequence[Finding], options: Namespace) -> list[Finding]:
-    """The findings without those of ignored kinds."""
-    return [finding for finding in findings if finding.kind not in options.ignore]
-
-
 def line_of(finding: Finding) -> str:
     """Describe a finding on one line."""
     return f"{finding.kind}: {printable(finding.text)}"
@@ -458,16 +447,32 @@ def lines_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) 
     yield f"{verdict} in {counted(len(names), 'frame')}, {of_what}"
 
 
-def write_junit(
+def conclude(
+    options: Namespace, program: str, report: Any, seconds: float, of_what: str, head: Mapping[str, Any]
+) -> int:
+    """
+    Print the findings of a report that are not ignored, as the options of a check say; return the status.
+
+    :param report: of this module, or of :mod:`tf2_ros_tools.listening`.
+    :param seconds: the time that it covers.
+    :param of_what: see :func:`lines_of`.
+    :param head: what a JSON object begins with, after the verdict.
+    :raises UsageError: the file of ``--junit`` cannot be written; its old contents remain.
+    """
+    wrong = [finding for finding in report.findings if finding.kind not in options.ignore]
+    if options.json:
+        print(json.dumps({"ok": not wrong, **head, **asdict(replace(report, findings=wrong))}))
+    else:
+        print(*lines_of(wrong, report.streams, of_what), sep="\n")
+    if options.junit is not None:
+        _write_junit(options.junit, program, wrong, options.ignore, seconds)
+    return FAILURE if wrong else SUCCESS
+
+
+def _write_junit(
     path: str, name: str, wrong: Sequence[Finding], ignored: Collection[str], seconds: float
 ) -> None:
-    """
-    Write the result as JUnit XML, with a test case for each kind of finding.
-
-    :param name: of the suite.
-    :param seconds: the time of listening.
-    :raises UsageError: the file cannot be written; its old contents remain.
-    """
+    """Write the result as JUnit XML, with a test case for each kind of finding."""
     kinds = {finding.kind for finding in wrong}
     counts = {"tests": len(KINDS), "failures": len(kinds), "errors": 0, "skipped": len({*ignored})}
     attributes = {key: str(value) for key, value in counts.items()}

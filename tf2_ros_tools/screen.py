@@ -206,8 +206,11 @@ class _Screen(App[None]):
         streams = shown_streams(report)
         with self.batch_update():
             self.query_one("#summary", Static).update(Text(self._summary(report, streams)))
-            self._fill(self._sorted(self._filtered(streams)))
-            self._show_pane("#wrong", self._elsewhere(streams))
+            self._fill(self._chosen(streams))
+            # The problems of no frame, and of frames that have no row.
+            elsewhere = self._problems.keys() - {stream.frame for stream in streams}
+            found = [one for frame in sorted(elsewhere) for one in self._problems[frame]]
+            self._show_pane("#wrong", Text("\n".join(printable(one.text) for one in found)))
             self._show_pane("#details", self._details())
 
     def _summary(self, report: Report, streams: Sequence[Stream]) -> str:
@@ -217,17 +220,13 @@ class _Screen(App[None]):
         text = printable(f"{frames}, {found} {self._source}, {order}")
         return text if report.chain is None else f"{printable(chain_text(report))}\n{text}"
 
-    def _filtered(self, streams: Sequence[Stream]) -> list[Stream]:
-        part = self.query_one(Input).value.lower()
-        return [one for one in streams if part in f"{one.frame} {one.parent} {one.publisher}".lower()]
-
-    def _sorted(self, streams: Sequence[Stream]) -> list[Stream]:
-        key = ORDERS[self._order]
-        return sorted(
-            sorted(streams, key=_name_of),  # in a report, the order of those of one frame varies
-            key=lambda one: key(one, len(self._problems.get(one.frame, ()))),
-            reverse=self._reverse,
-        )
+    def _chosen(self, streams: Sequence[Stream]) -> list[Stream]:
+        """Filter and sort streams."""
+        part, key = self.query_one(Input).value.lower(), ORDERS[self._order]
+        found = [one for one in streams if part in f"{one.frame} {one.parent} {one.publisher}".lower()]
+        found.sort(key=_name_of)  # in a report, the order of those of one frame varies
+        found.sort(key=lambda one: key(one, len(self._problems.get(one.frame, ()))), reverse=self._reverse)
+        return found
 
     def _fill(self, streams: list[Stream]) -> None:
         table = self.query_one(DataTable)
@@ -252,18 +251,12 @@ class _Screen(App[None]):
         self.query_one(f"{name} Static", Static).update(text)
         self.query_one(name).display = bool(text)
 
-    def _elsewhere(self, streams: Sequence[Stream]) -> Text:
-        """The problems of no frame, and of frames that have no row."""
-        frames = {stream.frame for stream in streams}
-        found = (one for frame, some in self._problems.items() if frame not in frames for one in some)
-        return Text("\n".join(printable(one.text) for one in found))
-
     def _details(self) -> Text:
         """The figures and problems of the stream of the highlighted row."""
         row = self.query_one(DataTable).cursor_row
-        stream = self._streams[row] if 0 <= row < len(self._streams) else None
-        if stream is None:
+        if not 0 <= row < len(self._streams):
             return Text()
+        stream = self._streams[row]
         text = Text(stream_line(stream))
         for problem in self._problems.get(stream.frame, ()):
             text.append(f"\n{printable(problem.text)}", style="bold red")

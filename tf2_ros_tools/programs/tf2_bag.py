@@ -10,6 +10,7 @@ from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from datetime import datetime, timezone
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tf2_ros_tools.bag_tables import (
@@ -23,7 +24,6 @@ from tf2_ros_tools.bag_tables import (
 )
 from tf2_ros_tools.output import counted, printable, readable_size, three_digits
 from tf2_ros_tools.program import (
-    FAILURE,
     SUCCESS,
     Parser,
     RunError,
@@ -36,7 +36,7 @@ from tf2_ros_tools.program import (
 )
 
 if TYPE_CHECKING:
-    from tf2_ros_tools.findings import Finding, Report
+    from tf2_ros_tools.findings import Report
     from tf2_ros_tools.reading import Topic
     from tf2_ros_tools.streams import Stream
 
@@ -66,7 +66,7 @@ S = 1_000_000_000
 
 def info(options: Namespace) -> int:
     """Print the contents of a recording; return the exit status."""
-    from tf2_ros_tools.findings import report, stream_line
+    from tf2_ros_tools.findings import lines_of, report, stream_line
     from tf2_ros_tools.reading import open_recording
 
     with reported_files(options.file), open_recording(options.file) as recorded:
@@ -92,32 +92,22 @@ def info(options: Namespace) -> int:
         print("stamps and log times are of different clocks: no delays")
     if said.saved:
         print("saved by a buffer, which keeps stamps but no times of reception: no delays")
-    _print_findings(said, said.findings)
+    print(*lines_of(said.findings, said.streams, _what(said)), sep="\n")
     return SUCCESS
 
 
 def check(options: Namespace) -> int:
     """Print the problems of a recording; return the exit status."""
-    from tf2_ros_tools.findings import LIMITS, expected_by, not_ignored, report, write_junit
+    from tf2_ros_tools.findings import LIMITS, conclude, expected_by, report
 
     expected = expected_by(options)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
     said = report(heard_of(options), limits, expected)
-    wrong = not_ignored(said.findings, options)
-    if options.json:
-        print(json.dumps({"file": options.file, **asdict(replace(said, findings=wrong))}))
-    else:
-        _print_findings(said, wrong)
-    if options.junit is not None:
-        write_junit(options.junit, "tf2_bag", wrong, options.ignore, _seconds(said))
-    return FAILURE if wrong else SUCCESS
+    return conclude(options, "tf2_bag", said, said.seconds, _what(said), {"file": options.file})
 
 
-def _print_findings(said: Report, wrong: Sequence[Finding]) -> None:
-    from tf2_ros_tools.findings import lines_of
-
-    of_what = f"{counted(said.transforms, 'transform')} and {three_digits(_seconds(said))} s"
-    print(*lines_of(wrong, said.streams, of_what), sep="\n")
+def _what(said: Report) -> str:
+    return f"{counted(said.transforms, 'transform')} and {three_digits(said.seconds)} s"
 
 
 def _contents(topics: Sequence[Topic], start_ns: int | None, end_ns: int | None) -> Iterator[str]:
@@ -129,10 +119,6 @@ def _contents(topics: Sequence[Topic], start_ns: int | None, end_ns: int | None)
     yield "topics:"
     for topic in topics:
         yield f"  {printable(topic.name)}: {printable(topic.msgtype)}, {counted(topic.count, 'message')}"
-
-
-def _seconds(said: Report) -> float:
-    return 0.0 if said.begin is None or said.end is None else said.end - said.begin
 
 
 def _gap(stream: Stream) -> str:
@@ -191,7 +177,7 @@ def plot(options: Namespace) -> int:
         figure = heard_picture(heard.records, said.streams, heard.frames, options.frames, span)
     else:
         figure = path_picture(heard.buffer, heard.records, said.streams, heard.frames, options.path)
-    name = options.output or f"{_stem(options.file)}.png"
+    name = options.output or f"{Path(options.file).absolute().stem}.png"
     write_plot(name, figure)
     print(name)
     return SUCCESS
@@ -214,10 +200,6 @@ def view(options: Namespace) -> int:
     except rerun.ViewerError as failure:
         raise RunError(f"{failure}; -o FILE does not need a screen") from None
     return SUCCESS
-
-
-def _stem(path: str) -> str:
-    return os.path.splitext(os.path.basename(os.path.abspath(path)))[0]
 
 
 # The commands.

@@ -1,13 +1,12 @@
 # PYTHON_ARGCOMPLETE_OK
 """Report problems with the transforms of a robot."""
 
-import json
 import sys
 from argparse import Namespace
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from tf2_ros_tools.output import counted
-from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, add_check_options, positive_number, run
+from tf2_ros_tools.program import Parser, add_check_options, positive_number, run
 
 __all__ = ["main"]
 
@@ -39,13 +38,7 @@ def check(options: Namespace) -> int:
     from tf2_ros_tools.listening import DISCOVERY_S, listening, problems, spun_node
 
     # isort: split
-    from tf2_ros_tools.findings import (
-        Limits,
-        expected_by,
-        lines_of,
-        not_ignored,
-        write_junit,
-    )
+    from tf2_ros_tools.findings import Limits, conclude, expected_by
 
     expected = expected_by(options)
     limits, seconds = Limits(min_rate=options.min_rate, max_delay=options.max_delay), options.t
@@ -56,17 +49,11 @@ def check(options: Namespace) -> int:
             seconds = DISCOVERY_S
             heard.finish_discovery()
             report = heard.report(limits, expected)
-    wrong = not_ignored(report.findings, options)
-    if options.json:
-        print(json.dumps({"ok": not wrong, "seconds": seconds, **asdict(replace(report, findings=wrong))}))
-    else:
-        of_what = f"{counted(report.messages, 'message')} and {seconds:g} s"
-        print(*lines_of(wrong, report.streams, of_what), sep="\n")
-        for problem in problems(replace(report, findings=[])):
-            print(problem.text, file=sys.stderr)
-    if options.junit is not None:
-        write_junit(options.junit, "tf2_check", wrong, options.ignore, seconds)
-    return FAILURE if wrong else SUCCESS
+    of_what = f"{counted(report.messages, 'message')} and {seconds:g} s"
+    status = conclude(options, "tf2_check", report, seconds, of_what, {"seconds": seconds})
+    for problem in () if options.json else problems(replace(report, findings=[])):
+        print(problem.text, file=sys.stderr)
+    return status
 
 
 def main(args: list[str] | None = None) -> int:

@@ -338,22 +338,21 @@ class MessageFilter(Generic[_Message]):
                 deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
         if outcome is not None:
             # The transform of this one may have completed earlier ones, whose callbacks wait for an executor.
-            while (oldest := self._oldest()) not in (None, queued) and oldest.over():
+            while (oldest := first_key(self._waiting)) not in (None, queued) and oldest.over():
                 oldest()
             queued.end(outcome)
         # Those that were added before may have become too old while they waited.
-        while (oldest := self._oldest()) is not None and self._is_too_old(oldest):
-            self._drop(oldest, FilterFailureReason.OUT_THE_BACK)
-        while self._queue_size and len(self._waiting) > self._queue_size:
-            if (oldest := self._oldest()) is not None:
+        while (oldest := first_key(self._waiting)) is not None:
+            if self._is_too_old(oldest):
+                self._drop(oldest, FilterFailureReason.OUT_THE_BACK)
+            elif 0 < self._queue_size < len(self._waiting):
                 self._drop(oldest, FilterFailureReason.QUEUE_FULL)
+            else:
+                break
 
     def _drop(self, queued: QueuedMessage, reason: FilterFailureReason) -> None:
         # What it lacked may have been received without having been reported.
         queued.end(self._look_up(queued) or reason)
-
-    def _oldest(self) -> QueuedMessage | None:
-        return first_key(self._waiting)
 
     def _look_up(self, queued: QueuedMessage) -> TransformStamped | FilterFailureReason | None:
         """

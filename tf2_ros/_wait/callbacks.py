@@ -59,7 +59,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
             self.waits_from_ns = time.monotonic_ns()
         self.calls.append(call)
         if self._why_closed:
-            self._drop_all()
+            self.drop(self._why_closed)
         else:
             self.wake()
 
@@ -99,13 +99,12 @@ class CallbackQueue(ExecutorRounds, Waitable):
         node = self.node()
         if node is not None and self in node.waitables:
             node.remove_waitable(self)
-        self._drop_all()
+        self.drop(self._why_closed)
 
     def __del__(self) -> None:
         """Drop the calls, because the node was not destroyed, but collected."""
         if self.calls and not is_inherited(self._process):
-            self._why_closed = self._why_closed or f"the node [{self._name}] was collected"
-            self._drop_all()
+            self.close(f"the node [{self._name}] was collected")
 
     def node(self) -> Node | None:
         """The node, if it exists."""
@@ -130,15 +129,6 @@ class CallbackQueue(ExecutorRounds, Waitable):
     async def execute(self, taken_data: int) -> None:
         """Run this many calls, in an executor."""
         self.run(taken_data)
-
-    def _drop_all(self) -> None:
-        while self.calls:
-            try:
-                call = self.calls.popleft()
-            except IndexError:
-                return  # another thread has dropped it
-            if isinstance(call, Ending):
-                call.drop(self._why_closed)
 
 
 def callback_queue(node: Node) -> CallbackQueue:

@@ -31,6 +31,7 @@ from rclpy.waitable import NumberOfEntities
 from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._rclpy import has_tasks
+from tf2_ros._wait.endings import Ending
 
 cdef extern from *:
     """
@@ -211,11 +212,9 @@ cdef class ExecutorRounds(Watching):
         In the main thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other
         calls remain.
         """
-        for _ in range(count):
-            try:
-                call = self.calls.popleft()
-            except IndexError:
-                break
+        while count > 0 and self.calls:
+            count -= 1
+            call = self.calls.popleft()
             try:
                 call()
             except BaseException as error:
@@ -224,6 +223,13 @@ cdef class ExecutorRounds(Watching):
                 log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
             del call
         self.waits_from_ns = monotonic_ns()
+
+    def drop(self, why):
+        """Drop the calls; what waits ends, for this reason."""
+        while self.calls:
+            call = self.calls.popleft()
+            if isinstance(call, Ending):
+                call.drop(why)
 
     def wake(self):
         """Trigger the guard condition."""

@@ -2,11 +2,11 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 
 import pytest
+from installing import checkout_copy, reuse_builds
 from paths import ROOT, TESTS
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("compiles an extension"), pytest.mark.timeout(1200)]
@@ -15,28 +15,6 @@ PAGE = (ROOT / "docs" / "adding-a-type.md").read_text()
 # By the file that the first line of a block names.
 BLOCKS = dict(re.findall(r"^```cython\n# (\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
 TYPE = "PolygonInstanceStamped"
-
-COMPILE = """
-import sys
-from Cython.Build import cythonize
-from setuptools import Distribution, Extension
-from build_backend.extensions import DIRECTIVES
-import numpy
-
-extension = Extension(
-    "tf2_geometry_msgs._geometry",
-    ["tf2_geometry_msgs/_geometry.pyx"],
-    include_dirs=[numpy.get_include()],
-    define_macros=[("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION")],
-    extra_compile_args=["-O0"],
-)
-modules = cythonize(extension, include_path=[sys.argv[1]], compiler_directives=DIRECTIVES, quiet=True)
-distribution = Distribution({"name": "example", "ext_modules": modules})
-command = distribution.get_command_obj("build_ext")
-command.inplace = True
-command.ensure_finalized()
-command.run()
-"""
 
 
 def run(folder, *arguments):
@@ -48,7 +26,7 @@ def run(folder, *arguments):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=600,
     )
 
 
@@ -68,16 +46,14 @@ def insert_row(table, row):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A copy of the package with the function and its row, compiled; without the line of the stub."""
-    folder = tmp_path_factory.mktemp("example")
+    """A copy of the checkout with the function and its row, built; without the line of the stub."""
+    folder = checkout_copy(tmp_path_factory.mktemp("example") / "project")
+    reuse_builds(folder)
     package = folder / "tf2_geometry_msgs"
-    shutil.copytree(
-        ROOT / "tf2_geometry_msgs", package, ignore=shutil.ignore_patterns("_geometry.*.so", "__pycache__")
-    )
     source, table = package / "_geometry.pyx", package / "_types.py"
     source.write_text(source.read_text() + "\n\n" + BLOCKS["tf2_geometry_msgs/_geometry.pyx"])
     table.write_text(insert_row(table.read_text(), BLOCKS["tf2_geometry_msgs/_types.py"]))
-    done = run(folder, "-c", COMPILE, str(ROOT))
+    done = run(folder, "setup.py", "-q", "build_ext", "--inplace")
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 

@@ -1,7 +1,6 @@
 """A workspace built by colcon over a ROS 2 made of the wheels: what it holds, and what it makes imported."""
 
 import os
-import re
 import subprocess
 import sysconfig
 from pathlib import Path
@@ -9,7 +8,6 @@ from pathlib import Path
 import installing
 import pytest
 from installing import INDEX, OURS, SITE
-from paths import ROOT
 from sources import PYPROJECT
 
 pytestmark = [
@@ -100,13 +98,3 @@ def test_its_programs_are_where_ros2_run_looks(workspace, python):
 def test_links_lead_to_the_sources(linked, python):
     place = linked.sourced(python, "-c", "import tf2_ros; print(tf2_ros.__file__)").strip()
     assert Path(place).resolve() == (linked.source / "tf2_ros" / "__init__.py").resolve()
-
-
-def version():
-    [found] = re.findall('^version = "(.+)"', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M)
-    return found
-
-
-def test_the_manifest_names_the_version_of_the_project():
-    [of_ros] = re.findall("<version>(.+)</version>", (ROOT / "package.xml").read_text(encoding="utf-8"))
-    assert of_ros == version()

@@ -13,6 +13,7 @@ from unittest import mock
 import pytest
 from paths import ROOT
 from public_names import ADDED, NAMES, OURS
+from sources import PYPROJECT
 
 every_name = pytest.mark.parametrize(
     ("module", "name"), [(module, name) for module, content in NAMES.items() for name in content["names"]]
@@ -147,9 +148,9 @@ def test_importing_tf2_ros_alone_makes_its_modules_known():
 
 @pytest.mark.ours
 def test_the_version_is_that_of_the_project(tf2_ros, tf2_py):
-    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    assert f'\nversion = "{tf2_ros.__version__}"\n' in text
-    assert tf2_py.__version__ == tf2_ros.__version__
+    assert PYPROJECT["project"]["version"] == tf2_ros.__version__ == tf2_py.__version__
+    manifest = (ROOT / "package.xml").read_text(encoding="utf-8")
+    assert f"<version>{tf2_ros.__version__}</version>" in manifest
 
 
 def test_the_classes_of_other_modules_can_be_patched():

@@ -262,7 +262,7 @@ class MessageFilter(Generic[_Message]):
             self._subscription = None
         self.clear()
         for stream in self._live_streams():
-            stream.close()
+            stream.arrival.end()
 
     def __enter__(self) -> "MessageFilter[_Message]":
         return self
@@ -299,19 +299,20 @@ class MessageFilter(Generic[_Message]):
 
     def __aiter__(self) -> "MessageStream[_Message]":
         refuse_inherited(self, self._process)
-        stream: MessageStream[_Message] = MessageStream(self._has_ended, self._kept)
+        stream = MessageStream(self)
         self._streams = (*map(weakref.ref, self._live_streams()), weakref.ref(stream))
-        if self._closed:
-            stream.close()
         return stream
 
     def _live_streams(self) -> "list[MessageStream[_Message]]":
         streams = (reference() for reference in self._streams)
         return [stream for stream in streams if stream is not None]
 
+    def _new_arrival(self) -> WakingFuture[None]:
+        return WakingFuture(self._has_ended, self._kept)
+
     def _has_ended(self) -> bool:
         refuse_inherited(self, self._process)
-        return node_has_ended(self._node)
+        return self._closed or node_has_ended(self._node)
 
     def _connect(self, input: Any) -> None:
         if isinstance(input, tuple) and len(input) == 3:
@@ -416,25 +417,16 @@ class MessageFilter(Generic[_Message]):
 
 class MessageStream(Generic[_Message]):
     """
-    An asynchronous iterator over ``items``, which any thread appends; ends, when closed, after the last.
+    An asynchronous iterator over the messages of a filter, which any thread appends to ``items``.
 
-    :param has_ended: returns whether a shutdown prevents new items; this also ends the iteration.
-    :param kept: the owner's references to what awaits an item.
-
-    If several iterate, each item is given to one of them.
+    It ends after the last one when the filter was closed, or with its node. If several iterate, each item is
+    given to one of them.
     """
 
-    def __init__(self, has_ended: Callable[[], bool], kept: dict[Any, None]) -> None:
-        self._has_ended = has_ended
-        self._kept = kept
+    def __init__(self, filter: MessageFilter[_Message]) -> None:
+        self._filter = filter
         self.items: deque[tuple[_Message, TransformStamped]] = deque()
-        self.arrival: WakingFuture[None] = WakingFuture(has_ended, kept)  # all that iterate await it
-        self._closed = False
-
-    def close(self) -> None:
-        """End the iteration after the last item."""
-        self._closed = True
-        self.arrival.end()
+        self.arrival = filter._new_arrival()  # all that iterate await it
 
     def __aiter__(self) -> "MessageStream[_Message]":
         return self
@@ -443,13 +435,13 @@ class MessageStream(Generic[_Message]):
         while True:
             with LOCK:
                 if self.arrival.done():
-                    self.arrival = WakingFuture(self._has_ended, self._kept)
+                    self.arrival = self._filter._new_arrival()
                 arrival = self.arrival
             # First this, then the check; who appends an item does this in the opposite order.
             try:
                 return self.items.popleft()
             except IndexError:
-                if self._closed or self._has_ended():
+                if self._filter._has_ended():
                     raise StopAsyncIteration from None
                 await arrival
 

@@ -29,27 +29,6 @@ async def take(buffer, count, after_each=lambda: None):
 
 
 class TestIterator:
-    def test_a_task_that_nobody_refers_to_goes_on(self, tf2_ros):
-        buffer, seen = tf2_ros.Buffer(), []
-
-        async def follow():
-            async for one in buffer.changes("map", "base"):
-                seen.append(stamp_ns(one) / S)
-                if len(seen) == 2:
-                    return
-
-        async def main():
-            asyncio.create_task(follow())
-            for second in 1, 2:
-                await asyncio.sleep(0)
-                gc.collect()
-                insert(buffer, second)
-                while len(seen) < second:
-                    await asyncio.sleep(0)
-
-        asyncio.run(main())
-        assert seen == [1, 2]
-
     def test_it_begins_with_the_present_one_and_yields_each_new_one(self, tf2_ros):
         buffer, times = tf2_ros.Buffer(), iter((2, 3, 5))
         insert(buffer, 1)

@@ -19,7 +19,7 @@ from processes import DEADLINE_S, until
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning import EXECUTOR, spinning
+from spinning import EXECUTOR, run_in_threads, spinning
 
 from tf2_ros._wait.callbacks import callback_queue
 
@@ -109,21 +109,6 @@ def taken(found):
     copy = list(found)
     found.clear()
     return copy
-
-
-def run_in_threads(*calls):
-    """Run each in a thread, with many switches between them, until all have returned."""
-    threads = [threading.Thread(target=call, daemon=True) for call in calls]
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    try:
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join(DEADLINE_S)
-    finally:
-        sys.setswitchinterval(interval)
-    assert not any(thread.is_alive() for thread in threads), "one is stranded"
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ import gc
 import re
 import signal
 import subprocess
-import sys
 import threading
 import time
 import weakref
@@ -17,7 +16,7 @@ from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.task import Future, Task
 from rclpy.time import Time
-from spinning import spinning
+from spinning import run_in_threads, spinning
 
 LATEST = Time()
 SHORT = Duration(seconds=0.05)
@@ -310,56 +309,37 @@ class TestEndOfTheWait:
 @pytest.mark.ours
 def test_no_insert_is_lost_between_the_lookup_and_the_wait(buffer):
     """Each round, an insert and a wait for it begin together; one that misses the other waits for ever."""
-    rounds = 3000
-    start, futures = threading.Barrier(2), []
+    rounds, start, futures = 3000, threading.Barrier(2), []
 
     def inserting():
         for i in range(rounds):
             start.wait()
             insert(buffer, 1 + i)
 
-    thread = threading.Thread(target=inserting)
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    try:
-        thread.start()
+    def waiting():
         for i in range(rounds):
             start.wait()
             futures.append(wait(buffer, at(1 + i)))
-        thread.join()
-    finally:
-        sys.setswitchinterval(interval)
+
+    run_in_threads(inserting, waiting)
     assert [stamp_ns(future.result()) for future in futures] == [(1 + i) * 10**9 for i in range(rounds)]
 
 
 @pytest.mark.ours
 def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
     """All at once, many times: a future ends once, and its callback is called once."""
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    ends = []
-    try:
-        for i in range(500):
-            start, calls = threading.Barrier(2), []
-            future = wait(buffer, at(1 + i), timeout=Duration(nanoseconds=100_000))
-            future.add_done_callback(calls.append)
 
-            def inserting(i=i, start=start):
-                start.wait()
-                insert(buffer, 1 + i)
+    def play(i):
+        start, calls = threading.Barrier(2), []
+        future = wait(buffer, at(1 + i), timeout=Duration(nanoseconds=100_000))
+        future.add_done_callback(calls.append)
+        run_in_threads(lambda: (start.wait(), insert(buffer, 1 + i)), lambda: (start.wait(), future.cancel()))
+        until(lambda: calls)
+        assert calls == [future]
+        assert future.done() or future.cancelled()
 
-            thread = threading.Thread(target=inserting)
-            thread.start()
-            start.wait()
-            future.cancel()
-            thread.join()
-            until(lambda future=future: future.done() or future.cancelled())
-            until(lambda calls=calls: calls)
-            assert calls == [future]
-            ends.append((future.cancelled(), future.exception() is not None))
-    finally:
-        sys.setswitchinterval(interval)
-    assert len(ends) == 500
+    for i in range(500):
+        play(i)
 
 
 @pytest.mark.ours

@@ -1,6 +1,7 @@
 """Spins nodes beside the tests."""
 
 import itertools
+import sys
 import threading
 from contextlib import contextmanager
 
@@ -77,3 +78,18 @@ def shut_down_at_sleep(queue):
     queue.wake()
     began.set()
     until(lambda: not context.ok())
+
+
+def run_in_threads(*calls):
+    """Run each in a thread, with many switches between them, until all have returned."""
+    threads = [threading.Thread(target=call, daemon=True) for call in calls]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(DEADLINE_S)
+    finally:
+        sys.setswitchinterval(interval)
+    assert not any(thread.is_alive() for thread in threads), "one is stranded"

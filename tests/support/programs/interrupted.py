@@ -62,7 +62,7 @@ def filter_messages():
     message_filter.add(point)
     stream = message_filter.__aiter__()
     buffer.set_transform(transform("map", "robot", random.randrange(1, 1000)), "me")
-    stream.close()
+    del stream
 
 
 def listen():

@@ -59,8 +59,9 @@ def test_it_follows_the_text_of_tf2_in_every_error(tf2_py, new_buffer):
             call()
         said = f'"{wrong}" passed to lookupTransform argument {argument} does not exist. {asked}'
         assert str(caught.value) == said
-    with pytest.raises(tf2_py.LookupException, match=r"does not exist. Did you mean \[base_link\]\?$"):
-        buffer.get_latest_common_time("map", wrong)
+    for call in (buffer.parent, buffer.children, lambda name: buffer.get_latest_common_time("map", name)):
+        with pytest.raises(tf2_py.LookupException, match=r"does not exist. Did you mean \[base_link\]\?$"):
+            call(wrong)
     assert buffer.can_transform_full_core("map", LATEST, "map", LATEST, wrong) == (
         0,
         f'Invalid frame ID "{wrong}" passed to canTransform argument fixed_frame - frame does not exist. '

@@ -1,66 +1,40 @@
 """Clouds that tf2's Python transforms, and what it makes of them."""
 
-import array
 import math
 
 import numpy as np
 import pytest
 from making import about_z, transform
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointField
+from std_msgs.msg import Header
 
 try:
     import tf2_sensor_msgs
+    from tf2_sensor_msgs.tf2_sensor_msgs import create_cloud, read_points
 except ModuleNotFoundError as missing:
     # The reference reads clouds with sensor_msgs_py, which not every environment has.
     if missing.name != "sensor_msgs_py":
         raise
     pytest.skip("sensor_msgs_py is absent", allow_module_level=True)
 
-DATATYPES = {
-    "i1": PointField.INT8,
-    "u1": PointField.UINT8,
-    "i2": PointField.INT16,
-    "u2": PointField.UINT16,
-    "i4": PointField.INT32,
-    "u4": PointField.UINT32,
-    "f4": PointField.FLOAT32,
-    "f8": PointField.FLOAT64,
-}
 WHOLE = ["i1", "u1", "i2", "u2", "i4", "u4"]
+KINDS = [*WHOLE, "f4", "f8"]  # of PointField's datatypes, from 1 on
 
 
-def cloud(columns, points, **fields):
+def cloud(columns, points):
     """A cloud of columns (name, kind), and of points, one tuple each."""
-    dtype = np.dtype([(name, f"<{kind}") for name, kind in columns])
-    rows = np.zeros(len(points), dtype)
-    rows[:] = points
-    message = PointCloud2(height=1, width=len(points), point_step=dtype.itemsize)
-    message.row_step = dtype.itemsize * len(points)
-    message.header.frame_id = "base"
-    message.fields = [
-        PointField(name=name, offset=dtype.fields[name][1], datatype=DATATYPES[kind], count=1)
-        for name, kind in columns
+    offsets = np.cumsum([0, *[np.dtype(kind).itemsize for _, kind in columns]]).tolist()
+    fields = [
+        PointField(name=name, offset=offset, datatype=1 + KINDS.index(kind), count=1)
+        for (name, kind), offset in zip(columns, offsets, strict=False)
     ]
-    message.data = array.array("B", rows.tobytes())
-    for name, value in fields.items():
-        setattr(message, name, value)
-    return message
+    return create_cloud(Header(frame_id="base"), fields, points)
 
 
 def columns_of(message):
     """Each field's values, by name."""
-    names = {datatype: f"<{kind}" for kind, datatype in DATATYPES.items()}
-    dtype = np.dtype(
-        {
-            "names": [field.name for field in message.fields],
-            "formats": [names[field.datatype] for field in message.fields],
-            "offsets": [field.offset for field in message.fields],
-            "itemsize": message.point_step,
-        }
-    )
-    count = message.width * message.height
-    rows = np.frombuffer(message.data, dtype, count)
-    return {name: rows[name].tolist() for name in dtype.names}
+    points = read_points(message)
+    return {name: points[name].tolist() for name in points.dtype.names}
 
 
 FLOATS = [("x", "f4"), ("y", "f4"), ("z", "f4")]
@@ -119,8 +93,10 @@ def test_a_zero_rotation_counts_as_none(t):
 
 
 def test_fewer_bytes_than_points_are_a_type_error(t):
+    message = cloud(FLOATS, POINTS)
+    message.width = 3
     with pytest.raises(TypeError):
-        tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, POINTS, width=3), t)
+        tf2_sensor_msgs.do_transform_cloud(message, t)
 
 
 @pytest.mark.parametrize("wrong", [None, 5, PointField()], ids=lambda w: type(w).__name__)

@@ -125,20 +125,6 @@ def test_a_bad_name_is_quoted_with_the_call_and_the_argument(
     assert argument in in_reason[in_can]
 
 
-def test_a_failing_half_of_a_two_time_lookup_names_its_own_ends(tf2_py, buffer):
-    for arguments, ends in (
-        (("map", at(2), "base", at(9), "odom"), ("base", "odom")),
-        (("base", at(9), "map", at(2), "odom"), ("odom", "base")),
-    ):
-        with pytest.raises(tf2_py.ExtrapolationException) as caught:
-            buffer.lookup_transform_full_core(*arguments)
-        assert found(str(caught.value))["frames"] == ends
-        assert found(buffer.can_transform_full_core(*arguments)[1])["frames"] == ends
-    with pytest.raises(tf2_py.ConnectivityException) as caught:
-        buffer.lookup_transform_full_core("map", at(2), "crater", at(1), "moon")
-    assert found(str(caught.value))["unconnected, greedy"] == ("map", "moon")
-
-
 @pytest.mark.ours
 def test_names_that_are_asked_for_do_not_change_what_is_found(tf2_py, buffer):
     with pytest.raises(tf2_py.LookupException) as caught:

@@ -107,6 +107,9 @@ class TestErrors:
             lambda: buffer.can_transform_full_core("b", at(0), name, at(0), "c"),
             lambda: buffer.get_latest_common_time("b", name),
             lambda: buffer._frameExists(name),
+            lambda: buffer.parent(name),
+            lambda: buffer.children(name),
+            lambda: buffer.path("b", name),
         ):
             with pytest.raises(error):
                 call()

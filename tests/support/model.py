@@ -265,7 +265,7 @@ class Model(Listings):
     def forget(self, name):
         """Whether the frame had samples."""
         self._found.clear()
-        self._check_names("forget", frame=name)
+        self._require_frame("forget", name)
         forgotten = self.frames.pop(name, None)
         named = set().union(*[frame.parents() for frame in self.frames.values()])
         self.hidden |= set(self.order) - named - set(self.frames)
@@ -311,6 +311,11 @@ class Model(Listings):
     def _check_names(self, call, **names):
         for argument, name in names.items():
             self._check_name(f"{call} argument {argument}", name)
+
+    def _require_frame(self, call, name):
+        """Also a name that lookups refuse, such as that of the frame "//b", which is known as "/b"."""
+        if name not in self.names:
+            self._check_names(call, frame=name)
 
     # Looking up.
 
@@ -532,7 +537,22 @@ class Model(Listings):
                 frame = None if data is None or isinstance(data, Gap) else data[0]
         return chain
 
-    # Chains and velocities.
+    # Relatives, chains and velocities.
+
+    def parent(self, name, ns):
+        self._require_frame("parent", name)
+        data = self.data_at(name, ns or NEWEST)
+        return None if data is None or isinstance(data, Gap) else data[0]
+
+    def children(self, name):
+        self._require_frame("children", name)
+        return [child for child in self.names if self._newest_parent(child) == name]
+
+    def path(self, target, source, ns):
+        self._check_names("lookupTransform", target_frame=target, source_frame=source)
+        if target == source:
+            return [target]
+        return self._walk(target, source, ns or self._latest(target, source) or NEWEST)[1]
 
     def chain(self, target, target_ns, source, source_ns, fixed):
         halves = []

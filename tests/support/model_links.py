@@ -22,13 +22,16 @@ TURNS = (
     (0.0, 1.0, 0.0, 0.0),
     (0.6, 0.0, -0.8, 0.1),
     (-0.5, 0.1, 0.7, -0.3),
+    (0.0, 0.0, -1e-150, 2e-150),
+    (0.0, 0.0, 1.5e-154, -0.0),
+    (1e150, 0.0, 0.0, 1e153),
     (0.0, 0.0, 0.0, 0.0),
     (0.0, math.nan, 0.0, 1.0),
     (1e200, 0.0, 0.0, 0.0),
     (0.0, 0.0, 1e-162, 1.6e-162),  # the square is subnormal
     (0.0, 1e-155, 0.0, 1e-155),
 )
-GOOD_TURNS = 7  # the first ones
+GOOD_TURNS = 10  # the first ones
 PLACES = (0.0, 1.0, -2.5, 0.125, 1e3, math.nan, math.inf)
 GOOD_PLACES = 5
 WAYS = ("set", "static", "list", "static list", "cdr", "static cdr")

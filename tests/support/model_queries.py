@@ -3,6 +3,7 @@
 import itertools
 import math
 import re
+from functools import partial
 
 import numpy as np
 import yaml
@@ -18,6 +19,7 @@ from model_answers import (
     same_answer,
     same_error,
     same_numbers,
+    same_rotation,
     same_velocity,
     without_advice,
 )
@@ -148,6 +150,12 @@ class Queries:
                 end = frame.newest_ns() + policy.tolerance
                 self.do_policy(policy, frame.newest_parent(), name, (end - 1, end, end + 1))
 
+    def do_relatives(self, name, other, ns):
+        for call, *arguments in (("parent", name, ns), ("children", name), ("path", other, name, ns)):
+            got = of_buffer(partial(getattr(self.buffer, call), *arguments))
+            wanted = of_model(partial(getattr(self.model, call), *arguments))
+            self._compare(("relatives", name, other, ns), got, wanted, lambda a, b: a == b)
+
     def do_chain(self, target, target_ns, source, source_ns, fixed):
         arguments = (target, target_ns, source, source_ns, fixed)
         got = of_buffer(lambda: self.buffer._chain(*arguments))
@@ -242,6 +250,18 @@ class Queries:
             if got != wanted:
                 raise Broken(f"{name}: {got!r}, the model {wanted!r}", ("listings",))
 
+    def do_histories(self):
+        found = self.buffer.histories()
+        held = {name: frame for name, frame in self.model.frames.items() if frame.samples}
+        require(set(found) == set(held), "histories of other frames", set(found), set(held))
+        for name, frame in held.items():
+            one, (stamps, parents, places, turns) = found[name], zip(*frame.samples, strict=True)
+            got = (one.frame, one.static, one.parents.tolist(), one.stamps_ns.tolist())
+            require(got == (name, frame.static, [*parents], [*stamps]), "another history", got, frame.samples)
+            require(one.translations.tolist() == [*map(list, places)], "other places", name, places)
+            pairs = zip(one.rotations.tolist(), turns, strict=True)
+            require(all(same_rotation(q, turn) for q, turn in pairs), "other turns", name, turns)
+
     # Many queries at once.
 
     def times(self):
@@ -255,6 +275,7 @@ class Queries:
     def ask(self, dice):
         """Listings and every pair of frames, at some of the times."""
         self.do_listings()
+        self.do_histories()
         times, names = self.times(), [*self.model.names, "nowhere"]
         for target in names:
             for source in names:
@@ -274,6 +295,7 @@ class Queries:
             self.do_series(target, source, some, fixed, some[0])
             self.do_chain(target, some[0], source, some[1], fixed)
             self.do_policy(dice.choice(POLICIES), target, source, some)
+            self.do_relatives(source, target, some[2])
             point = (dice.choice((0.0, 1.0)), -2.0, 0.5)
             references = (dice.choice(names), point, dice.choice(names))
             self.do_velocity(target, source, *references, some[0], dice.choice((0, 1, 2, 3, 10, 1000, S)))

@@ -84,7 +84,8 @@ cdef void _take_out(Waiters* waiters, Waiter* waiter) noexcept nogil:
 
 cdef void _take_covered(Waiters* waiters, const Watched* watched, const TimeRange* covered,
                         Link* due) noexcept nogil:
-    # Moves the waiters that watch one of these times to `due`. Backwards, because entries move forwards.
+    # Moves the waiters that watch one of these times to `due`: backwards, because entries move forwards, and
+    # each to its front, so that they keep the order of their arrival.
     cdef uint32_t i = watched.count
     cdef Waiter* waiter
     while i:
@@ -92,7 +93,7 @@ cdef void _take_covered(Waiters* waiters, const Watched* watched, const TimeRang
         if covered.first <= watched.entries[i].time_ns <= covered.last:
             waiter = watched.entries[i].waiter
             _take_out(waiters, waiter)
-            _link_before(due, waiter)
+            _link_before(due.next, waiter)
 
 
 # Waiting.

@@ -46,12 +46,16 @@ class LiveObjects(Generic[_Object]):
         return iter([one for one in found if one is not None])
 
 
-def is_inherited(process: int) -> bool:
-    """Whether what a process made is dead here, because this process is a forked child of it."""
-    return process != os.getpid()
+def is_inherited(process: int | None) -> bool:
+    """
+    Whether what a process made is dead here, because this process is a forked child of it.
+
+    None: it is not known, because a subclass does not call ``__init__``; the answer is False.
+    """
+    return process is not None and process != os.getpid()
 
 
-def refuse_inherited(one: object, process: int) -> None:
+def refuse_inherited(one: object, process: int | None) -> None:
     """Raise a RuntimeError if another process made this object, and this one has inherited it."""
     if is_inherited(process):
         name = class_name(type(one))

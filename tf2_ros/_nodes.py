@@ -8,7 +8,7 @@ import os
 import threading
 import weakref
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from typing import Any
 
 from rclpy.context import Context
@@ -21,7 +21,7 @@ from rclpy.utilities import get_default_context
 from tf2_py._internal import keep_for_ever
 from tf2_ros._forking import LOCK, LiveObjects, is_inherited
 from tf2_ros._rcl import skip_exit_handlers
-from tf2_ros._rclpy import RCLError, context_was_shut_down, enter_handle, is_shut_down, mark_shut_down, wake
+from tf2_ros._rclpy import context_was_shut_down, handle_exists, is_shut_down, mark_shut_down, wake
 from tf2_ros._receive.inboxes import check_regularly
 
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
@@ -151,7 +151,7 @@ class Spinner:
                     self.executor.spin()
         except ExternalShutdownException:
             return
-        except (AttributeError, RCLError):
+        except (AttributeError, RuntimeError):
             if self.executor.context.ok() and not is_shut_down(self.executor):
                 raise
             # The context ended, or a program shut the executor down, between two checks of the executor.
@@ -235,6 +235,4 @@ def node_has_ended(node: object) -> bool:
     """Whether a node receives nothing any more, because it was destroyed or its context was shut down."""
     if not isinstance(node, Node):
         return False  # of a program's own kind
-    with ExitStack() as uses:
-        exists = enter_handle(node.handle, uses)
-    return not exists or context_was_shut_down(node.context)
+    return not handle_exists(node.handle) or context_was_shut_down(node.context)

@@ -8,36 +8,31 @@ rclpy 7.1 (Jazzy) and 9.1 (Kilted). What an executor's rounds need in Cython is 
 """
 
 import sys
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from types import FrameType
 from typing import Any
 
 from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Task
-
-# What the functions of the C++ part raise. Assumes that it has this name there; otherwise a RuntimeError,
-# which rclpy's own error derives from.
-RCLError: type[Exception] = getattr(rclpy_implementation, "RCLError", RuntimeError)
 
 # Handles: the objects of the C++ part, each counting its users.
 
 
-def enter_handle(handle: Any, uses: ExitStack) -> bool:
+def handle_exists(handle: Any) -> bool:
     """
-    Keep a handle from being destroyed while ``uses`` is open; return whether it still existed.
+    Whether a handle was not destroyed.
 
     Assumes that a handle is a context manager that counts its users, and raises InvalidHandle when it was
-    destroyed.
+    destroyed. While it has users, it is only marked.
     """
     try:
-        uses.enter_context(handle)
+        with handle:
+            return True
     except InvalidHandle:
         return False
-    return True
 
 
 def context_was_shut_down(context: Any) -> bool:

@@ -50,8 +50,7 @@ class Broadcaster:
 
     def _tf2_list(self, transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:
         """Make a list of the argument of ``sendTransform``; raise what that raises."""
-        if self._tf2_process is not None:
-            refuse_inherited(self, self._tf2_process)
+        refuse_inherited(self, self._tf2_process)
         transforms = list(transform) if isinstance(transform, Iterable) else [transform]
         if self._tf2_strict:
             require_transforms(transforms)

@@ -179,8 +179,7 @@ class TransformListener:
 
     @buffer.setter
     def buffer(self, buffer: TransformSink) -> None:
-        if self._tf2_process is not None:
-            refuse_inherited(self, self._tf2_process)
+        refuse_inherited(self, self._tf2_process)
         changed = self.__dict__.get("_tf2_buffer") is not buffer
         self._tf2_buffer = buffer
         if self._tf2_receiver is not None:
@@ -218,8 +217,8 @@ class TransformListener:
         self.__end()
 
     def __end(self, *, ends_thread: bool = True, waits: bool = True) -> None:
-        if self._tf2_is_forked():
-            return
+        if is_inherited(self._tf2_process):
+            return  # it belongs to the parent
         if self._tf2_attachment is not None:
             self._tf2_attachment.remove(self)
         if self._tf2_spinner is not None and ends_thread:
@@ -236,7 +235,7 @@ class TransformListener:
     def __repr__(self) -> str:
         """Describe the topics: how many messages were received, and when the last one was."""
         name = class_name(type(self))
-        if self._tf2_is_forked():
+        if is_inherited(self._tf2_process):
             return f"<{name}: {FORKED}>"
         if self._tf2_attachment is not None:
             state = "" if self._tf2_attachment.has(self) else ", ended"
@@ -265,10 +264,6 @@ class TransformListener:
         if not self._tf2_prefix:
             return transforms
         return [_with_prefix(self._tf2_prefix, transform) for transform in transforms]
-
-    def _tf2_is_forked(self) -> bool:
-        # The listener belongs to the parent process, so nothing must be ended here.
-        return self._tf2_process is not None and is_inherited(self._tf2_process)
 
     def _tf2_direct_buffer(self) -> BufferCore | None:
         """The buffer; None if user code would handle what is inserted."""

@@ -4,7 +4,6 @@ import re
 import sys
 import threading
 import types
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -54,12 +53,11 @@ class TestHandles:
 
     def test_a_handle_in_use_is_destroyed_afterwards(self, node):
         handle = node.create_guard_condition(None).handle
-        with ExitStack() as uses:
-            assert _rclpy.enter_handle(handle, uses)
+        assert _rclpy.handle_exists(handle)
+        with handle:
             handle.destroy_when_not_in_use()
             handle.trigger_guard_condition()
-        with ExitStack() as uses:
-            assert not _rclpy.enter_handle(handle, uses)
+        assert not _rclpy.handle_exists(handle)
 
     def test_a_context_is_checked_without_its_lock(self, ros):
         context = ros.Context()

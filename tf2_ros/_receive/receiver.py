@@ -12,6 +12,7 @@ from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
+from rclpy.exceptions import InvalidHandle
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
@@ -19,7 +20,7 @@ from tf2_py import BufferCore
 from tf2_py._internal import counted
 from tf2_ros._forking import LiveObjects, is_inherited
 from tf2_ros._nodes import note_filler
-from tf2_ros._rclpy import context_was_shut_down, enter_handle, report_incompatible_qos, wake
+from tf2_ros._rclpy import context_was_shut_down, handle_exists, report_incompatible_qos, wake
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import add_owner, check_regularly, start_threads
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
@@ -54,8 +55,7 @@ class Topic:
         """Whether anything can be received on it."""
         if self.subscription is None or context_was_shut_down(self.context):
             return False
-        with ExitStack() as uses:
-            return enter_handle(self.subscription.handle, uses)
+        return handle_exists(self.subscription.handle)
 
     def describe(self) -> str:
         """Describe its name, how many messages there were, and when the last one was."""
@@ -175,7 +175,9 @@ class Receiver:
     def _take(self, topic: Topic) -> None:
         subscription: Any = topic.subscription
         uses = ExitStack()
-        if not enter_handle(subscription.handle, uses):
+        try:
+            uses.enter_context(subscription.handle)
+        except InvalidHandle:
             return  # another thread has destroyed it
         self._set_topics([*self._topics, topic])
         subscription.destroy = partial(self._destroy, topic)  # the node calls this

@@ -149,24 +149,6 @@ class TestPlaces:
             listener.unregister()
         executor.shutdown()
 
-    def test_only_the_thread_that_has_ended_it_runs_them(self, tf2_ros, node, peer, names, note):
-        """Also where it cancels what was queued, and the node ends meanwhile."""
-        buffer, begun, go_on = tf2_ros.Buffer(), threading.Event(), threading.Event()
-        listener = tf2_ros.TransformListener(buffer, node)
-        future = wait(buffer, lambda _: (begun.set(), go_on.wait(DEADLINE_S)), note)
-        peer().send(("map", "robot", 10**9, 1))
-        until(lambda: repr(future) == "<TransformFuture: queued>")
-        thread = threading.Thread(target=future.cancel, name="cancelling")
-        thread.start()
-        assert begun.wait(DEADLINE_S)
-        callback_queue(node).close("it has ended")
-        future.cancel()
-        assert names == []
-        go_on.set()
-        thread.join()
-        assert (names, future.cancelled()) == (["cancelling"], True)
-        listener.unregister()
-
 
 class TestEndOfTheNode:
     @pytest.mark.parametrize(

@@ -68,10 +68,6 @@ cdef class Ending:
         """Whether it has an outcome that is visible."""
         return self._state >= DONE
 
-    def answered(self, answer):
-        """End with the answer of what it waits for; called by the engine. See :meth:`end_or_queue`."""
-        return self.end_or_queue(answer)
-
     def end(self, result=None, error=None):
         """End with this outcome, unless it has one, and run the callbacks in this thread."""
         if self._state == PENDING:
@@ -132,9 +128,9 @@ cdef class Ending:
 
 
 def notify(reference, answer):
-    """Call ``answered`` of what a weak reference refers to, if it exists."""
+    """End what a weak reference refers to, if it exists, with the answer that it waits for."""
     ending = reference()
-    return None if ending is None else ending.answered(answer)
+    return None if ending is None else ending.end_or_queue(answer)
 
 
 class Waker:
@@ -283,7 +279,7 @@ cdef class QueuedMessage(Ending):
             self.wait = wait
 
     def answered(self, answer):
-        # It may lack another transform. If a signal handler cuts this short, the engine repeats it.
+        """Pass, unless the message lacks another transform. If it is interrupted, the engine repeats it."""
         outcome = self._filter._look_up(self)
         return None if outcome is None else self.end_or_queue(outcome)
 
@@ -379,14 +375,16 @@ cdef class ChangeSubscription(Ending):
             self._state = PENDING
             try:
                 self.wait = BufferCore._wait(
-                    self._buffer, *self._frames, 0, notify=self.answered, after=self.wait
+                    self._buffer, *self._frames, 0, notify=self.end_or_queue, after=self.wait
                 )
                 if self.wait.answer is not None:
-                    self.answered(self.wait.answer)
+                    self.end_or_queue(self.wait.answer)
             except BaseException as raised:
                 errors.append(raised)
                 self.cancel()
         self._is_running = False
+        if self._state >= DONE:
+            self.wait = None    # another thread may have cancelled this meanwhile
         if self._state != QUEUED:
             return False
         # As many may follow as arrive during the callback: an executor does other work in between.

@@ -33,7 +33,7 @@ def insert_messages(
     sources: Iterable[MessageSource],
     *,
     on_malformed: Callable[[str, int, ValueError], object] | None = ...,
-    on_broken: Callable[[Exception, int | None], Exception | None] | None = ...,
+    on_broken: Callable[[Exception, int | None], Exception] | None = ...,
     recording: Recording | None = ...,
     records: list[NDArray[np.void]] | None = ...,
     progress: Callable[[int], object] | None = ...,

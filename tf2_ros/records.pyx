@@ -268,8 +268,7 @@ def insert_messages(Engine buffer not None, messages, sources, *, on_malformed=N
     :param on_malformed: called with topic, time and a ``ValueError`` for each message that cannot be read. If
         it raises an exception, the work ends. None: the error is raised.
     :param on_broken: called with an ``Exception`` that the iteration raises, and the time of the last message
-        before, or None. What it returns is raised instead; if it returns None, the work ends. None: the error
-        itself is raised.
+        before, or None. What it returns is raised instead. None: the error itself is raised.
     :param Recording recording: records each transform, with the topic as publisher and the time as time of
         reception.
     :param list records: receives, as arrays, the records for which ``recording`` has no place.
@@ -299,11 +298,9 @@ def insert_messages(Engine buffer not None, messages, sources, *, on_malformed=N
                     break
                 _check(following)
             except Exception as error:
-                explained = error
-                if on_broken is not None:
-                    explained = on_broken(error, None if message is None else message[1])
-                if explained is None:
-                    break
+                if on_broken is None:
+                    raise
+                explained = on_broken(error, None if message is None else message[1])
                 if explained is error:
                     raise
                 raise explained from error

@@ -24,6 +24,7 @@ from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._nodes import Spinner, hidden_node, keep_in_children
 from tf2_ros._qos import transforms_qos
 from tf2_ros._rcl import problem
+from tf2_ros._rclpy import wake
 from tf2_ros._receive.inbox import AUTHORITY
 from tf2_ros._receive.receiver import ListenerGroup, Receiver, Topic, note_listener
 from tf2_ros._shared.naming import is_wanted
@@ -300,17 +301,28 @@ class TransformListener:
         if self._tf2_recording is not None and taken != self._tf2_topics:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
-        for topic in self._tf2_topics:
-            qos = transforms_qos(100, is_static=topic.is_static) if topic.qos is None else topic.qos
-            made = self.node.create_subscription(
-                TFMessage, topic.name, getattr(self, topic.method), qos, callback_group=self.group
-            )
-            setattr(self, topic.attribute, made)
-            if isinstance(made, Subscription):
-                topic.subscription, topic.name = made, made.topic_name
-                topic.context = getattr(self.node, "context", None)
-        if taken:
-            self._tf2_receiver = Receiver(self, taken, self._tf2_queue)
+        # Of what arrives while an executor waits for a subscription, the receiver is not informed.
+        self.group.hides_all = bool(taken)
+        try:
+            for topic in self._tf2_topics:
+                self.__subscribe(topic)
+            if taken:
+                self._tf2_receiver = Receiver(self, taken, self._tf2_queue)
+        finally:
+            self.group.hides_all = False
+        executor = None if self._tf2_queue is None else self._tf2_queue.executor()
+        if len(self.receives) < len(self._tf2_topics) and executor is not None:
+            wake(executor)  # for the topics that it is to take
+
+    def __subscribe(self, topic: Topic) -> None:
+        qos = transforms_qos(100, is_static=topic.is_static) if topic.qos is None else topic.qos
+        made = self.node.create_subscription(
+            TFMessage, topic.name, getattr(self, topic.method), qos, callback_group=self.group
+        )
+        setattr(self, topic.attribute, made)
+        if isinstance(made, Subscription):
+            topic.subscription, topic.name = made, made.topic_name
+            topic.context = getattr(self.node, "context", None)
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own keeps the program alive.

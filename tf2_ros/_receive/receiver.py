@@ -73,11 +73,12 @@ class ListenerGroup(ReentrantCallbackGroup):
     It is reentrant, so that transforms arrive while another callback of the node waits for them.
     """
 
+    hides_all = False  # while a listener subscribes
     hidden: frozenset[Any] = frozenset()  # subscriptions and their events, which executors skip
 
     def can_execute(self, entity: Any) -> bool:
         """Whether an executor may wait for an entity of the group now."""
-        return entity not in self.hidden
+        return not self.hides_all and entity not in self.hidden
 
 
 class Receiver:
@@ -85,8 +86,7 @@ class Receiver:
     Inserts what arrives on a listener's topics into a buffer when that is read: the owner of an inbox.
 
     :param listener: a TransformListener, which has found that no user code handles the messages.
-    :param topics: those that it takes, and hides from executors. An executor that has seen a subscription
-        before may take one more message, which the listener's callback inserts.
+    :param topics: those that it takes, and hides from executors.
     :param queue: the CallbackQueue of the node, which is informed of what arrives.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked

@@ -55,7 +55,7 @@ def read(ended, name, seed):
         except TransformException:
             continue
     buffer._self_check()
-    assert buffer._tf2_sharing.is_attached, "it has lost its owner"
+    assert buffer._tf2_attachment.is_attached, "it has lost its owner"
     print(json.dumps({**counts, **reader.counts}), flush=True)
 
 

@@ -48,7 +48,9 @@ JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 # What `Buffer.__init__` sets; a copy has its own.
-_OF_INIT = frozenset({"registration", "_tf2_wait_contexts", "srv", "clock", "jump_handle", "_tf2_sharing"})
+_OF_INIT = frozenset(
+    {"registration", "_tf2_wait_contexts", "srv", "clock", "jump_handle", "_tf2_sharing", "_tf2_attachment"}
+)
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -93,7 +95,8 @@ class Buffer(BufferCore, BufferInterface):
     0.3
     """
 
-    _tf2_sharing: "Owner | Attachment | None" = None  # what shares it, or fills it from another process
+    _tf2_sharing: "Owner | None" = None  # shares it with other processes
+    _tf2_attachment: "Attachment | None" = None  # fills it from another process
 
     def __init__(
         self,
@@ -113,14 +116,14 @@ class Buffer(BufferCore, BufferInterface):
         limits: Any = {"max_frames": max_frames, "max_bytes": max_bytes}
         if attach is not None:
             from tf2_ros._shared.attachment import Attachment, open_ring
-            from tf2_ros._shared.files import describe_owner
+            from tf2_ros._shared.files import read_description
 
             name = buffer_name(attach, node)
             ring = open_ring(name)
             if cache_time is None:
-                cache_time = describe_owner(ring.descriptor).cache_time_ns / 1e9
+                cache_time = read_description(ring.descriptor).cache_time_ns / 1e9
             BufferCore.__init__(self, cache_time, **limits)
-            self._tf2_sharing = Attachment(self, name, ring)
+            Attachment(self, name, ring)
         else:
             BufferCore.__init__(self, cache_time, **limits)
         if share is not None:

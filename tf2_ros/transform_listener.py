@@ -73,8 +73,7 @@ class TransformListener:
         fill one buffer with the transforms of several robots.
     :param recording: a :class:`tf2_ros.records.Recording`, which records the sender and time of each
         transform. Call its ``take`` regularly: it has a limited capacity.
-    :raises NotImplementedError: ``recording`` is given, but an executor would take messages, see below; or
-        ``recording`` or ``prefix`` is given, and the buffer is attached to that of another process.
+    :raises NotImplementedError: ``recording`` is given, but an executor would take messages, see below.
 
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
     callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
@@ -83,9 +82,9 @@ class TransformListener:
     version of rcl is not known. That is decided when the listener is made, and when another ``buffer`` is
     assigned. The property ``receives`` names the topics that need no executor.
 
-    If its buffer is attached to the buffer of another process, it subscribes to nothing. With
-    ``TF2_SHARED_BUFFER`` in the environment, it attaches its buffer, if it would receive the same messages,
-    and subscribes while no process shares one; see docs/sharing.md.
+    If its buffer is attached to the buffer of another process, or ``TF2_SHARED_BUFFER`` in the environment
+    names such a buffer, it subscribes to nothing as long as that process receives the same messages; see
+    docs/sharing.md.
 
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
     ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the
@@ -118,7 +117,7 @@ class TransformListener:
     _tf2_spinner: Spinner | None = None
     _tf2_receiver: Receiver | None = None
     _tf2_process: int | None = None
-    _tf2_attachment: "Attachment | None" = None
+    _tf2_attachment: "Attachment | None" = None  # another thread may set this to None
     _tf2_prefix = ""
     _tf2_queue: CallbackQueue | None = None  # of the node; None: this rcl is not known, or it is another kind
 
@@ -158,14 +157,8 @@ class TransformListener:
             if isinstance(self.node, Node) and problem() is None:
                 self._tf2_queue = callback_queue(self.node)
             given = [one for one in (qos, static_qos, recording) if one is not None]
-            self.__attach(bool(static_only or prefix or given))
-            if self._tf2_attachment is None:
+            if not self.__attach(bool(static_only or prefix or given)):
                 self._tf2_listen_itself()
-            elif prefix or recording is not None:
-                raise NotImplementedError(
-                    "the listener of an attached buffer subscribes to nothing: it can neither put a prefix "
-                    "before the names of frames nor record who sends transforms"
-                )
             note_listener(self)
             if spin_thread or self._tf2_owns_node:
                 self.__spin()
@@ -183,10 +176,10 @@ class TransformListener:
         refuse_inherited(self, self._tf2_process)
         changed = self.__dict__.get("_tf2_buffer") is not buffer
         self._tf2_buffer = buffer
+        if changed and (attachment := self._tf2_attachment) is not None:
+            attachment.leave(self, "this program gives the listener another buffer")
         if self._tf2_receiver is not None:
             self._tf2_receiver.redirect(self._tf2_direct_buffer())
-        if changed and self._tf2_attachment is not None:
-            self._tf2_attachment.leave(self, "this program gives the listener another buffer")
         note_listener(self)
 
     @property
@@ -198,7 +191,7 @@ class TransformListener:
         listener, and in a forked child.
         """
         topics = [] if self._tf2_receiver is None else self._tf2_receiver.topics
-        if self._tf2_attachment is not None and self._tf2_attachment.has(self):
+        if (attachment := self._tf2_attachment) is not None and attachment.has(self):
             topics = list(self._tf2_topics)
         return tuple(topic.name for topic in topics)
 
@@ -220,8 +213,8 @@ class TransformListener:
     def __end(self, *, ends_thread: bool = True, waits: bool = True) -> None:
         if is_inherited(self._tf2_process):
             return  # it belongs to the parent
-        if self._tf2_attachment is not None:
-            self._tf2_attachment.remove(self)
+        if (attachment := self._tf2_attachment) is not None:
+            attachment.remove(self)
         if self._tf2_spinner is not None and ends_thread:
             self._tf2_spinner.stop(wait=waits)
         if not self._tf2_owns_node:
@@ -238,9 +231,9 @@ class TransformListener:
         name = class_name(type(self))
         if is_inherited(self._tf2_process):
             return f"<{name}: {FORKED}>"
-        if self._tf2_attachment is not None:
-            state = "" if self._tf2_attachment.has(self) else ", ended"
-            return f"<{name} of {self._tf2_attachment.describe()}{state}>"
+        if (attachment := self._tf2_attachment) is not None:
+            state = "" if attachment.has(self) else ", ended"
+            return f"<{name} of {attachment.describe()}{state}>"
         if self._tf2_receiver is not None:
             self._tf2_receiver.inbox.catch_up()
         topics = [topic.describe() for topic in self._tf2_topics if topic.subscription is not None]
@@ -273,15 +266,16 @@ class TransformListener:
             return None
         return buffer if all(_is_method_of(BufferCore, buffer, name) for name in SETTERS) else None
 
-    def __attach(self, has_options: bool) -> None:
-        """Let another process receive, if the buffer is attached or the environment asks for it."""
+    def __attach(self, has_options: bool) -> bool:
+        """Let another process receive, if the buffer is attached or the environment asks; whether it does."""
         buffer = self._tf2_buffer
-        if isinstance(buffer, Buffer) and (buffer._tf2_sharing is not None or is_wanted()):
+        if isinstance(buffer, Buffer) and (buffer._tf2_attachment is not None or is_wanted()):
             # Few programs share a buffer; only they load this.
             from tf2_ros._shared.attachment import attach_listener
 
             is_usual = not has_options and self.__plain_topics() == self._tf2_topics
-            self._tf2_attachment = attach_listener(self, is_usual)
+            return attach_listener(self, is_usual)
+        return False
 
     def __plain_topics(self) -> list[Topic]:
         """The topics whose messages go into the buffer without user code."""

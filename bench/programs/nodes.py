@@ -86,8 +86,7 @@ def main(kind, name):
     if kind != "idle":
         buffer = Buffer(share=name) if kind == "owner" else Buffer()
         listener = TransformListener(buffer, node)
-        sharing = buffer._tf2_sharing
-        assert (sharing is not None and sharing.is_attached) == (kind in BY_OWNER), listener
+        assert (buffer._tf2_attachment is not None) == (kind in BY_OWNER), listener
 
     def spin():
         with contextlib.suppress(ExternalShutdownException):

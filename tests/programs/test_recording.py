@@ -115,14 +115,17 @@ def test_a_listener_that_cannot_record_every_topic_says_so(tf2_ros, node, overri
         listener(tf2_ros.Buffer(node=node), node, recording=Recording())
 
 
-def test_a_listener_of_an_attached_buffer_cannot_record(tf2_ros, node, request):
+def test_a_listener_of_an_attached_buffer_that_records_subscribes(tf2_ros, node, peer, request):
     name = f"recording-{abs(hash(request.node.nodeid)) % 10**8}"
-    owner = tf2_ros.Buffer(share=name)
+    owner, recording = tf2_ros.Buffer(share=name), Recording()
     with (
         tf2_ros.TransformListener(owner, node),
-        pytest.raises(NotImplementedError, match="the listener of an attached buffer"),
+        tf2_ros.TransformListener(tf2_ros.Buffer(attach=name), node, recording=recording),
     ):
-        tf2_ros.TransformListener(tf2_ros.Buffer(attach=name), node, recording=Recording())
+        talker = peer()
+        talker.matched(2)
+        talker.send(("map", "odom", S, 0.0))
+        assert len(take(recording, 1)) == 1
 
 
 class TestListening:

@@ -181,15 +181,16 @@ def test_a_shared_buffer_and_one_that_is_attached_are_buffers_of_its_own(tf2_ros
         owner.set_transform(transform("f4", "own", ns=1), "child")
         reader.set_transform(transform("f4", "other", ns=1), "child")
         assert "own" in owner and "own" not in reader
-        assert not reader._tf2_sharing.is_attached
+        assert not reader._tf2_attachment.is_attached
+        owner._tf2_sharing.close()
+        reader._tf2_attachment.close()
         for one in (owner, reader):
-            one._tf2_sharing.close()
             one._self_check()
         # It may attach a buffer.
         assert tf2_ros.Buffer(attach=name).can_transform_core("map", "f4", 1)[0]
 
     assert in_a_child(child) == 0
-    assert owner._tf2_sharing.path.exists() and reader._tf2_sharing.is_attached
+    assert owner._tf2_sharing.path.exists() and reader._tf2_attachment.is_attached
     owner.set_transforms(links(2, 0), "parent")
     assert reader.can_transform_core("map", "f4", 2)[0] and "own" not in reader
     owner._tf2_sharing.close()

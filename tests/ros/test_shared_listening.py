@@ -3,6 +3,7 @@
 import gc
 import threading
 import time
+from functools import partial
 
 import pytest
 import rclpy
@@ -11,7 +12,7 @@ from processes import DEADLINE_S, program, until
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from sharing import new_name
+from sharing import at_once, new_name, ring_threads
 from spinning import spinning
 
 from tf2_ros import Buffer, SharedBufferError, TransformListener
@@ -107,7 +108,7 @@ def test_the_end_of_the_owner_goes_unnoticed_by_waits(shared, node, peer, capfd)
     shared.process.kill()
     until(lambda: not is_attached(listener))
     until(lambda: listener.receives)
-    assert f"process {shared.process.pid} has ended" in logged(capfd)
+    assert f"process {shared.process.pid} no longer shares it" in logged(capfd)
     assert listener.receives and "/tf" in repr(listener)
     assert buffer.can_transform("map", "robot", at_ns(1 * S)) and buffer.can_transform("map", "mount", Time())
     # It takes a moment until the sender knows of the new subscription.
@@ -124,6 +125,43 @@ def test_another_buffer_for_the_listener_is_filled(shared, node, peer):
     until(lambda: sender.send(("map", "robot", 1 * S, 1)) or knows(second, "robot")())
 
 
+def test_threads_that_attach_listeners_of_a_buffer_attach_it_once(shared, node):
+    shared()
+    until(lambda: gc.collect() >= 0 and ring_threads() == 0)  # those of earlier tests
+    for _ in range(10):
+        buffer = Buffer()
+        listeners = at_once(*[partial(TransformListener, buffer, node)] * 3)
+        assert all(is_attached(one) for one in listeners)
+        assert ring_threads() == 1
+        buffer._tf2_attachment.close()
+
+
+def test_a_listener_that_ends_while_its_owner_does_has_no_subscriptions(node):
+    for _ in range(20):
+        listener, check = listener_without_owner(node)
+        at_once(check, listener.unregister)
+        assert not any(one.topic_name == "/tf" for one in node.subscriptions)
+
+
+def test_a_listener_that_gets_a_buffer_while_its_owner_ends_fills_that(node, peer):
+    second, sender = Buffer(), peer()
+    for round_ in range(10):
+        listener, check = listener_without_owner(node)
+        at_once(check, partial(setattr, listener, "buffer", second))
+        arrive(sender, second, f"robot{round_}", ("map", f"robot{round_}", 1 * S, 1))
+        listener.unregister()
+
+
+def listener_without_owner(node):
+    """A listener of an attached buffer whose owner has just ended, and what notices that."""
+    owner = Buffer(share=new_name())
+    with TransformListener(owner, node):
+        listener = TransformListener(Buffer(attach=owner._tf2_sharing.name), node)
+        assert is_attached(listener)
+    owner._tf2_sharing.close()
+    return listener, listener.buffer._tf2_attachment._tf2_check
+
+
 def refusals():
     class OtherListener(TransformListener):
         def callback(self, data):
@@ -133,8 +171,6 @@ def refusals():
         def set_transform(self, transform, authority):
             super().set_transform(transform, authority)
 
-    filled = Buffer()
-    filled.set_transform(transform("a", "b", 1.0), "me")
     usual = TransformListener
     return {
         "is of another kind": [
@@ -145,7 +181,6 @@ def refusals():
         ],
         "is not filled from": [lambda node: usual(Buffer(), node, tf_topic="/other")],
         "keeps 10 s, this one 30 s": [lambda node: usual(Buffer(Duration(seconds=30)), node)],
-        "holds frames already": [lambda node: usual(filled, node)],
     }
 
 

@@ -4,7 +4,6 @@ import copy
 import gc
 import pickle
 import random
-import threading
 
 import pytest
 from hypothesis import given, settings
@@ -14,7 +13,7 @@ from random_histories import FRAMES, TIMES_NS, apply, silence, steps  # noqa: F4
 from rclpy.duration import Duration
 from recorded_answers import SCENARIOS, check_answer
 from repetitions import times
-from sharing import LINKS, Owner, is_sound, links, new_name, pair, small_files, small_ring
+from sharing import LINKS, Owner, is_sound, links, new_name, pair, ring_threads, small_ring
 from travelling import check_copy, everything
 
 import tf2_py
@@ -30,7 +29,7 @@ def test_answers_as_recorded(scenario):
     with pair(Duration(nanoseconds=scenario["cache_ns"])) as (owner, reader):
         for (op, *args), want in zip(scenario["ops"], scenario["want"], strict=True):
             check_answer(tf2_py, owner if op in CHANGES else reader, op, args, want)
-        assert reader._tf2_sharing.is_attached
+        assert reader._tf2_attachment.is_attached
         reader._self_check()
         owner._self_check()
 
@@ -123,7 +122,7 @@ def test_a_reader_inserts_and_clears_for_itself_and_stays_attached():
         assert owner.can_transform_core("map", "f4", 1 * S)[0]
         owner.set_transforms(links(2 * S, 0), "owner")
         assert reader.can_transform_core("map", "f4", 2 * S)[0]
-        assert reader._tf2_sharing.is_attached
+        assert reader._tf2_attachment.is_attached
         reader._self_check()
 
 
@@ -149,7 +148,7 @@ def test_static_transforms_that_are_written_again_are_new_only_to_late_readers()
         for number in range(100):
             owner.set_transform_static(transform("map", f"static{number}", xyz=(number, 0.0, 0.0)), "owner")
         count = 0
-        while owner._tf2_sharing._ring.shortage[0] == 0 or count < 5000 * LINKS:
+        while count < 5000 * LINKS:
             count += owner.set_transforms(links((1000 + count) * S // 1000, S), "owner")
             if count % 100 == 0:
                 assert reader.can_transform_core("map", "f4", 0)[0]
@@ -185,7 +184,7 @@ def test_a_static_transform_that_is_written_again_does_not_replace_what_a_reader
 
 
 def test_a_reader_that_sleeps_through_ten_laps_begins_at_the_oldest_message():
-    with Owner(preexec_fn=small_files) as owner:
+    with Owner(None, "small") as owner:
         reader = Buffer(Duration(seconds=0.2), attach=owner.name)
         assert not is_sound(reader, 1000 * S)
         (inserted,) = owner.tell("laps", 10)
@@ -215,22 +214,19 @@ def test_a_shared_buffer_ends_with_its_owner():
     assert reader.can_transform_core("map", "f4", 0)[0]
     with pytest.raises(SharedBufferError, match="no process"):
         Buffer(attach=name)
-    until(lambda: not reader._tf2_sharing.is_attached)
+    until(lambda: not reader._tf2_attachment.is_attached)
     assert reader.can_transform_core("map", "f4", 0)[0]
 
 
 def test_a_thread_ends_with_its_buffer_or_attachment():
-    def ring_threads():
-        return sum(one.name == "tf2_ros ring" for one in threading.enumerate())
-
     gc.collect()
     until(lambda: ring_threads() == 0)  # those of earlier tests
     with pair() as (_, closed):
-        dropped = Buffer(attach=closed._tf2_sharing.name)
+        dropped = Buffer(attach=closed._tf2_attachment.name)
         assert ring_threads() == 2
         del dropped
         until(lambda: ring_threads() == 1)
-        closed._tf2_sharing.close()
+        closed._tf2_attachment.close()
         assert ring_threads() == 0
 
 
@@ -249,5 +245,5 @@ def test_auto_is_the_name_of_the_domain(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "77")
     owner = Buffer(share="auto")
     assert owner._tf2_sharing.name == "domain-77"
-    assert Buffer(attach="auto")._tf2_sharing.is_attached
+    assert Buffer(attach="auto")._tf2_attachment.is_attached
     owner._tf2_sharing.close()

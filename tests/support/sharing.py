@@ -2,16 +2,19 @@
 
 import itertools
 import os
-import resource
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from unittest.mock import patch
 
 from making import S, transform
 from paths import PROGRAMS
 
 from tf2_py import TransformException
 from tf2_ros import Buffer
+from tf2_ros._shared import owner
 from tf2_ros._shared.naming import segment_path
 
 _numbers = itertools.count()
@@ -25,12 +28,24 @@ def new_name():
 @contextmanager
 def pair(*arguments, **options):
     """A buffer that is shared, and one that is attached to it."""
-    owner = Buffer(*arguments, share=new_name(), **options)
-    reader = Buffer(attach=owner._tf2_sharing.name)
+    shared = Buffer(*arguments, share=new_name(), **options)
+    reader = Buffer(attach=shared._tf2_sharing.name)
     try:
-        yield owner, reader
+        yield shared, reader
     finally:
-        owner._tf2_sharing.close()
+        shared._tf2_sharing.close()
+
+
+def at_once(*calls):
+    """Have a thread for each of these begin it at the same moment; what they return, in order."""
+    start = threading.Barrier(len(calls))
+    with ThreadPoolExecutor(len(calls)) as pool:
+        return list(pool.map(lambda call: (start.wait(), call())[1], calls))
+
+
+def ring_threads():
+    """How many attachments of this process follow a ring."""
+    return sum(one.name == "tf2_ros ring" for one in threading.enumerate())
 
 
 # What `programs/shares.py` inserts: a chain of frames whose place follows from the time.
@@ -65,30 +80,19 @@ def is_sound(buffer, first_ns, ages_ns=(0,)):
     return found
 
 
-def small_files():
-    """Before a process is executed: have it share by a ring of 1 MiB."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (17 << 16, 17 << 16))
-
-
-@contextmanager
-def small_ring(mebibytes=1):
-    """Have buffers that are shared inside this have a ring of so many MiB."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, ((mebibytes << 20) + (1 << 16), before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+def small_ring():
+    """Have buffers that are shared inside this have a ring of 1 MiB."""
+    return patch.object(owner, "MOST_BYTES", owner.LEAST_BYTES)
 
 
 class Owner:
     """A process of `programs/shares.py`, for a `with` statement, which kills it in the end."""
 
-    def __init__(self, name=None, **popen):
+    def __init__(self, name=None, *words, **popen):
         self.name = name or new_name()
         self.path = segment_path(self.name)
         self.process = subprocess.Popen(
-            [sys.executable, str(PROGRAMS / "shares.py"), self.name],
+            [sys.executable, str(PROGRAMS / "shares.py"), self.name, *words],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

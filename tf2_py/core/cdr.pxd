@@ -41,7 +41,6 @@ cdef struct Batch:
     bint no_memory              # outcome: memory ran out, and the rest was dropped
     Link ready                  # outcome: waiters that have an answer which must still be delivered
     bint needs_report           # outcome: there is something to log, or an answer to deliver
-    bint is_prefixed            # the entries have the names below
     char* names                 # memory of batch_prefix
     size_t names_capacity       # bytes
     const char* problem         # why a serialised message could not be read, or NULL ...

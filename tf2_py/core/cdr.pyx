@@ -170,7 +170,7 @@ cdef void batch_free(Batch* batch) noexcept nogil:
 
 cdef void batch_begin(Batch* batch) noexcept nogil:
     batch.done = batch.taken = batch.refused = 0
-    batch.waking = batch.no_memory = batch.needs_report = batch.is_prefixed = False
+    batch.waking = batch.no_memory = batch.needs_report = False
     links_init(&batch.ready)
 
 
@@ -273,7 +273,6 @@ cdef bint batch_prefix(Batch* batch, const char* prefix, size_t prefix_size) noe
         incoming = &batch.entries[i].incoming
         out = _prefixed(&incoming.parent, &incoming.parent_size, prefix, prefix_size, out)
         out = _prefixed(&incoming.child, &incoming.child_size, prefix, prefix_size, out)
-    batch.is_prefixed = True
     return True
 
 

@@ -37,7 +37,7 @@ cdef struct Watcher:
 cdef struct Copier:
     # Copies what an inbox takes for other processes. Called without the GIL, perhaps by several inboxes.
     void* data                  # for these functions
-    void (*copy)(Copier* copier, const Parcel* parcel) noexcept nogil
+    void (*copy)(Copier* copier, const Batch* batch) noexcept nogil
     # Whether somebody wants each message at once.
     bint (*is_wanted)(Copier* copier) noexcept nogil
 

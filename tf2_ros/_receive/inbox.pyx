@@ -212,7 +212,7 @@ cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
 cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
     cdef Parcel* parcel = inbox.parcel
     if inbox.copier != NULL and is_readable:
-        inbox.copier.copy(inbox.copier, parcel)
+        inbox.copier.copy(inbox.copier, &parcel.batch)
     while is_readable and (<Engine>inbox.engine).insert_some(&parcel.batch):
         pass
     if not is_readable or parcel.batch.needs_report:

@@ -53,13 +53,10 @@ def buffer_name(name: str, node: Any = None) -> str:
 
 
 def _environment_domain() -> int:
-    """The ROS domain. ROS reads the number as C does, with a base."""
-    text = os.environ.get("ROS_DOMAIN_ID", "").strip()
-    base = 16 if text.lower().startswith("0x") else 8 if text.startswith("0") else 10
-    try:
-        return int(text, base) if text else 0
-    except ValueError:
-        raise ValueError(f"ROS_DOMAIN_ID is not a number: {text!r}") from None
+    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not text.isdecimal():
+        raise ValueError(f"ROS_DOMAIN_ID is not a number: {text!r}")
+    return int(text)
 
 
 def is_wanted() -> bool:

@@ -2,22 +2,21 @@
 
 import itertools
 import os
-import resource
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
+from unittest.mock import patch
 
 from reliability.fuzz.faults import answers, ask
 from reliability.fuzz.reading import Input
 from reliability.fuzz.targets import cdr
 from tf2_ros import Buffer, SharedBufferError
+from tf2_ros._shared import owner as sharing
 from tf2_ros._shared.naming import segment_path
 
 _numbers = itertools.count()
-# As in tf2_ros/_shared/ring.pyx: the head, the board, the description, the ring.
-BOARD_AT, TEXT_AT, RING_AT = 2048, 4096, 1 << 16
-HEAD_BYTES, ARRIVALS_AT, RECORD_BYTES = 64, 12, 64
-SEGMENT_BYTES = RING_AT + (1 << 20)  # of the smallest ring
+# As in tf2_ros/_shared/ring.pyx: the head, the description, the ring.
+TEXT_AT, RING_AT = 4096, 1 << 16
+HEAD_BYTES, ARRIVALS_AT, RECORD_BYTES = 72, 12, 64
 MOST_STEPS = 16
 ODD = (0, 1, 2, 0xFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 2**62, 2**63 - 1, 2**63, 2**64 - 1, 64, 4096, 5)
 
@@ -26,7 +25,8 @@ def run(data: bytes) -> None:
     """Change the memory of an owner, below readers that attached before and ones that attach after it."""
     given = Input(data)
     name = f"fuzz-{os.getpid()}-{next(_numbers)}"
-    with _small_files():
+    # The least size: spoiled numbers lead to less memory, and mapping it is quicker.
+    with patch.object(sharing, "MOST_BYTES", sharing.LEAST_BYTES):
         owner = Buffer(share=name)
     try:
         _insert(owner, 0)
@@ -37,23 +37,12 @@ def run(data: bytes) -> None:
                     break
                 _step(given, memory, owner, reader, name, step)
             _ask(reader)
-            reader._tf2_sharing.close()
+            reader._tf2_attachment.close()
             answers(reader)
             _insert(reader, 50)
             reader._self_check()
     finally:
         owner._tf2_sharing.close()
-
-
-@contextmanager
-def _small_files() -> Iterator[None]:
-    # The segment is then of the least size: spoiled numbers lead to less memory, and mapping it is quicker.
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (SEGMENT_BYTES, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def _step(given: Input, memory: "_Memory", owner: Buffer, reader: Buffer, name: str, step: int) -> None:
@@ -107,10 +96,8 @@ class _Memory:
         """Write something somewhere."""
         where = given.below(16)
         spot = given.byte()
-        if where < 5:
+        if where < 6:
             at = 4 * (spot % (HEAD_BYTES // 4))
-        elif where == 5:
-            at = BOARD_AT + 4 * (spot % 3)
         elif where == 6:
             at = TEXT_AT + spot
         elif where < 12:

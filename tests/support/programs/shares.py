@@ -3,10 +3,10 @@ Shares a buffer, whose name is the first argument, and says so; then obeys its s
 
 `insert NS FIRST_NS`: the links of `sharing.py` of this time. `run S`: insert for so long, as fast as it can,
 in a thread. `laps N`: insert as fast as it can until the ring was written so often; the answer is how many
-were inserted. `end`.
+were inserted.
 
-With `children` for a name, each line is the name of a buffer, for which it forks an owner, which inserts as
-fast as it can; the next line has it killed.
+With `small` for the second argument, the ring is the smallest. With `children` for a name, each line is the
+name of a buffer, for which it forks an owner, which inserts as fast as it can; the next line has it killed.
 """
 
 import os
@@ -14,13 +14,14 @@ import signal
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from making import S
 from rclpy.duration import Duration
-from sharing import LINKS, links
+from sharing import LINKS, links, small_ring
 
 from tf2_ros import Buffer
 
@@ -72,7 +73,8 @@ def main():
         print("ready", flush=True)
         children()
         return
-    buffer = Buffer(Duration(seconds=0.5), share=sys.argv[1])
+    with small_ring() if "small" in sys.argv[2:] else nullcontext():
+        buffer = Buffer(Duration(seconds=0.5), share=sys.argv[1])
     print("shared", os.getpid(), flush=True)
     for line in sys.stdin:
         match line.split():
@@ -83,8 +85,6 @@ def main():
             case ["laps", megabytes]:
                 print(laps(buffer, int(megabytes)), flush=True)
                 continue
-            case ["end"]:
-                return
         print("done", time.monotonic_ns(), flush=True)
 
 

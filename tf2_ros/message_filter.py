@@ -318,7 +318,10 @@ class MessageFilter(Generic[_Message]):
         if isinstance(input, tuple) and len(input) == 3:
             message_type, topic, qos = input
             if not hasattr(message_type, "header"):
-                raise TypeError(f"input: {message_type!r} is not a message type with a header")
+                raise TypeError(
+                    "input: expected (message type, topic, qos), in this order, of messages with a header, "
+                    f"got {input!r}"
+                )
             # In the group of the queue, so that no two threads of an executor call back at the same time.
             self._subscription = self._node.create_subscription(
                 message_type, topic, self.add, qos, callback_group=self._queue.callback_group

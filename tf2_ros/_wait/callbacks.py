@@ -41,7 +41,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
 
     def __init__(self, node: Node, group: CallbackGroup | None = None) -> None:
         Waitable.__init__(self, MutuallyExclusiveCallbackGroup() if group is None else group)
-        self._node = weakref.ref(node)
+        self.node = weakref.ref(node)
         self._name = node.get_fully_qualified_name()
         self._context = node.context
         self._why_closed = ""
@@ -106,10 +106,6 @@ class CallbackQueue(ExecutorRounds, Waitable):
         if self.calls and not is_inherited(self._process):
             self.close(f"the node [{self._name}] was collected")
 
-    def node(self) -> Node | None:
-        """The node, if it exists."""
-        return self._node()
-
     def has_ended(self) -> bool:
         """Whether calls are dropped, now or soon."""
         node = self.node()
@@ -117,8 +113,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
 
     def executor(self) -> Any:
         """See :class:`ExecutorRounds`."""
-        node = self.node()
-        return None if node is None else node.executor
+        return getattr(self.node(), "executor", None)
 
     def leave_sets(self) -> None:
         """See :class:`ExecutorRounds`; have a timer look for calls, in any executor."""

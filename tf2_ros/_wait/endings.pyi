@@ -1,10 +1,8 @@
 import weakref
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar, type_check_only
+from typing import Any
 
 from geometry_msgs.msg import TransformStamped
-
-_Key = TypeVar("_Key")
 
 PASSED: str
 CLEARED: str
@@ -51,7 +49,7 @@ class QueuedMessage(Ending):
     def waits_for(self, wait: Any) -> None: ...
     def expire(self) -> None: ...
 
-def first_key(mapping: dict[_Key, Any]) -> _Key | None: ...
+def first_key(mapping: dict[QueuedMessage, None]) -> QueuedMessage | None: ...
 
 class ChangeSubscription(Ending):
     def __init__(
@@ -65,19 +63,9 @@ class ChangeSubscription(Ending):
 
 def call_logged(call: Callable[[], object], where: str) -> None: ...
 
-@type_check_only
-class Expiring(Protocol):
-    """A wait that has a deadline."""
-
-    def over(self) -> bool:
-        """Whether it ended before its deadline."""
-
-    def expire(self) -> None:
-        """The deadline has passed."""
-
 class Deadlines:
     @property
-    def entries(self) -> list[tuple[int, int, weakref.ref[Expiring]]]: ...
-    def add(self, deadline_ns: int, wait: Expiring) -> None: ...
+    def entries(self) -> list[tuple[int, int, weakref.ref[Any]]]: ...
+    def add(self, deadline_ns: int, wait: Any) -> None: ...
 
 deadlines: Deadlines

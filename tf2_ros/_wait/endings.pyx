@@ -416,7 +416,7 @@ def call_logged(call, str where):
 
 cdef class Deadlines:
     """
-    Calls ``expire()`` of waits at their deadlines, unless they were over, or collected, before.
+    Calls ``expire()`` of waits at their deadlines, unless they were ``over()``, or collected, before.
 
     There is at most one thread: it starts with the first deadline and ends one second after the last.
     """

@@ -113,7 +113,6 @@ class Receiver:
         self.redirect(listener._tf2_direct_buffer())
         if not queue.in_sets:
             self.before_sleep(False)  # the node has moved meanwhile
-        self._context.on_shutdown(self.stop)  # referred to weakly there
 
     @property
     def topics(self) -> list[Topic]:
@@ -159,7 +158,9 @@ class Receiver:
             self.stop()
 
     def _tf2_check(self) -> None:
-        """Log incompatible publishers."""
+        """End with the context; log incompatible publishers."""
+        if context_was_shut_down(self._context):
+            self.stop()
         for topic in self._topics:
             subscription: Any = topic.subscription
             for handler in subscription.event_handlers:

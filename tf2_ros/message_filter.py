@@ -208,6 +208,7 @@ class MessageFilter(Generic[_Message]):
         frame = frame_name(header.frame_id, "header.frame_id").removeprefix("/")
         queued = QueuedMessage(self, message, frame, time_ns(header.stamp, "header.stamp"))
         try:
+            self._waiting[queued] = None
             self._begin(queued)
         except BaseException:
             queued.cancel()  # nothing may be left that waits for nothing

@@ -140,6 +140,17 @@ class TestEachLine:
                 passed.clear()
             assert filter.statistics()["received"] == filter.statistics()["passed"] == second
 
+    def test_an_interrupted_add_leaves_no_message(self, buffer, tf2_ros, node):
+        with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as filter:
+            line, reached = 0, True
+            while reached:
+                line += 1
+                with interrupted(line) as count:
+                    filter.add(point(line))
+                reached = count.reached
+                assert filter.statistics()["waiting"] == (0 if reached else 1)
+            assert line > 1, "nothing was interrupted"
+
     @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # rclpy's Future.__init__
     def test_a_subscription_to_changes_gets_the_last_one(self, buffer):
         seen = []

@@ -271,7 +271,6 @@ cdef class QueuedMessage(Ending):
     def __init__(self, filter, message, str frame, int64_t stamp_ns):
         self.message, self.frame, self.stamp_ns = message, frame, stamp_ns
         self._filter, self.queue, self.kept = filter, filter._queue, filter._waiting
-        self.kept[self] = None
 
     def waits_for(self, wait):
         """Note what it waits for, unless it has an outcome."""

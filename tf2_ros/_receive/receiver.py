@@ -76,7 +76,8 @@ class ListenerGroup(ReentrantCallbackGroup):
     hides_all = False  # while a listener subscribes
     hidden: frozenset[Any] = frozenset()  # subscriptions and their events, which executors skip
 
-    def can_execute(self, entity: Any) -> bool:
+    # rclpy declares its own as Literal[True].
+    def can_execute(self, entity: Any) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Whether an executor may wait for an entity of the group now."""
         return not self.hides_all and entity not in self.hidden
 

@@ -210,6 +210,8 @@ class MessageFilter(Generic[_Message]):
         try:
             self._waiting[queued] = None
             self._begin(queued)
+            if self._closed:  # meanwhile, by another thread
+                queued.cancel()
         except BaseException:
             queued.cancel()  # nothing may be left that waits for nothing
             raise

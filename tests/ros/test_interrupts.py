@@ -171,6 +171,18 @@ class TestEachLine:
         subscription.cancel()
 
 
+def test_a_filter_may_be_closed_at_each_line_of_an_add(tf2_ros, node):
+    buffer, line, reached = tf2_ros.Buffer(), 0, True
+    while reached:
+        line += 1
+        with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as filter:
+            with interrupted(line, filter.close) as count:
+                filter.add(point(1))
+            reached = count.reached
+            assert filter.statistics()["waiting"] == (0 if reached else 1)
+    assert line > 1, "nothing was interrupted"
+
+
 def test_a_signal_handler_may_insert_what_is_being_added_to_a_filter(tf2_ros, node, executor):
     buffer, passed = tf2_ros.Buffer(cache_time=1e6), []
     with tf2_ros.MessageFilter(None, buffer, ("map", "base"), 0, node=node) as filter:

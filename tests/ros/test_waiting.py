@@ -501,3 +501,15 @@ class TestAwaiting:
         assert buffer.statistics()["waiters"] == 1
         coroutine.close()
         assert buffer.statistics()["waiters"] == 0
+
+    @pytest.mark.ours
+    def test_the_end_of_the_wait_releases_a_task_whose_loop_was_closed(self, buffer):
+        loop = asyncio.new_event_loop()
+        task = loop.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+        loop.run_until_complete(asyncio.sleep(0))
+        loop.close()
+        released = weakref.ref(task)
+        del task
+        insert(buffer, 1)
+        gc.collect()
+        assert released() is None

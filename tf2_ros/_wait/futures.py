@@ -158,8 +158,10 @@ class _SleepingLoop(Waker):
         yield from self._woken
 
     def __call__(self, _: object) -> None:
-        with suppress(RuntimeError):  # the loop is closed, so nothing awaits any more
+        try:
             self._loop.call_soon_threadsafe(self._end)
+        except RuntimeError:  # the loop is closed, so its task will never take this out
+            self._future.kept.pop(self, None)
 
     def _end(self) -> None:
         if not self._woken.done():

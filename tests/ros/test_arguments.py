@@ -212,7 +212,7 @@ def test_a_broadcaster_sends_only_transforms(tf2_ros, node, name, strict, kind):
 
 
 def test_a_filter_refuses_wrong_inputs_callbacks_and_messages(tf2_ros, node, buffer):
-    with pytest.raises(TypeError, match="^input: 'points' is not a message type"):
+    with pytest.raises(TypeError, match="^input: expected .message type, topic, qos., in this order"):
         tf2_ros.MessageFilter(("points", PointStamped, 10), buffer, "map", 10, node=node)
     with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as points:
         for register in ("registerCallback", "registerFailureCallback"):

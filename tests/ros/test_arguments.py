@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import re
 from datetime import timedelta
 from types import SimpleNamespace
 
@@ -212,7 +213,10 @@ def test_a_broadcaster_sends_only_transforms(tf2_ros, node, name, strict, kind):
 
 
 def test_a_filter_refuses_wrong_inputs_callbacks_and_messages(tf2_ros, node, buffer):
-    with pytest.raises(TypeError, match="^input: expected .message type, topic, qos., in this order"):
+    expected = "input: expected (message type, topic, qos), in this order, of messages with a header"
+    with pytest.raises(
+        TypeError, match=rf"^{re.escape(expected)}, got \('points', <class .*PointStamped'>, 10\)$"
+    ):
         tf2_ros.MessageFilter(("points", PointStamped, 10), buffer, "map", 10, node=node)
     with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as points:
         for register in ("registerCallback", "registerFailureCallback"):

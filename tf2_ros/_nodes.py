@@ -145,9 +145,8 @@ class Spinner:
     def _run(self) -> None:
         try:
             while self.executor.context.ok() and not is_shut_down(self.executor):
-                with suppress(
-                    InvalidHandle
-                ):  # a part of the node was destroyed while the executor gathered them
+                # A part of the node may be destroyed while the executor gathers them.
+                with suppress(InvalidHandle):
                     self.executor.spin()
         except ExternalShutdownException:
             return

@@ -54,12 +54,13 @@ class StatePublisher:
             ("ignore_timestamp", False),
         ):
             node.declare_parameter(name, default)
+        # First, because the executor may set parameters at any time, and only checked ones may follow.
+        node.add_on_set_parameters_callback(self._accept)
+        node.add_post_set_parameters_callback(self._apply)
         accepted = self._accept(node.get_parameters(["robot_description", "publish_frequency"]))
         if not accepted.successful:
             raise UsageError(accepted.reason)
         self._describe()
-        node.add_on_set_parameters_callback(self._accept)
-        node.add_post_set_parameters_callback(self._apply)
         node.create_subscription(
             JointState,
             "joint_states",

@@ -9,11 +9,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
 import numpy as np
 
-from tf2_ros_tools.output import counted, first_names, printable, three_digits, write_whole
+from tf2_ros_tools.output import counted, first_names, printable, three_digits
 from tf2_ros_tools.program import FAILURE, SUCCESS, UsageError
 from tf2_ros_tools.streams import (
     Refused,
@@ -447,45 +446,17 @@ def lines_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) 
     yield f"{verdict} in {counted(len(names), 'frame')}, {of_what}"
 
 
-def conclude(
-    options: Namespace, program: str, report: Any, seconds: float, of_what: str, head: Mapping[str, Any]
-) -> int:
+def conclude(options: Namespace, report: Any, of_what: str, head: Mapping[str, Any]) -> int:
     """
     Print the findings of a report that are not ignored, as the options of a check say; return the status.
 
     :param report: of this module, or of :mod:`tf2_ros_tools.listening`.
-    :param seconds: the time that it covers.
     :param of_what: see :func:`lines_of`.
     :param head: what a JSON object begins with, after the verdict.
-    :raises UsageError: the file of ``--junit`` cannot be written; its old contents remain.
     """
     wrong = [finding for finding in report.findings if finding.kind not in options.ignore]
     if options.json:
         print(json.dumps({"ok": not wrong, **head, **asdict(replace(report, findings=wrong))}))
     else:
         print(*lines_of(wrong, report.streams, of_what), sep="\n")
-    if options.junit is not None:
-        _write_junit(options.junit, program, wrong, options.ignore, seconds)
     return FAILURE if wrong else SUCCESS
-
-
-def _write_junit(
-    path: str, name: str, wrong: Sequence[Finding], ignored: Collection[str], seconds: float
-) -> None:
-    """Write the result as JUnit XML, with a test case for each kind of finding."""
-    kinds = {finding.kind for finding in wrong}
-    counts = {"tests": len(KINDS), "failures": len(kinds), "errors": 0, "skipped": len({*ignored})}
-    attributes = {key: str(value) for key, value in counts.items()}
-    suite = ElementTree.Element("testsuite", {"name": name, "time": f"{seconds:g}", **attributes})
-    for kind, meaning in KINDS.items():
-        case = ElementTree.SubElement(suite, "testcase", classname=name, name=kind)
-        # XML cannot represent most control characters.
-        texts = [printable(finding.text) for finding in wrong if finding.kind == kind]
-        if texts:
-            ElementTree.SubElement(case, "failure", message=meaning).text = "\n".join(texts)
-        elif kind in ignored:
-            ElementTree.SubElement(case, "skipped")
-    try:
-        write_whole(path, ElementTree.tostring(suite, encoding="utf-8", xml_declaration=True))
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from None

@@ -277,11 +277,10 @@ def write_output(path: str, data: bytes) -> None:
 
 
 def add_check_options(made: ArgumentParser) -> None:
-    """Add the options for expectations, for ignored kinds, and for a file with the result."""
+    """Add the options for expectations, limits and ignored kinds."""
     made.add_argument(
         "--expect", metavar="FILE", help="compare the frames with the expectations in this YAML file"
     )
-    made.add_argument("--junit", metavar="FILE", help="also write the result as JUnit XML")
     made.add_argument("--min-rate", type=positive_number, metavar="HZ", help="minimum rate of dynamic frames")
     made.add_argument(
         "--max-delay",

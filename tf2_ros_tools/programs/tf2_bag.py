@@ -54,7 +54,7 @@ Exit status: 0 if the command could be done, otherwise 1."""
 EXAMPLE = """\
   tf2_bag info drive.mcap
   tf2_bag lookup drive.mcap map base_link -o path.tum
-  tf2_bag check drive.mcap --expect robot.yaml --junit transforms.xml
+  tf2_bag check drive.mcap --expect robot.yaml
   tf2_bag batch recordings/ --lookup map base_link --rate 10 --out tables"""
 
 
@@ -103,7 +103,7 @@ def check(options: Namespace) -> int:
     expected = expected_by(options)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
     said = report(heard_of(options), limits, expected)
-    return conclude(options, "tf2_bag", said, said.seconds, _what(said), {"file": options.file})
+    return conclude(options, said, _what(said), {"file": options.file})
 
 
 def _what(said: Report) -> str:
@@ -227,7 +227,7 @@ def parser() -> Parser:
         "check",
         check,
         "print a line for each problem with the transforms; the exit status is 1 if there are any",
-        "drive.mcap --expect robot.yaml --junit transforms.xml",
+        "drive.mcap --expect robot.yaml",
         "drive.mcap --min-rate 10 --ignore stale",
     )
     add_recording(command)

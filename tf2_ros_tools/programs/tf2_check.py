@@ -19,7 +19,7 @@ def parser() -> Parser:
         "unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
         "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
         "file of expectations. The exit status is 0 if there are no problems, otherwise 1.",
-        "  tf2_check -t 10 --expect robot.yaml --junit transforms.xml",
+        "  tf2_check -t 10 --expect robot.yaml",
     )
     made.add_argument(
         "-t",
@@ -50,7 +50,7 @@ def check(options: Namespace) -> int:
             heard.finish_discovery()
             report = heard.report(limits, expected)
     of_what = f"{counted(report.messages, 'message')} and {seconds:g} s"
-    status = conclude(options, "tf2_check", report, seconds, of_what, {"seconds": seconds})
+    status = conclude(options, report, of_what, {"seconds": seconds})
     for problem in () if options.json else problems(replace(report, findings=[])):
         print(problem.text, file=sys.stderr)
     return status

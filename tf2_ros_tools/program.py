@@ -13,7 +13,7 @@ import os
 import re
 import signal
 import sys
-from argparse import Action, ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from decimal import Decimal
 from io import TextIOWrapper
@@ -112,8 +112,11 @@ class Parser(ArgumentParser):
         """
         own = self._without_ros_arguments(arguments)[1:]
         read = self.parse_args(own) if self._commands else self.parse_intermixed_args(own)
-        # Behind the user's own, the first of which is taken.
-        read.ros_arguments = [*arguments, *arguments_for_ros(read)] if self._node else arguments
+        read.ros_arguments = [*arguments]
+        if self._node and read.namespace is not None:
+            remaps = (f"__ns:={read.namespace}", "/tf:=tf", "/tf_static:=tf_static")
+            # Behind the user's own, the first of which is taken.
+            read.ros_arguments += [_ROS_ARGS, *(part for one in remaps for part in ("-r", one))]
         return read
 
     def _without_ros_arguments(self, arguments: list[str]) -> list[str]:
@@ -126,14 +129,6 @@ class Parser(ArgumentParser):
         except RuntimeError as refusal:  # the base of what rclpy raises for them
             self.error(f"{_ROS_ARGS}: {refusal}")
         return removed
-
-
-def arguments_for_ros(options: Namespace) -> list[str]:
-    """Get the arguments for ROS that correspond to the options which all programs with a node have."""
-    if options.namespace is None:
-        return []
-    remaps = (f"__ns:={options.namespace}", "/tf:=tf", "/tf_static:=tf_static")
-    return [_ROS_ARGS, *(part for one in remaps for part in ("-r", one))]
 
 
 def _namespace(text: str) -> str:
@@ -300,23 +295,22 @@ def add_check_options(made: ArgumentParser) -> None:
 PLOTS = ("png", "svg", "pdf")
 
 
-def add_plot_options(made: ArgumentParser, default: str) -> tuple[Action, Action]:
+def add_plot_options(made: ArgumentParser, default: str) -> None:
     """
-    Add what is plotted, some frames or a path, and the file; return the arguments for frames.
+    Add what is plotted, some frames or a path, and the file.
 
     :param default: the name of the file without ``-o``, for the help.
     """
-    frames = made.add_argument(
+    made.add_argument(
         "frames", nargs="*", metavar="FRAME", default=[], help="plot only these frames, in this order"
     )
-    path = made.add_argument(
+    made.add_argument(
         "--path",
         nargs=2,
         metavar=("TARGET", "SOURCE"),
         help="plot the path of the frame SOURCE in the frame TARGET",
     )
     add_output(made, *PLOTS, more=f"; by default {default}")
-    return frames, path
 
 
 def add_output(made: ArgumentParser, *formats: str, more: str = "") -> None:

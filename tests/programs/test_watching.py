@@ -7,7 +7,7 @@ import time
 
 import pytest
 from making import S
-from processes import DEADLINE_S, broadcasting, completed, ended, running, until
+from processes import DEADLINE_S, broadcasting, ended, running
 
 pytestmark = pytest.mark.ours
 
@@ -102,20 +102,6 @@ class TestCheck:
         finding, verdict = out.splitlines()
         assert re.fullmatch(said, finding)
         assert verdict.startswith("wrong: 1 finding in ")
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "tf2_monitor base",
-        "tf2_echo map base",
-        "tf2_plot --path map base",
-        "tf2_plot odom base",
-        "tf2_view --trail base",
-    ],
-)
-def test_a_shell_completes_the_names_of_frames(line, robot, tmp_path):
-    until(lambda: completed(line, tmp_path) == "base_link")
 
 
 class TestMonitor:

@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from math import degrees, inf
 from typing import TYPE_CHECKING, Any
 
-from tf2_ros_tools.completion import add_frames
 from tf2_ros_tools.output import first_names, rpy_from_matrices
 from tf2_ros_tools.program import (
     FAILURE,
@@ -62,8 +61,8 @@ EXAMPLE = """\
 def parser() -> Parser:
     """Its command line."""
     made = Parser("tf2_echo", DESCRIPTION, EXAMPLE)
-    add_frames(made, "target", metavar="TARGET", help="the frame to which data is transformed")
-    add_frames(made, "source", metavar="SOURCE", help="the frame of the data")
+    made.add_argument("target", metavar="TARGET", help="the frame to which data is transformed")
+    made.add_argument("source", metavar="SOURCE", help="the frame of the data")
     made.add_argument(
         "rate",
         metavar="RATE",

@@ -14,7 +14,6 @@ from importlib.util import find_spec
 from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
-from tf2_ros_tools.completion import add_frames
 from tf2_ros_tools.output import printable, seconds
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, positive_number, run
 
@@ -40,7 +39,7 @@ def parser() -> Parser:
         "them.",
         "  tf2_monitor map base_link --interval 5",
     )
-    add_frames(made, "frames", nargs="*", metavar="FRAME", help="two frames, to show the chain between them")
+    made.add_argument("frames", nargs="*", metavar="FRAME", help="two frames, to show the chain between them")
     made.add_argument(
         "--interval",
         type=positive_number,

@@ -5,7 +5,6 @@ import sys
 import time
 from argparse import Namespace
 
-from tf2_ros_tools.completion import complete_frames
 from tf2_ros_tools.output import seconds
 from tf2_ros_tools.program import (
     SUCCESS,
@@ -39,7 +38,7 @@ EXAMPLE = """\
 def parser() -> Parser:
     """Its command line."""
     made = Parser("tf2_plot", DESCRIPTION, EXAMPLE)
-    complete_frames(*add_plot_options(made, "tf2_plot_DATE.png"))
+    add_plot_options(made, "tf2_plot_DATE.png")
     made.add_argument(
         "-t",
         type=positive_number,

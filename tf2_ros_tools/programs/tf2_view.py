@@ -8,7 +8,6 @@ from collections.abc import Callable
 from itertools import count
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.completion import add_frames
 from tf2_ros_tools.output import not_known
 from tf2_ros_tools.program import (
     SUCCESS,
@@ -55,16 +54,14 @@ def parser() -> Parser:
         type=ending_in("rrd"),
         help="write this .rrd file instead of opening the viewer",
     )
-    add_frames(
-        made,
+    made.add_argument(
         "--trail",
         nargs="+",
         metavar="FRAME",
         default=[],
         help="draw the paths of these frames over the last 10 seconds",
     )
-    add_frames(
-        made,
+    made.add_argument(
         "--origin",
         metavar="FRAME",
         help="the frame that does not move; by default the root of the largest tree",

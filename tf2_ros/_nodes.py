@@ -20,7 +20,6 @@ from rclpy.utilities import get_default_context
 
 from tf2_py._internal import keep_for_ever
 from tf2_ros._forking import LOCK, LiveObjects, is_inherited
-from tf2_ros._rcl import skip_exit_handlers
 from tf2_ros._rclpy import context_was_shut_down, handle_exists, is_shut_down, mark_shut_down, wake
 from tf2_ros._receive.inboxes import check_regularly
 
@@ -63,15 +62,13 @@ def keep_in_children(node_or_executor: object) -> None:
     """
     Never destroy a node or an executor, and what it refers to, in a forked child.
 
-    A child lacks the threads of the middleware, so destroying any part of a node may hang, also at its exit.
+    A child lacks the threads of the middleware, so destroying any part of a node may hang.
     """
     _of_middleware.add(node_or_executor)
 
 
 def _after_fork_in_child() -> None:
-    if inherited := list(_of_middleware):
-        keep_for_ever(*inherited)
-        skip_exit_handlers()
+    keep_for_ever(*_of_middleware)
     _of_middleware.clear()
     _running.clear()
 

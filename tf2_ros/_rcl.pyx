@@ -1,31 +1,10 @@
-"""Find the functions of rcl in the libraries that rclpy has loaded; skip exit handlers of the middleware."""
+"""Find the functions of rcl in the libraries that rclpy has loaded."""
 
 from libc.stdint cimport uintptr_t
 
 import ctypes
 
 from tf2_ros_cython import _presence, _ros
-
-cdef extern from *:
-    """
-    #include <stdlib.h>
-    /* C's atexit cannot do this, because it does not pass on the exit status. If the C library
-       has no on_exit, the handlers run. */
-    #ifdef __GLIBC__
-    #define tf2_on_exit on_exit
-    #else
-    #define tf2_on_exit(function, argument) 0
-    #endif
-    """
-    int tf2_on_exit(void (*function)(int status, void* argument) noexcept, void* argument) nogil
-
-cdef extern from "<stdio.h>" nogil:
-    ctypedef struct FILE:
-        pass
-    int fflush(FILE* stream)
-
-cdef extern from "<unistd.h>" nogil:
-    void _exit(int status)
 
 
 def problem():
@@ -69,18 +48,3 @@ cdef str _find_all():
 
 
 cdef str _problem = _find_all()
-
-
-cdef void _end_now(int status, void* _) noexcept nogil:
-    fflush(NULL)
-    _exit(status)
-
-
-def skip_exit_handlers():
-    """
-    End the process, when it exits, before the exit handlers of C and C++ that are registered by now.
-
-    For a forked child: those of the middleware wait for threads of its parent.
-    """
-    if tf2_on_exit(_end_now, NULL) != 0:
-        raise MemoryError

@@ -122,11 +122,6 @@ class Parent:
                 delattr(self, name)
         gc.collect()
 
-    def exit(self):
-        """End as a Python program does."""
-        self.use()
-        sys.exit()
-
     def have_a_node(self):
         """
         Receive with a node of its own, as the target of a multiprocessing.Process.
@@ -164,8 +159,6 @@ class Child:
             return
         try:
             work()
-        except SystemExit:
-            raise
         except BaseException:
             traceback.print_exc()
             os._exit(1)

@@ -4,6 +4,10 @@ cdef enum:
     MAX_FIELDS = 9          # of a sensor_msgs/PointCloud2
 
 
+cdef inline PyObject** slot_at(object message, Py_ssize_t offset):
+    return <PyObject**>(<char*><PyObject*>message + offset)
+
+
 @cython.final
 cdef class Layout:
     # The offsets of the fields of one message class. messages.pyx lists what this assumes of the class;
@@ -21,7 +25,13 @@ cdef class Layout:
     cdef object get(self, object message, int index)
     # The same as a borrowed reference if it can be read from its slot; otherwise NULL.
     cdef PyObject* peek(self, object message, int index) noexcept
-    cdef int put(self, object message, int index, object value) except -1
+    cdef inline int put(self, object message, int index, object value) except -1:
+        if not self.by_slot:
+            return self._put_attribute(message, index, value)
+        Py_INCREF(value)
+        slot_at(message, self.offsets[index])[0] = <PyObject*>value
+        return 0
+
     cdef int _put_attribute(self, object message, int index, object value) except -1
     # The first `count` fields as doubles; TypeError if one is not a number.
     cdef int get_doubles(self, object message, double* out, int count) except -1

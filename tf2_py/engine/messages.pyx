@@ -55,7 +55,7 @@ cdef class Layout:
         ordinary = cls()
         for i, name in enumerate(self.fields):
             value = getattr(ordinary, name)
-            if _slot(ordinary, self.offsets[i])[0] != <PyObject*>value:
+            if slot_at(ordinary, self.offsets[i])[0] != <PyObject*>value:
                 return False
         if self.check_offset:
             self.check_fields = ordinary._check_fields
@@ -67,12 +67,12 @@ cdef class Layout:
         message = PyType_GenericAlloc(<PyTypeObject*>self.message_class, 0)
         if self.check_offset:
             Py_INCREF(self.check_fields)
-            _slot(message, self.check_offset)[0] = <PyObject*>self.check_fields
+            slot_at(message, self.check_offset)[0] = <PyObject*>self.check_fields
         return message
 
     cdef PyObject* peek(self, object message, int index) noexcept:
         if self.by_slot and type(message) is self.message_class:
-            return _slot(message, self.offsets[index])[0]
+            return slot_at(message, self.offsets[index])[0]
         return NULL
 
     cdef object get(self, object message, int index):
@@ -80,13 +80,6 @@ cdef class Layout:
         if value != NULL:
             return <object>value
         return getattr(message, self.fields[index])
-
-    cdef int put(self, object message, int index, object value) except -1:
-        if not self.by_slot:
-            return self._put_attribute(message, index, value)
-        Py_INCREF(value)
-        _slot(message, self.offsets[index])[0] = <PyObject*>value
-        return 0
 
     cdef int _put_attribute(self, object message, int index, object value) except -1:
         setattr(message, self.fields[index], value)
@@ -105,10 +98,6 @@ cdef class Layout:
         for i in range(count):
             self.put(message, i, PyFloat_FromDouble(values[i]))
         return message
-
-
-cdef inline PyObject** _slot(object message, Py_ssize_t offset):
-    return <PyObject**>(<char*><PyObject*>message + offset)
 
 
 cdef Py_ssize_t _slot_offset(cls, str name):

@@ -15,15 +15,13 @@ import math
 import re
 import time
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseStamped, TransformStamped
-from nav_msgs.msg import Odometry
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -36,7 +34,6 @@ from tf2_ros_tools.output import counted, not_known, printable
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import path_to_root
 from tf2_ros_tools.yaml_files import (
-    LAST_S,
     NOT_NEGATIVE,
     Key,
     boolean,
@@ -48,14 +45,11 @@ from tf2_ros_tools.yaml_files import (
 
 S = 1_000_000_000
 LATEST = 0  # asks a buffer for the newest time at which it has everything that a lookup needs
-NOW = "now"
 ALL = "all"
 ALL_RATE = math.inf  # of a rule that sends every transform
-MOST_KEPT = 1000  # stamps of a frame, or of a link, that wait until a rule is due
-# What a rule may send later than its rate allows, because transforms do not arrive evenly.
-RESERVE_S, LEAST_RESERVE = 0.1, 2
+MOST_WAITING = 1000  # stamps of a chain, for which a part of it is not known yet
 TOPICS = DYNAMIC, STATIC = "/tf", "/tf_static"
-POSES = "PoseStamped", "Odometry"
+POSE = "PoseStamped"
 
 
 @dataclass(frozen=True)
@@ -82,13 +76,7 @@ class Rule:
     threshold: Threshold | None = None
     prefix: str = ""
     rename: Mapping[str, str] = field(default_factory=dict)
-    shift_ns: int | None = 0  # None: such that the first transform is stamped with the present time
-    pose: str | None = None  # one of POSES, or None for transforms
-
-    @property
-    def uses(self) -> list[tuple[str, str]]:
-        """The topics to which the rule sends; each with its use, DYNAMIC, STATIC or one of POSES."""
-        return [*zip(self.to, (self.pose,) if self.pose else TOPICS, strict=True)]
+    is_pose: bool = False  # sends the pose of a frame in another one instead of transforms
 
     def new_name(self, frame: str) -> str:
         """The name under which a frame is sent."""
@@ -122,10 +110,6 @@ def _rate(value: Any) -> float | None:
     return ALL_RATE if value == ALL else number_in(0.0001, 1000.0)(value)
 
 
-def _shift(value: Any) -> Any:
-    return value if value == NOW else number_in(-LAST_S)(value)
-
-
 def _new_names(value: Any) -> dict[str | None, str | None] | None:
     if not isinstance(value, dict):
         return None
@@ -148,12 +132,11 @@ _KEYS = {
     "threshold": Key("a mapping", lambda value: value),
     "prefix": Key("a text", nonempty_text),
     "rename": Key("a mapping from names of frames to different new names", _new_names),
-    "shift": Key(f"a number of seconds, or {NOW}", _shift),
     "frames": _FRAMES,
     "subtree": _FRAMES,
     "exclude": _FRAMES,
     "collapse": Key("true or false", boolean),
-    "as": Key(f"one of {', '.join(POSES)}", lambda value: value if value in POSES else None),
+    "as": Key(POSE, lambda value: value if value == POSE else None),
 }
 _KEYS_OF_POSE = {
     **{key: one for key, one in _KEYS.items() if key not in ("subtree", "exclude", "collapse")},
@@ -172,7 +155,10 @@ def read_rules(path: Path, resolve: Callable[[str], str]) -> list[Rule]:
     document = read_list(path, "tf2_relay", "rules")
     try:
         rules = [_rule(f"rule {number}", given, resolve) for number, given in enumerate(document, start=1)]
-        _check_topics(rules)
+        sources = {topic for rule in rules for topic in rule.source}
+        for rule in rules:
+            if read := [topic for topic in rule.to if topic in sources]:
+                raise ValueError(f"{rule.label}: 'to' has the topic {read[0]}, from which a rule reads")
     except (ValueError, RuntimeError) as refusal:  # the latter of rcl: a name is too long
         raise UsageError(f"{path}: {refusal}") from None
     return rules
@@ -186,13 +172,11 @@ def _rule(label: str, given: Any, resolve: Callable[[str], str]) -> Rule:
     if "threshold" in read:
         limits = read_keys(f"{label}: threshold", read["threshold"], _KEYS_OF_THRESHOLD)
         read["threshold"] = Threshold(**limits)
-    shift = read.pop("shift", 0.0)
     rule = Rule(
         label,
         source=tuple(map(resolve, read.pop("from", TOPICS))),
         to=tuple(map(resolve, read.pop("to"))),
-        shift_ns=None if shift == NOW else round(shift * S),
-        pose=read.pop("as", None),
+        is_pose=read.pop("as", None) is not None,
         **{key: value for key, value in read.items() if key != "name"},
     )
     if len(rule.frames) == 1 and not rule.subtree:
@@ -200,21 +184,6 @@ def _rule(label: str, given: Any, resolve: Callable[[str], str]) -> Rule:
     if rule.collapse and not (rule.frames or rule.subtree):
         raise ValueError(f"{label}: collapse needs frames or subtree, for what remains")
     return rule
-
-
-def _check_topics(rules: Collection[Rule]) -> None:
-    """Raise a ValueError if a rule sends to a topic that a rule reads, or a topic has two uses."""
-    sources = {topic for rule in rules for topic in rule.source}
-    uses: dict[str, str] = {}
-    for rule in rules:
-        for topic, use in rule.uses:
-            if topic in sources:
-                raise ValueError(f"{rule.label}: 'to' has the topic {topic}, from which a rule reads")
-            before = uses.setdefault(topic, use)
-            if before != use:
-                raise ValueError(
-                    f"{rule.label}: 'to' has {topic} as {use}, but another rule has it as {before}"
-                )
 
 
 # Choose what is sent.
@@ -247,7 +216,7 @@ def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
         between = {*above[parent]} ^ {*above[child]}
         return Link(parent, child, tuple(one for one in between if not frames[one].static))
 
-    if rule.pose:
+    if rule.is_pose:
         return [link(*rule.frames)] if {*rule.frames} <= frames.keys() else []
     excluded, tops = {*rule.exclude}, {*rule.subtree}
     trees: dict[str, list[str]] = {}
@@ -269,8 +238,7 @@ def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
 class _State:
     """What was sent of a link, and what waits."""
 
-    reserve: int  # how many transforms may be sent in addition to the rate
-    waiting_ns: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
+    waiting_ns: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_WAITING))
     newest_ns: int | None = None  # of what was last sent or withheld
     sent: TransformStamped | None = None
     sent_s: float = 0.0  # of the monotonic clock
@@ -290,31 +258,21 @@ class Relay:
     ) -> None:
         self.rule = rule
         self.buffer = buffer
-        self.targets: list[Target] = []  # for dynamic transforms, or poses; for static ones
+        self.targets: list[Target] = []  # for dynamic and static transforms, or for poses
+        self.period_s = ALL_S if rule.rate == ALL_RATE else 1.0 / rule.rate
         self.due_s = 0.0  # of the monotonic clock
         self._owners = owners
         self._tree: dict[str, tuple[str | None, bool]] = {}
         self._links: list[Link] = []
         self._conflicts: list[str] = []
-        self._most = max(LEAST_RESERVE, round(min(rule.rate, MOST_KEPT / RESERVE_S) * RESERVE_S))
-        self.forget()
-
-    def forget(self) -> None:
-        """Begin anew, because time has jumped back."""
-        self._noted_ns: defaultdict[str, deque[int]] = defaultdict(lambda: deque(maxlen=MOST_KEPT))
-        self._states: defaultdict[str, _State] = defaultdict(lambda: _State(self._most))  # by child
-        self._called_s: float | None = None
-        self._offset_ns = self.rule.shift_ns
+        self._states: defaultdict[str, _State] = defaultdict(_State)  # by child
+        self._arrived_ns: defaultdict[str, list[int]] = defaultdict(list)  # by child
 
     def note(self, arrived: Iterable[tuple[str, int]]) -> None:
-        """
-        Note the children and stamps of dynamic transforms.
-
-        Otherwise, of those that arrive between two calls of :meth:`dynamic_transforms`, only the newest of
-        each frame is sent, however few they are.
-        """
-        for frame, stamp_ns in arrived:
-            self._noted_ns[frame].append(stamp_ns)
+        """Note the children and stamps of dynamic transforms, if the rule sends every one."""
+        if self.rule.rate == ALL_RATE:
+            for frame, stamp_ns in arrived:
+                self._arrived_ns[frame].append(stamp_ns)
 
     def static_transforms(self) -> list[TransformStamped]:
         """All static transforms that the rule sends."""
@@ -328,27 +286,16 @@ class Relay:
         :param now_s: the time of the monotonic clock.
         :param clock_ns: the time of the node's clock.
         """
-        if self._offset_ns is None and clock_ns == 0:
-            return []  # simulated time is not known yet
-        elapsed_s = 0.0 if self._called_s is None else now_s - self._called_s
-        self._called_s = now_s
-        periods = MOST_KEPT if self.rule.rate == ALL_RATE else max(round(elapsed_s * self.rule.rate), 1)
-        links, noted_ns = self._present_links(), self._noted_ns
-        self._noted_ns = defaultdict(noted_ns.default_factory)
         needed: list[TransformStamped] = []
-        for link in links:
-            if link.is_static and not self.rule.pose:
+        for link in self._present_links():
+            if link.is_static and not self.rule.is_pose:
                 continue
             state = self._states[link.child]
             for hop in link.moving:
-                state.waiting_ns.extend(noted_ns.get(hop, ()))
-            for transform in self._due(link, state, periods, clock_ns):
+                state.waiting_ns.extend(self._arrived_ns.get(hop, ()))
+            for transform in self._new(link, state, clock_ns):
                 needed += self._needed(transform, state, now_s)
-        if self._offset_ns is None and needed:
-            self._offset_ns = clock_ns - max(map(_stamp_ns, needed))
-        for transform in needed:
-            if self._offset_ns:
-                _set_stamp(transform, _stamp_ns(transform) + self._offset_ns)
+        self._arrived_ns.clear()
         return [self._named(one) for one in needed]
 
     def problems(self) -> list[str]:
@@ -381,27 +328,23 @@ class Relay:
                     )
         return self._links
 
-    def _due(self, link: Link, state: _State, periods: int, clock_ns: int) -> list[TransformStamped]:
-        """
-        Choose what is sent of a link: the newest transform, if it is new, and some that arrived before it.
-
-        :param periods: how many periods of the rate have passed since the last call.
-        """
+    def _new(self, link: Link, state: _State, clock_ns: int) -> list[TransformStamped]:
+        """Get the newest transform of a link if it is new, after those that the rule has to send before."""
         newest = self._look_up(link)
         if newest is None:
             return []
         if link.is_static:  # a pose of frames that do not move
-            _set_stamp(newest, clock_ns)
+            newest.header.stamp.sec, newest.header.stamp.nanosec = divmod(clock_ns, S)
         newest_ns = _stamp_ns(newest)
+        if state.newest_ns is not None and newest_ns < state.newest_ns:
+            # Simulated time went back, which cleared the buffer.
+            state.waiting_ns.clear()
+            state.withheld = None
         # Of a chain, a part may have arrived before the others: it waits.
-        before = {one for one in state.waiting_ns if one < newest_ns}
-        stamps_ns = sorted((before | {newest_ns}) - {state.newest_ns})
-        state.waiting_ns = deque((one for one in state.waiting_ns if one > newest_ns), MOST_KEPT)
+        stamps_ns = {newest_ns, *(one for one in state.waiting_ns if one < newest_ns)} - {state.newest_ns}
+        state.waiting_ns = deque((one for one in state.waiting_ns if one > newest_ns), MOST_WAITING)
         state.newest_ns = newest_ns
-        allowed = state.reserve + periods
-        stamps_ns = stamps_ns[-allowed:]
-        state.reserve = min(allowed - len(stamps_ns), self._most)
-        found = [newest if one == newest_ns else self._look_up(link, one) for one in stamps_ns]
+        found = [newest if one == newest_ns else self._look_up(link, one) for one in sorted(stamps_ns)]
         return [one for one in found if one is not None]
 
     def _needed(self, transform: TransformStamped, state: _State, now_s: float) -> Iterator[TransformStamped]:
@@ -428,11 +371,6 @@ def _stamp_ns(transform: TransformStamped) -> int:
     return int(transform.header.stamp.sec * S + transform.header.stamp.nanosec)
 
 
-def _set_stamp(transform: TransformStamped, stamp_ns: int) -> None:
-    stamp = transform.header.stamp
-    stamp.sec, stamp.nanosec = divmod(min(max(stamp_ns, 0), LAST_S * S), S)
-
-
 def _difference(one: Any, other: Any) -> tuple[float, float]:
     """The distance between two transforms, and the angle, which is exact also if it is small."""
     t, u, q, r = one.translation, other.translation, one.rotation, other.rotation
@@ -444,13 +382,10 @@ def _difference(one: Any, other: Any) -> tuple[float, float]:
 # Apply rules in a node.
 
 
-MAINTAIN_S = 0.5  # between two looks at static transforms, and at the file
+MAINTAIN_S = 0.5  # between two looks at static transforms
 LOOK_S = 0.05  # between two looks at what has arrived, at most
 ALL_S = 0.01  # between two messages of a rule that sends every transform
 PATIENCE_S = 5.0  # until a warning about a frame that nobody has published
-JUMP_NS = S  # all stamps go back further than this when a recording begins again
-ACTIVE_S = 0.5  # how long after its last transform a publisher counts as active
-AVERAGING_S, MOST_AVERAGING_S = 0.1, 5.0  # of the velocities in an Odometry; buffers keep 10 s
 
 
 class Source:
@@ -461,44 +396,22 @@ class Source:
         self.buffer = buffer
         self.count: Counter[str] = Counter()
         self._recording = recording
-        self._newest_ns: dict[int, int] = {}  # by number of the child
-        # By number of the publisher and the child: the time of the last transform, and whether it was behind.
-        self._active: dict[tuple[int, int], tuple[float, bool]] = {}
 
-    def look(self, now_s: float) -> tuple[list[tuple[str, int]], bool]:
-        """
-        Count what has arrived since the last call.
-
-        :param now_s: the time of the monotonic clock.
-        :return: the children and stamps of dynamic transforms, and whether time has gone back.
-        """
+    def look(self) -> list[tuple[str, int]]:
+        """Count what has arrived since the last call; get the children and stamps of dynamic transforms."""
         _ = "" in self.buffer  # as any read, it inserts and records what has arrived
         records, names = self._recording.take(), self._recording.frames()
         self.count.update(transforms=len(records))
         self.count["messages"] = self._recording.messages
         moving = records[(records["static"] == 0) & (records["refusals"] == 0)]
-        arrived: list[tuple[int, int, int]] = moving[["publisher", "child", "stamp_ns"]].tolist()
-        # All that are active, because one publisher with a wrong clock is no reason to forget the others.
-        for publisher, child, stamp_ns in arrived:
-            is_behind = stamp_ns < self._newest_ns.get(child, stamp_ns) - JUMP_NS
-            self._active[publisher, child] = now_s, is_behind
-        self._active = {key: last for key, last in self._active.items() if last[0] > now_s - ACTIVE_S}
-        went_back = bool(self._active) and all(is_behind for _, is_behind in self._active.values())
-        if went_back:
-            self._newest_ns.clear()
-            self._active.clear()
-        for _, child, stamp_ns in arrived:
-            # After time went back, the last of each counts, because the first ones may be from before.
-            known_ns = stamp_ns if went_back else self._newest_ns.get(child, stamp_ns)
-            self._newest_ns[child] = max(stamp_ns, known_ns)
-        return [(names[child], stamp_ns) for _, child, stamp_ns in arrived], went_back
+        return [(names[child], stamp_ns) for child, stamp_ns in moving[["child", "stamp_ns"]].tolist()]
 
 
 class Target(TransformBroadcaster):
     """
     A topic to which rules send.
 
-    :param use: DYNAMIC, STATIC or one of POSES.
+    :param use: DYNAMIC, STATIC or POSE.
     :param publisher: None in a dry run.
     :param dry: gets the transforms in a dry run.
     """
@@ -512,7 +425,11 @@ class Target(TransformBroadcaster):
         self._dry = dry
 
     def send(self, transforms: list[TransformStamped]) -> None:
-        """Send these; static ones only if they differ from those before, which they replace."""
+        """Send these, unless they are none, or static ones that were sent before."""
+        if self.use == POSE:
+            for one in transforms:
+                self._send_pose(one)
+            return
         if transforms == self._latched:
             return
         if self.use == STATIC:
@@ -523,18 +440,21 @@ class Target(TransformBroadcaster):
         else:
             self.sendTransform(transforms)
 
-    def send_pose(self, pose: PoseStamped | Odometry) -> None:
-        """Send a message that is not for tf2."""
+    def _send_pose(self, transform: TransformStamped) -> None:
         self.count.update(messages=1)
+        message: Any = PoseStamped(header=transform.header)
+        message.pose.orientation = transform.transform.rotation
+        moved, place = transform.transform.translation, message.pose.position
+        place.x, place.y, place.z = moved.x, moved.y, moved.z
         if self.pub_tf is not None:
-            self.pub_tf.publish(pose)
+            self.pub_tf.publish(message)
 
 
 class Relaying:
     """
     Applies rules in a node.
 
-    :param path: the file with the rules, which are read again when it changes.
+    :param path: the file with the rules.
     :param is_dry: publish nothing.
     :param stack: closes what receives transforms.
     :raises UsageError: the rules are wrong.
@@ -542,15 +462,23 @@ class Relaying:
 
     def __init__(self, node: Node, path: Path, is_dry: bool, stack: ExitStack) -> None:
         self._node = node
-        self._path = path
         self._is_dry = is_dry
         self._stack = stack
-        # Topics remain until the program ends, also if the rules no longer name them.
         self._sources: dict[tuple[str, ...], Source] = {}
         self._targets: dict[tuple[str, str], Target] = {}  # by topic and use
         self._dry: dict[str, BufferCore] = defaultdict(BufferCore)  # by topics
-        self._version = _version(path)
-        self._apply()
+        self._relays: list[Relay] = []
+        owners: dict[tuple[str, str], tuple[Relay, str]] = {}
+        for rule in read_rules(path, node.resolve_topic_name):
+            relay = Relay(rule, self._source(rule.source).buffer, owners)
+            try:
+                uses = [POSE] if rule.is_pose else TOPICS
+                relay.targets = [self._target(rule, *one) for one in zip(rule.to, uses, strict=True)]
+            except RuntimeError as refusal:  # of rcl: above all, a topic has messages of another type
+                raise UsageError(f"{path}: {rule.label}: {refusal}") from None
+            self._relays.append(relay)
+        self._warned: set[str] = set()
+        self._patience_s = time.monotonic() + PATIENCE_S
 
     def run(self, seconds: float) -> None:
         """Relay for this time, or until a signal."""
@@ -560,12 +488,16 @@ class Relaying:
             if now_s >= maintain_s:
                 self._maintain(now_s)
                 maintain_s = now_s + MAINTAIN_S
-            self._look(now_s)
+            for source in self._sources.values():
+                arrived = source.look()
+                for relay in self._relays:
+                    if relay.buffer is source.buffer:
+                        relay.note(arrived)
             for relay in self._relays:
                 if now_s >= relay.due_s:
-                    period_s = ALL_S if relay.rule.rate == ALL_RATE else 1.0 / relay.rule.rate
-                    relay.due_s = max(relay.due_s + period_s, now_s)
-                    self._send_dynamic(relay, now_s)
+                    relay.due_s = max(relay.due_s + relay.period_s, now_s)
+                    clock_ns = self._node.get_clock().now().nanoseconds
+                    relay.targets[0].send(relay.dynamic_transforms(now_s, clock_ns))
             wake_s = min(now_s + LOOK_S, maintain_s, end_s, *(relay.due_s for relay in self._relays))
             time.sleep(max(wake_s - time.monotonic(), 0.0))
 
@@ -573,7 +505,7 @@ class Relaying:
         """Describe in lines what was received and sent, or would be, and the trees if nothing was sent."""
         sources, targets = self._sources.values(), self._targets.values()
         for source in sources:
-            source.look(time.monotonic())
+            source.look()
         if self._is_dry:
             trees = [(f"in, {source.name}", source.buffer) for source in sources]
             trees += [(f"out, {topics}", buffer) for topics, buffer in self._dry.items()]
@@ -590,20 +522,6 @@ class Relaying:
         """Get a text for each frame that a rule names, but that cannot be sent."""
         return [text for relay in self._relays for text in relay.problems()]
 
-    def _apply(self) -> None:
-        """Read the rules, and replace those before."""
-        relays: list[Relay] = []
-        owners: dict[tuple[str, str], tuple[Relay, str]] = {}
-        for rule in read_rules(self._path, self._node.resolve_topic_name):
-            try:
-                relays.append(Relay(rule, self._source(rule.source).buffer, owners))
-                relays[-1].targets = [self._target(rule, topic, use) for topic, use in rule.uses]
-            except RuntimeError as refusal:  # of rcl: above all, a topic has messages of another type
-                raise UsageError(f"{rule.label}: {refusal}") from None
-        self._relays = relays
-        self._warned: set[str] = set()
-        self._patience_s = time.monotonic() + PATIENCE_S
-
     def _source(self, topics: tuple[str, ...]) -> Source:
         if topics not in self._sources:
             recording = Recording()
@@ -615,90 +533,21 @@ class Relaying:
         if (topic, use) not in self._targets:
             durability = DurabilityPolicy.TRANSIENT_LOCAL if use == STATIC else DurabilityPolicy.VOLATILE
             qos = QoSProfile(depth=1 if use == STATIC else 100, durability=durability)
-            kind = {"PoseStamped": PoseStamped, "Odometry": Odometry}.get(use, TFMessage)
+            kind = PoseStamped if use == POSE else TFMessage
             publisher = None if self._is_dry else self._node.create_publisher(kind, topic, qos)
-            dry = BufferCore() if rule.pose else self._dry[" and ".join(rule.to)]
+            dry = BufferCore() if use == POSE else self._dry[" and ".join(rule.to)]
             self._targets[topic, use] = Target(topic, use, publisher, dry)
         return self._targets[topic, use]
 
     def _maintain(self, now_s: float) -> None:
-        """Read the rules if they changed, send static transforms, and warn: what is needed only seldom."""
-        log, version = self._node.get_logger(), _version(self._path)
-        if not self._is_dry and version != self._version:
-            self._version = version
-            try:
-                self._apply()
-                log.info(f"Read {self._path} again")
-            except UsageError as refusal:
-                log.error(f"{' '.join(str(refusal).split())}; the old rules stay")
-        # Nothing on topics that the rules no longer name.
-        statics = {
-            target: list[TransformStamped]() for target in self._targets.values() if target.use == STATIC
-        }
+        """Send static transforms, and warn: what is needed only seldom."""
+        statics: defaultdict[Target, list[TransformStamped]] = defaultdict(list)
         for relay in self._relays:
-            if not relay.rule.pose:
+            if not relay.rule.is_pose:
                 statics[relay.targets[1]] += relay.static_transforms()
         for target, transforms in statics.items():
             target.send(transforms)
         if not self._is_dry and now_s >= self._patience_s:
             for problem in {*self.problems()} - self._warned:
                 self._warned.add(problem)
-                log.warning(printable(problem))
-
-    def _look(self, now_s: float) -> None:
-        """Let the rules know what has arrived."""
-        clock: Any = self._node.get_clock()
-        for source in self._sources.values():
-            arrived, went_back = source.look(now_s)
-            if went_back and not clock.ros_time_is_active:  # otherwise the buffer follows it
-                source.buffer.clear()
-                text = "The stamps of all frames went back; forgetting what was received before"
-                self._node.get_logger().warning(text)
-            for relay in self._relays:
-                if relay.buffer is source.buffer and went_back:
-                    relay.forget()  # and what has just arrived, too
-                elif relay.buffer is source.buffer:
-                    relay.note(arrived)
-
-    def _send_dynamic(self, relay: Relay, now_s: float) -> None:
-        transforms = relay.dynamic_transforms(now_s, self._node.get_clock().now().nanoseconds)
-        if not relay.rule.pose:
-            relay.targets[0].send(transforms)
-            return
-        for transform in transforms:
-            relay.targets[0].send_pose(pose_message(relay, transform))
-
-
-def pose_message(relay: Relay, transform: TransformStamped) -> Any:
-    """Make the message of a rule for a pose."""
-    message: Any = PoseStamped(header=transform.header)
-    pose = message.pose
-    if relay.rule.pose == "Odometry":
-        message = Odometry(header=transform.header, child_frame_id=transform.child_frame_id)
-        pose = message.pose.pose
-        _set_twist(message.twist.twist, relay)
-    pose.orientation = transform.transform.rotation
-    moved = transform.transform.translation
-    pose.position.x, pose.position.y, pose.position.z = moved.x, moved.y, moved.z
-    return message
-
-
-def _set_twist(twist: Any, relay: Relay) -> None:
-    parent, child = relay.rule.frames
-    interval = Duration(seconds=min(max(AVERAGING_S, 1.0 / relay.rule.rate), MOST_AVERAGING_S))
-    with suppress(TransformException):  # there are too few transforms yet
-        time_ns = relay.buffer.get_latest_common_time(parent, child)
-        linear, angular = relay.buffer.lookupVelocityFullCore(
-            child, parent, child, (0.0, 0.0, 0.0), child, time_ns, interval
-        )
-        twist.linear.x, twist.linear.y, twist.linear.z = linear
-        twist.angular.x, twist.angular.y, twist.angular.z = angular
-
-
-def _version(path: Path) -> tuple[int, ...] | None:
-    """What changes whenever a file does; None if it does not exist."""
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size, found.st_ino
+                self._node.get_logger().warning(printable(problem))

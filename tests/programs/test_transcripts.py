@@ -149,5 +149,8 @@ def folder(tmp_path_factory):
         "frames:\n  base: {parent: map, min_rate: 20, max_delay: 0.0005}\n  arm:\n  lidar: {static: false}\n"
     )
     (folder / "bad.yaml").write_text("frames: 3\n")
+    (folder / "types.yaml").write_text(
+        "- {to: [/relay, /relay_static]}\n- {to: /relay, as: PoseStamped, frames: [a, b]}\n"
+    )
     (folder / "transforms.yaml").write_text("- {frame_id: a, child_frame_id: b, x: near}")
     return folder

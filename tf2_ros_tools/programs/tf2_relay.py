@@ -16,8 +16,8 @@ __all__ = ["main"]
 
 DESCRIPTION = """\
 Send transforms on to other topics, until interrupted, by the rules in a YAML file: chosen frames, at a \
-lower rate, only what has moved, chains of frames as one transform, under other names, with shifted stamps, \
-or as poses. If the file changes, it is read again. In the end, print how much was received and sent.
+lower rate, only what has moved, chains of frames as one transform, under other names, or as poses. In the \
+end, print how much was received and sent.
 
 docs/programs/tf2_relay.md explains the rules."""
 

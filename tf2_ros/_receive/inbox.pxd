@@ -56,8 +56,7 @@ cdef struct State:
     size_t (*take)(State* inbox, size_t most) noexcept nogil
     void* source                # `data` of the Source, for `take`
     void* engine                # NULL: there is none, and nothing is taken
-    Parcel* parcel              # for the next message
-    Parcel* spare               # takes its place if the message is kept; NULL: not allocated yet
+    Parcel* parcel              # for the next message; NULL: not allocated yet
     Parcels reports             # messages with something to report
     Copier* copier              # of the buffer, if that is shared; or NULL
     State* next                 # in the list of all that the draining thread serves
@@ -73,8 +72,8 @@ cdef void inboxes_unlock() noexcept nogil
 # Drains one slice, with the lock held. Returns whether more may be left.
 cdef bint inbox_serve(State* inbox) noexcept nogil
 
-# The rest is for the function `take` of a source, with the lock held. This one is called first: it returns
-# whether there is memory for one more message, which goes into `parcel`.
+# The rest is for the function `take` of a source, with the lock held. This one is called before each message:
+# it returns whether there is memory for it, in `parcel`.
 cdef bint inbox_has_parcel(State* inbox) noexcept nogil
 # Bytes of the parcel's message; NULL: no memory.
 cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil

@@ -21,6 +21,7 @@ from libc.string cimport strlen
 from tf2_py._internal cimport (
     Batch,
     Engine,
+    Event,
     Link,
     Lock,
     ReadHook,
@@ -28,18 +29,15 @@ from tf2_py._internal cimport (
     batch_begin,
     batch_free,
     batch_read_cdr,
-    condition_init,
-    condition_wait,
+    event_init,
+    event_set,
+    event_wait,
     links_empty,
     lock_acquire,
     lock_init,
     lock_release,
     monotonic_ns,
-    pthread_cond_signal,
-    pthread_cond_t,
-    pthread_mutex_init,
     pthread_mutex_lock,
-    pthread_mutex_t,
     pthread_mutex_unlock,
     word_exchange,
     word_load,
@@ -64,42 +62,20 @@ cdef enum:
 cdef int64_t IDLE_NS = 1500000000
 
 
-cdef struct Signal:
-    # What one thread waits for.
-    pthread_mutex_t mutex
-    pthread_cond_t changed
-    uint32_t is_set             # atomic
-
-
-cdef Signal _work               # for the thread that drains
-cdef Signal _reporting          # for the thread that reports
+cdef Event _work                # for the thread that drains
+cdef Event _reporting           # for the thread that reports
 cdef Lock _lock                 # of all inboxes: guards their list, and what their State says
 cdef State* _first = NULL
 cdef uint32_t _is_idle = 0      # atomic: the draining thread must be woken by the next message
 cdef uint32_t _is_stopping = 0  # atomic
 
 
-cdef int _signal_init(Signal* signal) except -1:
-    signal.is_set = 0
-    if pthread_mutex_init(&signal.mutex, NULL) != 0 or condition_init(&signal.changed) != 0:
-        raise MemoryError
-    return 0
-
-
-cdef void _signal_set(Signal* signal) noexcept nogil:
-    if word_exchange(&signal.is_set, 1):
-        return      # the thread that set it before wakes the sleeper
-    pthread_mutex_lock(&signal.mutex)
-    pthread_cond_signal(&signal.changed)
-    pthread_mutex_unlock(&signal.mutex)
-
-
-cdef void _signal_wait(Signal* signal, int64_t ns) noexcept nogil:
-    pthread_mutex_lock(&signal.mutex)
-    if not word_load(&signal.is_set) and ns > 0:
-        condition_wait(&signal.changed, &signal.mutex, ns)
-    word_store(&signal.is_set, 0)
-    pthread_mutex_unlock(&signal.mutex)
+cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
+    # Until the event is set, which this undoes, or until so many nanoseconds have passed.
+    event_wait(event, max(ns, 0))
+    pthread_mutex_lock(&event.mutex)
+    event.is_set = False
+    pthread_mutex_unlock(&event.mutex)
 
 
 # What sources call.
@@ -125,7 +101,7 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
     if is_full:
         word_store(&inbox.is_full, 1)
     if is_full or inbox_wants_all(inbox) or word_load(&_is_idle):
-        _signal_set(&_work)
+        event_set(&_work)
 
 
 # Parcels.
@@ -166,12 +142,9 @@ cdef void _free_parcels(Parcels* parcels) noexcept:
 
 
 cdef bint inbox_has_parcel(State* inbox) noexcept nogil:
-    # Whether there is memory for one more message, also if that is kept.
     if inbox.parcel == NULL:
         inbox.parcel = <Parcel*>calloc(1, sizeof(Parcel))
-    if inbox.spare == NULL:
-        inbox.spare = <Parcel*>calloc(1, sizeof(Parcel))
-    return inbox.parcel != NULL and inbox.spare != NULL
+    return inbox.parcel != NULL
 
 
 cdef void _take_reports(State* inbox, Parcels* reports) noexcept nogil:
@@ -194,9 +167,9 @@ cdef void _report_later(State* inbox) noexcept nogil:
         reports.first = inbox.parcel
     reports.last = inbox.parcel
     reports.count += 1
-    inbox.parcel, inbox.spare = inbox.spare, NULL
+    inbox.parcel = NULL
     word_store(&inbox.needs_report, 1)
-    _signal_set(&_reporting)
+    event_set(&_reporting)
 
 
 cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
@@ -308,7 +281,7 @@ def run_inboxes():
             word_store(&_is_idle, is_round)
             if _serve_all(is_round):
                 word_store(&_is_idle, 0)
-            _signal_wait(&_work, IDLE_NS if word_load(&_is_idle) else round_ns - monotonic_ns())
+            _sleep(&_work, IDLE_NS if word_load(&_is_idle) else round_ns - monotonic_ns())
 
 
 def run_reports(report):
@@ -320,22 +293,22 @@ def run_reports(report):
     while not word_load(&_is_stopping):
         report()
         with nogil:
-            _signal_wait(&_reporting, IDLE_NS)
+            _sleep(&_reporting, IDLE_NS)
 
 
 def stop_inboxes():
     """Have the two functions above return, and return at once from now on."""
     word_store(&_is_stopping, 1)
-    _signal_set(&_work)
-    _signal_set(&_reporting)
+    event_set(&_work)
+    event_set(&_reporting)
 
 
 def begin_anew():
     """In a forked child: forget the inboxes of the parent, and what its threads held."""
     global _first
     _first = NULL
-    _signal_init(&_work)
-    _signal_init(&_reporting)
+    event_init(&_work)
+    event_init(&_reporting)
     lock_init(&_lock)
 
 
@@ -391,7 +364,6 @@ cdef class Inbox(ReadHook):
     def __dealloc__(self):
         self._discharge()
         _free_parcel(self._state.parcel)
-        _free_parcel(self._state.spare)
         _free_parcels(&self._state.reports)
 
     cdef void _discharge(self) noexcept:
@@ -531,7 +503,5 @@ cdef class Inbox(ReadHook):
         return 0
 
 
-_signal_init(&_work)
-_signal_init(&_reporting)
-if lock_init(&_lock) != 0:
+if event_init(&_work) != 0 or event_init(&_reporting) != 0 or lock_init(&_lock) != 0:
     raise MemoryError

@@ -149,7 +149,7 @@ cdef size_t _take_subscribed(State* inbox, size_t most) noexcept nogil:
         if topic.subscription != NULL and word_exchange(&topic.arrived, 0):
             while left > 0 and inbox_has_parcel(inbox) and _take_message(inbox, topic, now_ns):
                 left -= 1
-            if left == 0 or inbox.parcel == NULL or inbox.spare == NULL:
+            if left == 0 or not inbox_has_parcel(inbox):
                 # Without memory, the next round tries again.
                 word_store(&topic.arrived, 1)
                 word_store(&inbox.pending, 1)

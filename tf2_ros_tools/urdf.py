@@ -31,12 +31,7 @@ Floats: TypeAlias = "NDArray[np.float64]"
 Numbers: TypeAlias = "tuple[float, ...]"
 
 TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
-# MoveIt's names for the variables of joints that have several; joint states have a number for each.
-VARIABLES = {
-    "planar": ("x", "y", "theta"),
-    "floating": ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z", "rot_w"),
-}
-TYPES = ("fixed", *TURNING, *SLIDING, *VARIABLES)
+TYPES = ("fixed", *TURNING, *SLIDING, "planar", "floating")
 NOT_EXPANDED = "it contains xacro, which must be expanded first: `xacro robot.xacro > robot.urdf`"
 
 
@@ -50,12 +45,12 @@ class Joint:
     A joint of a robot.
 
     :param name: its name in joint states.
-    :param type: fixed, revolute, continuous, prismatic, planar or floating.
+    :param type: fixed, revolute, continuous or prismatic.
     :param parent: the frame of its parent link, with the prefix.
     :param child: the frame of its child link, which is also that of the joint.
     :param translation: of the joint at position 0 in its parent, metres.
     :param rotation: likewise, a quaternion x y z w.
-    :param axis: in the frame of the joint, of length one; the normal of a planar joint.
+    :param axis: in the frame of the joint, of length one.
     :param mimic: the joint that this one follows, the multiplier and the offset; or None. If there is no such
         joint, this one moves only by a position of its own.
     """
@@ -74,6 +69,9 @@ class Joint:
 class Robot:
     """
     The joints of a URDF, in its order.
+
+    As for ``robot_state_publisher``, planar joints are fixed, and floating joints, whose transforms somebody
+    else publishes, are left out.
 
     :param name: the robot's name in the URDF.
     :param root: the frame of the link without a parent, with the prefix.
@@ -100,9 +98,7 @@ class Robot:
         Compute the transforms of the joints whose positions are given, from the child to the parent.
 
         :param names: of K joints, as in a ``sensor_msgs/JointState``; unknown names are ignored, and the
-            first of equal ones counts. The variables of a planar joint are ``<joint>/x``, ``<joint>/y`` (both
-            in metres, in the plane) and ``<joint>/theta``; those of a floating joint ``<joint>/trans_x`` to
-            ``trans_z`` and ``<joint>/rot_x`` to ``rot_w``.
+            first of equal ones counts.
         :param positions: radians or metres, shape (K,), or (N, K) for N times.
         :return: M joints, their translations in metres, shape (M, 3) or (N, M, 3), and their rotations x y z
             w, shape (M, 4) or (N, M, 4). A position of NaN makes the numbers of its joint NaN.
@@ -135,8 +131,8 @@ def _plan(
             joint = by_name[followed]
         return place[joint.name], factor, offset
 
-    single = [one for one in robot.joints if one.type in (*TURNING, *SLIDING)]
-    found = [(one, followed) for one in single if (followed := source(one)) is not None]
+    moving = [one for one in robot.joints if one.type != "fixed"]
+    found = [(one, followed) for one in moving if (followed := source(one)) is not None]
     joints = [one for one, _ in found]
     places, factors, offsets = np.reshape([followed for _, followed in found], (-1, 3)).T
     turning = np.array([one.type in TURNING for one in joints], np.bool_)
@@ -144,11 +140,6 @@ def _plan(
     at_zero = np.reshape([(*one.translation, *one.rotation) for one in joints], (-1, 7))
     slides = np.reshape([_rotated(one.rotation, one.axis) * (one.type in SLIDING) for one in joints], (-1, 3))
     turned = np.reshape([_times(one.rotation) @ (*one.axis, 0.0) for one in joints], (-1, 4))
-    several = []
-    for one in robot.joints:
-        parts = [f"{one.name}/{part}" for part in VARIABLES.get(one.type, ())]
-        if parts and place.keys() >= {*parts}:
-            several.append((one, [place[part] for part in parts]))
 
     def compute(values: Floats) -> tuple[Floats, Floats]:
         simple = (values[..., places.astype(np.intp)] * factors + offsets)[..., None]
@@ -156,29 +147,9 @@ def _plan(
         translations = at_zero[:, :3] + simple * slides
         # A product of quaternions is linear: q0 (a sin, cos) = q0 cos + q0 (a, 0) sin.
         rotations = at_zero[:, 3:] * np.cos(half) + turned * np.sin(half)
-        more = [_several(joint, values[..., own]) for joint, own in several]
-        return (
-            np.concatenate([translations, *(one[..., None, :] for one, _ in more)], axis=-2),
-            np.concatenate([rotations, *(one[..., None, :] for _, one in more)], axis=-2),
-        )
+        return translations, rotations
 
-    return [*joints, *(one for one, _ in several)], compute
-
-
-def _several(joint: Joint, values: Floats) -> tuple[Floats, Floats]:
-    """Translations and rotations of a planar or floating joint; ``values`` has its variables last."""
-    if joint.type == "planar":
-        # The x and y of the plane are those of the joint, after the smallest turn that takes z to the normal.
-        a, b, c = joint.axis
-        turn = (-b, a, 0.0, 1.0 + c) if c > -1.0 else (1.0, 0.0, 0.0, 0.0)
-        moved = _rotated(turn, values * (1.0, 1.0, 0.0))
-        half = values[..., 2:] * 0.5
-        turned = np.concatenate((np.sin(half) * joint.axis, np.cos(half)), axis=-1)
-    else:
-        moved, turned = values[..., :3], values[..., 3:]
-    translations = joint.translation + _rotated(joint.rotation, moved)
-    rotations: Floats = turned @ _times(joint.rotation).T
-    return translations, rotations
+    return joints, compute
 
 
 def _times(q: ArrayLike) -> Floats:
@@ -261,7 +232,11 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
     links = _names(root, "link")
     _names(root, "joint")
     joints = [_joint(element, links) for element in root.findall("joint")]
-    named = (replace(one, parent=prefix + one.parent, child=prefix + one.child) for one in joints)
+    named = (
+        replace(one, parent=prefix + one.parent, child=prefix + one.child)
+        for one in joints
+        if one.type != "floating"
+    )
     return Robot(root.get("name", ""), prefix + _root(links, joints), tuple(named))
 
 
@@ -305,6 +280,7 @@ def _joint(element: ElementTree.Element, links: set[str]) -> Joint:
         follows = followed, multiplier, offset
     origin = element.find("origin")
     xyz, rpy = (_numbers(origin, name, where, "0 0 0") for name in ("xyz", "rpy"))
+    kind = "fixed" if kind == "planar" else kind
     return Joint(name, kind, parent, child, xyz, quaternion_from_rpy(*rpy), axis, follows)
 
 

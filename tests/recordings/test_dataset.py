@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, scan, write_mcap
-from robots import ARM, SIMPLE, joint_state
+from robots import ARM, NAMES, joint_state
 
 from tf2_ros import LookupException
 from tf2_ros_tools import bag
@@ -105,7 +105,7 @@ class TestManyRecordings:
         runs = tmp_path / "runs"
         runs.mkdir()
         for i in range(2):
-            states = [joint_state(ns, SIMPLE, [0.1 * i, 0.2, 0.3]) for ns in TIMES]
+            states = [joint_state(ns, NAMES, [0.1 * i, 0.2, 0.3]) for ns in TIMES]
             write(runs / f"run{i}.mcap", states)
         how = {"at": "/images", "relative_to": "base", "urdf": ARM}
         here = bag.dataset(runs, ["thumb"], **how)

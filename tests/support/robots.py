@@ -41,10 +41,7 @@ ARM = """<?xml version="1.0"?>
   <transmission name="motor"><joint name="lift"/></transmission>
 </robot>
 """
-SIMPLE = ("lift", "roll", "extend")
-DRIVE = ("drive/x", "drive/y", "drive/theta")
-FLY = tuple(f"fly/{part}" for part in "trans_x trans_y trans_z rot_x rot_y rot_z rot_w".split())
-NAMES = (*SIMPLE, *DRIVE, *FLY)
+NAMES = ("lift", "roll", "extend")
 
 
 def pose(xyz=(0, 0, 0), rotation=None):
@@ -67,31 +64,28 @@ def along(axis, way):
     return pose(np.array(axis) / np.linalg.norm(axis) * way)
 
 
-def expected(lift, roll, extend, x=None, y=None, theta=None, *fly):
-    """For each frame of ARM, its parent and its pose there, a matrix."""
+def expected(lift, roll, extend):
+    """For each moving frame of ARM, its parent and its pose there, a matrix."""
     grip = -0.5 * extend + 0.02
-    found = {
+    return {
         "shoulder": ("base", origin((0.1, -0.2, 0.3), (0.4, -0.5, 0.6)) @ about((0, 2, 1), lift)),
         "wheel": ("shoulder", origin(rpy=(0, 0, np.pi / 2)) @ about((-1, 0, 0), roll)),
         "slide": ("wheel", origin((1, 0, 0), (0, 1, 0)) @ along((1, 1, 0), extend)),
         "finger": ("slide", along((1, 0, 0), grip)),
         "thumb": ("slide", about((0, 0, 1), 3 * grip)),
-        "camera": ("shoulder", origin((0, 0, 0.5), (0.1, 0.2, 0.3))),
     }
-    if x is not None:
-        moved = pose((x, y, 0)) @ about((0, 0, 1), theta)
-        found["cart"] = ("base", origin((0, 0, 1), (0, 0, 0.3)) @ moved)
-    if fly:
-        found["drone"] = ("base", origin((0, 1, 0), (0.2, 0, 0)) @ pose(fly[:3], Rotation.from_quat(fly[3:])))
-    return found
+
+
+# Those that do not move; a planar joint is one.
+FIXED = {
+    "camera": ("shoulder", origin((0, 0, 0.5), (0.1, 0.2, 0.3))),
+    "cart": ("base", origin((0, 0, 1), (0, 0, 0.3))),
+}
 
 
 def random_states(count, seed=1):
-    """Positions of NAMES, shape (count, 13)."""
-    random = np.random.default_rng(seed)
-    values = random.uniform(-3, 3, (count, len(NAMES)))
-    values[:, -4:] = Rotation.random(count, random_state=seed).as_quat()
-    return values
+    """Positions of NAMES, shape (count, 3)."""
+    return np.random.default_rng(seed).uniform(-3, 3, (count, len(NAMES)))
 
 
 def joint_state(ns, names, positions, log_ns=None, topic="/joint_states", ros=2):

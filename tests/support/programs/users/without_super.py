@@ -1,4 +1,4 @@
-"""A subclass whose constructor does not call that of the listener; and `__del__` called by hand."""
+"""A subclass whose constructor does not call that of the listener; and calls of `__del__`."""
 
 import rclpy
 
@@ -26,8 +26,17 @@ prefixed.unregister()
 print("unregistered")
 
 listener = tf2_ros.TransformListener(buffer, node)
-for one in (listener, buffer):
-    one.__del__()
-    print(type(one).__name__, "ended by hand")
+listener.__del__()
+print("TransformListener ended by hand")
+
+
+class EndedBuffer(tf2_ros.Buffer):
+    def __del__(self):
+        super().__del__()
+        print("Buffer ended")
+
+
+ended = EndedBuffer()
+del ended
 
 rclpy.shutdown()

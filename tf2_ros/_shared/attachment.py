@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tf2_py._internal import log
-from tf2_ros._forking import is_inherited
+from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner, check_regularly
 from tf2_ros._shared.files import is_owned, open_file, read_description
@@ -40,13 +40,6 @@ def open_ring(name: str) -> RingReader:
         raise SharedBufferError(f"cannot attach to the shared buffer {name!r}: {error}") from None
 
 
-# Whoever decides what fills a buffer holds it, until that does. No user code runs meanwhile.
-_DECIDING = threading.RLock()
-os.register_at_fork(
-    before=_DECIDING.acquire, after_in_parent=_DECIDING.release, after_in_child=_DECIDING.release
-)
-
-
 class _State(IntEnum):
     FILLING = 0
     ENDED = 1  # the owner has ended; listeners, or the next owner, have not replaced it yet
@@ -70,7 +63,7 @@ class Attachment:
         self._listeners: dict[int, Any] = {}  # kept alive, as by subscriptions; by their ids
         self._buffer = weakref.ref(buffer)
         self._process = os.getpid()
-        self._state = _State.FILLING  # guarded by _DECIDING; it never decreases
+        self._state = _State.FILLING  # guarded by LOCK; it never decreases
         self.inbox = Inbox(reader, partial(_hand_over, self._buffer))
         self.inbox.fill(buffer)
         self._thread = threading.Thread(
@@ -109,7 +102,7 @@ class Attachment:
         return ""
 
     def _replace(self, buffer: Any) -> None:
-        with _DECIDING:
+        with LOCK:
             if self._state != _State.ENDED:
                 return  # another thread was faster
             is_last = buffer._tf2_attachment is self  # otherwise another owner fills the buffer already
@@ -141,7 +134,7 @@ class Attachment:
         self.inbox.close()
         self.reader.stop()
         self._thread.join(THREAD_END_WAIT_S)
-        with _DECIDING:
+        with LOCK:
             self._state = max(self._state, state)
 
     # What listeners have instead of subscriptions.
@@ -159,7 +152,7 @@ class Attachment:
         """Undo :meth:`add`, if the listener is there."""
         # Only then with the lock: a finalizer must not wait, and finds no listener here.
         if id(listener) in self._listeners and not is_inherited(self._process):
-            with _DECIDING:
+            with LOCK:
                 self._listeners.pop(id(listener), None)
 
     def has(self, listener: Any) -> bool:
@@ -168,7 +161,7 @@ class Attachment:
 
     def leave(self, listener: Any, reason: str) -> None:
         """Let a listener subscribe, for good."""
-        with _DECIDING:
+        with LOCK:
             if id(listener) not in self._listeners or is_inherited(self._process):
                 return
             try:
@@ -209,7 +202,7 @@ def attach_listener(listener: Any, is_usual: bool) -> bool:
     buffer = listener.buffer
     if not isinstance(listener.node, Node) or buffer._tf2_sharing is not None:
         return False
-    with _DECIDING:
+    with LOCK:
         found: Attachment | None = buffer._tf2_attachment
         if found is not None and not found.is_attached:
             found = None

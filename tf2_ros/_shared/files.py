@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
+from tf2_ros._shared.ring import RingWriter
 
 TEXT_AT, TEXT_BYTES = 4096, 4096  # place of the description in the file, behind the page that is mapped
 
@@ -123,12 +124,12 @@ class Description:
 _FACTS = struct.Struct("=iqi?")  # of a Description: what precedes the topics
 
 
-def write_description(descriptor: int, owner: Description) -> None:
-    """Describe the owner of a file in it, without the last topics if there is no room for all."""
+def write_description(ring: RingWriter, owner: Description) -> None:
+    """Describe the owner of a ring in its file, without the last topics if there is no room for all."""
     domain = -1 if owner.domain is None else owner.domain
     data = _FACTS.pack(owner.process, owner.cache_time_ns, domain, owner.simulated)
     data += "\0".join(owner.topics).encode()
-    os.pwrite(descriptor, data.ljust(TEXT_BYTES, b"\0")[:TEXT_BYTES], TEXT_AT)
+    ring.write(data.ljust(TEXT_BYTES, b"\0")[:TEXT_BYTES], TEXT_AT)
 
 
 def read_description(descriptor: int) -> Description:

@@ -42,7 +42,7 @@ class Owner:
             size = min(folder.f_blocks * folder.f_frsize // PART_OF_FOLDER, MOST_BYTES)
             descriptor = make_file()
             self._ring = RingWriter(descriptor, max(size, LEAST_BYTES), buffer)
-            write_description(descriptor, self._description)
+            write_description(self._ring, self._description)
             publish(descriptor, name)
         except OSError as error:
             why = "/dev/shm has no memory for it" if error.errno == errno.ENOSPC else str(error)
@@ -65,7 +65,7 @@ class Owner:
         )
         if changed != self._description:
             self._description = changed
-            write_description(self._ring.descriptor, changed)
+            write_description(self._ring, changed)
 
     def _tf2_check(self) -> None:
         """Describe the listeners that fill the buffer now, or end if readers lack a message."""
@@ -80,9 +80,9 @@ class Owner:
 
 
 def _end(ring: RingWriter, path: Path, process: int) -> None:
+    # A finalizer, so without LOCK: whoever holds that may wait for the thread in which this runs.
     if process == os.getpid():  # not in a forked child
-        with LOCK:
-            try:
-                remove_name(path, ring.descriptor)
-            finally:
-                ring.close()
+        try:
+            remove_name(path, ring.descriptor)
+        finally:
+            ring.close()

@@ -327,6 +327,15 @@ cdef class RingWriter(Copying):
         free(self._writing.record)
         lock_free(&self._writing.lock)
 
+    def write(self, bytes data not None, int64_t position):
+        """Write into the file outside the ring, unless sharing has ended."""
+        cdef Writing* writing = &self._writing
+        lock_acquire(&writing.lock)
+        if writing.descriptor >= 0 and pwrite(
+                writing.descriptor, <const char*>data, len(data), position) != len(data):
+            writing.has_failed = True
+        lock_release(&writing.lock)
+
     def close(self):
         """End sharing."""
         lock_acquire(&self._writing.lock)

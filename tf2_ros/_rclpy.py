@@ -12,7 +12,7 @@ from contextlib import suppress
 from types import FrameType
 from typing import Any
 
-from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
+from rclpy.event_handler import EventHandler
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.node import Node
@@ -110,15 +110,13 @@ def wake(executor: Executor) -> None:
 # Subscriptions.
 
 
-def report_incompatible_qos(handler: EventHandler) -> None:
+def report_event(handler: EventHandler) -> None:
     """
-    Log that a publisher's QoS does not fit, if that has happened, for a handler that no executor has.
+    Log that a publisher does not fit, if that has happened, for a handler that no executor has.
 
     Assumes that ``take_data`` takes an event if ``_ready_to_take_data`` is set, as it is when an executor
     wakes. Otherwise nothing is logged.
     """
-    if handler.event_type != QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS:
-        return
     handler._ready_to_take_data = True
     with suppress(InvalidHandle):  # it was destroyed
         event: Any = handler.take_data()

@@ -6,7 +6,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 # isort: split
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from geometry_msgs.msg import TransformStamped
@@ -24,7 +24,6 @@ from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._nodes import Spinner, hidden_node, keep_in_children
 from tf2_ros._qos import transforms_qos
 from tf2_ros._rcl import problem
-from tf2_ros._rclpy import wake
 from tf2_ros._receive.inbox import AUTHORITY
 from tf2_ros._receive.receiver import ListenerGroup, Receiver, Topic, note_listener
 from tf2_ros._shared.naming import is_wanted
@@ -241,30 +240,31 @@ class TransformListener:
 
     def callback(self, data: TFMessage) -> None:
         """Insert the transforms of a message into the buffer; a subclass may do something else."""
-        for transform in self.__transforms("callback", data):
-            self.buffer.set_transform(transform, AUTHORITY)
+        self.__insert("callback", data, self.buffer.set_transform)
 
     def static_callback(self, data: TFMessage) -> None:
         """Insert the static transforms of a message into the buffer; a subclass may do something else."""
-        for transform in self.__transforms("static_callback", data):
-            self.buffer.set_transform_static(transform, AUTHORITY)
+        self.__insert("static_callback", data, self.buffer.set_transform_static)
 
-    def __transforms(self, method: str, data: TFMessage) -> Iterable[TransformStamped]:
-        """Count a message for this method, and return its transforms with the prefix."""
+    def __insert(self, method: str, data: TFMessage, insert: Callable[..., object]) -> None:
+        """Count a message for this method, and insert its transforms with the prefix."""
         for topic in self._tf2_topics:
             if topic.method == method:
                 topic.arrivals.count()
-        transforms: Iterable[TransformStamped] = data.transforms
-        if not self._tf2_prefix:
-            return transforms
-        return [_with_prefix(self._tf2_prefix, transform) for transform in transforms]
+        for transform in data.transforms:
+            insert(_with_prefix(self._tf2_prefix, transform), AUTHORITY)
 
     def _tf2_direct_buffer(self) -> BufferCore | None:
-        """The buffer; None if user code would handle what is inserted."""
-        buffer = self._tf2_buffer
-        if not isinstance(buffer, BufferCore):
+        """The buffer; None if user code would handle what is received or inserted."""
+        buffer, node = self._tf2_buffer, self.node
+        if not isinstance(buffer, BufferCore) or not isinstance(node, Node):
             return None
-        return buffer if all(_is_method_of(BufferCore, buffer, name) for name in SETTERS) else None
+        is_direct = (
+            all(topic.is_own for topic in self._tf2_topics)
+            and all(_is_method_of(BufferCore, buffer, name) for name in SETTERS)
+            and _is_method_of(Node, node, "create_subscription")  # it may make some of its own kind
+        )
+        return buffer if is_direct else None
 
     def __attach(self, has_options: bool) -> bool:
         """Let another process receive, if the buffer is attached or the environment asks; whether it does."""
@@ -273,40 +273,26 @@ class TransformListener:
             # Few programs share a buffer; only they load this.
             from tf2_ros._shared.attachment import attach_listener
 
-            is_usual = not has_options and self.__plain_topics() == self._tf2_topics
-            return attach_listener(self, is_usual)
+            return attach_listener(self, not has_options and self._tf2_direct_buffer() is not None)
         return False
 
-    def __plain_topics(self) -> list[Topic]:
-        """The topics whose messages go into the buffer without user code."""
-        make = getattr(self.node, "create_subscription", None)
-        if not isinstance(self.node, Node) or getattr(make, "__func__", None) is not Node.create_subscription:
-            return []  # a node may make subscriptions of its own kind
-        if self._tf2_direct_buffer() is None:
-            return []
-        return [topic for topic in self._tf2_topics if topic.is_own]
-
     def _tf2_listen_itself(self) -> None:
-        """Subscribe, as this listener was asked to, and decide for each topic what takes its messages."""
-        taken = self.__plain_topics()
-        if self._tf2_queue is None or not self._tf2_queue.in_sets:
-            taken = []  # rcl is not known, or an EventsExecutor has arrivals reported to itself
-        # A recording of some topics would look complete.
-        if self._tf2_recording is not None and taken != self._tf2_topics:
+        """Subscribe, as this listener was asked to, and decide what takes the messages."""
+        queue = self._tf2_queue
+        # An EventsExecutor has arrivals reported to itself.
+        needs_executor = queue is None or not queue.in_sets or self._tf2_direct_buffer() is None
+        if self._tf2_recording is not None and needs_executor:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
         # Of what arrives while an executor waits for a subscription, the receiver is not informed.
-        self.group.hides_all = bool(taken)
+        self.group.hides_all = not needs_executor
         try:
             for topic in self._tf2_topics:
                 self.__subscribe(topic)
-            if taken:
-                self._tf2_receiver = Receiver(self, taken, self._tf2_queue)
+            if not needs_executor:
+                self._tf2_receiver = Receiver(self, queue)
         finally:
             self.group.hides_all = False
-        executor = None if self._tf2_queue is None else self._tf2_queue.executor()
-        if len(self.receives) < len(self._tf2_topics) and executor is not None:
-            wake(executor)  # for the topics that it is to take
 
     def __subscribe(self, topic: Topic) -> None:
         qos = transforms_qos(100, is_static=topic.is_static) if topic.qos is None else topic.qos
@@ -341,7 +327,9 @@ def _valid_prefix(prefix: str) -> str:
 
 
 def _with_prefix(prefix: str, transform: TransformStamped) -> TransformStamped:
-    """The same transform between frames with a prefix; as `batch_prefix` in tf2_py."""
+    """The same transform between frames with a prefix, if there is one; as `batch_prefix` in tf2_py."""
+    if not prefix:
+        return transform
     parent, child = (
         prefix + name.removeprefix("/") if name not in ("", "/") else ""
         for name in (transform.header.frame_id, transform.child_frame_id)

@@ -9,15 +9,13 @@ import logging
 import os
 import threading
 import time
-import traceback
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from typing import Protocol
 
-from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes
+from tf2_ros._wait.endings import call_logged
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
@@ -29,7 +27,7 @@ class Checked(Protocol):
     def _tf2_check(self) -> None: ...
 
 
-class Owner(Protocol):
+class Owner(Checked, Protocol):
     """What decides when an inbox begins and ends."""
 
     inbox: Inbox
@@ -44,29 +42,21 @@ _checked_at = 0.0
 
 
 def add_owner(owner: Owner) -> None:
-    """Register an owner, whose inbox the threads serve."""
+    """Serve the inbox of an owner, and check the owner regularly."""
+    _start("tf2_ros receiver", run_inboxes)
+    _start("tf2_ros reports", _run_reports)
     _owners.add(owner)
+    _checked.add(owner)
 
 
 def check_regularly(checked: Checked) -> None:
     """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
     _checked.add(checked)
     with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
-        start_reports()
+        _start("tf2_ros reports", _run_reports)
 
 
 _threads: dict[str, threading.Thread] = {}  # those of this process, by their names
-
-
-def start_threads() -> None:
-    """Start the thread that drains inboxes, and the one that reports, if they do not run."""
-    _start("tf2_ros receiver", run_inboxes)
-    start_reports()
-
-
-def start_reports() -> None:
-    """Start only the second one."""
-    _start("tf2_ros reports", partial(run_reports, _report))
 
 
 def _start(name: str, target: Callable[[], None]) -> None:
@@ -84,22 +74,20 @@ def _start(name: str, target: Callable[[], None]) -> None:
         raise
 
 
+def _run_reports() -> None:
+    run_reports(_report)
+
+
 def _report() -> None:
     global _checked_at
+    where = "In the thread that reports"
     for owner in _owners:
-        _call(owner.inbox.report_pending)
+        call_logged(owner.inbox.report_pending, where)
     now = time.monotonic()
     if now - _checked_at >= CHECK_S:
         _checked_at = now
         for checked in _checked:
-            _call(checked._tf2_check)
-
-
-def _call(work: Callable[[], None]) -> None:
-    try:
-        work()
-    except Exception:
-        log.logger("tf2_ros").error(f"In the thread that reports: {traceback.format_exc()}")
+            call_logged(checked._tf2_check, where)
 
 
 @atexit.register

@@ -6,13 +6,11 @@ was received on them, in errors, warnings and representations.
 import os
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
-from rclpy.exceptions import InvalidHandle
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
@@ -20,9 +18,9 @@ from tf2_py import BufferCore
 from tf2_py._internal import counted
 from tf2_ros._forking import LiveObjects, is_inherited
 from tf2_ros._nodes import note_filler
-from tf2_ros._rclpy import context_was_shut_down, handle_exists, report_incompatible_qos, wake
+from tf2_ros._rclpy import context_was_shut_down, handle_exists, report_event, wake
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import add_owner, check_regularly, start_threads
+from tf2_ros._receive.inboxes import add_owner
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 
 ENDLESS = 2**31 - 1  # messages that a queue without a limit holds
@@ -87,30 +85,31 @@ class Receiver:
     Inserts what arrives on a listener's topics into a buffer when that is read: the owner of an inbox.
 
     :param listener: a TransformListener, which has found that no user code handles the messages.
-    :param topics: those that it takes, and hides from executors.
     :param queue: the CallbackQueue of the node, which is informed of what arrives.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked
     child it is dead. The listener and the subscriptions keep it alive, and the buffer does not.
     """
 
-    def __init__(self, listener: Any, topics: Sequence[Topic], queue: Any) -> None:
+    def __init__(self, listener: Any, queue: Any) -> None:
         self._group: ListenerGroup = listener.group
         self._context = listener.node.context
         self._queue = queue
         self._process = os.getpid()
-        self._topics: list[Topic] = []
         clock = getattr(listener.buffer, "clock", None)
         handle = clock.handle if isinstance(clock, ROSClock) else None
         self._source = Subscriptions(listener._tf2_recording, handle, listener._tf2_prefix)
         self.inbox = Inbox(self._source, queue.hand_over)
         self.inbox.inform(queue)
-        start_threads()
-        for topic in topics:
-            self._take(topic)
-        add_owner(self)
-        check_regularly(self)
+        self._set_topics(list(listener._tf2_topics))
+        self._group.hides_all = False
         queue.sleepers.add(self)
+        try:
+            for topic in self._topics:
+                self._take(topic)
+        except RuntimeError:
+            self._leave_to_executors()  # this middleware does not report arrivals
+        add_owner(self)
         self.redirect(listener._tf2_direct_buffer())
         if not queue.in_sets:
             self.before_sleep(False)  # the node has moved meanwhile
@@ -159,13 +158,13 @@ class Receiver:
             self.stop()
 
     def _tf2_check(self) -> None:
-        """End with the context; log incompatible publishers."""
+        """End with the context; log publishers that do not fit."""
         if context_was_shut_down(self._context):
             self.stop()
         for topic in self._topics:
             subscription: Any = topic.subscription
             for handler in subscription.event_handlers:
-                report_incompatible_qos(handler)
+                report_event(handler)
 
     def _set_topics(self, topics: list[Topic]) -> None:
         self._topics = topics  # never changed itself
@@ -176,21 +175,10 @@ class Receiver:
 
     def _take(self, topic: Topic) -> None:
         subscription: Any = topic.subscription
-        uses = ExitStack()
-        try:
-            uses.enter_context(subscription.handle)
-        except InvalidHandle:
-            return  # another thread has destroyed it
-        self._set_topics([*self._topics, topic])
         subscription.destroy = partial(self._destroy, topic)  # the node calls this
         qos = subscription.qos_profile
         depth = ENDLESS if qos.history == HistoryPolicy.KEEP_ALL else max(1, qos.depth)
-        try:
-            self._source.subscribe(
-                topic.arrivals, uses, subscription.handle.pointer, topic.name, topic.is_static, depth
-            )
-        except RuntimeError:
-            self._leave_to_executors()  # this middleware does not report arrivals
+        self._source.subscribe(topic.arrivals, subscription.handle, topic.name, topic.is_static, depth)
 
     def _leave_to_executors(self) -> None:
         self.stop()

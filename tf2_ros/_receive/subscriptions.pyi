@@ -1,4 +1,4 @@
-from contextlib import ExitStack
+from typing import Any
 
 from tf2_ros._receive.inbox import Source
 from tf2_ros.records import Recording
@@ -13,6 +13,6 @@ class Subscriptions(Source):
         cls, recording: Recording | None = None, clock: object = None, prefix: str = ""
     ) -> Subscriptions: ...
     def subscribe(
-        self, topic: TopicArrivals, uses: ExitStack, subscription: int, name: str, is_static: bool, depth: int
+        self, topic: TopicArrivals, handle: Any, name: str, is_static: bool, depth: int
     ) -> None: ...
     def unsubscribe(self, topic: TopicArrivals) -> None: ...

@@ -162,7 +162,7 @@ cdef class TopicArrivals:
     """What is received on one topic. Source and buffer keep it; so it keeps no listener."""
 
     cdef Arrivals _arrivals
-    cdef object _uses           # of the subscription's handle, as long as its address is used
+    cdef object _handle         # of the subscription, in use as long as its address is used
 
     def count(self):
         """Count a message with which an executor has called the listener."""
@@ -212,20 +212,20 @@ cdef class Subscriptions(Source):
             self._subscribed.prefix = self._prefix
             self._subscribed.prefix_size = len(self._prefix)
 
-    def subscribe(self, TopicArrivals topic not None, uses, subscription, str name not None, bint is_static,
+    def subscribe(self, TopicArrivals topic not None, handle, str name not None, bint is_static,
                   uint32_t depth):
         """
         Receive on a topic, once. Of several topics the last one is taken first.
 
-        :param uses: keeps the subscription; closed when its address is not used any more.
-        :param subscription: address of an ``rcl_subscription_t``.
+        :param handle: of the subscription, whose ``pointer`` is the address of an ``rcl_subscription_t``.
         :param depth: of the subscription's queue.
         :raises RuntimeError: the middleware does not report arrivals.
         """
         cdef Arrivals* arrivals = &topic._arrivals
+        handle.__enter__()
+        topic._handle = handle
         self._topics.append(topic)
         self.names.append(name)
-        topic._uses = uses
         # The first message says whether the clock is simulated.
         word_store(&self.inbox.wants_each, self._recording is not None)
         inboxes_lock()
@@ -233,7 +233,7 @@ cdef class Subscriptions(Source):
         arrivals.is_static, arrivals.depth = is_static, depth
         arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
         arrivals.inbox = self.inbox
-        arrivals.subscription = <const rcl_subscription_t*><uintptr_t>subscription
+        arrivals.subscription = <const rcl_subscription_t*><uintptr_t>handle.pointer
         arrivals.following = self._subscribed.first
         self._subscribed.first = arrivals
         inboxes_unlock()
@@ -247,8 +247,8 @@ cdef class Subscriptions(Source):
     def unsubscribe(self, TopicArrivals topic not None):
         """Receive nothing more on a topic; what was not inserted stays with its subscription."""
         cdef Arrivals* arrivals = &topic._arrivals
-        uses, topic._uses = topic._uses, None   # several threads may do this
-        if uses is None:
+        handle, topic._handle = topic._handle, None     # several threads may do this
+        if handle is None:
             return
         # The middleware waits for calls that are running, and these wait for nothing.
         if self.is_told and rcl_subscription_set_on_new_message_callback(
@@ -258,7 +258,7 @@ cdef class Subscriptions(Source):
         arrivals.subscription = NULL
         arrivals.inbox = NULL
         inboxes_unlock()
-        uses.close()
+        handle.__exit__(None, None, None)
 
     cdef int64_t count(self) noexcept:
         cdef const Arrivals* topic = self._subscribed.first

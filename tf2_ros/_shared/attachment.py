@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner, check_regularly
+from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner
 from tf2_ros._shared.files import is_owned, open_file, read_description
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
 from tf2_ros._shared.ring import RingReader
@@ -76,7 +76,6 @@ class Attachment:
             raise
         buffer._tf2_attachment = self
         add_owner(self)
-        check_regularly(self)
 
     @property
     def is_attached(self) -> bool:

@@ -12,28 +12,26 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import BufferCore, History
-from tf2_ros.numpy import to_nanoseconds
 from tf2_ros_tools.output import write_whole
 from tf2_ros_tools.reading import needing
 from tf2_ros_tools.streams import chain_between, moving_on, path_to_root
-from tf2_ros_tools.tables import look_up, times_at_rate
+from tf2_ros_tools.tables import look_up
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
-
-    from tf2_py.typing import TimesLike
 
 __all__ = ["ViewerError", "log", "save", "view"]
 
 APPLICATION = "tf2_ros"
 TIMELINE = "stamp"
 ROOT = "tf"
+SAMPLES = "tf_samples"  # the entity of all moving transforms: an entity for each frame takes 30 times as long
 AXES_M = 0.3
 
 
@@ -45,73 +43,49 @@ def log(
     buffer: BufferCore,
     recording: RecordingStream | None = None,
     *,
-    root: str = ROOT,
     origin: str | None = None,
-    frames: Iterable[str] | None = None,
-    times: TimesLike | None = None,
-    rate: float | None = None,
     axes: float = AXES_M,
 ) -> None:
     """
     Log the frames of a buffer and their motion to a recording of rerun.
 
-    Each frame becomes the entity ``<root>/<frame>``: a ``Transform3D`` between frames of the same names, its
-    axes and its name. What a program logs with ``rerun.CoordinateFrame("camera")`` moves with that frame.
-    Unless ``times`` or ``rate`` is given, all samples of the buffer are logged, each relative to its own
-    parent. Between two samples, rerun shows the earlier one, whereas a lookup interpolates. Static transforms
-    are static in rerun, too.
+    Each frame becomes the entity ``tf/<frame>`` with its axes and its name, and what a program logs with
+    ``rerun.CoordinateFrame("camera")`` moves with that frame. All samples of the buffer are logged, each
+    relative to its own parent. Between two samples, rerun shows the earlier one, whereas a lookup
+    interpolates. Static transforms are static in rerun, too.
 
     :param recording: by default the current one, for example the recording of ``rerun.init``.
-    :param root: the path of the entity above all of these.
-    :param origin: the frame that does not move in a view of ``root``; by default the root of the largest
-        tree.
-    :param frames: the names of the frames to show; by default all. The frames above them have no axes.
-    :param times: shape (N,); see ``Buffer.lookup_transforms``. Instead of the samples of a moving frame, log
-        its transforms relative to its newest parent at those of these times that have an answer.
-    :param rate: the same at a rate in Hz, over the time of all samples.
+    :param origin: the frame that does not move; by default the root of the largest tree.
     :param axes: the length of the axes in metres.
-    :raises LookupException: the buffer does not know ``origin``, or one of ``frames``.
-    :raises ValueError: both ``times`` and ``rate`` were given, or ``rate`` is not above 0.
+    :raises LookupException: the buffer does not know ``origin``.
     :raises ModuleNotFoundError: rerun is not installed.
 
     The timeline is named ``stamp``; its times are the stamps in nanoseconds since 1970. Rerun stores numbers
     as float32.
     """
     rr = _rerun()
-    if times is not None and rate is not None:
-        raise ValueError("use either times or rate")
-    tree = buffer.frames()
+    tree, samples = buffer.frames(), buffer.histories()
     if not tree:
         return
     if origin is None:
         origin = _top_of(tree)
-    shown = set(tree if frames is None else frames)
-    for name in (origin, *sorted(shown)):
-        if name not in buffer:
-            buffer.lookup_transform_core(name, next(iter(tree)), 0)  # raises what is wrong with it
-    times_ns = None if times is None else to_nanoseconds(times)
-    if rate is not None:
-        times_ns = times_at_rate(buffer, origin, origin, rate)
-    samples = buffer.histories()
+    elif origin not in buffer:
+        buffer.lookup_transform_core(origin, next(iter(tree)), 0)  # raises what is wrong with it
     where: dict[str, Any] = {"recording": recording, "strict": True}
-
-    rr.log(root, rr.CoordinateFrame(origin), static=True, **where)
-    for name in sorted(shown | _above(samples, shown)):
-        path = _path_of(rr, name, root)
-        if name in shown:
-            _log_axes(rr, path, name, axes, where)
-        history = samples.get(name)
-        if history is not None:
-            if times_ns is not None and not history.static:
-                history = _at(buffer, history, times_ns)
-            _log_motion(rr, path, history, where)
+    rr.log(ROOT, rr.CoordinateFrame(origin), static=True, **where)
+    for name in sorted(tree):
+        _log_axes(rr, name, axes, where)
+    for one in samples.values():
+        if one.static:
+            _log_static(rr, one, where)
+    _log_moving(rr, [one for one in samples.values() if not one.static], where)
 
 
 def save(buffer: BufferCore, path: str | os.PathLike[str], **how: Any) -> None:
     """
     Write a buffer to a recording of rerun, which ``rerun FILE.rrd`` opens.
 
-    :param how: further arguments of :func:`log`, for example ``rate=30``.
+    :param how: further arguments of :func:`log`, for example ``axes=0.1``.
     :raises OSError: the file cannot be written; an existing file remains unchanged.
 
     Also raises the errors of :func:`log`.
@@ -142,7 +116,6 @@ def view(buffer: BufferCore, **how: Any) -> None:
 # A running robot.
 
 
-SAMPLES = "tf_samples"  # the entity of all moving transforms: an entity for each frame takes 30 times as long
 TRAILS = "trails"
 TRAIL_S = 10.0
 TRAIL_RADIUS = -1.5  # negative: in pixels, not metres
@@ -153,10 +126,9 @@ MEMORY = "1GB"  # the limit of the viewer, above which it drops the oldest data
 
 class Live:
     """
-    Sends the frames of a buffer to a recording of rerun while they move.
+    Sends the frames of a buffer to a recording of rerun, ``recording``, while they move.
 
     :param buffer: must keep each sample at least until the next call of :meth:`send`.
-    :param recording: made by :func:`new_recording`.
     :param origin: the frame that does not move; by default the root of the largest tree.
     :param trails: the frames whose paths over the last TRAIL_S seconds are drawn.
     :param axes: the length of the axes in metres.
@@ -165,7 +137,6 @@ class Live:
     def __init__(
         self,
         buffer: BufferCore,
-        recording: RecordingStream,
         *,
         origin: str | None = None,
         trails: Iterable[str] = (),
@@ -173,7 +144,8 @@ class Live:
     ) -> None:
         self._rr = _rerun()
         self._buffer = buffer
-        self._where: dict[str, Any] = {"recording": recording, "strict": True}
+        self.recording: RecordingStream = self._rr.RecordingStream(APPLICATION)
+        self._where: dict[str, Any] = {"recording": self.recording, "strict": True}
         self._origin = origin
         self._axes = axes
         self._top: str | None = None  # what was last logged as the origin
@@ -191,7 +163,7 @@ class Live:
         self._send_frames(tree)
         moving = [one for one in samples.values() if not one.static and len(one.stamps_ns)]
         self._send_static([one for one in samples.values() if one.static])
-        self._send_moving([_since(one, self._sent_ns) for one in moving])
+        _log_moving(self._rr, [_since(one, self._sent_ns) for one in moving], self._where)
         for name in self._trails:
             if name in tree:
                 self._send_trail(name, tree, samples)
@@ -206,7 +178,7 @@ class Live:
                 rr.log(path, rr.CoordinateFrame(top), static=True, **self._where)
             self._send_view()
         for name in sorted(tree.keys() - self._frames):
-            _log_axes(rr, _path_of(rr, name), name, self._axes, self._where)
+            _log_axes(rr, name, self._axes, self._where)
             self._frames.add(name)
 
     def _send_static(self, histories: Iterable[History]) -> None:
@@ -214,22 +186,7 @@ class Live:
             said = b"".join((one.parents[0].encode(), one.translations.tobytes(), one.rotations.tobytes()))
             if self._static.get(one.frame) != said:
                 self._static[one.frame] = said
-                _log_motion(self._rr, _path_of(self._rr, one.frame), one, self._where)
-
-    def _send_moving(self, histories: list[History]) -> None:
-        rr = self._rr
-        stamps = np.concatenate([one.stamps_ns for one in histories] or [np.zeros(0, np.int64)])
-        if not len(stamps):
-            return
-        order = np.argsort(stamps, kind="stable")
-        frames = np.concatenate([np.full(len(one.stamps_ns), one.frame, object) for one in histories])
-        columns = rr.Transform3D.columns(
-            translation=np.concatenate([one.translations for one in histories])[order],
-            quaternion=np.concatenate([one.rotations for one in histories])[order],
-            child_frame=frames[order].tolist(),
-            parent_frame=np.concatenate([one.parents for one in histories])[order].tolist(),
-        )
-        rr.send_columns(SAMPLES, [_times(rr, stamps[order])], columns, **self._where)
+                _log_static(self._rr, one, self._where)
 
     def _send_trail(self, name: str, tree: Mapping[str, Any], samples: Mapping[str, History]) -> None:
         top = self._top or name
@@ -270,33 +227,21 @@ class Live:
         contents = ["/**", f"- /{TRAILS}/**", *(f"+ /{path}" for path in shown)]
         view = rrb.Spatial3DView(origin=ROOT, contents=contents, overrides=overrides)
         time_panel = rrb.TimePanel(state="expanded", timeline=TIMELINE)
-        self._where["recording"].send_blueprint(rrb.Blueprint(view, time_panel, collapse_panels=True))
+        self.recording.send_blueprint(rrb.Blueprint(view, time_panel, collapse_panels=True))
 
     def _trail_path(self, name: str) -> str:
         # Each origin has its own trails.
         return "/".join((TRAILS, *map(self._rr.escape_entity_path_part, (self._top or "", name))))
 
 
-def new_recording() -> RecordingStream:
-    """Create a recording for :class:`Live`."""
-    recording: RecordingStream = _rerun().RecordingStream(APPLICATION)
-    return recording
-
-
-class Viewer(NamedTuple):
-    """A running viewer."""
-
-    process: subprocess.Popen[bytes]
-    page: str | None  # for a browser
-
-    def is_closed(self) -> bool:
-        return self.process.poll() is not None
-
-
 @contextmanager
-def open_viewer(recording: RecordingStream, *, web: bool) -> Iterator[Viewer]:
+def open_viewer(
+    recording: RecordingStream, *, web: bool
+) -> Iterator[tuple[subprocess.Popen[bytes], str | None]]:
     """
-    Open the viewer of rerun for a ``with`` statement, which closes it at its end.
+    Open the viewer of rerun for a ``with`` statement, which gets its process and its page for a browser.
+
+    The viewer is closed at the end.
 
     :param recording: what the viewer shows.
     :param web: serve it to browsers on this machine.
@@ -320,7 +265,7 @@ def open_viewer(recording: RecordingStream, *, web: bool) -> Iterator[Viewer]:
         if process.poll() is None:
             recording.connect_grpc(address)
             stack.callback(recording.disconnect)
-        yield Viewer(process, page)
+        yield process, page
         if process.poll() is not None:
             said.seek(0)
             _check_ended(process.returncode, said.read().decode(errors="replace"))
@@ -369,8 +314,8 @@ def _rerun() -> Any:
     return rerun
 
 
-def _path_of(rr: Any, frame: str, root: str = ROOT) -> str:
-    return f"{root}/{rr.escape_entity_path_part(frame)}"
+def _path_of(rr: Any, frame: str) -> str:
+    return f"{ROOT}/{rr.escape_entity_path_part(frame)}"
 
 
 def _top_of(tree: Mapping[str, Any]) -> str:
@@ -395,48 +340,33 @@ def _since(history: History, sent_ns: dict[str, int]) -> History:
     return history._replace(**{name: getattr(history, name)[new] for name in columns})
 
 
-def _log_axes(rr: Any, path: str, frame: str, axes: float, where: Mapping[str, Any]) -> None:
-    """Place an entity in a frame, and draw the frame's axes and name there."""
+def _log_axes(rr: Any, frame: str, axes: float, where: Mapping[str, Any]) -> None:
+    """Place the entity of a frame in the frame, and draw its axes and name there."""
     its_axes = rr.TransformAxes3D(axes, show_frame=True)
-    rr.log(path, rr.CoordinateFrame(frame), its_axes, static=True, **where)
+    rr.log(_path_of(rr, frame), rr.CoordinateFrame(frame), its_axes, static=True, **where)
 
 
-def _log_motion(rr: Any, path: str, history: History, where: Mapping[str, Any]) -> None:
-    count = len(history.stamps_ns)
-    columns = {
-        "translation": history.translations,
-        "quaternion": history.rotations,
-        "child_frame": [history.frame] * count,
-        "parent_frame": history.parents.tolist(),
-    }
-    if history.static:
-        only = {name: column[0] for name, column in columns.items()}
-        rr.log(path, rr.Transform3D(**only), static=True, **where)
-    elif count:
-        rr.send_columns(path, [_times(rr, history.stamps_ns)], rr.Transform3D.columns(**columns), **where)
-
-
-def _above(samples: Mapping[str, History], frames: set[str]) -> set[str]:
-    """Get all frames that were ever above these."""
-    above: set[str] = set()
-    waiting = list(frames)
-    while waiting:
-        history = samples.get(waiting.pop())
-        if history is not None:
-            new = set(history.parents) - above
-            above |= new
-            waiting += new
-    return above
-
-
-def _at(buffer: BufferCore, history: History, times_ns: NDArray[np.int64]) -> History:
-    """Look the frame up at other times, relative to its newest parent."""
-    parent = history.parents[-1]
-    table = look_up(buffer, parent, history.frame, times_ns)
-    valid = table.valid
-    return history._replace(
-        parents=np.full(np.count_nonzero(valid), parent, object),
-        stamps_ns=table.stamps_ns[valid],
-        translations=table.translations[valid],
-        rotations=table.rotations[valid],
+def _log_static(rr: Any, history: History, where: Mapping[str, Any]) -> None:
+    transform = rr.Transform3D(
+        translation=history.translations[0],
+        quaternion=history.rotations[0],
+        child_frame=history.frame,
+        parent_frame=history.parents[0],
     )
+    rr.log(_path_of(rr, history.frame), transform, static=True, **where)
+
+
+def _log_moving(rr: Any, histories: list[History], where: Mapping[str, Any]) -> None:
+    """Log samples in the order of their stamps."""
+    stamps = np.concatenate([one.stamps_ns for one in histories] or [np.zeros(0, np.int64)])
+    if not len(stamps):
+        return
+    order = np.argsort(stamps, kind="stable")
+    frames = np.concatenate([np.full(len(one.stamps_ns), one.frame, object) for one in histories])
+    columns = rr.Transform3D.columns(
+        translation=np.concatenate([one.translations for one in histories])[order],
+        quaternion=np.concatenate([one.rotations for one in histories])[order],
+        child_frame=frames[order].tolist(),
+        parent_frame=np.concatenate([one.parents for one in histories])[order].tolist(),
+    )
+    rr.send_columns(SAMPLES, [_times(rr, stamps[order])], columns, **where)

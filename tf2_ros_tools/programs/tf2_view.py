@@ -1,6 +1,7 @@
 # PYTHON_ARGCOMPLETE_OK
 """Show the frames of a running robot in three dimensions."""
 
+import subprocess
 import sys
 import time
 from argparse import Namespace
@@ -20,7 +21,7 @@ from tf2_ros_tools.program import (
 )
 
 if TYPE_CHECKING:
-    from tf2_ros_tools.rerun import Live, Viewer
+    from tf2_ros_tools.rerun import Live
 
 __all__ = ["main"]
 
@@ -81,7 +82,7 @@ def view(options: Namespace) -> int:
     from tf2_ros_tools.listening import TOPICS, filled_buffer, spun_node
 
     # isort: split
-    from tf2_ros_tools.rerun import Live, ViewerError, new_recording, open_viewer
+    from tf2_ros_tools.rerun import Live, ViewerError, open_viewer
 
     trails = [name.removeprefix("/") for name in options.trail]
     origin = None if options.origin is None else options.origin.removeprefix("/")
@@ -90,7 +91,6 @@ def view(options: Namespace) -> int:
             spun_node("tf2_view", options) as node,
             filled_buffer(node) as buffer,
         ):
-            recording = new_recording()
 
             def check_names() -> None:
                 known = buffer.frames()
@@ -101,15 +101,15 @@ def view(options: Namespace) -> int:
                     where = f"on {topics} in ROS domain {node.context.get_domain_id()}"
                     node.get_logger().warning(f"no transform was received {where}")
 
-            live = Live(buffer, recording, origin=origin, trails=trails, axes=options.axes)
+            live = Live(buffer, origin=origin, trails=trails, axes=options.axes)
             if options.output is not None:
                 write_output(options.output, b"")  # rerun would raise its own error
-                recording.save(options.output)
+                live.recording.save(options.output)
                 node.get_logger().info(f"Writing {options.output} until interrupted")
                 _send(live, check_names)
-            with open_viewer(recording, web=options.web) as viewer:
-                if viewer.page is not None:
-                    node.get_logger().info(f"The viewer is at {viewer.page}")
+            with open_viewer(live.recording, web=options.web) as (viewer, page):
+                if page is not None:
+                    node.get_logger().info(f"The viewer is at {page}")
                 _send(live, check_names, viewer)
     except ModuleNotFoundError as lack:
         raise RunError(str(lack)) from None
@@ -119,10 +119,12 @@ def view(options: Namespace) -> int:
     return SUCCESS
 
 
-def _send(live: "Live", check_names: Callable[[], None], viewer: "Viewer | None" = None) -> None:
+def _send(
+    live: "Live", check_names: Callable[[], None], viewer: "subprocess.Popen[bytes] | None" = None
+) -> None:
     """Send batches until interrupted, or until the viewer is closed; check the names once."""
     for number in count():
-        if viewer is not None and viewer.is_closed():
+        if viewer is not None and viewer.poll() is not None:
             return
         live.send()
         if number == CHECK_AFTER:

@@ -16,12 +16,11 @@ finds, and any byte may be wrong: at worst, that is a malformed message.
 """
 
 cimport cython
-from libc.errno cimport EINTR, ENOSPC, errno
+from libc.errno cimport errno
 from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcpy, memset
-from posix.fcntl cimport posix_fallocate
 from posix.mman cimport MAP_FAILED, MAP_SHARED, PROT_READ, PROT_WRITE, mmap, munmap
 from posix.unistd cimport close, pread, pwrite
 

@@ -2,7 +2,6 @@
 
 cdef enum:
     CHUNK_BYTES = 1 << 15       # that a reader copies at once, or else one record
-    TRIES = 100                 # to find a consistent head
 
 
 cdef enum Found:
@@ -53,27 +52,18 @@ cdef const Record* _at_tail(const Reading* reading) noexcept nogil:
 
 cdef Found _find_record(Reading* reading) noexcept nogil:
     # Has the record at `tail`, with what follows it, in the chunk.
-    cdef const Head* head = reading.head
-    cdef uint64_t oldest, end, most
+    cdef uint64_t end = load64(&reading.head.next)
+    cdef uint64_t most = min(end - reading.tail, reading.capacity - reading.tail % reading.capacity)
     cdef Found found
-    for _ in range(TRIES):
-        end = load64(&head.next)
-        oldest = load64(&head.oldest)
-        if end == reading.tail:
-            return FOUND_NOTHING
-        if oldest > end or end - oldest > reading.capacity or reading.tail > end:
-            continue        # the owner has just written; or this never becomes right
-        if reading.tail < oldest:
-            return FOUND_LAPPED
-        most = min(end - reading.tail, reading.capacity - reading.tail % reading.capacity)
-        most = min(most, <uint64_t>MOST_RECORD)
-        found = FOUND_DAMAGE if most < UNIT else _copy_chunk(reading, UNIT, most)
-        if found != FOUND_RECORD:
-            return found
-        if _at_tail(reading).position != reading.tail or record_length(_at_tail(reading)) > most:
-            return FOUND_DAMAGE
-        return _copy_chunk(reading, record_length(_at_tail(reading)), most)
-    return FOUND_DAMAGE
+    if end == reading.tail:
+        return FOUND_NOTHING
+    most = min(most, <uint64_t>MOST_RECORD)
+    found = FOUND_DAMAGE if end < reading.tail or most < UNIT else _copy_chunk(reading, UNIT, most)
+    if found != FOUND_RECORD:
+        return found
+    if _at_tail(reading).position != reading.tail or record_length(_at_tail(reading)) > most:
+        return FOUND_DAMAGE
+    return _copy_chunk(reading, record_length(_at_tail(reading)), most)
 
 
 cdef Found _take_record(State* inbox) noexcept nogil:

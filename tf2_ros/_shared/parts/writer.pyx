@@ -3,8 +3,9 @@
 cdef enum:
     # Bytes of a serialised transform without its names, at most, and of what precedes the first one.
     MOST_OTHER = 2 * UNIT
-    # Bytes that are kept free for one record that is written again, and the padding before it.
-    RESERVE = 2 * MOST_RECORD
+    # Bytes that are kept free: for a record that is written again, for padding before it and before the next
+    # one, and for what is not given back yet.
+    RESERVE = 3 * MOST_RECORD
 
 cdef int64_t MARGIN_NS = 2000000000             # for which records are kept beyond the cache time
 
@@ -14,12 +15,11 @@ cdef struct Writing:
     Lock lock
     ForkedLock forked
     int descriptor              # holds the lock on the file; -1: it has ended
-    bint has_failed             # there was no memory: nothing is written any more
+    bint has_failed             # there was no memory, or no room: nothing is written any more
     Head* head
     uint64_t capacity
     uint64_t oldest             # positions, as in the head
     uint64_t next
-    uint64_t committed          # position up to which there is memory
     uint64_t given_back         # position up to which memory was given back
     Names children              # of static transforms
     uint64_t* statics           # positions of their newest records, by their ids; 0: there is none
@@ -34,7 +34,13 @@ cdef uint64_t _gap_before(const Writing* writing, uint64_t length) noexcept nogi
     return left if length > left else 0
 
 
-cdef bint _write_at(Writing* writing, Record* record, size_t size, int64_t now_ns) noexcept nogil:
+cdef bint _fits(const Writing* writing, uint64_t length) noexcept nogil:
+    # Whether there is room for a record of this length, and for the reserve.
+    cdef uint64_t end = writing.next + _gap_before(writing, length) + length + RESERVE
+    return end - writing.given_back <= writing.capacity
+
+
+cdef void _write_at(Writing* writing, Record* record, size_t size, int64_t now_ns) noexcept nogil:
     # Writes this many bytes from a record on, behind the newest one.
     record.position = writing.next
     record.written_ns = now_ns
@@ -42,28 +48,23 @@ cdef bint _write_at(Writing* writing, Record* record, size_t size, int64_t now_n
         record.previous = record.position
     if pwrite(writing.descriptor, record, size,
               <int64_t>(RING_AT + writing.next % writing.capacity)) != <ssize_t>size:
-        return False
+        writing.has_failed = True
     writing.next += record_length(record)
-    return True
 
 
 cdef void _write(Writing* writing, int64_t now_ns) noexcept nogil:
-    # Adds `record`, for which there is memory.
+    # Adds `record`, for which there is room.
     cdef Record* record = writing.record
     cdef Record padding
-    cdef uint64_t length = record_length(record)
-    cdef uint64_t gap = _gap_before(writing, length)
-    cdef bint is_written = writing.next + gap + length <= writing.committed
+    cdef uint64_t gap = _gap_before(writing, record_length(record))
     if gap:
         memset(&padding, 0, sizeof(Record))
         padding.kind = KIND_PADDING
         padding.size = <uint32_t>(gap - sizeof(Record))
-        is_written = is_written and _write_at(writing, &padding, sizeof(Record), now_ns)
-    if is_written and _write_at(
-            writing, record, sizeof(Record) + record.size + record.authority_size, now_ns):
+        _write_at(writing, &padding, sizeof(Record), now_ns)
+    _write_at(writing, record, sizeof(Record) + record.size + record.authority_size, now_ns)
+    if not writing.has_failed:
         store64(&writing.head.next, writing.next)
-    else:
-        writing.has_failed = True
 
 
 cdef bint _read_oldest(Writing* writing, Record* record) noexcept nogil:
@@ -73,76 +74,47 @@ cdef bint _read_oldest(Writing* writing, Record* record) noexcept nogil:
             and record_length(record) <= min(writing.next - writing.oldest, <uint64_t>MOST_RECORD))
 
 
-cdef bint _reserve(int descriptor, uint64_t start, uint64_t size) noexcept nogil:
-    # Have memory for a part of the file; False: there is none.
-    cdef int error = EINTR
-    while error == EINTR:
-        error = posix_fallocate(descriptor, <int64_t>start, <int64_t>size)
-    return error == 0
-
-
-cdef bint _commit(Writing* writing, uint64_t length) noexcept nogil:
-    # Have memory for a record of this length and for the reserve; False: there is none.
-    cdef uint64_t end = writing.next + _gap_before(writing, length) + length + RESERVE
-    while writing.committed < end:
-        if writing.committed + STEP - writing.given_back > writing.capacity:
-            return False
-        if not _reserve(writing.descriptor, RING_AT + writing.committed % writing.capacity, STEP):
-            return False
-        writing.committed += STEP
-    return True
-
-
 cdef void _write_again(Writing* writing, const Record* oldest, int64_t now_ns) noexcept nogil:
     # The oldest record is the newest static transform of its child.
-    cdef uint64_t length = record_length(oldest)
-    if not read_file(
-            writing.descriptor, writing.record, length, RING_AT + oldest.position % writing.capacity):
+    if not read_file(writing.descriptor, writing.record, record_length(oldest),
+                     RING_AT + oldest.position % writing.capacity):
         writing.has_failed = True
         return
     writing.record[0] = oldest[0]       # another process may have changed it meanwhile
     writing.record.previous = oldest.position
-    _commit(writing, length)            # where there is no more memory, the reserve is used up
     _write(writing, now_ns)
     writing.statics[oldest.child] = writing.record.position
 
 
-cdef void _drop_oldest(Writing* writing, int64_t now_ns) noexcept nogil:
-    cdef Record record
-    cdef uint64_t oldest = writing.next
-    if _read_oldest(writing, &record):
-        oldest = record.position + record_length(&record)
-        # First this, then `oldest`: between the two, readers find it twice, and never not at all.
-        if (record.kind == KIND_STATIC and record.child < writing.statics_capacity
-                and writing.statics[record.child] == record.position):
-            _write_again(writing, &record, now_ns)
-    writing.oldest = oldest
-    store64(&writing.head.oldest, oldest)
+cdef void _drop_until(Writing* writing, uint64_t position) noexcept nogil:
+    writing.oldest = position
+    store64(&writing.head.oldest, position)
     fence()     # before anything is written where readers may still read
-    while writing.given_back + STEP <= oldest:
+    while writing.given_back + STEP <= position:
         give_back(writing.descriptor, RING_AT + writing.given_back % writing.capacity, STEP)
         writing.given_back += STEP
 
 
-cdef void _drop_old(Writing* writing, int64_t now_ns) noexcept nogil:
-    cdef Record record
-    while writing.oldest < writing.next:
-        if _read_oldest(writing, &record) and record.written_ns >= now_ns - writing.keep_ns:
-            return
-        _drop_oldest(writing, now_ns)
-
-
 cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept nogil:
-    # Memory for a record behind the newest one. False: there is none, or the record is too large.
+    # Drops what is too old, and more until a record fits behind the newest one. False: it cannot.
+    cdef Record oldest
     cdef uint64_t until = writing.next      # by then, only static transforms that were written again are left
     if length > MOST_RECORD:
         return False
-    while not _commit(writing, length):
-        if writing.oldest >= until:
+    while writing.oldest < writing.next and not writing.has_failed:
+        if not _read_oldest(writing, &oldest):
+            _drop_until(writing, writing.next)
+        elif oldest.written_ns >= now_ns - writing.keep_ns and _fits(writing, length):
+            break
+        elif writing.oldest >= until:
             writing.has_failed = True
-            return False
-        _drop_oldest(writing, now_ns)
-    return True
+        else:
+            # First this, then `oldest`: between the two, readers find it twice, and never not at all.
+            if (oldest.kind == KIND_STATIC and oldest.child < writing.statics_capacity
+                    and writing.statics[oldest.child] == oldest.position):
+                _write_again(writing, &oldest, now_ns)
+            _drop_until(writing, oldest.position + record_length(&oldest))
+    return not writing.has_failed
 
 
 cdef uint32_t _child_id(Writing* writing, const char* child, size_t size) noexcept nogil:
@@ -247,7 +219,6 @@ cdef void _share(Writing* writing, const Batch* batch, const char* name, size_t 
     lock_acquire(&writing.lock)
     if writing.descriptor >= 0 and not writing.has_failed:
         now_ns = monotonic_ns()
-        _drop_old(writing, now_ns)
         if batch == NULL:
             _copy_removal(writing, name, size, now_ns)
         else:
@@ -307,12 +278,11 @@ cdef class RingWriter(Copying):
         writing.descriptor = descriptor
         writing.keep_ns = min(<int64_t>buffer.cache_time_ns, (<int64_t>1 << 62) - MARGIN_NS) + MARGIN_NS
         os.ftruncate(descriptor, size // STEP * STEP)
-        if not _reserve(descriptor, 0, RING_AT):
-            raise OSError(ENOSPC, os.strerror(ENOSPC))
+        os.pwrite(descriptor, bytes(MAPPED_BYTES), 0)     # memory for what is mapped
         writing.head = map_head(descriptor)
         writing.capacity = writing.head.capacity = size // STEP * STEP - RING_AT
         # Positions begin here, so that 0 is none.
-        writing.oldest = writing.next = writing.committed = writing.given_back = writing.capacity
+        writing.oldest = writing.next = writing.given_back = writing.capacity
         writing.head.oldest = writing.head.next = writing.capacity
         writing.head.layout = LAYOUT
         writing.head.magic = MAGIC

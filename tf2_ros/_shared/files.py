@@ -1,18 +1,18 @@
 """
 Make, open and remove the files of shared buffers, and read the descriptions of their owners.
 
-A file gets its name when it is complete, so a process that finds it can read it. An owner locks its file.
-The kernel releases it when the process ends, however that happens. The lock belongs to an open file
-description (F_OFD_SETLK), so other descriptors of the file may be closed, and a forked child, which closes
-its own at once, does not keep the lock.
+A file gets its name when it is complete, so a process that finds it can read it. An owner has an exclusive
+lock on its file, which the kernel releases when the process ends, however that happens. The lock belongs to
+an open file description, so other descriptors of the file may be closed, and a forked child, which closes its
+own at once, does not keep the lock.
 """
 
 import errno
 import fcntl
 import os
-import stat
 import struct
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,9 +20,6 @@ from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
 
 TEXT_AT, TEXT_BYTES = 4096, 4096  # place of the description in the file, behind the page that is mapped
-
-_FLOCK = "hhqqi4x"  # struct flock: type, whence, start, length, process
-_OWNING, _REMOVING = 0, 1  # the bytes of a file that are locked
 
 
 def make_file() -> int:
@@ -33,13 +30,13 @@ def make_file() -> int:
     :raises OSError: the file cannot be made.
     """
     descriptor = os.open(FOLDER, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
-    fcntl.fcntl(descriptor, fcntl.F_OFD_SETLK, _lock_of(_OWNING))
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
     return descriptor
 
 
 def publish(descriptor: int, name: str) -> None:
     """
-    Give a file the name of a shared buffer.
+    Give a file the name of a shared buffer, instead of the file of a dead owner.
 
     :raises SharedBufferError: another process owns a file of this name.
     :raises OSError: it cannot be named.
@@ -52,55 +49,53 @@ def publish(descriptor: int, name: str) -> None:
             os.link(link, path, src_dir_fd=descriptor, follow_symlinks=True)
             return
         except FileExistsError:
-            with suppress(FileNotFoundError):
-                other = _open_owned(path)
-                process = read_description(other).process
-                os.close(other)
-                raise SharedBufferError(f"the shared buffer {name!r} is owned by process {process}") from None
+            with suppress(FileNotFoundError), _opened(path) as other:
+                if is_owned(other):
+                    process = read_description(other).process
+                    text = f"the shared buffer {name!r} is owned by process {process}"
+                    raise SharedBufferError(text) from None
+                # Of all who find it, one removes it. The lock ends with the descriptor.
+                fcntl.flock(other, fcntl.LOCK_EX)
+                remove_name(path, other)
 
 
 def open_file(name: str) -> int:
     """
-    Open the file of a shared buffer. If its owner is dead, remove it.
+    Open the file of a shared buffer.
 
     :return: a descriptor.
     :raises SharedBufferError: there is no file with an owner, or it cannot be opened.
     """
     try:
-        return _open_owned(segment_path(name))
+        with _opened(segment_path(name)) as descriptor:
+            if is_owned(descriptor):
+                return os.dup(descriptor)
     except FileNotFoundError:
-        raise SharedBufferError(f"no process of this user shares a buffer {name!r}") from None
+        pass
     except OSError as error:
         raise SharedBufferError(f"the shared buffer {name!r} cannot be read: {error}") from None
+    raise SharedBufferError(f"no process of this user shares a buffer {name!r}")
 
 
 def is_owned(descriptor: int) -> bool:
-    """Whether another descriptor of a file, in any process, holds its lock."""
-    answer = fcntl.fcntl(descriptor, fcntl.F_OFD_GETLK, _lock_of(_OWNING))
-    return bool(struct.unpack(_FLOCK, answer)[0] != fcntl.F_UNLCK)
+    """Whether another open file description, in any process, has the owner's lock on a file."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    fcntl.flock(descriptor, fcntl.LOCK_UN)
+    return False
 
 
-def _lock_of(byte: int) -> bytes:
-    return struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, byte, 1, 0)
-
-
-def _open_owned(path: Path) -> int:
-    """Open a file that has an owner; otherwise, remove it, and raise a FileNotFoundError."""
+@contextmanager
+def _opened(path: Path) -> Iterator[int]:
     descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
-    with ExitStack() as stack:
-        stack.callback(os.close, descriptor)
-        facts = os.fstat(descriptor)
-        if not stat.S_ISREG(facts.st_mode) or facts.st_uid != os.geteuid():
+    try:
+        if os.fstat(descriptor).st_uid != os.geteuid():
             raise PermissionError(errno.EPERM, "it is not this user's")
-        if facts.st_mode & 0o077:
-            raise PermissionError(errno.EPERM, "other users may open it")
-        if not is_owned(descriptor):
-            # Of all who find it, one removes it. The lock ends with the descriptor.
-            fcntl.fcntl(descriptor, fcntl.F_OFD_SETLKW, _lock_of(_REMOVING))
-            remove_name(path, descriptor)
-            raise FileNotFoundError
-        stack.pop_all()
-    return descriptor
+        yield descriptor
+    finally:
+        os.close(descriptor)
 
 
 def remove_name(path: Path, descriptor: int) -> None:

@@ -8,7 +8,8 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Iterable
-from math import degrees, inf
+from contextlib import suppress
+from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from tf2_ros_tools.output import first_names, rpy_from_matrices
@@ -17,8 +18,6 @@ from tf2_ros_tools.program import (
     SUCCESS,
     Parser,
     UsageError,
-    finite_number,
-    nanoseconds,
     non_negative_number,
     positive_number,
     run,
@@ -38,7 +37,6 @@ S = 1_000_000_000  # ns
 DIGITS = 3  # after the point, by default; a double has at most 17
 REPORT_S = 1.0  # between two log lines about a transform that is not available yet
 LONGEST_S = 365 * 86400.0  # of a wait
-LAST_NS = 2**31 * S - 1  # the last stamp that a message can hold
 
 DESCRIPTION = """\
 Print the transform that maps data from the frame SOURCE to the frame TARGET, RATE times a second. \
@@ -54,7 +52,6 @@ Exit status: 0 if a transform was printed, 1 if none was available within --wait
 EXAMPLE = """\
   tf2_echo map base_link 10                  ten times a second
   tf2_echo map base_link --once --wait 5     for scripts: the exit status shows success
-  tf2_echo map base_link --offset -0.5       half a second ago
   tf2_echo map base_link --json --once       one line, for programs to read"""
 
 
@@ -78,21 +75,6 @@ def parser() -> Parser:
         type=non_negative_number,
         help="exit with status 1 if there is no transform after this time; by default, wait forever",
     )
-    when = made.add_mutually_exclusive_group()
-    when.add_argument(
-        "--time",
-        dest="time_ns",
-        metavar="SECONDS",
-        type=nanoseconds,
-        default=0,
-        help="look up at this time since the epoch; default: the latest",
-    )
-    when.add_argument(
-        "--offset",
-        metavar="SECONDS",
-        type=finite_number,
-        help="look up at the current time plus this offset; a negative offset is in the past",
-    )
     made.add_argument(
         "--json", action="store_true", help='print one JSON object per line; a failed lookup has an "error"'
     )
@@ -110,92 +92,68 @@ def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
     from tf2_ros_tools.listening import filled_buffer, spun_node
 
+    # isort: split
+    from rclpy.time import Time
+
+    from tf2_py import TransformException
+
+    text_of = _json if options.json else _text
+    period_s = min(1.0 / options.rate, LONGEST_S)
     with spun_node("tf2_echo", options) as node, filled_buffer(node) as buffer:
-        echoing = _Echo(node, buffer, options)
+        transform = _first(node, buffer, options)
+        if transform is None:
+            return FAILURE
+        due_s = time.monotonic()
+        with suppress(KeyboardInterrupt):
+            print(text_of(transform, options.precision))
+            while not options.once:
+                due_s = max(due_s + period_s, time.monotonic())
+                time.sleep(due_s - time.monotonic())
+                try:
+                    transform = buffer.lookup_transform(options.target, options.source, Time())
+                    print(text_of(transform, options.precision))
+                except TransformException as reason:
+                    _print_failure(node, buffer, options, reason)
+        return SUCCESS
+
+
+def _first(node: Node, buffer: Buffer, options: Namespace) -> TransformStamped | None:
+    """Wait for the first transform; None: there is none after the time that the options say."""
+    from rclpy.time import Time
+
+    from tf2_py import InvalidArgumentException, TransformException
+
+    begin_s = time.monotonic()
+    while True:
+        waited_s = time.monotonic() - begin_s
+        timeout_s = REPORT_S if options.wait is None else min(REPORT_S, max(0.0, options.wait - waited_s))
         try:
-            echoing.run()
-        except KeyboardInterrupt:
-            if not echoing.found:
-                raise
-        return SUCCESS if echoing.found else FAILURE
+            return buffer.lookup_transform(options.target, options.source, Time(), timeout_s)
+        except InvalidArgumentException as refusal:
+            raise UsageError(str(refusal)) from None
+        except TransformException as reason:
+            waited_s = time.monotonic() - begin_s
+            node.get_logger().info(
+                f"Waiting for transform {options.target} ->  {options.source}: {reason}\n"
+                f"Waited {waited_s:.1f} s in ROS domain {node.context.get_domain_id()}\n"
+                f"Known frames: {first_names(sorted(buffer.frames())) or 'none'}"
+            )
+            if options.wait is not None and waited_s >= options.wait:
+                return None
 
 
-class _Echo:
-    """All lookups of one run."""
-
-    def __init__(self, node: Node, buffer: Buffer, options: Namespace) -> None:
-        self.found = False  # a transform, at least once
-        self._node = node
-        self._buffer = buffer
-        self._options = options
-        self._begin_s = time.monotonic()
-
-    def run(self) -> None:
-        """Look up and print forever, or until the first transform, or until the wait is over."""
-        from tf2_py import InvalidArgumentException, TransformException
-
-        period_s = min(1.0 / self._options.rate, LONGEST_S)
-        end_s = inf if self._options.wait is None else self._begin_s + self._options.wait
-        next_s = self._begin_s
-        while True:
-            next_s = max(next_s + period_s, time.monotonic())
-            if not self.found:
-                next_s = min(time.monotonic() + REPORT_S, end_s)
-            try:
-                transform = self._look_up(next_s)
-            except InvalidArgumentException as refusal:
-                raise UsageError(str(refusal)) from None
-            except TransformException as reason:
-                if self.found:
-                    self._print_failure(reason)
-                else:
-                    self._log_waiting(reason)
-                    if time.monotonic() >= end_s:
-                        return
-            else:
-                if not self.found:
-                    next_s = time.monotonic() + period_s
-                self.found = True
-                print((_json if self._options.json else _text)(transform, self._options.precision))
-                if self._options.once:
-                    return
-            time.sleep(max(0.0, next_s - time.monotonic()))
-
-    def _look_up(self, until_s: float) -> TransformStamped:
-        from rclpy.duration import Duration
-        from rclpy.time import Time
-
-        # With a timeout, so that a transform is printed when it arrives, and not at the next round.
-        timeout = Duration(seconds=max(0.0, until_s - time.monotonic()))
-        time_ns = self._options.time_ns
-        if self._options.offset is not None:
-            # Not 0, which means the latest time, and where simulated time begins.
-            asked_ns = self._node.get_clock().now().nanoseconds + self._options.offset * S
-            time_ns = int(min(max(1, asked_ns), LAST_NS))
-        return self._buffer.lookup_transform(
-            self._options.target, self._options.source, Time(nanoseconds=time_ns), timeout
-        )
-
-    def _print_failure(self, reason: TransformException) -> None:
-        now = self._node.get_clock().now()
-        if self._options.json:
-            content = {
-                "header": _header(now.to_msg(), self._options.target),
-                "child_frame_id": self._options.source,
-                "error": {"type": type(reason).__name__, "text": str(reason)},
-            }
-            print(json.dumps(content))
-            return
-        print(f"Failure at {now.nanoseconds / S:.3f}\nException thrown:{reason}")
-        print(f"The current list of frames is:\n{self._buffer.all_frames_as_string()}")
-
-    def _log_waiting(self, reason: TransformException) -> None:
-        domain = self._node.context.get_domain_id()
-        self._node.get_logger().info(
-            f"Waiting for transform {self._options.target} ->  {self._options.source}: {reason}\n"
-            f"Waited {time.monotonic() - self._begin_s:.1f} s in ROS domain {domain}\n"
-            f"Known frames: {first_names(sorted(self._buffer.frames())) or 'none'}"
-        )
+def _print_failure(node: Node, buffer: Buffer, options: Namespace, reason: TransformException) -> None:
+    now = node.get_clock().now()
+    if options.json:
+        content = {
+            "header": _header(now.to_msg(), options.target),
+            "child_frame_id": options.source,
+            "error": {"type": type(reason).__name__, "text": str(reason)},
+        }
+        print(json.dumps(content))
+        return
+    print(f"Failure at {now.nanoseconds / S:.3f}\nException thrown:{reason}")
+    print(f"The current list of frames is:\n{buffer.all_frames_as_string()}")
 
 
 # What is printed of a transform: as tf2's own program does, or as JSON.

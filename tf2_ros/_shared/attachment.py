@@ -87,31 +87,26 @@ class Attachment:
         buffer = self._buffer()
         if buffer is None:
             self.close()
-        elif self.is_attached and (why := self._why_over()):
-            log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is not filled any more: {why}")
+            return
+        if self.is_attached:
+            if not is_owned(self.reader.descriptor):
+                why = "no longer shares it"
+            elif self._listeners and read_description(self.reader.descriptor).domain is None:
+                why = "has no listener any more"
+            else:
+                return
+            text = f"The shared buffer {self.name!r} is not filled any more: process {self.owner} {why}"
+            log.logger("tf2_ros").info(text)
             self._end(_State.ENDED)
-        if buffer is not None:
-            self._replace(buffer)
-
-    def _why_over(self) -> str:
-        if not is_owned(self.reader.descriptor):
-            return f"process {self.owner} no longer shares it"
-        if self._listeners and read_description(self.reader.descriptor).domain is None:
-            return f"process {self.owner} has no listener any more"
-        return ""
-
-    def _replace(self, buffer: Any) -> None:
         with LOCK:
             if self._state != _State.ENDED:
                 return  # another thread was faster
-            is_last = buffer._tf2_attachment is self  # otherwise another owner fills the buffer already
             if self._listeners:
-                if is_last:
-                    buffer._tf2_attachment = None
-                why = f"the shared buffer {self.name!r} has ended"
+                buffer._tf2_attachment = None
                 for listener in list(self._listeners.values()):
-                    call_logged(partial(self.leave, listener, why), "In a listener that subscribes")
-            elif is_last:
+                    leave = partial(self.leave, listener, f"the shared buffer {self.name!r} has ended")
+                    call_logged(leave, "In a listener that subscribes")
+            else:
                 try:
                     found = Attachment(buffer, self.name, open_ring(self.name))
                 except SharedBufferError:
@@ -183,9 +178,8 @@ class Attachment:
 
 def _hand_over(reference: "weakref.ref[Any]", calls: "list[Ending]") -> None:
     # Puts these into the queue that runs the callbacks of the buffer.
-    buffer = reference()
     if HAS_ROS:
-        hand_over(None if buffer is None else queue_of(buffer), calls)
+        hand_over(queue_of(reference()), calls)
         return
     for call in calls:
         call_logged(call, "In a callback")
@@ -203,11 +197,11 @@ def attach_listener(listener: Any, is_usual: bool) -> bool:
         return False
     with LOCK:
         found: Attachment | None = buffer._tf2_attachment
-        if found is not None and not found.is_attached:
-            found = None
         if found is None and not is_wanted():
             return False
         try:
+            if found is not None and not found.is_attached:
+                raise SharedBufferError(f"the shared buffer {found.name!r} has ended")
             if not is_usual:
                 raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
             if (why := problem()) is not None:

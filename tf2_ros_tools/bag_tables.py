@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from tf2_ros_tools.output import printable
@@ -15,9 +12,8 @@ from tf2_ros_tools.program import (
     SUCCESS,
     Parser,
     RunError,
-    UsageError,
+    add_output,
     format_of,
-    listed_endings,
     nanoseconds,
     positive_number,
     write_output,
@@ -26,11 +22,7 @@ from tf2_ros_tools.program import (
 if TYPE_CHECKING:
     from argparse import _MutuallyExclusiveGroup
 
-    import numpy as np
-    from numpy.typing import NDArray
-
     from tf2_ros_tools.loading import Heard, Topics
-    from tf2_ros_tools.tables import Table
 
 
 def add_recording(made: Parser) -> None:
@@ -76,43 +68,13 @@ def heard_of(options: Namespace, at: str | None = None) -> Heard:
     Read the transforms of the recording.
 
     :param at: a topic whose stamps are read, too.
-    :raises UsageError: ``--end`` is before ``--start``.
-    :raises RunError: it cannot be read.
-    :raises BagError: it is broken.
     """
     from tf2_ros_tools.loading import hear, wanted
 
-    if None not in (options.start, options.end) and options.end < options.start:
-        raise UsageError("--end must not be before --start")
-    with reported_files(options.file):
-        return hear(options.file, wanted(topics_of(options), options.start, options.end), at=at)
-
-
-@contextmanager
-def reported_files(path: str) -> Iterator[None]:
-    """
-    Raise a RunError for a file that cannot be read or written.
-
-    :param path: of the file, for errors that do not name one.
-    """
-    try:
-        yield
-    except OSError as failure:
-        # Errors of this project have a text instead of a number.
-        text = f"{failure.filename or path}: {failure.strerror}" if failure.strerror else str(failure)
-        raise RunError(printable(text)) from None
+    return hear(options.file, wanted(topics_of(options), options.start, options.end), at=at)
 
 
 # Tables.
-
-
-FORMATS = {
-    "csv": "comma-separated values, the default; stamp_ns is in nanoseconds",
-    "tum": "stamp x y z qx qy qz qw, the format of evo; stamp is in seconds",
-    "npz": "NumPy arrays: stamps_ns, translations, rotations, valid",
-    "parquet": "a Parquet table",
-}
-TEXTS = ("csv", "tum")
 
 
 def add_lookup(made: Parser) -> None:
@@ -120,19 +82,9 @@ def add_lookup(made: Parser) -> None:
     made.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
     made.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
     when = made.add_mutually_exclusive_group()
-    when.add_argument(
-        "--times",
-        nargs="+",
-        metavar="T",
-        help="at these times, in seconds, or at those in the first column of a text file, which may be a CSV "
-        "file of this program",
-    )
+    when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help="at these times, in seconds")
     _add_when(when)
-    kind = made.add_mutually_exclusive_group()
-    for name, summary in FORMATS.items():
-        kind.add_argument(f"--{name}", action="store_const", dest="format", const=name, help=summary)
-    summary = f"write this file; without a format, its name ends in {listed_endings(*FORMATS)}"
-    made.add_argument("-o", "--output", metavar="FILE", help=summary)
+    add_output(made, "csv", "tum", "npz", "parquet", more=", instead of printing CSV")
 
 
 def add_batch(made: Parser) -> None:
@@ -176,32 +128,19 @@ def lookup(options: Namespace) -> int:
     """Look up, and write a table; return the exit status."""
     from tf2_ros_tools import tables
 
-    kind = _format_of(options)
-    if options.output is None and kind not in TEXTS:
-        raise UsageError(f"--{kind} needs a file: -o FILE")
-    times_ns = None if options.times is None else _given_times(options.times)
     heard = heard_of(options, options.at)
-    if options.at is not None:
-        times_ns = heard.times_ns
-    try:
-        table = tables.look_up_when(heard, options.target, options.source, times_ns, options.rate)
-    except ValueError as failure:
-        raise RunError(str(failure)) from None
+    times_ns = options.times if options.at is None else heard.times_ns
+    table = tables.look_up_when(heard, options.target, options.source, times_ns, options.rate)
     if not table.valid.any():
-        _refuse(heard, options, table)
-    writers = {"csv": tables.as_csv, "tum": tables.as_tum, "npz": tables.as_npz}
-    if kind == "parquet":
-        contents = tables.as_parquet({"": table}, options.file)
-    else:
-        contents = writers[kind](table)
+        raise RunError(tables.why_unanswered(heard.buffer, options.target, options.source, table.stamps_ns))
     if options.output is None:
-        print(contents.decode(), end="")
+        print(tables.as_csv(table).decode(), end="")
     else:
-        write_output(options.output, contents)
+        write_output(options.output, tables.contents_of(table, format_of(options.output), options.file))
         print(options.output)
     missing = len(table) - int(table.valid.sum())
     if missing:
-        left_out = ", which are left out" if kind == "tum" else ""
+        left_out = ", which are left out" if options.output and format_of(options.output) == "tum" else ""
         print(
             f"{options.parser.prog}: no answer at {missing} of {len(table)} times{left_out}", file=sys.stderr
         )
@@ -213,25 +152,22 @@ def batch(options: Namespace) -> int:
     from tf2_ros_tools.fleet import map_recordings
 
     target, source = options.lookup
-    several = len(options.recordings) > 1
-    with reported_files(options.recordings[0]):
-        try:
-            result = map_recordings(
-                options.recordings if several else options.recordings[0],
-                target,
-                source,
-                options.out,
-                at=options.at,
-                rate=options.rate,
-                topics=topics_of(options),
-                workers=options.workers,
-                scheduler=options.scheduler,
-            )
-        except ValueError as refusal:
-            raise RunError(str(refusal)) from None
-        except KeyboardInterrupt:
-            print(f"{options.parser.prog}: interrupted; the same command does the rest", file=sys.stderr)
-            raise
+    recordings = options.recordings if len(options.recordings) > 1 else options.recordings[0]
+    try:
+        result = map_recordings(
+            recordings,
+            target,
+            source,
+            options.out,
+            at=options.at,
+            rate=options.rate,
+            topics=topics_of(options),
+            workers=options.workers,
+            scheduler=options.scheduler,
+        )
+    except KeyboardInterrupt:
+        print(f"{options.parser.prog}: interrupted; the same command does the rest", file=sys.stderr)
+        raise
     for problem in result.failed.values():
         print(f"{options.parser.prog}: {problem}", file=sys.stderr)
     for recording, reason in result.unanswered.items():
@@ -240,60 +176,3 @@ def batch(options: Namespace) -> int:
     print(f"{len(result.done)} done, {len(result.skipped)} done before, {len(result.failed)} failed{lack}")
     print(result.findings)
     return FAILURE if result.failed or result.unanswered else SUCCESS
-
-
-def _format_of(options: Namespace) -> str:
-    if options.format is not None:
-        return str(options.format)
-    if options.output is None:
-        return next(iter(FORMATS))
-    ending = format_of(options.output)
-    if ending not in FORMATS:
-        formats = ", ".join(f"--{one}" for one in FORMATS)
-        raise UsageError(
-            f"-o {printable(options.output)} must end in {listed_endings(*FORMATS)}, or say {formats}"
-        )
-    return ending
-
-
-def _refuse(heard: Heard, options: Namespace, table: Table) -> None:
-    """Raise the reason why no time has an answer."""
-    target, source = options.target, options.source
-    time_ns = int(table.stamps_ns[0]) if len(table) else 0
-    heard.buffer.lookup_transform_core(target, source, time_ns)  # raises, unless there is another reason
-    if not len(table) and (options.at is not None or options.rate is not None):
-        raise RunError("the recording has no time to look up")
-    raise RunError(f"the frames between {target} and {source} were never all known at the same time")
-
-
-def _given_times(texts: list[str]) -> NDArray[np.int64]:
-    import numpy as np
-
-    if len(texts) == 1 and os.path.exists(texts[0]):
-        return np.array([*_times_in(texts[0])], np.int64)
-    try:
-        return np.array([*map(nanoseconds, texts)], np.int64)
-    except ArgumentTypeError as refusal:
-        raise UsageError(f"--times: {refusal}" + ", and not a file" * (len(texts) == 1)) from None
-
-
-def _times_in(path: str) -> Iterator[int]:
-    """Read the first words of the lines of a text file, which may be a CSV file of this program."""
-    from tf2_ros_tools import tables
-
-    read: Callable[[str], int] = nanoseconds
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            for number, line in enumerate(file, 1):
-                word = next(iter(line.replace(",", " ").split()), "#")
-                try:
-                    if number == 1 and word == tables.STAMP_NS:
-                        read = int
-                    elif not word.startswith("#"):
-                        yield read(word)
-                except (ArgumentTypeError, ValueError) as refusal:
-                    raise UsageError(f"--times: {path}, line {number}: {refusal}") from None
-    except OSError as failure:
-        raise UsageError(f"--times: {path}: {failure.strerror}") from None
-    except UnicodeDecodeError:
-        raise UsageError(f"--times: {path} is not text") from None

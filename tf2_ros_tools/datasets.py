@@ -227,8 +227,10 @@ def _read_here(
             try:
                 _, tables, lacks = looked_up(request, path)
                 parts[path] = tables, _reasons(lacks)
-            except (BagError, OSError) as error:
+            except BagError as error:
                 failed[path] = str(error)
+            except OSError as error:
+                failed[path] = f"{error.filename or path}: {error.strerror}"
             count(1)
     return parts, failed
 

@@ -1,5 +1,6 @@
 """Look up transforms in many recordings in parallel: ``map_recordings``."""
 
+import errno
 import hashlib
 import json
 import logging
@@ -19,7 +20,15 @@ from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import TOPICS, Heard, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError, needing
-from tf2_ros_tools.tables import Table, Tables, as_parquet, check_rate, look_up_frames, look_up_when
+from tf2_ros_tools.tables import (
+    Table,
+    Tables,
+    as_parquet,
+    check_rate,
+    look_up_frames,
+    look_up_when,
+    why_unanswered,
+)
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -41,10 +50,10 @@ def find_recordings(recordings: Recordings) -> list[str]:
     paths = [recordings] if isinstance(recordings, str | PathLike) else [*recordings]
     names = [os.fspath(path) for path in paths]
     if isinstance(recordings, str | PathLike) and not os.path.exists(recordings):
-        raise FileNotFoundError(f"there is no {printable(names[0])}")
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), names[0])
     found = [one for name in names for one in _meant_by(name)]
     if not found:
-        raise FileNotFoundError(f"there is no recording in {printable(', '.join(names)) or 'an empty list'}")
+        raise FileNotFoundError(errno.ENOENT, "there is no recording", ", ".join(names))
     return list(dict.fromkeys(map(os.path.realpath, found)))
 
 
@@ -145,9 +154,9 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
     try:
         made_from = _made_from(request, recording)
         heard, tables, lacks = looked_up(request, recording)
-    except (BagError, FileNotFoundError) as error:
+    except BagError as error:
         return [_row(recording, ERROR, str(error))]
-    except PermissionError as error:
+    except (FileNotFoundError, PermissionError) as error:
         return [_row(recording, ERROR, f"{printable(error.filename or recording)}: {error.strerror}")]
     answered = np.logical_and.reduce([one.valid for one in tables.values()])
     rows, valid, span_s = len(answered), int(answered.sum()), 0.0
@@ -156,7 +165,7 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
     length = f"{counted(len(heard.records), 'transform')} in {span_s:.1f} s"
     summary = _row(recording, "summary", f"{length}, answers at {valid} of {counted(rows, 'time')}")
     summary |= {"transforms": len(heard.records), "rows": rows, "valid": valid, "span_s": span_s}
-    if not lacks and (valid < rows or not rows):
+    if not lacks and valid < rows:
         text = f"no answer at {rows - valid} of {counted(rows, 'time')}"
         lacks = [_row(recording, "lookup", text)]
     problems = [_row(recording, one.kind, one.text, one.frame) for one in report(heard).findings]
@@ -186,8 +195,6 @@ def _made_from(request: Request, recording: str) -> dict[str, Any]:
     if os.path.isdir(recording):
         inside = (one.path for one in os.scandir(recording) if one.is_file())
         files = sorted(path for path in inside if not path.endswith(COMPANIONS))
-    elif not os.path.exists(recording):
-        raise FileNotFoundError(f"{printable(recording)} does not exist")
     states = [(path, os.stat(path)) for path in files]
     state = [[printable(os.path.basename(path)), one.st_size, one.st_mtime_ns] for path, one in states]
     # As JSON, which has no tuples.
@@ -203,15 +210,16 @@ def looked_up(request: Request, recording: str) -> tuple[Heard, Tables, list[Row
         assert heard.times_ns is not None
         tables, reasons = look_up_frames(heard.buffer, request.target, request.source, heard.times_ns)
         return heard, tables, [_row(recording, "lookup", text, frame) for frame, text in reasons.items()]
+    ends = request.target, request.source
     try:
-        table = look_up_when(heard, request.target, request.source, heard.times_ns, request.rate)
-        if not table.valid.any():
-            # Raises the reason, if there is one.
-            heard.buffer.lookup_transform_core(request.target, request.source, 0)
+        table = look_up_when(heard, *ends, heard.times_ns, request.rate)
     except TransformException as error:
         none = Table(np.zeros(0, np.int64), np.zeros((0, 7)))
         return heard, {"": none}, [_row(recording, "lookup", str(error))]
-    return heard, {"": table}, []
+    lacks = []
+    if not table.valid.any():
+        lacks = [_row(recording, "lookup", why_unanswered(heard.buffer, *ends, table.stamps_ns))]
+    return heard, {"": table}, lacks
 
 
 def _row(recording: str, kind: str, text: str, frame: str = "") -> Row:

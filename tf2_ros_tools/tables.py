@@ -108,10 +108,11 @@ def look_up_frames(
         tables[frame] = Table(stamps_ns, np.full((len(stamps_ns), 7), np.nan), gaps)
         try:
             found = look_up(buffer, target, frame, stamps_ns)
-            if not found.valid.any() and len(found):
-                buffer.lookup_transform_core(target, frame, int(stamps_ns[0]) or 1)  # raises the reason
         except TransformException as error:
             reasons[frame] = str(error)
+            continue
+        if not found.valid.any():
+            reasons[frame] = why_unanswered(buffer, target, frame, stamps_ns)
             continue
         gaps[found.valid] = 0.0
         for name in moving_on(infos, _chain(buffer, infos, target, frame)):
@@ -200,7 +201,29 @@ def look_up_when(
     return look_up(heard.buffer, target, source, stamps)
 
 
+def why_unanswered(buffer: BufferCore, target: str, source: str, times_ns: NDArray[np.int64]) -> str:
+    """Say why a lookup has no answer at any of N times."""
+    if not len(times_ns):
+        return "the recording has no time to look up"
+    try:
+        buffer.lookup_transform_core(target, source, int(times_ns[0]) or 1)
+    except TransformException as reason:
+        return str(reason)
+    return f"the frames between {target} and {source} were never all known at the same time"
+
+
 # Write tables.
+
+
+def contents_of(table: Table, kind: str, file: str) -> bytes:
+    """
+    Write a table as ``csv``, ``tum``, ``npz`` or ``parquet``.
+
+    :param file: the recording's name.
+    """
+    if kind == "parquet":
+        return as_parquet({"": table}, file)
+    return {"csv": as_csv, "tum": as_tum, "npz": as_npz}[kind](table)
 
 
 def as_csv(table: Table) -> bytes:

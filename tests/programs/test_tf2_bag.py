@@ -224,7 +224,7 @@ def texts_of(path):
 class TestManners:
     @pytest.mark.parametrize(
         ("line", "answer"),
-        [("tf2_bag loo", "lookup"), ("tf2_bag lookup a.mcap map base --parq", "--parquet")],
+        [("tf2_bag loo", "lookup"), ("tf2_bag lookup a.mcap map base --ti", "--times")],
     )
     def test_a_shell_gets_commands_and_their_options(self, tmp_path, line, answer):
         assert completed(line, tmp_path) == answer

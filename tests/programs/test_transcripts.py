@@ -138,8 +138,6 @@ def folder(tmp_path_factory):
     (folder / "empty.bag").write_bytes(b"")
     (folder / "text.txt").write_text("hello")
     (folder / "loop.mcap").symlink_to(folder / "loop.mcap")
-    (folder / "times.txt").write_text("# a comment\n100.000000001 1 2 3\n\n101\n102.5,x\n")
-    (folder / "bad_times.txt").write_text("1.0\nstamp\n")
     (folder / "healthy.yaml").write_text(
         "frames:\n"
         "  base: {parent: odom, min_rate: 9, max_delay: 0.01, static: false}\n"

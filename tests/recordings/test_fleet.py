@@ -162,7 +162,7 @@ def test_a_recording_that_cannot_be_read_is_reported_and_stops_nobody(runs, out)
     result = mapped([runs, runs / "gone.mcap"], out)
     assert len(result.done) == len(tables(out)) == 4
     assert set(result.failed) == {str(runs / "broken.mcap"), str(runs / "gone.mcap")}
-    assert result.failed[str(runs / "gone.mcap")] == f"{runs / 'gone.mcap'} does not exist"
+    assert result.failed[str(runs / "gone.mcap")] == f"{runs / 'gone.mcap'}: No such file or directory"
     errors = {row["file"]: row["text"] for row in findings(result) if row["kind"] == "error"}
     assert errors == result.failed and "broken.mcap is broken" in errors[str(runs / "broken.mcap")]
 

@@ -20,7 +20,6 @@ from tf2_ros_tools.bag_tables import (
     batch,
     heard_of,
     lookup,
-    reported_files,
 )
 from tf2_ros_tools.output import counted, printable, readable_size, three_digits
 from tf2_ros_tools.program import (
@@ -69,7 +68,7 @@ def info(options: Namespace) -> int:
     from tf2_ros_tools.findings import lines_of, report, stream_line
     from tf2_ros_tools.reading import open_recording
 
-    with reported_files(options.file), open_recording(options.file) as recorded:
+    with open_recording(options.file) as recorded:
         topics = sorted(recorded.topics.values(), key=lambda topic: topic.name)
         size, span_ns = _size_of(options.file), (recorded.start_ns, recorded.end_ns)
     if not options.json:
@@ -291,16 +290,17 @@ def bag(options: Namespace) -> int:
     """Do what the command says; return the exit status."""
     import tf2_ros_tools.loading  # noqa: F401  # where tf2_ros is another one's, `run` says so
     from tf2_py import TransformException
-    from tf2_ros_tools.reading import BagError
 
     try:
         status: int = options.work(options)
         return status
-    except ModuleNotFoundError as lack:
-        # A library of an extra; the text names the extra.
-        raise RunError(str(lack)) from None
-    except (BagError, TransformException) as failure:
+    except (ValueError, TransformException, ModuleNotFoundError) as failure:
+        # Of a recording, of frames or numbers that do not fit it, or of a library whose extra the text names.
         raise RunError(str(failure)) from None
+    except OSError as failure:
+        if failure.filename is None:
+            raise  # the output could not be written
+        raise RunError(printable(f"{failure.filename}: {failure.strerror}")) from None
 
 
 def main(args: list[str] | None = None) -> int:

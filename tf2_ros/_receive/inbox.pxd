@@ -105,8 +105,6 @@ cdef class Source:
     # All of the following are called with the GIL.
     # A program reads the buffer; returns whether there is anything to take.
     cdef bint asked(self) except -1
-    # How many messages may have arrived by now.
-    cdef int64_t count(self) noexcept
     # The messages go into another engine, or none. With the lock held.
     cdef void redirected(self) noexcept
     # The inbox ends: `inbox_arrived` must not be called any more.

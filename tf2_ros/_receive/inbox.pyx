@@ -61,6 +61,8 @@ cdef enum:
 # How long the two threads sleep while nothing arrives, at most.
 cdef int64_t IDLE_NS = 1500000000
 
+# After this, a read returns even if messages arrive faster than it can insert them.
+cdef int64_t READ_NS = 5000000000
 
 cdef Event _work                # for the thread that drains
 cdef Event _reporting           # for the thread that reports
@@ -326,9 +328,6 @@ cdef class Source:
     cdef bint asked(self) except -1:
         return True
 
-    cdef int64_t count(self) noexcept:
-        return 0
-
     cdef void redirected(self) noexcept:
         pass
 
@@ -433,21 +432,19 @@ cdef class Inbox(ReadHook):
 
     cdef int drain(self) except -1:
         cdef bint more
-        cdef int64_t left
+        cdef int64_t until_ns
         if self._source.serves_itself and not self._source.asked():
             return 0
         # With the GIL: the holder of the lock does not need the GIL, and taking it again may take long.
         lock_acquire(&_lock)
-        # No more than this had arrived before the call. What arrives during it must not delay its return.
-        left = self._source.count()
         more = _take(&self._state, READ_SLICE)
         lock_release(&_lock)
         if more:
             with nogil:
-                left -= READ_SLICE
-                while more and left > 0:
+                while more and monotonic_ns() < until_ns:
                     lock_acquire(&_lock)
                     more = _take(&self._state, DRAIN_SLICE)
+            until_ns = monotonic_ns() + READ_NS
                     lock_release(&_lock)
                     left -= DRAIN_SLICE
         return 0

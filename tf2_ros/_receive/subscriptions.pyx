@@ -63,7 +63,6 @@ cdef struct Arrivals:
     Arrivals* following         # in the order in which they are taken
     size_t number               # of the topic, in `names` of the Source
     bint is_static
-    uint32_t depth              # of the subscription's queue
     uint64_t taken              # messages since the beginning
     int64_t taken_at_ns         # steady time of the last of these
 
@@ -230,7 +229,7 @@ cdef class Subscriptions(Source):
         word_store(&self.inbox.wants_each, self._recording is not None)
         inboxes_lock()
         arrivals.number = len(self.names) - 1
-        arrivals.is_static, arrivals.depth = is_static, depth
+        arrivals.is_static = is_static
         arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
         arrivals.inbox = self.inbox
         arrivals.subscription = <const rcl_subscription_t*><uintptr_t>handle.pointer
@@ -259,14 +258,6 @@ cdef class Subscriptions(Source):
         arrivals.inbox = NULL
         inboxes_unlock()
         handle.__exit__(None, None, None)
-
-    cdef int64_t count(self) noexcept:
-        cdef const Arrivals* topic = self._subscribed.first
-        cdef int64_t count = 0
-        while topic != NULL:
-            count += topic.depth
-            topic = topic.following
-        return count
 
     cdef void silence(self) noexcept:
         for topic in self._topics:

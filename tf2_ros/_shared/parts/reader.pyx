@@ -218,11 +218,6 @@ cdef class RingReader(Source):
     cdef void redirected(self) noexcept:
         _nudge(&self._reading)
 
-    cdef int64_t count(self) noexcept:
-        # No record is shorter. What the file says may be wrong.
-        return min((load64(&self._reading.head.next) - self._reading.tail) // UNIT + 1,
-                   self._reading.capacity // UNIT)
-
     cdef bint asked(self) except -1:
         cdef bint has_new = _has_new(&self._reading)
         _want(&self._reading)

@@ -145,15 +145,11 @@ class Spinner:
                 # A part of the node may be destroyed while the executor gathers them.
                 with suppress(InvalidHandle):
                     self.executor.spin()
-        except ExternalShutdownException:
-            return
-        except (AttributeError, RuntimeError):
+        except (AttributeError, ExternalShutdownException, RuntimeError):
+            # The context may end, or a program shut the executor down, between two checks of the executor.
             if self.executor.context.ok() and not is_shut_down(self.executor):
                 raise
-            # The context ended, or a program shut the executor down, between two checks of the executor.
         finally:
-            for node in self.executor.get_nodes():
-                self.executor.remove_node(node)
             self.executor.shutdown()
             at_end, self._at_end = self._at_end, None
             if at_end is not None:

@@ -21,6 +21,4 @@ def TransformFuture(*arguments: object) -> NoReturn:
     raise absence("a future of a transform")
 
 
-def Changes(*arguments: object) -> NoReturn:
-    """Refuse to wait for changes, which takes such a future."""
-    raise absence("waiting for changes of a transform")
+Changes = TransformFuture  # which takes such a future

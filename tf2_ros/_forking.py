@@ -34,10 +34,6 @@ class LiveObjects(Generic[_Object]):
         address, forget = id(one), self._references.pop
         self._references[address] = weakref.ref(one, lambda _: forget(address, None))
 
-    def discard(self, one: _Object) -> None:
-        """Remove an object, if it is there."""
-        self._references.pop(id(one), None)
-
     def clear(self) -> None:
         """Remove all objects."""
         self._references.clear()

@@ -7,7 +7,9 @@ from contextlib import contextmanager
 
 import rclpy
 from processes import DEADLINE_S, until
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.waitable import NumberOfEntities, Waitable
 
 EXECUTOR = "the executor"
 
@@ -66,15 +68,26 @@ def shut_down_at_sleep(queue):
     """
     context, rounds, began = queue.node().context, itertools.count(), threading.Event()
 
-    class Sleeper:
-        def before_sleep(self, _):
+    class AtSleep(Waitable):
+        def __enter__(self):
+            pass
+
+        def __exit__(self, *_):
+            pass
+
+        def get_num_entities(self):
+            return NumberOfEntities()
+
+        def is_ready(self, _):
+            return False
+
+        def add_to_wait_set(self, _):
             if not began.is_set() or next(rounds) < 3:
                 queue.wake()  # until all that has woken the executor before is used up
             elif context.ok():
                 shut_down_quietly(context)
 
-    sleeper = Sleeper()
-    queue.sleepers.add(sleeper)
+    queue.node().add_waitable(AtSleep(ReentrantCallbackGroup()))
     queue.wake()
     began.set()
     until(lambda: not context.ok())

@@ -93,6 +93,7 @@ cdef class Copying(Tap):
 
 cdef class Watching:
     cdef Watcher watcher        # used until this object is destroyed
+    cdef object inboxes         # LiveObjects: those that inform this
 
 
 cdef class Source:

@@ -49,6 +49,7 @@ import weakref
 from functools import partial
 
 from tf2_py._internal import call_despite_signals, keep_for_ever, log
+from tf2_ros._forking import LiveObjects
 
 AUTHORITY = "default_authority"     # of what is received: messages do not name their publisher
 cdef const char* DEFAULT_AUTHORITY = "default_authority"
@@ -60,9 +61,9 @@ cdef enum:
 
 # How long the two threads sleep while nothing arrives, at most.
 cdef int64_t IDLE_NS = 1500000000
-
 # After this, a read returns even if messages arrive faster than it can insert them.
 cdef int64_t READ_NS = 5000000000
+
 
 cdef Event _work                # for the thread that drains
 cdef Event _reporting           # for the thread that reports
@@ -321,6 +322,9 @@ cdef class Copying(Tap):
 cdef class Watching:
     """Is informed of what arrives."""
 
+    def __cinit__(self, *_, **__):
+        self.inboxes = LiveObjects()
+
 
 cdef class Source:
     """Where the messages of one inbox come from. An Inbox keeps it, and ends before it does."""
@@ -393,6 +397,7 @@ cdef class Inbox(ReadHook):
     def inform(self, Watching watching not None):
         """Inform this of what arrives from now on, and nothing else."""
         self._used.add(watching)
+        watching.inboxes.add(self)
         lock_acquire(&_lock)
         self._state.watcher = &watching.watcher
         lock_release(&_lock)
@@ -440,13 +445,12 @@ cdef class Inbox(ReadHook):
         more = _take(&self._state, READ_SLICE)
         lock_release(&_lock)
         if more:
+            until_ns = monotonic_ns() + READ_NS
             with nogil:
                 while more and monotonic_ns() < until_ns:
                     lock_acquire(&_lock)
                     more = _take(&self._state, DRAIN_SLICE)
-            until_ns = monotonic_ns() + READ_NS
                     lock_release(&_lock)
-                    left -= DRAIN_SLICE
         return 0
 
     def catch_up(self):

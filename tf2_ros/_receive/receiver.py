@@ -103,7 +103,7 @@ class Receiver:
         self.inbox.inform(queue)
         self._set_topics(list(listener._tf2_topics))
         self._group.hides_all = False
-        queue.sleepers.add(self)
+        queue.receivers.add(self)
         try:
             for topic in self._topics:
                 self._take(topic)
@@ -112,7 +112,7 @@ class Receiver:
         add_owner(self)
         self.redirect(listener._tf2_direct_buffer())
         if not queue.in_sets:
-            self.before_sleep(False)  # the node has moved meanwhile
+            self.leave_sets()  # the node has moved meanwhile
 
     @property
     def topics(self) -> list[Topic]:
@@ -128,22 +128,18 @@ class Receiver:
         elif self._topics:
             self.inbox.fill(buffer)
 
-    def before_sleep(self, in_user_code: bool) -> None:
-        """Prepare for an executor of the node that is about to sleep; see ``Sleeper``."""
-        if in_user_code:
-            self.inbox.catch_up()  # which informs the executor
-        if not self._queue.in_sets:
-            # The middleware reports arrivals to only one of the two, by now to the executor (rclpy's
-            # EventsExecutor). Those that it reported to this inbox must be taken here.
-            self._source.is_told = False
-            self.inbox.catch_up()
-            self._leave_to_executors()
+    def leave_sets(self) -> None:
+        """Leave the messages to rclpy's ``EventsExecutor``, which has taken the node."""
+        # The middleware reports arrivals to only one of the two, by now to the executor. Those that it
+        # reported to this inbox must be taken here.
+        self._source.is_told = False
+        self.inbox.catch_up()
+        self._leave_to_executors()
 
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
         if not is_inherited(self._process):
             self._set_topics([])
-            self._queue.sleepers.discard(self)
             self.inbox.close()
 
     def __del__(self) -> None:

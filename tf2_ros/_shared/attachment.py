@@ -139,7 +139,6 @@ class Attachment:
         listener._tf2_attachment = self
         if listener._tf2_queue is not None:
             # Its executor returns from `spin_once` for what arrives.
-            listener._tf2_queue.sleepers.add(self)
             self.inbox.inform(listener._tf2_queue)
 
     def remove(self, listener: Any) -> None:
@@ -169,11 +168,6 @@ class Attachment:
     def describe(self) -> str:
         """Where transforms come from."""
         return f"the shared buffer {self.name!r} of process {self.owner}"
-
-    def before_sleep(self, in_user_code: bool) -> None:
-        """Prepare for an executor of a listener's node that is about to sleep; see ``Sleeper``."""
-        if in_user_code:
-            self.inbox.catch_up()  # this informs the executor, and wakes it for what arrives later
 
 
 def _hand_over(reference: "weakref.ref[Any]", calls: "list[Ending]") -> None:

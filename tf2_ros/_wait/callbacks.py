@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.waitable import Waitable
 
 from tf2_py._internal import log
-from tf2_ros._forking import LOCK, is_inherited
+from tf2_ros._forking import LOCK, LiveObjects, is_inherited
 from tf2_ros._nodes import WaitContexts, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down, is_in_executor
 from tf2_ros._receive.inboxes import check_regularly
@@ -44,6 +44,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
         self.node = weakref.ref(node)
         self._name = node.get_fully_qualified_name()
         self._context = node.context
+        self.receivers: LiveObjects[Any] = LiveObjects()  # of the node's listeners
         self._why_closed = ""
         self._has_warned = False
         self.set_up(GuardCondition(None, None, node.context).handle)  # of no node
@@ -117,6 +118,8 @@ class CallbackQueue(ExecutorRounds, Waitable):
 
     def leave_sets(self) -> None:
         """See :class:`ExecutorRounds`; have a timer look for calls, in any executor."""
+        for receiver in self.receivers:
+            receiver.leave_sets()
         node, clock = self.node(), Clock(clock_type=ClockType.STEADY_TIME)
         if node is not None:
             node.create_timer(POLL_S, lambda: self.run(len(self.calls)), self.callback_group, clock=clock)

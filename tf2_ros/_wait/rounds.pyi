@@ -1,29 +1,15 @@
 from collections import deque
 from collections.abc import Callable
 from types import FrameType
-from typing import Any, Protocol, TypeVar, type_check_only
+from typing import Any, TypeVar
 
-from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import Watching
 
 _Rounds = TypeVar("_Rounds", bound=ExecutorRounds)
 
-@type_check_only
-class Sleeper(Protocol):
-    """Something that prepares for an executor that is about to sleep."""
-
-    def before_sleep(self, in_user_code: bool) -> None:
-        """
-        Prepare; also called when ``in_sets`` has become False.
-
-        :param in_user_code: user code called the executor, and continues if something arrives.
-        """
-
 class ExecutorRounds(Watching):
     calls: deque[Callable[[], object]]
     waits_from_ns: int
-    @property
-    def sleepers(self) -> LiveObjects[Sleeper]: ...
     @property
     def in_sets(self) -> bool: ...
     def __new__(cls: type[_Rounds], *arguments: Any, **keywords: Any) -> _Rounds: ...

@@ -29,7 +29,6 @@ from rclpy.executors import Executor
 from rclpy.waitable import NumberOfEntities
 
 from tf2_py._internal import log
-from tf2_ros._forking import LiveObjects
 from tf2_ros._rclpy import has_tasks
 from tf2_ros._wait.endings import Ending
 
@@ -122,7 +121,6 @@ cdef class ExecutorRounds(Watching):
     cdef object _handle         # keeps the guard condition
     cdef readonly object calls  # to be run, the oldest first
     cdef public int64_t waits_from_ns   # steady time since which the oldest call waits
-    cdef readonly object sleepers   # LiveObjects whose `before_sleep` is called; see `Sleeper` in rounds.pyi
     cdef bint _in_user_code     # user code called the executor and continues before it sleeps again
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
     cdef readonly bint in_sets  # no executor has had the node that does not wait for sets
@@ -131,7 +129,6 @@ cdef class ExecutorRounds(Watching):
         self.watcher.data = &self.state
         self.watcher.arrived, self.watcher.is_armed = executor_arrived, executor_is_armed
         self.calls = deque()
-        self.sleepers = LiveObjects()
         self._in_user_code = self.in_sets = True
 
     def set_up(self, guard):
@@ -163,8 +160,6 @@ cdef class ExecutorRounds(Watching):
         if self.in_sets and executor is not None and not isinstance(executor, Executor):
             self.in_sets = False
             self.leave_sets()
-            for sleeper in self.sleepers:
-                sleeper.before_sleep(False)
         return NumberOfEntities(0, 1) if self.in_sets else NumberOfEntities()
 
     def add_to_wait_set(self, wait_set):
@@ -176,13 +171,13 @@ cdef class ExecutorRounds(Watching):
         if self._in_user_code:
             store_ns(&self.state.wake_at_ns, 0)
             store(&self.state.armed, True)
+            for inbox in self.inboxes:
+                inbox.catch_up()    # this informs the state
         else:
             store(&self.state.armed, False)
             store(&self.state.arrived, False)
             period_ns = BUSY_ROUND_NS if has_tasks(self.executor()) else IDLE_ROUND_NS
             store_ns(&self.state.wake_at_ns, monotonic_ns() + <int64_t>period_ns)
-        for sleeper in self.sleepers:
-            sleeper.before_sleep(self._in_user_code)
         # First armed, then checked; an arrival does this in the opposite order.
         if self._is_due():
             self.wake()

@@ -95,6 +95,8 @@ KINDS = {
     "parent": "a frame has another parent than expected",
     "delay": "transforms are old when they are received",
     "static": "a frame is static where a dynamic one is expected, or dynamic",
+    "malformed": "messages could not be read",
+    "lost": "transforms arrived faster than they could be recorded",
 }
 
 
@@ -140,6 +142,8 @@ def find(
     jump_back: float | None = None,
     no_clock: bool = False,
     where: str = "",
+    malformed: int = 0,
+    lost: int = 0,
 ) -> list[Finding]:
     """
     Find what is wrong.
@@ -153,6 +157,8 @@ def find(
     :param jump_back: how far the clock has jumped back, in seconds; None: it has not.
     :param no_clock: time is simulated, and has not begun.
     :param where: a phrase that names the topics, for a report that nothing was received.
+    :param malformed: how many messages could not be read.
+    :param lost: how many transforms could not be recorded.
     """
     if no_clock:
         text = "use_sim_time is set, and no time was received on /clock, so nothing is judged"
@@ -187,6 +193,12 @@ def find(
         only = any(one.frame == frame for one in refused)
         lack = "all its transforms are refused" if only else "nobody publishes it"
         found.append(Finding("missing", frame, f"{frame} is expected, and {lack}"))
+    if malformed:
+        text = f"{counted(malformed, 'message')} could not be read"
+        found.append(Finding("malformed", "", text, {"malformed": malformed}))
+    if lost:
+        text = f"{counted(lost, 'transform')} arrived too fast to be recorded"
+        found.append(Finding("lost", "", text, {"lost": lost}))
     order = list(KINDS)
     return sorted(found, key=lambda one: (order.index(one.kind), one.frame))
 

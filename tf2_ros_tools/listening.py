@@ -25,7 +25,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros import Buffer
 from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds
-from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import (
     Refused,
@@ -131,10 +130,6 @@ def filled_buffer(
 
 
 DRAIN_S = 1.0  # the longest time between two calls of `drain`
-# After this time, also on a busy machine, DDS has discovered what there is: its announcements are repeated
-# every three seconds.
-DISCOVERY_S = 5.0
-UNTIL_DISCOVERED = {"nothing", "clock", "roots", "missing"}  # kinds of findings that discovery may explain
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or any more
 
 
@@ -145,11 +140,12 @@ class Chain:
     ends: tuple[str, str]
     frames: list[str] | None  # None: they are not connected
     delay: tuple[float, float] | None  # mean and maximum, in seconds; None: nothing dynamic has arrived
+    text: str  # all of that, in words
 
 
 @dataclass(frozen=True)
 class Report:
-    """All that is known at one moment."""
+    """All that is known at one moment; if it has a chain, of the frames on it."""
 
     time: float  # of the node's clock, in seconds
     streams: list[Stream]
@@ -157,9 +153,6 @@ class Report:
     findings: list[Finding]
     chain: Chain | None
     messages: int
-    malformed: int  # messages that could not be read
-    lost: int  # transforms that arrived faster than they could be recorded
-    discovering: bool  # some findings are left out, because discovery may still explain them
 
 
 class Listening:
@@ -184,7 +177,6 @@ class Listening:
         self.topics = [node.resolve_topic_name(name) for name in topics]
         self.where = f"on {' and '.join(self.topics)} in ROS domain {node.context.get_domain_id()}"
         self._streams = Streams(window_s)
-        self._discovered = time.monotonic() + DISCOVERY_S
         self._names: dict[bytes, str] = {}  # of publishers, by gid
 
     def listen(self, seconds: float) -> None:
@@ -193,10 +185,6 @@ class Listening:
         while (left := end - time.monotonic()) > 0.0:
             time.sleep(min(left, DRAIN_S))
             self.drain()
-
-    def finish_discovery(self) -> None:
-        """Listen until reports leave out nothing, see ``Report.discovering``."""
-        self.listen(self._discovered - time.monotonic())
 
     def drain(self) -> None:
         """
@@ -239,23 +227,14 @@ class Listening:
             jump_back=self._streams.jump_back(now_ns),
             no_clock=now_ns <= 0,
             where=self.where,
-        )
-        discovering = False
-        if time.monotonic() < self._discovered:
-            kept = [one for one in findings if one.kind not in UNTIL_DISCOVERED]
-            discovering = len(kept) < len(findings)
-            findings = kept
-        return Report(
-            time=now_ns / S,
-            streams=streams,
-            refused=refused,
-            findings=findings,
-            chain=None if ends is None else self._chain(ends, streams, now_ns),
-            messages=self._recording.messages,
             malformed=self._recording.malformed,
             lost=self._recording.lost,
-            discovering=discovering,
         )
+        chain = None if ends is None else self._chain(ends, streams, now_ns)
+        if chain is not None and chain.frames is not None:
+            streams = [one for one in streams if one.frame in chain.frames]
+            findings = [one for one in findings if one.frame in ("", *chain.frames)]
+        return Report(now_ns / S, streams, refused, findings, chain, self._recording.messages)
 
     def _look_up_publishers(self) -> set[bytes]:
         alive = set()
@@ -272,51 +251,15 @@ class Listening:
         newest = newest_streams(streams)
         frames = chain_between(newest, *ends)
         if frames is None:
-            return Chain(ends, None, None)
+            text = "; ".join(unknown_ends(streams, ends)) or f"{ends[0]} and {ends[1]} are not connected"
+            return Chain(ends, None, None, text)
         children = [self.frames().index(name) for name in moving_on(newest, frames)]
-        return Chain(ends, frames, self._streams.net_delay(children, now_ns))
-
-
-# A report as text.
-
-
-def shown_streams(report: Report) -> list[Stream]:
-    """All streams, or those on the chain that connects the two frames."""
-    if report.chain is None or report.chain.frames is None:
-        return report.streams
-    return [stream for stream in report.streams if stream.frame in report.chain.frames]
-
-
-def problems(report: Report) -> list[Finding]:
-    """Get the findings, of the chain if there is one, and what could not be recorded or read."""
-    found = list(report.findings)
-    if report.chain is not None and report.chain.frames is not None:
-        shown = {"", *(stream.frame for stream in shown_streams(report))}
-        found = [one for one in found if one.frame in shown]
-    if report.lost:
-        text = f"{counted(report.lost, 'transform')} arrived too fast to be recorded"
-        found.append(Finding("lost", "", text))
-    if report.malformed:
-        text = f"{counted(report.malformed, 'message')} could not be read"
-        found.append(Finding("malformed", "", text))
-    return found
-
-
-def chain_text(report: Report) -> str:
-    """What connects the two frames, and the net delay between them; ``""`` if there are none."""
-    chain = report.chain
-    if chain is None:
-        return ""
-    unknown = unknown_ends(report.streams, chain.ends)
-    if unknown:
-        return "; ".join(unknown)
-    if chain.frames is None:
-        return f"{chain.ends[0]} and {chain.ends[1]} are not connected"
-    text = " -> ".join(chain.frames)
-    if chain.delay is None:
-        return f"{text}: no net delay"
-    mean, most = chain.delay
-    return f"{text}: net delay {milliseconds(mean)} ms, max {milliseconds(most)} ms"
+        delay = self._streams.net_delay(children, now_ns)
+        text = "no net delay"
+        if delay is not None:
+            mean, most = map(milliseconds, delay)
+            text = f"net delay {mean} ms, max {most} ms"
+        return Chain(ends, frames, delay, f"{' -> '.join(frames)}: {text}")
 
 
 @contextmanager

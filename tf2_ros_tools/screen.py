@@ -17,7 +17,7 @@ from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Footer, Input, RichLog, Static
 
 from tf2_ros_tools.findings import Finding, milliseconds, rate_text, stream_line
-from tf2_ros_tools.listening import Report, chain_text, problems, shown_streams
+from tf2_ros_tools.listening import Report
 from tf2_ros_tools.output import counted, printable
 from tf2_ros_tools.streams import Stream
 
@@ -165,7 +165,7 @@ class _Screen(App[None]):
     def _update(self) -> None:
         self._report = self._look()
         self._problems = {}
-        for problem in problems(self._report):
+        for problem in self._report.findings:
             self._problems.setdefault(problem.frame, []).append(problem)
         self._show()
         self._show_log()
@@ -203,7 +203,7 @@ class _Screen(App[None]):
         report = self._report
         if report is None:
             return
-        streams = shown_streams(report)
+        streams = report.streams
         with self.batch_update():
             self.query_one("#summary", Static).update(Text(self._summary(report, streams)))
             self._fill(self._chosen(streams))
@@ -218,7 +218,7 @@ class _Screen(App[None]):
         found = counted(sum(map(len, self._problems.values())), "problem")
         order = f"by {self._order}{', reversed' if self._reverse else ''}"
         text = printable(f"{frames}, {found} {self._source}, {order}")
-        return text if report.chain is None else f"{printable(chain_text(report))}\n{text}"
+        return text if report.chain is None else f"{printable(report.chain.text)}\n{text}"
 
     def _chosen(self, streams: Sequence[Stream]) -> list[Stream]:
         """Filter and sort streams."""

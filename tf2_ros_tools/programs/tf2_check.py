@@ -3,7 +3,6 @@
 
 import sys
 from argparse import Namespace
-from dataclasses import replace
 
 from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import Parser, add_check_options, positive_number, run
@@ -26,7 +25,7 @@ def parser() -> Parser:
         type=positive_number,
         metavar="S",
         default=5.0,
-        help="listen for S seconds, 5 by default, or longer if something may not be discovered yet",
+        help="listen for S seconds; 5 by default, after which all publishers are discovered",
     )
     add_check_options(made)
     made.add_argument("--json", action="store_true", help="print the result as one line of JSON")
@@ -35,25 +34,18 @@ def parser() -> Parser:
 
 def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
-    from tf2_ros_tools.listening import DISCOVERY_S, listening, problems, spun_node
+    from tf2_ros_tools.listening import listening, spun_node
 
     # isort: split
     from tf2_ros_tools.findings import Limits, conclude, expected_by
 
     expected = expected_by(options)
-    limits, seconds = Limits(min_rate=options.min_rate, max_delay=options.max_delay), options.t
+    limits = Limits(min_rate=options.min_rate, max_delay=options.max_delay)
     with spun_node("tf2_check", options) as node, listening(node) as heard:
-        heard.listen(seconds)
+        heard.listen(options.t)
         report = heard.report(limits, expected)
-        if report.discovering:
-            seconds = DISCOVERY_S
-            heard.finish_discovery()
-            report = heard.report(limits, expected)
-    of_what = f"{counted(report.messages, 'message')} and {seconds:g} s"
-    status = conclude(options, report, of_what, {"seconds": seconds})
-    for problem in () if options.json else problems(replace(report, findings=[])):
-        print(problem.text, file=sys.stderr)
-    return status
+    of_what = f"{counted(report.messages, 'message')} and {options.t:g} s"
+    return conclude(options, report, of_what, {"seconds": options.t})
 
 
 def main(args: list[str] | None = None) -> int:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["main"]
 
 INTERVAL_S = 10.0  # as in tf2's program
-FIRST_S = 1.0  # until the first report on a terminal
 
 
 def parser() -> Parser:
@@ -33,8 +32,8 @@ def parser() -> Parser:
         "tf2_monitor",
         "Show who publishes each frame, how often, how old its transforms are when they are received, and "
         "what is wrong, until interrupted. On a terminal, if the Python package textual is installed, this "
-        "is a table, updated every second, which keys sort and filter. Otherwise, a report is "
-        "printed every ten seconds; into a pipe or a file, in the format of tf2's own program.\n\n"
+        "is a table, updated every second, which keys sort and filter. Otherwise, a report in the format of "
+        "tf2's own program is printed every ten seconds.\n\n"
         "With two frames: show the chain that connects them, and the age of the newest transform between "
         "them.",
         "  tf2_monitor map base_link --interval 5",
@@ -89,17 +88,14 @@ def monitor(options: Namespace) -> int:
 
 def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> NoReturn:
     interval_s = INTERVAL_S if options.interval is None else options.interval
-    lines_of = _as_json if options.json else _as_text if sys.stdout.isatty() else _as_of_tf2
-    due = time.monotonic() + interval_s
-    if lines_of is _as_text:
-        print(f"listening {heard.where}, with a report every {seconds(interval_s)}")
-        due = time.monotonic() + min(FIRST_S, interval_s)
-    elif lines_of is _as_of_tf2:
+    if not options.json:
         what = " -> ".join(options.frames) or "all frames"
         print(f"Gathering data on {printable(what)} for {seconds(interval_s)}...")
+    due = time.monotonic() + interval_s
     while True:
         heard.listen(due - time.monotonic())
-        for line in lines_of(look()):
+        report = look()
+        for line in [json.dumps(asdict(report))] if options.json else _as_of_tf2(report):
             print(printable(line))
         due = max(due + interval_s, time.monotonic())
 
@@ -122,27 +118,8 @@ def _has_screen() -> bool:
 # A report as lines.
 
 
-def _as_json(report: Report) -> Iterator[str]:
-    yield json.dumps(asdict(report))
-
-
-def _as_text(report: Report) -> Iterator[str]:
-    from tf2_ros_tools.findings import stream_line
-    from tf2_ros_tools.listening import chain_text, problems, shown_streams
-
-    yield f"at {report.time:.3f} s"
-    for stream in shown_streams(report):
-        yield f"  {stream_line(stream)}"
-    if report.chain is not None:
-        yield f"  {chain_text(report)}"
-    for problem in problems(report):
-        yield f"  warning: {problem.text}"
-
-
 def _as_of_tf2(report: Report) -> Iterator[str]:
     """What tf2's program prints, for scripts that read it; after that, the problems."""
-    from tf2_ros_tools.listening import chain_text, problems, shown_streams
-
     chain = report.chain
     yield from ("", "", "")
     if chain is None:
@@ -150,14 +127,14 @@ def _as_of_tf2(report: Report) -> Iterator[str]:
     else:
         yield f"RESULTS: for {chain.ends[0]} to {chain.ends[1]}"
         if chain.frames is None:
-            yield chain_text(report)
+            yield chain.text
         else:
             mean, most = chain.delay or (nan, nan)
             yield f"Chain is: {' -> '.join(chain.frames)}"
             yield f"Net delay     avg = {mean:g}: max = {most:g}"
     yield from ("", "Frames:")
     by_node: dict[str, list[Stream]] = {}
-    for one in shown_streams(report):
+    for one in report.streams:
         yield f"Frame: {one.frame}, published by {one.publisher}, {_delays([one], ', ')}"
     for one in report.streams:
         by_node.setdefault(one.publisher, []).append(one)
@@ -165,11 +142,8 @@ def _as_of_tf2(report: Report) -> Iterator[str]:
     for node, streams in sorted(by_node.items()):
         rate = max((one.rate for one in streams if one.rate is not None and not one.static), default=nan)
         yield f"Node: {node} {rate:g} Hz, {_delays(streams, ' ')}"
-    found = problems(report)
-    if found:
-        yield from ("", "Problems:")
-    for problem in found:
-        yield problem.text
+    if report.findings:
+        yield from ("", "Problems:", *(one.text for one in report.findings))
 
 
 def _delays(streams: Sequence[Stream], separator: str) -> str:

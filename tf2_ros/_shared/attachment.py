@@ -126,7 +126,6 @@ class Attachment:
             return
         self.inbox.catch_up()
         self.inbox.close()
-        self.reader.stop()
         self._thread.join(THREAD_END_WAIT_S)
         with LOCK:
             self._state = max(self._state, state)

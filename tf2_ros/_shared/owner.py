@@ -18,8 +18,8 @@ from tf2_ros_cython._presence import HAS_ROS
 if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._receive.receiver import open_topics
 
-# Of the file, which takes memory only for what it holds; readers refuse a ring of less than 1 MiB.
-LEAST_BYTES, MOST_BYTES = 17 << 16, 1 << 28
+# Of the file, which takes memory only for what it holds. At least, the ring has 1 MiB.
+LEAST_BYTES, MOST_BYTES = 19 << 16, 1 << 28
 PART_OF_FOLDER = 4  # no more than this part of /dev/shm
 
 

@@ -5,11 +5,12 @@ The file begins with one page that is mapped: the head, written by the owner, sa
 Its last word is written by readers: until when they want messages at once. A description of the owner follows
 (see `files`). Then comes the ring: every transform in order, and what the owner's program removes.
 
-A record begins at a position, which only grows; its place in the file is that modulo the capacity. The owner
-advances `oldest`, writes, and then publishes `next`. A reader copies a record and then looks at `oldest`
-again: if the record lies before it, it may have been overwritten, and the reader continues at `oldest`. Each
-static transform is a record of its own. Before the newest one of a child would be overwritten, the owner
-writes it again at the end, so the ring always has the newest of each child.
+A record begins at a position, which only grows; its place in the file is that modulo the capacity. The last
+one before the end of the ring may reach beyond it, and the next one then begins as far behind its beginning.
+The owner advances `oldest`, writes, and then publishes `next`. A reader copies a record and then looks at
+`oldest` again: if the record lies before it, it may have been overwritten, and the reader continues at
+`oldest`. Each static transform is a record of its own. Before the newest one of a child would be overwritten,
+the owner writes it again at the end, so the ring always has the newest of each child.
 
 Records are read with `pread`, which returns less where the file is truncated. A reader checks everything it
 finds, and any byte may be wrong: at worst, that is a malformed message.
@@ -80,13 +81,13 @@ cdef enum:
     RING_AT = STEP
     UNIT = 64                   # bytes: the length of each record is a multiple
     MOST_RECORD = 2 * STEP      # bytes
+    OTHER_BYTES = RING_AT + MOST_RECORD         # of the file, before the ring and for a record across its end
 
     KIND_DYNAMIC = 1            # of records: a message with dynamic transforms
     KIND_STATIC = 2             # a message with one static transform
     KIND_REMOVAL = 3            # all transforms of a frame were removed: its name; without, all dynamic ones
-    KIND_PADDING = 4            # fills the end of the file
 
-    LAYOUT = 9                  # changes with any change of the layout
+    LAYOUT = 10                 # changes with any change of the layout
 
 # For how long a reader that has looked wants messages at once.
 cdef int64_t WANTED_NS = 1000000000
@@ -107,7 +108,7 @@ cdef struct Head:
 
 
 cdef struct Record:
-    # Padded to a multiple of UNIT with what follows, so a record of padding fits wherever another one ends.
+    # Padded to a multiple of UNIT with what follows.
     uint64_t position           # its own
     uint64_t previous           # where it was written before; `position` unless it was written again
     int64_t written_ns          # steady time
@@ -120,6 +121,11 @@ cdef struct Record:
 cdef inline uint64_t record_length(const Record* record) noexcept nogil:
     # Bytes, with what follows and padding.
     return (sizeof(Record) + <uint64_t>record.size + record.authority_size + UNIT - 1) // UNIT * UNIT
+
+
+cdef inline int64_t place_of(uint64_t position, uint64_t capacity) noexcept nogil:
+    # In the file.
+    return <int64_t>(RING_AT + position % capacity)
 
 
 cdef bint read_file(int descriptor, void* to, size_t size, uint64_t start) noexcept nogil:

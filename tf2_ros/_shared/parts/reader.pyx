@@ -22,22 +22,18 @@ cdef struct Reading:
     uint64_t chunk_from         # positions
     uint64_t chunk_to
     # Of the thread that follows the ring; atomic.
-    uint32_t is_stopping        # it must end
     uint32_t is_quiet           # it sleeps on `nudges`, because nothing needs it
     uint32_t nudges
 
 
-cdef bint _has_new(Reading* reading) noexcept nogil:
-    return load64(&reading.head.next) != load64(&reading.tail)
-
-
-cdef Found _copy_chunk(Reading* reading, uint64_t size, uint64_t most) noexcept nogil:
-    # Copies this many bytes from `tail` on, or up to `most`, unless the chunk has them.
+cdef Found _copy_chunk(Reading* reading, uint64_t size, uint64_t end) noexcept nogil:
+    # Copies this many bytes from `tail` on, and further records up to `end`, unless the chunk has them.
+    cdef uint64_t further = min(end - reading.tail, reading.capacity - reading.tail % reading.capacity)
     if reading.chunk_from <= reading.tail and reading.tail + size <= reading.chunk_to:
         return FOUND_RECORD
-    size = min(most, max(size, <uint64_t>CHUNK_BYTES))
+    size = max(size, min(further, <uint64_t>CHUNK_BYTES))
     reading.chunk_from = reading.chunk_to = reading.tail
-    if not read_file(reading.descriptor, reading.chunk, size, RING_AT + reading.tail % reading.capacity):
+    if not read_file(reading.descriptor, reading.chunk, size, place_of(reading.tail, reading.capacity)):
         return FOUND_DAMAGE
     fence()
     if load64(&reading.head.oldest) > reading.tail:
@@ -53,17 +49,16 @@ cdef const Record* _at_tail(const Reading* reading) noexcept nogil:
 cdef Found _find_record(Reading* reading) noexcept nogil:
     # Has the record at `tail`, with what follows it, in the chunk.
     cdef uint64_t end = load64(&reading.head.next)
-    cdef uint64_t most = min(end - reading.tail, reading.capacity - reading.tail % reading.capacity)
     cdef Found found
     if end == reading.tail:
         return FOUND_NOTHING
-    most = min(most, <uint64_t>MOST_RECORD)
-    found = FOUND_DAMAGE if end < reading.tail or most < UNIT else _copy_chunk(reading, UNIT, most)
+    found = _copy_chunk(reading, UNIT, end) if reading.tail + UNIT <= end else FOUND_DAMAGE
     if found != FOUND_RECORD:
         return found
-    if _at_tail(reading).position != reading.tail or record_length(_at_tail(reading)) > most:
+    if (_at_tail(reading).position != reading.tail
+            or record_length(_at_tail(reading)) > min(end - reading.tail, <uint64_t>MOST_RECORD)):
         return FOUND_DAMAGE
-    return _copy_chunk(reading, record_length(_at_tail(reading)), most)
+    return _copy_chunk(reading, record_length(_at_tail(reading)), end)
 
 
 cdef Found _take_record(State* inbox) noexcept nogil:
@@ -78,8 +73,7 @@ cdef Found _take_record(State* inbox) noexcept nogil:
         return found
     record = _at_tail(reading)
     # A record that was written again is new only to a reader that began after it was written before.
-    if record.kind != KIND_PADDING and (
-            record.previous == record.position or record.previous < reading.begun):
+    if record.previous == record.position or record.previous < reading.begun:
         content = parcel_reserve(parcel, <size_t>record.size + record.authority_size)
         if content == NULL:
             return FOUND_NOTHING
@@ -141,24 +135,19 @@ cdef void _nudge(Reading* reading) noexcept nogil:
 
 
 cdef void _catch_up(State* inbox) noexcept nogil:
-    cdef Reading* reading = <Reading*>inbox.source
     cdef bint is_behind = True
-    while is_behind and not word_load(&reading.is_stopping):
+    while is_behind:
         word_store(&inbox.pending, 1)
         inboxes_lock()
         is_behind = inbox_serve(inbox)
         inboxes_unlock()
 
 
-cdef bint _has_ended(State* inbox) noexcept nogil:
-    return inbox.engine == NULL or word_load(&(<Reading*>inbox.source).is_stopping)
-
-
 cdef void _follow(State* inbox) noexcept nogil:
     # Inserts each message at once while something waits; otherwise it sleeps.
     cdef Reading* reading = <Reading*>inbox.source
     cdef uint32_t seen, nudges
-    while not _has_ended(inbox):
+    while inbox.engine != NULL:
         nudges = word_load(&reading.nudges)
         seen = word_load(&reading.head.arrivals)
         if inbox_wants_all(inbox):
@@ -168,7 +157,7 @@ cdef void _follow(State* inbox) noexcept nogil:
         else:
             # First this, then the need; `asked` does this in the opposite order.
             word_store(&reading.is_quiet, 1)
-            if not inbox_wants_all(inbox) and not _has_ended(inbox):
+            if not inbox_wants_all(inbox) and inbox.engine != NULL:
                 futex_wait(&reading.nudges, nudges, INT64_MAX)
             word_store(&reading.is_quiet, 0)
 
@@ -201,7 +190,7 @@ cdef class RingReader(Source):
             raise ValueError("it is not a shared buffer")
         if found.layout != LAYOUT:
             raise ValueError("it is of another version of this package")
-        if found.capacity % STEP or not 0 < found.capacity <= os.fstat(descriptor).st_size - RING_AT:
+        if found.capacity % STEP or not 0 < found.capacity <= os.fstat(descriptor).st_size - OTHER_BYTES:
             raise ValueError("its size is wrong")
         reading.capacity = found.capacity
         reading.head = map_head(descriptor)
@@ -217,9 +206,10 @@ cdef class RingReader(Source):
 
     cdef void redirected(self) noexcept:
         _nudge(&self._reading)
+        futex_wake(&self._reading.head.arrivals)
 
     cdef bint asked(self) except -1:
-        cdef bint has_new = _has_new(&self._reading)
+        cdef bint has_new = load64(&self._reading.head.next) != load64(&self._reading.tail)
         _want(&self._reading)
         if inbox_wants_all(self.inbox) and word_load(&self._reading.is_quiet):
             _nudge(&self._reading)
@@ -227,19 +217,12 @@ cdef class RingReader(Source):
 
     def follow(self, Inbox inbox not None):
         """
-        Keep the buffer up to date while something waits, until it ends or :meth:`stop` is called.
+        Keep the buffer up to date while something waits, until it or the inbox ends.
 
         :param inbox: that of this, which fills a buffer already; kept meanwhile.
         """
         with nogil:
             _follow(self.inbox)
-
-    def stop(self):
-        """Have :meth:`follow` return soon, and for good."""
-        word_store(&self._reading.is_stopping, 1)
-        _nudge(&self._reading)
-        if self._reading.head != NULL:
-            futex_wake(&self._reading.head.arrivals)
 
     @property
     def descriptor(self):

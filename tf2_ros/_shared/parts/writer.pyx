@@ -3,9 +3,8 @@
 cdef enum:
     # Bytes of a serialised transform without its names, at most, and of what precedes the first one.
     MOST_OTHER = 2 * UNIT
-    # Bytes that are kept free: for a record that is written again, for padding before it and before the next
-    # one, and for what is not given back yet.
-    RESERVE = 3 * MOST_RECORD
+    # Bytes that are kept free: for a record that is written again, and for what is not given back yet.
+    RESERVE = MOST_RECORD + STEP
 
 cdef int64_t MARGIN_NS = 2000000000             # for which records are kept beyond the cache time
 
@@ -28,48 +27,29 @@ cdef struct Writing:
     Record* record              # with what follows it; MOST_RECORD bytes
 
 
-cdef uint64_t _gap_before(const Writing* writing, uint64_t length) noexcept nogil:
-    # Bytes to the end of the file, if a record of this length does not fit there.
-    cdef uint64_t left = writing.capacity - writing.next % writing.capacity
-    return left if length > left else 0
-
-
 cdef bint _fits(const Writing* writing, uint64_t length) noexcept nogil:
     # Whether there is room for a record of this length, and for the reserve.
-    cdef uint64_t end = writing.next + _gap_before(writing, length) + length + RESERVE
-    return end - writing.given_back <= writing.capacity
-
-
-cdef void _write_at(Writing* writing, Record* record, size_t size, int64_t now_ns) noexcept nogil:
-    # Writes this many bytes from a record on, behind the newest one.
-    record.position = writing.next
-    record.written_ns = now_ns
-    if record.previous == 0:
-        record.previous = record.position
-    if pwrite(writing.descriptor, record, size,
-              <int64_t>(RING_AT + writing.next % writing.capacity)) != <ssize_t>size:
-        writing.has_failed = True
-    writing.next += record_length(record)
+    return writing.next + length + RESERVE - writing.given_back <= writing.capacity
 
 
 cdef void _write(Writing* writing, int64_t now_ns) noexcept nogil:
     # Adds `record`, for which there is room.
     cdef Record* record = writing.record
-    cdef Record padding
-    cdef uint64_t gap = _gap_before(writing, record_length(record))
-    if gap:
-        memset(&padding, 0, sizeof(Record))
-        padding.kind = KIND_PADDING
-        padding.size = <uint32_t>(gap - sizeof(Record))
-        _write_at(writing, &padding, sizeof(Record), now_ns)
-    _write_at(writing, record, sizeof(Record) + record.size + record.authority_size, now_ns)
-    if not writing.has_failed:
-        store64(&writing.head.next, writing.next)
+    cdef size_t size = sizeof(Record) + record.size + record.authority_size
+    record.position = writing.next
+    record.written_ns = now_ns
+    if record.previous == 0:
+        record.previous = record.position
+    if pwrite(writing.descriptor, record, size, place_of(record.position, writing.capacity)) != <ssize_t>size:
+        writing.has_failed = True
+        return
+    writing.next += record_length(record)
+    store64(&writing.head.next, writing.next)
 
 
 cdef bint _read_oldest(Writing* writing, Record* record) noexcept nogil:
     # False: another process has written over it.
-    return (read_file(writing.descriptor, record, sizeof(Record), RING_AT + writing.oldest % writing.capacity)
+    return (read_file(writing.descriptor, record, sizeof(Record), place_of(writing.oldest, writing.capacity))
             and record.position == writing.oldest
             and record_length(record) <= min(writing.next - writing.oldest, <uint64_t>MOST_RECORD))
 
@@ -77,7 +57,7 @@ cdef bint _read_oldest(Writing* writing, Record* record) noexcept nogil:
 cdef void _write_again(Writing* writing, const Record* oldest, int64_t now_ns) noexcept nogil:
     # The oldest record is the newest static transform of its child.
     if not read_file(writing.descriptor, writing.record, record_length(oldest),
-                     RING_AT + oldest.position % writing.capacity):
+                     place_of(oldest.position, writing.capacity)):
         writing.has_failed = True
         return
     writing.record[0] = oldest[0]       # another process may have changed it meanwhile
@@ -91,7 +71,7 @@ cdef void _drop_until(Writing* writing, uint64_t position) noexcept nogil:
     store64(&writing.head.oldest, position)
     fence()     # before anything is written where readers may still read
     while writing.given_back + STEP <= position:
-        give_back(writing.descriptor, RING_AT + writing.given_back % writing.capacity, STEP)
+        give_back(writing.descriptor, place_of(writing.given_back, writing.capacity), STEP)
         writing.given_back += STEP
 
 
@@ -275,12 +255,13 @@ cdef class RingWriter(Copying):
 
     def __init__(self, int descriptor, uint64_t size, Engine buffer not None):
         cdef Writing* writing = &self._writing
+        size -= size % STEP
         writing.descriptor = descriptor
         writing.keep_ns = min(<int64_t>buffer.cache_time_ns, (<int64_t>1 << 62) - MARGIN_NS) + MARGIN_NS
-        os.ftruncate(descriptor, size // STEP * STEP)
+        os.ftruncate(descriptor, size)
         os.pwrite(descriptor, bytes(MAPPED_BYTES), 0)     # memory for what is mapped
         writing.head = map_head(descriptor)
-        writing.capacity = writing.head.capacity = size // STEP * STEP - RING_AT
+        writing.capacity = writing.head.capacity = size - OTHER_BYTES
         # Positions begin here, so that 0 is none.
         writing.oldest = writing.next = writing.given_back = writing.capacity
         writing.head.oldest = writing.head.next = writing.capacity

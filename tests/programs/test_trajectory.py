@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from making_bags import S, Sent, Tf, drive, write_mcap
 from test_pictures import texts_of
 
+from tf2_ros_tools.findings import report
+from tf2_ros_tools.loading import hear
 from tf2_ros_tools.pictures import file_of
-from tf2_ros_tools.trajectory import trajectory_figure
+from tf2_ros_tools.trajectory import path_picture, trajectory_figure
 
 pytestmark = pytest.mark.ours
 
@@ -14,7 +17,7 @@ class TestTrajectory:
     TIMES = np.arange(0.0, 8.0, 0.04) + 100.0
     ANGLES = 0.8 * (TIMES - 100.0)
     POSITIONS = np.stack([10 + 2 * np.cos(ANGLES), 2 * np.sin(ANGLES), np.full_like(ANGLES, 0.5)], axis=1)
-    RPY = np.stack([0 * ANGLES, 0 * ANGLES, (ANGLES + np.pi) % (2 * np.pi) - np.pi], axis=1)
+    RPY = np.stack([0 * ANGLES, 0 * ANGLES, ANGLES], axis=1)
 
     def figure(self, **changed):
         given = {"times": self.TIMES, "positions": self.POSITIONS, "rpy": self.RPY, **changed}
@@ -31,7 +34,7 @@ class TestTrajectory:
 
     def test_shows_the_components_over_time(self):
         _, upper, lower = self.figure().axes
-        for axes, values in ((upper, self.POSITIONS), (lower, np.unwrap(self.RPY, axis=0))):
+        for axes, values in ((upper, self.POSITIONS), (lower, self.RPY)):
             for column, line in enumerate(axes.lines):
                 assert line.get_xdata() == pytest.approx(self.TIMES)
                 assert line.get_ydata() == pytest.approx(values[:, column])
@@ -41,18 +44,15 @@ class TestTrajectory:
         assert lower.get_xlabel() == "time in s"
 
     def test_gaps_are_marked_on_the_path_and_over_time(self):
-        """From 101 to 102, transforms are missing; from 104 to 105, positions are unknown."""
-        keep = (self.TIMES <= 101.0) | (self.TIMES >= 101.99)
-        times, positions, rpy = (some[keep].copy() for some in (self.TIMES, self.POSITIONS, self.RPY))
-        unknown = (times > 104.01) & (times < 104.99)
-        positions[unknown], rpy[unknown] = np.nan, np.nan
-        figure = self.figure(times=times, positions=positions, rpy=rpy, gaps=[(101.0, 102.0)])
+        positions, rpy = self.POSITIONS.copy(), self.RPY.copy()
+        for begin, end in ((101.0, 102.0), (104.0, 105.0)):
+            unknown = (self.TIMES > begin + 0.01) & (self.TIMES < end - 0.01)
+            positions[unknown], rpy[unknown] = np.nan, np.nan
+        figure = self.figure(positions=positions, rpy=rpy)
         above, upper, lower = figure.axes
-        [marks] = [line for line in above.lines if line.get_label() == "gap"]
-        edges = [np.argmin(np.abs(times - edge)) for edge in (101.0, 102.0, 104.0, 105.0)]
-        drawn = marks.get_xydata()
-        assert drawn[~np.isnan(drawn[:, 0])] == pytest.approx(positions[edges, :2])
-        assert np.isnan(drawn[2]).all()  # from one gap to the next, nothing
+        [marks] = [one for one in above.collections if one.get_label() == "gap"]
+        edges = [np.argmin(np.abs(self.TIMES - edge)) for edge in (101.0, 102.0, 104.0, 105.0)]
+        assert np.concatenate(marks.get_segments()) == pytest.approx(positions[edges, :2])
         for axes in (upper, lower):
             [bars] = axes.collections
             spans = [path.get_extents().intervalx for path in bars.get_paths()]
@@ -62,12 +62,21 @@ class TestTrajectory:
             assert len(np.flatnonzero(np.diff(np.isnan(line.get_ydata()).astype(int)) == 1)) == 2
         assert "gap" in texts_of(figure)
 
-    def test_what_is_interpolated_in_a_gap_is_not_drawn_as_measured(self):
-        # Another frame of the chain moved on, so there are lookups at times within the gap.
-        times, x = self.figure(gaps=[(101.0, 102.0), (101.5, 103.0)]).axes[1].lines[0].get_data()
-        assert times[np.isnan(x)].tolist() == [102.0]
-        measured = (self.TIMES <= 101.0) | (self.TIMES >= 103.0)
-        assert times[~np.isnan(x)].tolist() == self.TIMES[measured].tolist()
+
+def test_what_is_interpolated_in_a_gap_is_not_drawn_as_measured(tmp_path):
+    # While the base is missing, the map's frame moves on, so there are lookups at times within the gap.
+    messages = [one for one in drive(100) if not 103 * S < one.log_ns < 105 * S]
+    messages += [Sent(ns, "/tf", [Tf("map", "odom", ns)]) for ns in range(103 * S, 105 * S, S // 10)]
+    heard = hear(write_mcap(tmp_path / "run.mcap", sorted(messages, key=lambda one: one.log_ns)))
+    figure = path_picture(
+        heard.buffer, heard.records, report(heard).streams, heard.frames, ("/map", "camera")
+    )
+    times, yaw = figure.axes[2].lines[2].get_data()
+    known = times[~np.isnan(yaw)]
+    assert [*known[np.flatnonzero(np.diff(known) > 0.5)]] == pytest.approx([102.9])
+    assert np.diff(known).max() == pytest.approx(2.1)
+    # It turns by 0.1 rad in 0.1 s, ten times around.
+    assert np.ptp(yaw[~np.isnan(yaw)]) == pytest.approx(9.9, abs=0.2)
 
 
 class TestALongPath:
@@ -76,14 +85,11 @@ class TestALongPath:
     TIMES = 100.0 + 0.1 * np.arange(144_000)
     TURNED = 1.2 * (TIMES - 100.0)
     POSITIONS = np.stack([5 * np.cos(TURNED), 5 * np.sin(TURNED), np.zeros_like(TURNED)], axis=1)
-    RPY = np.stack([0 * TURNED, 0 * TURNED, (TURNED + np.pi) % (2 * np.pi) - np.pi], axis=1)
-
-    def figure(self, **changed):
-        given = {"times": self.TIMES, "positions": self.POSITIONS, "rpy": self.RPY, **changed}
-        return trajectory_figure("map", "base_link", **given)
+    RPY = np.stack([0 * TURNED, 0 * TURNED, TURNED], axis=1)
 
     @pytest.mark.parametrize("kind", ["svg", "pdf"])
     def test_a_file_of_lines_stays_small_and_its_texts_are_texts(self, kind):
-        written = file_of(self.figure(), kind)
+        figure = trajectory_figure("map", "base_link", self.TIMES, self.POSITIONS, self.RPY)
+        written = file_of(figure, kind)
         assert len(written) < 1_000_000
         assert kind == "pdf" or b"base_link in map" in written

@@ -22,12 +22,6 @@ _REGISTERED_BY = {
     "sensor_msgs": "tf2_sensor_msgs",
 }
 
-# Types that users try to transform and that no transform applies to, and what to do instead.
-_INSTEAD = {
-    "sensor_msgs.msg.LaserScan": "a scan has ranges, which are distances from the origin of its own frame:"
-    " convert it to points, and transform these (docs/point-clouds.md has the function)",
-}
-
 
 class TypeException(Exception):
     """
@@ -80,9 +74,10 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
         importlib.import_module(_REGISTERED_BY[package])
     if key in table:
         return table[key]
-    name = _name(key)
-    register = f"import the package that registers it, or register a function with tf2_ros.{method}"
-    raise TypeException(f"Type {name} is not loaded or supported: {_INSTEAD.get(name, register)}")
+    raise TypeException(
+        f"Type {_name(key)} is not loaded or supported: import the package that registers it, or register "
+        f"a function with tf2_ros.{method}"
+    )
 
 
 def _name(cls: Any) -> str:

@@ -1,6 +1,5 @@
 """Transforming objects through a buffer, and the tables of functions for that."""
 
-import re
 import subprocess
 import sys
 
@@ -17,7 +16,7 @@ from making import at, transform
 from processes import until
 from rclpy.duration import Duration
 from rclpy.time import Time
-from sensor_msgs.msg import LaserScan, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 SHORT = Duration(seconds=0.01)
@@ -96,14 +95,10 @@ class TestTransform:
 
 @pytest.mark.ours
 def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
-    for unknown, said in (
-        (5, r"builtins\.int is not loaded or supported: import the package"),
-        (LaserScan(), r"LaserScan .* convert it to points"),
-    ):
-        with pytest.raises(interface.TypeException) as caught:
-            buffer.transform(unknown, "map")
-        assert re.search(said, str(caught.value))
-        assert caught.value.errstr == str(caught.value)
+    with pytest.raises(interface.TypeException) as caught:
+        buffer.transform(5, "map")
+    assert "builtins.int is not loaded or supported: import the package" in str(caught.value)
+    assert caught.value.errstr == str(caught.value)
 
 
 @pytest.mark.ours

@@ -11,7 +11,7 @@ from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
-from rclpy.qos import HistoryPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
@@ -23,7 +23,6 @@ from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import add_owner
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 
-ENDLESS = 2**31 - 1  # messages that a queue without a limit holds
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.
 SILENT_S = 3
@@ -106,7 +105,15 @@ class Receiver:
         queue.receivers.add(self)
         try:
             for topic in self._topics:
-                self._take(topic)
+                subscription: Any = topic.subscription
+                subscription.destroy = partial(self._destroy, topic)  # the node calls this
+                self._source.subscribe(
+                    topic.arrivals,
+                    subscription.handle,
+                    topic.name,
+                    topic.is_static,
+                    subscription.qos_profile.depth,
+                )
         except RuntimeError:
             self._leave_to_executors()  # this middleware does not report arrivals
         add_owner(self)
@@ -168,13 +175,6 @@ class Receiver:
         self._group.hidden = frozenset(
             [*subscriptions, *(h for one in subscriptions for h in one.event_handlers)]
         )
-
-    def _take(self, topic: Topic) -> None:
-        subscription: Any = topic.subscription
-        subscription.destroy = partial(self._destroy, topic)  # the node calls this
-        qos = subscription.qos_profile
-        depth = ENDLESS if qos.history == HistoryPolicy.KEEP_ALL else max(1, qos.depth)
-        self._source.subscribe(topic.arrivals, subscription.handle, topic.name, topic.is_static, depth)
 
     def _leave_to_executors(self) -> None:
         self.stop()

@@ -217,7 +217,7 @@ cdef class Subscriptions(Source):
         Receive on a topic, once. Of several topics the last one is taken first.
 
         :param handle: of the subscription, whose ``pointer`` is the address of an ``rcl_subscription_t``.
-        :param depth: of the subscription's queue.
+        :param depth: of the subscription's queue; 0: it is not known.
         :raises RuntimeError: the middleware does not report arrivals.
         """
         cdef Arrivals* arrivals = &topic._arrivals

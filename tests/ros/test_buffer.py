@@ -9,14 +9,12 @@ import weakref
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from making import at, stamp_ns, transform
+from making import at, transform
 from processes import DEADLINE_S, PROMPT_S, seconds_of, start, until
 from rclpy.clock import ClockChange
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-
-from tf2_msgs.srv import FrameGraph
 
 LONG = Duration(seconds=DEADLINE_S)
 SHORT = Duration(seconds=0.05)
@@ -91,12 +89,6 @@ def refusal(call, buffer, timeout):
 
 
 class TestTimeout:
-    @every_call
-    def test_an_available_transform_is_not_waited_for(self, buffer, call):
-        insert(buffer, 1, 5)
-        seconds, refused = refusal(call, buffer, LONG)
-        assert refused is None and seconds < PROMPT_S
-
     @pytest.mark.ours
     @every_call
     def test_an_insert_wakes_it_and_others_do_not(self, buffer, later, call):
@@ -196,12 +188,6 @@ class TestEndOfTheWait:
         ros.shutdown()
         assert re.fullmatch(ENDED, refusal(CALLS["lookup_transform"], buffer, LONG)[1])
 
-    @pytest.mark.parametrize("timeout", [[], [SHORT]])
-    def test_a_subclass_may_initialise_the_core_alone(self, tf2_py, tf2_ros, timeout):
-        kind = type("Mine", (tf2_ros.Buffer,), {"__init__": tf2_py.BufferCore.__init__})
-        with pytest.raises(tf2_py.LookupException, match="does not exist"):
-            kind().lookup_transform("map", "robot", LATEST, *timeout)
-
     def test_its_node_may_be_of_another_class_without_a_context(self, tf2_ros, node):
         class Other:
             create_service = node.create_service
@@ -219,28 +205,7 @@ class TestEndOfTheWait:
         assert errors.splitlines()[-1] == "KeyboardInterrupt"
 
 
-def test_latest_is_what_is_latest_when_a_coroutine_resumes(buffer):
-    coroutine = buffer.lookup_transform_async("map", "robot", LATEST)
-    coroutine.send(None)
-    insert(buffer, 1, 2)
-    with pytest.raises(StopIteration) as stop:
-        coroutine.send(None)
-    assert stamp_ns(stop.value.value) == 2 * 10**9
-
-
 class TestNode:
-    def test_its_service_returns_the_frames(self, tf2_ros, new_node, node, executor):
-        buffer = tf2_ros.Buffer(node=node)
-        buffer.set_transform_static(transform("map", "robot"), "somebody")
-        asking = new_node("asking")
-        executor.add_node(asking)
-        client = asking.create_client(FrameGraph, "tf2_frames")
-        until(client.service_is_ready, executor)
-        future = client.call_async(FrameGraph.Request())
-        until(future.done, executor)
-        assert future.result().frame_yaml == buffer.all_frames_as_yaml()
-        assert "somebody" in future.result().frame_yaml
-
     def test_the_cache_time_may_be_the_first_argument(self, tf2_ros, node):
         buffer = tf2_ros.Buffer(Duration(seconds=2), node)
         assert buffer.clock is node.get_clock()

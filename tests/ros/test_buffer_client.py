@@ -67,11 +67,6 @@ def lonely(tf2_ros):
 
 
 class TestLookup:
-    def test_it_answers_with_what_the_server_answers(self, client):
-        found = client.lookup_transform("map", "robot", at(1.5), LONG)
-        assert (found.header.frame_id, found.child_frame_id) == ("map", "robot")
-        assert stamp_ns(found) == 1_500_000_000
-
     @pytest.mark.ours
     @pytest.mark.parametrize("awaited", [False, True])
     def test_full_sends_all_of_it_with_the_timeout_that_is_left(self, client, awaited):
@@ -109,14 +104,6 @@ class TestLookup:
         with pytest.raises(error, match=text):
             look_up(*arguments)
         assert client.lookup_transform("map", "robot", LATEST, LONG).child_frame_id == "robot"
-
-    @pytest.mark.ours
-    def test_it_transforms_objects(self, client, tf2_ros):
-        class Thing:
-            header = tf2_ros.Header(frame_id="robot")
-
-        tf2_ros.TransformRegistration().add(Thing, lambda thing, found: found.child_frame_id)
-        assert client.transform(Thing(), "map", LONG) == "robot"
 
 
 class TestErrors:

@@ -328,11 +328,6 @@ def test_threads_signal_handlers_and_finalizers_may_put_and_each_call_is_run_onc
     assert (done.count("thread"), done.count("finalizer"), done.count("handler")) == (2000, 2000, 20)
 
 
-def test_the_node_keeps_one_queue(node):
-    assert callback_queue(node) is callback_queue(node)
-    assert list(node.waitables).count(callback_queue(node)) == 1
-
-
 class TestBadInput:
     def test_a_loop_that_was_closed_while_it_awaited(self, tf2_ros):
         buffer, loop = tf2_ros.Buffer(), asyncio.new_event_loop()

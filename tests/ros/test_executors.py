@@ -233,42 +233,8 @@ class TestProgramsThatReplaceParts:
         until(lambda: recorder.seen, executor)
         assert recorder.seen == [("robot", "default_authority", threading.current_thread())]
 
-    def test_subscriptions_made_again(self, listener, node, executor, buffer, peer):
-        made = listener.tf_sub
-        node.destroy_subscription(made)
-        listener.tf_sub = node.create_subscription(
-            made.msg_type, "/robot1/tf", made.callback, made.qos_profile, callback_group=listener.group
-        )
-        peer("-r", "/tf:=/robot1/tf").send(("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"), executor)
-        listener.unregister()
-        assert list(node.subscriptions) == []
-
-    def test_other_entities_in_the_group_are_served(self, listener, node, executor):
-        ticks = []
-        node.create_timer(0.001, lambda: ticks.append(1), callback_group=listener.group)
-        until(lambda: ticks, executor)
-
 
 class TestProgramsOfTheirOwnKind:
-    def test_a_subclass_that_makes_the_subscriptions_itself(self, tf2_ros, buffer, node, executor, peer):
-        from tf2_msgs.msg import TFMessage
-
-        class Mine(tf2_ros.TransformListener):
-            def __init__(self, buffer, node):
-                self.buffer, self.node = buffer, node
-                self.tf_sub = node.create_subscription(TFMessage, "/robot1/tf", self.callback, 10)
-                self.tf_static_sub = node.create_subscription(
-                    TFMessage, "/robot1/tf_static", self.static_callback, 10
-                )
-
-        listener = Mine(buffer, node)
-        peer("-r", "/tf:=/robot1/tf").send(("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"), executor)
-        listener.unregister()
-        listener.__del__()
-        assert list(node.subscriptions) == []
-
     def test_a_node_that_wraps_the_callbacks_of_its_subscriptions(self, ros, tf2_ros, buffer, peer):
         received = []
 
@@ -313,17 +279,6 @@ class TestProgramsOfTheirOwnKind:
         assert buffer.can_transform("map", "robot", LATEST)
         listener.unregister()
         assert node.destroyed == ["/tf", "/tf_static"]
-
-    def test_mocks_in_the_place_of_a_node(self, tf2_ros):
-        from unittest.mock import MagicMock
-
-        node = MagicMock()
-        listener = tf2_ros.TransformListener(tf2_ros.Buffer(node=node), node)
-        listener.callback(MagicMock(transforms=[]))
-        listener.unregister()
-        tf2_ros.TransformBroadcaster(node).sendTransform(transform("map", "robot", 1))
-        sent = node.create_publisher.return_value.publish.call_args.args[0]
-        assert sent.transforms[0].child_frame_id == "robot"
 
     def test_the_graph_shows_what_tf2_shows(self, tf2_ros, new_node):
         def seen():

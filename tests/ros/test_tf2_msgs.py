@@ -1,4 +1,4 @@
-"""The interfaces of tf2: their fields and their type hashes. Other tests send them between processes."""
+"""The interfaces of tf2: their type hashes, which are those of their fields, and the numbers of errors."""
 
 import ctypes
 import subprocess
@@ -6,14 +6,9 @@ import sys
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy")
+pytest.importorskip("rclpy")
 
-from builtin_interfaces.msg import Time  # noqa: E402
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-
-from tf2_msgs.action import LookupTransform  # noqa: E402
-from tf2_msgs.msg import TF2Error, TFMessage  # noqa: E402
-from tf2_msgs.srv import FrameGraph  # noqa: E402
+from tf2_msgs.msg import TF2Error
 
 TYPE_HASHES = {
     "msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
@@ -21,18 +16,6 @@ TYPE_HASHES = {
     "srv/FrameGraph": "RIHS01_0d1fbc6222c018ba5f33822904a2fdd4063705289956d3fdde07cd8c50fe8067",
     "action/LookupTransform": "RIHS01_0b8adf6bc0b5958879e3265b41a457e03558fe523890a81252c70eba97a82c5d",
 }
-
-DEADLINE_S = 60.0
-
-
-def make_transform(parent, child):
-    transform = TransformStamped()
-    transform.header.stamp = Time(sec=12, nanosec=345)
-    transform.header.frame_id = parent
-    transform.child_frame_id = child
-    transform.transform.translation.x = 1.5
-    transform.transform.rotation.w = 1.0
-    return transform
 
 
 class TypeHash(ctypes.Structure):
@@ -54,40 +37,11 @@ def test_type_hash_in_the_type_support_is_that_of_ros(name):
     assert f"RIHS{type_hash.version:02}_{bytes(type_hash.value).hex()}" == TYPE_HASHES[name]
 
 
-def test_fields_are_those_of_ros():
-    fields = {cls: cls.get_fields_and_field_types() for cls in (TFMessage, TF2Error)}
-    assert fields[TFMessage] == {"transforms": "sequence<geometry_msgs/TransformStamped>"}
-    assert fields[TF2Error] == {"error": "uint8", "error_string": "string"}
-    assert FrameGraph.Request.get_fields_and_field_types() == {}
-    assert FrameGraph.Response.get_fields_and_field_types() == {"frame_yaml": "string"}
-    assert LookupTransform.Goal.get_fields_and_field_types() == {
-        "target_frame": "string",
-        "source_frame": "string",
-        "source_time": "builtin_interfaces/Time",
-        "timeout": "builtin_interfaces/Duration",
-        "target_time": "builtin_interfaces/Time",
-        "fixed_frame": "string",
-        "advanced": "boolean",
-    }
-    assert LookupTransform.Result.get_fields_and_field_types() == {
-        "transform": "geometry_msgs/TransformStamped",
-        "error": "tf2_msgs/TF2Error",
-    }
-    assert LookupTransform.Feedback.get_fields_and_field_types() == {}
-
-
 def test_error_numbers_are_those_of_ros():
     names = ("NO", "LOOKUP", "CONNECTIVITY", "EXTRAPOLATION", "INVALID_ARGUMENT", "TIMEOUT", "TRANSFORM")
     assert [getattr(TF2Error, f"{name}_ERROR") for name in names] == list(range(7))
 
 
-def test_message_survives_its_own_bytes():
-    from rclpy.serialization import deserialize_message, serialize_message
-
-    message = TFMessage(transforms=[make_transform("map", "odom"), make_transform("odom", "base_link")])
-    assert deserialize_message(serialize_message(message), TFMessage) == message
-
-
 def test_messages_import_before_rclpy():
     program = "import sys, tf2_msgs.msg; assert 'rclpy' not in sys.modules; tf2_msgs.msg.TFMessage()"
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=DEADLINE_S)
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)

@@ -10,7 +10,6 @@ import pytest
 from making import at, transform, translation
 from processes import DEADLINE_S, start, until
 from public_names import NAMES
-from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -201,15 +200,6 @@ class TestThread:
         shut_down_at_sleep(callback_queue(listener.node))
         until(lambda: not listener.dedicated_listener_thread.is_alive())
 
-    def test_unregistering_does_not_end_it(self, tf2_ros, buffer, node):
-        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
-        ticks = []
-        node.create_timer(0.001, lambda: ticks.append(1))
-        listener.unregister()
-        ticks.clear()
-        until(lambda: len(ticks) > 3)
-        end(listener)
-
     @pytest.mark.ours
     def test_destroying_the_node_ends_it(self, tf2_ros, buffer, new_node):
         node = new_node("spun")
@@ -257,15 +247,6 @@ class TestEnd:
         assert not ending.is_alive()
         listener.dedicated_listener_thread.join(DEADLINE_S)
         assert not listener.dedicated_listener_thread.is_alive()
-
-    @pytest.mark.ours
-    def test_a_destroyed_node_is_refused(self, tf2_ros, buffer, new_node):
-        node = new_node("destroyed")
-        node.destroy_node()
-        with pytest.raises(InvalidHandle):
-            tf2_ros.TransformListener(buffer, node)
-        buffer.set_transform(transform("map", "robot", 1), "me")
-        assert buffer.can_transform("map", "robot", LATEST)
 
     @pytest.mark.ours
     def test_one_that_was_never_initialised_can_be_ended(self, tf2_ros):

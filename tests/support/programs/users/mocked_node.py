@@ -11,5 +11,7 @@ tf2_ros.TransformBroadcaster(node).sendTransform(TransformStamped(child_frame_id
 [message] = node.create_publisher.return_value.publish.call_args.args
 print("published:", type(message).__name__, message.transforms[0].child_frame_id)
 
-listener = tf2_ros.TransformListener(tf2_ros.Buffer(), MagicMock())
+listener = tf2_ros.TransformListener(tf2_ros.Buffer(node=node), MagicMock())
+listener.callback(MagicMock(transforms=[]))
+listener.unregister()
 print("listener of a mock:", type(listener).__name__)

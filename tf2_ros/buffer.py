@@ -116,7 +116,7 @@ class Buffer(BufferCore, BufferInterface):
         limits: Any = {"max_frames": max_frames, "max_bytes": max_bytes}
         if attach is not None:
             from tf2_ros._shared.attachment import Attachment, open_ring
-            from tf2_ros._shared.files import read_description
+            from tf2_ros._shared.owner import read_description
 
             name = buffer_name(attach, node)
             ring = open_ring(name)

@@ -199,19 +199,15 @@ cdef class Recording:
     cdef list _new_names(self, const Names* names, list known):
         cdef list found = []
         cdef const Name* name
-        cdef size_t count, i
+        cdef size_t i
         lock_acquire(&self._records.lock)
-        count = names.count
-        lock_release(&self._records.lock)
-        for i in range(len(known), count):
-            lock_acquire(&self._records.lock)
-            try:
-                # Names keep their addresses only under the lock, and making bytes runs no other code.
+        try:
+            # Names keep their addresses only under the lock, and making bytes runs no other code.
+            for i in range(len(known), names.count):
                 name = &names.names[i]
-                text = names.text[name.start:name.start + name.size]
-            finally:
-                lock_release(&self._records.lock)
-            found.append(text)
+                found.append(names.text[name.start:name.start + name.size])
+        finally:
+            lock_release(&self._records.lock)
         return found
 
 

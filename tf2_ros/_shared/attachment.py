@@ -11,8 +11,8 @@ from tf2_py._internal import log
 from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner
-from tf2_ros._shared.files import is_owned, open_file, read_description
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
+from tf2_ros._shared.owner import is_owned, open_file, read_description
 from tf2_ros._shared.ring import RingReader
 from tf2_ros._wait.endings import call_logged
 from tf2_ros_cython._presence import HAS_ROS

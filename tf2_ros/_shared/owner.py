@@ -1,16 +1,26 @@
-"""Share what a buffer of this process receives."""
+"""
+Share what a buffer of this process receives: an owner, its file, and the description of it for readers.
+
+A file gets its name when it is complete, so a process that finds it can read it. An owner has an exclusive
+lock on its file, which the kernel releases when the process ends, however that happens. The lock belongs to
+an open file description, so other descriptors of the file may be closed, and a forked child, which closes its
+own at once, does not keep the lock.
+"""
 
 import errno
+import fcntl
 import os
+import struct
 import weakref
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK
 from tf2_ros._receive.inboxes import check_regularly
-from tf2_ros._shared.files import Description, make_file, publish, remove_name, write_description
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
 from tf2_ros_cython._presence import HAS_ROS
@@ -21,6 +31,7 @@ if TYPE_CHECKING or HAS_ROS:
 # Of the file, which takes memory only for what it holds. At least, the ring has 1 MiB.
 LEAST_BYTES, MOST_BYTES = 19 << 16, 1 << 28
 PART_OF_FOLDER = 4  # no more than this part of /dev/shm
+TEXT_AT, TEXT_BYTES = 4096, 4096  # place of the description in the file, behind the page that is mapped
 
 
 class Owner:
@@ -40,7 +51,8 @@ class Owner:
         try:
             folder = os.statvfs(FOLDER)
             size = min(folder.f_blocks * folder.f_frsize // PART_OF_FOLDER, MOST_BYTES)
-            descriptor = make_file()
+            descriptor = os.open(FOLDER, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)  # it has no name yet
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
             self._ring = RingWriter(descriptor, max(size, LEAST_BYTES), buffer)
             write_description(self._ring, self._description)
             publish(descriptor, name)
@@ -86,3 +98,104 @@ def _end(ring: RingWriter, path: Path, process: int) -> None:
             remove_name(path, ring.descriptor)
         finally:
             ring.close()
+
+
+def publish(descriptor: int, name: str) -> None:
+    """
+    Give a file the name of a shared buffer, instead of the file of a dead owner.
+
+    :raises SharedBufferError: another process owns a file of this name.
+    :raises OSError: it cannot be named.
+    """
+    path = segment_path(name)
+    while True:
+        try:
+            # Only with a folder given does Python let the system follow this link; the folder is not used.
+            link = f"/proc/self/fd/{descriptor}"
+            os.link(link, path, src_dir_fd=descriptor, follow_symlinks=True)
+            return
+        except FileExistsError:
+            with suppress(FileNotFoundError), _opened(path) as other:
+                if is_owned(other):
+                    process = read_description(other).process
+                    text = f"the shared buffer {name!r} is owned by process {process}"
+                    raise SharedBufferError(text) from None
+                # Of all who find it, one removes it. The lock ends with the descriptor.
+                fcntl.flock(other, fcntl.LOCK_EX)
+                remove_name(path, other)
+
+
+def open_file(name: str) -> int:
+    """
+    Open the file of a shared buffer.
+
+    :return: a descriptor.
+    :raises SharedBufferError: there is no file with an owner, or it cannot be opened.
+    """
+    try:
+        with _opened(segment_path(name)) as descriptor:
+            if is_owned(descriptor):
+                return os.dup(descriptor)
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise SharedBufferError(f"the shared buffer {name!r} cannot be read: {error}") from None
+    raise SharedBufferError(f"no process of this user shares a buffer {name!r}")
+
+
+def is_owned(descriptor: int) -> bool:
+    """Whether another open file description, in any process, has the owner's lock on a file."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    fcntl.flock(descriptor, fcntl.LOCK_UN)
+    return False
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[int]:
+    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+    try:
+        if os.fstat(descriptor).st_uid != os.geteuid():
+            raise PermissionError(errno.EPERM, "it is not this user's")
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def remove_name(path: Path, descriptor: int) -> None:
+    """Remove the name of a file, unless it is that of another one by now."""
+    with suppress(FileNotFoundError):
+        if os.path.samestat(os.stat(path, follow_symlinks=False), os.fstat(descriptor)):
+            os.unlink(path)
+
+
+@dataclass
+class Description:
+    """What readers must know about an owner."""
+
+    process: int
+    cache_time_ns: int
+    domain: int | None = None  # of its listeners; None: it has none, or they are of several
+    topics: list[str] = field(default_factory=list)  # that its listeners receive
+    simulated: bool = False  # whether it follows simulated time
+
+
+_FACTS = struct.Struct("=iqi?")  # of a Description: what precedes the topics
+
+
+def write_description(ring: RingWriter, owner: Description) -> None:
+    """Describe the owner of a ring in its file, without the last topics if there is no room for all."""
+    domain = -1 if owner.domain is None else owner.domain
+    data = _FACTS.pack(owner.process, owner.cache_time_ns, domain, owner.simulated)
+    data += "\0".join(owner.topics).encode()
+    ring.write(data.ljust(TEXT_BYTES, b"\0")[:TEXT_BYTES], TEXT_AT)
+
+
+def read_description(descriptor: int) -> Description:
+    """Read the description of the owner of a file, which may be any bytes."""
+    data = os.pread(descriptor, TEXT_BYTES, TEXT_AT).ljust(_FACTS.size, b"\0")
+    process, cache_time_ns, domain, simulated = _FACTS.unpack_from(data)
+    topics = data[_FACTS.size :].decode(errors="replace").split("\0")
+    return Description(process, max(0, cache_time_ns), None if domain < 0 else domain, topics, simulated)

@@ -156,7 +156,7 @@ cdef class BufferCore(Engine):
         batch.entries = &entry
         batch.count = 1
         batch.is_static = is_static
-        batch.authority = authority_utf8(authority, &size)
+        batch.authority = name_utf8(authority, &size, "authority")
         batch.authority_size = size
         self.insert(&batch)
         return self.report(&batch, None) if batch.needs_report else 0
@@ -213,7 +213,7 @@ cdef class BufferCore(Engine):
             batch.is_static = static
             for i in range(len(messages)):
                 read_transform_stamped(messages[i], &batch.entries[i].incoming, keep)
-            batch.authority = authority_utf8(authority, &size)
+            batch.authority = name_utf8(authority, &size, "authority")
             batch.authority_size = size
             self.insert(&batch)
             if batch.needs_report:
@@ -241,7 +241,7 @@ cdef class BufferCore(Engine):
         cdef bytes message
         memset(&batch, 0, sizeof(Batch))
         batch.is_static = static
-        batch.authority = authority_utf8(authority, &size)
+        batch.authority = name_utf8(authority, &size, "authority")
         batch.authority_size = size
         message = unchanging_bytes(data)
         size = PyBytes_GET_SIZE(message)
@@ -805,7 +805,7 @@ cdef class BufferCore(Engine):
 
     cdef int _require_frame(self, frame, str call) except -1:
         cdef Py_ssize_t size
-        _name(frame, "frame", &size)
+        name_utf8(frame, &size, "frame")
         if frame not in self:
             self._begin_advice()
             raise _bad_name(frame, "frame", call, self._advice, self._tf2_names)

@@ -45,9 +45,9 @@ cdef Layout header_layout, vector3_layout, quaternion_layout, transform_layout
 cdef Layout transform_stamped_layout
 cdef int load_layouts() except -1
 
-# The UTF-8 of a name, owned by `name`. TypeError, UnicodeEncodeError (lone surrogate) or ValueError (NUL).
-cdef const char* name_utf8(object name, Py_ssize_t* size) except NULL
-cdef const char* authority_utf8(object authority, Py_ssize_t* size) except NULL
+# The UTF-8 of a name, owned by `name`. TypeError, which names the argument; UnicodeEncodeError (lone
+# surrogate) or ValueError (NUL).
+cdef const char* name_utf8(object name, Py_ssize_t* size, str argument=*) except NULL
 
 # `keep` receives a reference to every object that `out` points into. If it is None, the caller must hold
 # `message` and run no Python code while it uses `out`.

@@ -145,20 +145,14 @@ cdef int load_layouts() except -1:
     return 0
 
 
-cdef const char* name_utf8(object name, Py_ssize_t* size) except NULL:
+cdef const char* name_utf8(object name, Py_ssize_t* size, str argument="frame name") except NULL:
     cdef const char* text
     if not PyUnicode_Check(name):
-        raise TypeError(f"frame name: expected a str, got {type(name).__name__}")
+        raise TypeError(f"{argument}: expected a str, got {type(name).__name__}")
     text = PyUnicode_AsUTF8AndSize(name, size)
     if memchr(text, 0, size[0]) != NULL:
         raise ValueError(f"a frame name cannot hold a NUL character: {name!r}")
     return text
-
-
-cdef const char* authority_utf8(object authority, Py_ssize_t* size) except NULL:
-    if not PyUnicode_Check(authority):
-        raise TypeError(f"authority: expected a str, got {type(authority).__name__}")
-    return name_utf8(authority, size)
 
 
 cdef int _read_transform(object transform, Transform* out) except -1:

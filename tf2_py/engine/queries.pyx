@@ -1,14 +1,8 @@
 """The arguments of a lookup, and why it has no answer: as an exception, or as what a wait lacks."""
 
-cdef const char* _name(object name, str argument, Py_ssize_t* size) except NULL:
-    if not isinstance(name, str):
-        raise TypeError(f"{argument}: expected a str, got {type(name).__name__}")
-    return name_utf8(name, size)
-
-
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1:
-    query.target = _name(target_frame, "target_frame", &query.target_size)
-    query.source = _name(source_frame, "source_frame", &query.source_size)
+    query.target = name_utf8(target_frame, &query.target_size, "target_frame")
+    query.source = name_utf8(source_frame, &query.source_size, "source_frame")
     query.fixed = NULL
     query.policy.is_given = False
     return 0
@@ -22,7 +16,7 @@ cdef int query_fill(Query* query, object target_frame, object source_frame, obje
 
 
 cdef int query_fix(Query* query, object fixed_frame, object target_time) except -1:
-    query.fixed = _name(fixed_frame, "fixed_frame", &query.fixed_size)
+    query.fixed = name_utf8(fixed_frame, &query.fixed_size, "fixed_frame")
     query.target_ns = stamp_nanoseconds(target_time, "target_time")
     return 0
 
@@ -83,7 +77,7 @@ cdef int query_fill_any(Query* query, object target_frame, object source_frame, 
 def frame_name(name, str argument):
     """The name, if lookups accept it; otherwise raises the errors of a lookup."""
     cdef Py_ssize_t size
-    _name(name, argument, &size)
+    name_utf8(name, &size, argument)
     return name
 
 

@@ -234,7 +234,7 @@ cdef int _insert_frames(Tree* tree, list frames, const Samples* samples) except 
             raise _not_a_state(f"it does not hold {count} samples of {name}")
         end = first + <uint64_t>count
         child.start = name_utf8(name, &child.size)
-        sender.start = authority_utf8(authority, &sender.size)
+        sender.start = name_utf8(authority, &sender.size, "authority")
         sender_id = tree_authority(tree, sender.start, sender.size)
         if sender_id == NAME_NO_MEMORY:
             raise MemoryError

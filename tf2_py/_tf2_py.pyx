@@ -454,10 +454,10 @@ cdef class BufferCore(Engine):
         cdef Py_ssize_t i
         times_ns = as_times_ns(times)
         accepted = policy_of("lookup_transforms", **policy)
-        is_many = not isinstance(source_frame, (str, bytes)) and _is_sequence(source_frame)
+        is_many = not isinstance(source_frame, (str, bytes)) and is_sequence(source_frame)
         frames = list(source_frame) if is_many else [source_frame]
         cdef Py_ssize_t count = len(times_ns)
-        translations, rotations = new_rows(len(frames) * count, 3), new_rows(len(frames) * count, 4)
+        translations, rotations = new_array((len(frames) * count, 3)), new_array((len(frames) * count, 4))
         series_begin(&series, int64s_of(times_ns), count)
         series.nan_missing = _is_nan_wanted(on_missing)
         catch_up(self)
@@ -513,7 +513,7 @@ cdef class BufferCore(Engine):
         series_begin(&series, int64s_of(times_ns), len(times_ns))
         if len(rows) != series.count:
             raise ValueError(f"{len(rows)} points, {series.count} times: each point needs its own time")
-        transformed = new_rows(series.count, 3)
+        transformed = new_array((series.count, 3))
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time,
                           policy_of("transform_points", **policy))
         if series.count:
@@ -686,9 +686,9 @@ cdef class BufferCore(Engine):
         cdef int64_t common_ns
         if interval_ns < 0:
             raise ValueError("averaging_interval must not be negative")
-        linear, angular = new_rows(count, 3), new_rows(count, 3)
+        linear, angular = new_array((count, 3)), new_array((count, 3))
         ends_ns = new_array((2 * count,), "int64")
-        translations, rotations = new_rows(2 * count, 3), new_rows(2 * count, 4)
+        translations, rotations = new_array((2 * count, 3)), new_array((2 * count, 4))
         series_begin(&series, int64s_of(ends_ns), 2 * count)
         series.nan_missing = _is_nan_wanted(on_missing)
         query_frames(&query, observation_frame, tracking_frame)
@@ -916,10 +916,6 @@ cdef class BufferCore(Engine):
         cdef const char* problem = self.check()
         if problem != NULL:
             raise AssertionError(problem.decode())
-
-
-cdef bint _is_sequence(value):
-    return isinstance(value, Sequence) or hasattr(value, "__array__")
 
 
 cdef bint _is_nan_wanted(on_missing) except -1:

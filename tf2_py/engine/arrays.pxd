@@ -6,7 +6,6 @@ cdef double* doubles_of(object array, Py_ssize_t width) except NULL
 cdef int64_t* int64s_of(object array) except NULL
 cdef uint32_t* uint32s_of(object array, Py_ssize_t width) except NULL
 
-cdef object new_rows(Py_ssize_t count, Py_ssize_t width)
-cdef object new_array(tuple shape, str dtype)
+cdef object new_array(tuple shape, str dtype=*)
 cdef object received_array(value, str dtype)
 cdef tuple as_points(points)

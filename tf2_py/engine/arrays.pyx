@@ -30,13 +30,7 @@ cdef uint32_t* uint32s_of(object array, Py_ssize_t width) except NULL:
 
 # NumPy is imported by the first call that needs it, because the engine itself does not.
 
-cdef object new_rows(Py_ssize_t count, Py_ssize_t width):
-    # An uninitialised float64 array of shape (count, width).
-    import numpy as np
-    return np.empty((count, width))
-
-
-cdef object new_array(tuple shape, str dtype):
+cdef object new_array(tuple shape, str dtype="float64"):
     # An uninitialised array.
     import numpy as np
     return np.empty(shape, dtype)
@@ -60,11 +54,15 @@ def mask_of(values):
     return mask if isinstance(mask, np.ndarray) else None
 
 
+cdef bint is_sequence(value):
+    return isinstance(value, Sequence) or hasattr(value, "__array__")
+
+
 def as_times_ns(times):
     """Times as contiguous int64 nanoseconds of shape (N,); its errors state what is expected."""
     import numpy as np
     wanted = "times: expected integer nanoseconds of shape (N,), datetime64, or a sequence of time objects"
-    if isinstance(times, str) or not (isinstance(times, Sequence) or hasattr(times, "__array__")):
+    if isinstance(times, str) or not is_sequence(times):
         raise TypeError(f"{wanted}, got {type(times).__name__}")
     if isinstance(times, Sequence) and not _are_numbers(times):
         times = _nanoseconds(times, wanted)
@@ -174,7 +172,7 @@ def matrices_from_rotations(rotations):
     cdef const double* row = doubles_of(rotations, 4)
     cdef Py_ssize_t i
     cdef double* matrix
-    matrices = new_rows(count, 9)
+    matrices = new_array((count, 9))
     matrix = doubles_of(matrices, 9)
     for i in range(count):
         matrix_from_quaternion(row + 4 * i, matrix + 9 * i)
@@ -197,7 +195,7 @@ def rotations_from_matrices(matrices, double tolerance):
     cdef Py_ssize_t i
     cdef double* row
     cdef double defect
-    rotations = new_rows(count, 4)
+    rotations = new_array((count, 4))
     row = doubles_of(rotations, 4)
     for i in range(count):
         if isnan(matrix[0]):

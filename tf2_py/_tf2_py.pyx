@@ -767,7 +767,7 @@ cdef class BufferCore(Engine):
     # Listing frames, and counts.
 
     def __repr__(self):
-        return listings.as_line(type(self), self.counts(), self.span_ns())
+        return listings.as_line(type(self), self.counts(), self.frame_facts())
 
     def __contains__(self, name):
         """Return whether this is the name of a frame, including parents; False for anything but a ``str``."""

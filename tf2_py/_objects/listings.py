@@ -126,12 +126,14 @@ def _histories(state: Mapping[str, Any]) -> Iterator[History]:
         )
 
 
-def as_line(kind: type, counts: dict[str, Any], span_ns: int | None) -> str:
+def as_line(kind: type, counts: dict[str, Any], facts: list[FrameFacts]) -> str:
     """
-    What ``repr`` shows of a buffer.
+    What ``repr`` shows of a buffer, with the time from its oldest to its newest dynamic sample.
 
-    ``counts`` as in ``BufferCore.statistics``; ``span_ns``: from its oldest to its newest sample, or None.
+    ``counts`` as in ``BufferCore.statistics``.
     """
+    moving = [f for f in facts if f.samples and not f.is_static]
+    span_ns = max(f.newest_ns for f in moving) - min(f.oldest_ns for f in moving) if moving else None
     frames, samples, waiters = (counted(counts[f"{what}s"], what) for what in ("frame", "sample", "waiter"))
     span = "" if span_ns is None else f" over {span_ns / NS_PER_S:.1f} s"
     return f"<{class_name(kind)}: {frames}, {samples}{span}, {waiters}>"

@@ -119,8 +119,6 @@ cdef class Engine:
     # Of the newest sample, where the time is 0; NO_FRAME: none, or no data for the time.
     cdef FrameId parent_at(self, const char* name, size_t size, int64_t time_ns) noexcept nogil
     cdef dict counts(self)              # see BufferCore.statistics
-    # From the oldest dynamic sample to the newest; None: there is none.
-    cdef object span_ns(self)
     cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
 
     cdef Status _check_names(self, const Query* query) noexcept nogil

@@ -558,20 +558,6 @@ cdef class Engine:
             "malformed_messages": self._malformed,
         }
 
-    cdef object span_ns(self):
-        cdef int64_t oldest_ns = INT64_MAX
-        cdef int64_t newest_ns = INT64_MIN
-        cdef const History* history
-        cdef FrameId frame
-        catch_up(self)
-        lock_acquire(&self._lock)
-        for frame in range(self._tree.names.count):
-            history = &self._tree.histories[frame]
-            if history.kind == HISTORY_DYNAMIC and history.count:
-                oldest_ns, newest_ns = min(oldest_ns, history.oldest_ns), max(newest_ns, history.newest_ns)
-        lock_release(&self._lock)
-        return None if newest_ns < oldest_ns else newest_ns - oldest_ns
-
     cdef const char* check(self) noexcept nogil:
         cdef const char* problem
         lock_acquire(&self._lock)

@@ -780,7 +780,7 @@ cdef class BufferCore(Engine):
         except ValueError:
             return False    # it contains a NUL or a lone surrogate, so it cannot be a frame
         catch_up(self)
-        return self.find_name(text, size) not in (NAME_UNKNOWN, NO_FRAME)
+        return self.has_frame(text, size)
 
     def histories(self) -> dict[str, History]:
         """
@@ -882,7 +882,7 @@ cdef class BufferCore(Engine):
         cdef Py_ssize_t size
         cdef const char* text = name_utf8(name, &size)
         catch_up(self)
-        return self.find_name(text, size) != NAME_UNKNOWN
+        return self.has_frame(text, size) or name == "NO_PARENT"
 
     def _getFrameStrings(self) -> list[str]:
         """Every frame name, in the order of first appearance."""

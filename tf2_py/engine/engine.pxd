@@ -114,8 +114,8 @@ cdef class Engine:
     # Listing, as snapshot_frames and learn_names.
     cdef list frame_facts(self, bint roots=*)
     cdef list frame_names(self, frames)
-    # The id of a name that was ever a parent or child, or of the reserved one; NAME_UNKNOWN: of neither.
-    cdef uint32_t find_name(self, const char* name, size_t size) noexcept nogil
+    # Whether the name was ever a parent or child; the reserved one does not count.
+    cdef bint has_frame(self, const char* name, size_t size) noexcept nogil
     # Of the newest sample, where the time is 0; NO_FRAME: none, or no data for the time.
     cdef FrameId parent_at(self, const char* name, size_t size, int64_t time_ns) noexcept nogil
     cdef dict counts(self)              # see BufferCore.statistics

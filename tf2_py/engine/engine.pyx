@@ -522,14 +522,12 @@ cdef class Engine:
         learn_names(&self._tree.names, &self._lock, names)
         return [name_of(names, frame) for frame in frames]
 
-    cdef uint32_t find_name(self, const char* name, size_t size) noexcept nogil:
-        cdef uint32_t found
+    cdef bint has_frame(self, const char* name, size_t size) noexcept nogil:
+        cdef FrameId frame
         lock_acquire(&self._lock)
-        found = names_find(&self._tree.names, name, size)
-        if found != NAME_UNKNOWN and self._tree.histories[found].is_hidden:
-            found = NAME_UNKNOWN
+        frame = tree_frame(&self._tree, name, size)
         lock_release(&self._lock)
-        return found
+        return frame != NO_FRAME
 
     cdef FrameId parent_at(self, const char* name, size_t size, int64_t time_ns) noexcept nogil:
         cdef FrameId parent

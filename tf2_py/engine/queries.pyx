@@ -66,11 +66,8 @@ def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, **unknown):
 
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
                         object fixed_frame, object target_time, PolicyObject policy) except -1:
-    query_fill(query, target_frame, source_frame, time, "time" if fixed_frame is None else "source_time")
-    if fixed_frame is not None:
-        query_fix(query, fixed_frame, target_time)
-    if policy is not None:
-        query.policy = policy.policy
+    query_fill_series(query, target_frame, source_frame, fixed_frame, target_time, policy)
+    query.source_ns = stamp_nanoseconds(time, "time" if fixed_frame is None else "source_time")
     return 0
 
 

@@ -158,13 +158,7 @@ def extrapolation(
 
 
 def long_gap(
-    child: str,
-    requested_ns: int,
-    older_ns: int,
-    newer_ns: int,
-    max_gap_ns: int,
-    target: str,
-    source: str,
+    child: str, requested_ns: int, older_ns: int, newer_ns: int, max_gap_ns: int, target: str, source: str
 ) -> ExtrapolationException:
     """The error for a time between two samples that are further apart than ``max_gap`` allows."""
     child, target, source = map(printable, (child, target, source))

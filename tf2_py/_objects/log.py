@@ -26,15 +26,11 @@ REFUSALS = (
 OLD_DATA = 1 << 8
 
 
-def logger(name: str) -> Any:
+def logger(name: str = "tf2_py") -> Any:
     """The logger of this name: rclpy's, or Python's if the program has not imported rclpy."""
     # Not imported here: in a forked child, that could wait forever for a thread of the parent.
     get_logger = getattr(sys.modules.get("rclpy.logging"), "get_logger", logging.getLogger)
     return get_logger(name)
-
-
-def _logger() -> Any:
-    return logger("tf2_py")
 
 
 def because(reasons: int) -> str:
@@ -60,21 +56,21 @@ def refused(reasons: int, parent: str, child: str, authority: str, stamp_ns: int
     details = f" at time {seconds(stamp_ns)} from authority '{authority}'"
     text = refusal(reasons, "ignoring", parent, child, details)
     if reasons == OLD_DATA:
-        _logger().warning(text)
+        logger().warning(text)
     else:
-        _logger().error(text)
+        logger().error(text)
 
 
 def not_logged(count: int) -> None:
     """Log how many more transforms were refused than logged."""
-    _logger().warning(f"{count} more transforms were refused and not logged; statistics() counts them all")
+    logger().warning(f"{count} more transforms were refused and not logged; statistics() counts them all")
 
 
 def malformed(what: str, error: str) -> None:
     """Log one message that could not be read."""
-    _logger().error(f"Ignoring a malformed message on {what}: {error}")
+    logger().error(f"Ignoring a malformed message on {what}: {error}")
 
 
 def receiving_failed(error: str) -> None:
     """Log an error in the thread of a receiver; ``error`` is a traceback."""
-    _logger().error(f"Receiving transforms failed: {error}")
+    logger().error(f"Receiving transforms failed: {error}")

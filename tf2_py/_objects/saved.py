@@ -25,8 +25,8 @@ MESSAGE_NS = 10_000_000
 # Before compression. A file without its end can be read up to its last whole chunk.
 CHUNK_BYTES = 1 << 15
 MOST_PER_MESSAGE = 1000  # dynamic ones; one message has all static ones: late subscribers get only the last
-# What the metadata hold as in a state. They also have the authority of each frame, and the number of samples.
-AS_IN_STATE = ("cache_time_ns", "max_frames", "max_bytes", "ever_looped")
+# Of a state. The metadata have the rest, the authority of each frame, and the number of samples.
+NOT_IN_METADATA = {"frames", "stamps", "transforms", "parents", "parent_names", "attributes"}
 
 # As rosbag2 writes it.
 _QOS = """\
@@ -159,7 +159,7 @@ def _mcap(module: str) -> Any:
 
 
 def _metadata_of(state: dict[str, Any]) -> dict[str, str]:
-    kept = {key: state[key] for key in AS_IN_STATE}
+    kept = {key: value for key, value in state.items() if key not in NOT_IN_METADATA}
     kept["samples"] = len(state["stamps"])
     kept["authorities"] = {name: authority for name, _, authority, _ in state["frames"]}
     return {key: json.dumps(value, ensure_ascii=False) for key, value in kept.items()}
@@ -211,7 +211,8 @@ def _read(records: Iterator[Any], scratch: Any) -> dict[str, Any]:
 
 
 def _with_metadata(state: dict[str, Any], metadata: dict[str, str]) -> dict[str, Any]:
-    missing = {*AS_IN_STATE, "samples", "authorities"} - metadata.keys()
+    as_in_state = state.keys() - NOT_IN_METADATA
+    missing = {*as_in_state, "samples", "authorities"} - metadata.keys()
     if missing:
         raise ValueError(f"its metadata {METADATA} lack {', '.join(sorted(missing))}")
     kept = {key: json.loads(text) for key, text in metadata.items()}
@@ -222,4 +223,4 @@ def _with_metadata(state: dict[str, Any], metadata: dict[str, str]) -> dict[str,
     frames = [
         (name, is_static, kept["authorities"][name], count) for name, is_static, _, count in state["frames"]
     ]
-    return state | {key: kept[key] for key in AS_IN_STATE} | {"frames": frames}
+    return state | {key: kept[key] for key in as_in_state} | {"frames": frames}

@@ -44,25 +44,17 @@ cdef inline str name_of(list known, uint32_t id):
     return known[id if id < <size_t>len(known) else 0]
 
 
-cdef bint _pin_all(const Tree* tree, Tree* view) noexcept nogil:
-    # Makes `view` a copy that may be read without the lock, except for its names. False: no memory.
+cdef int _pin_all(const Tree* tree, Lock* lock, Tree* view) except -1:
+    # Makes `view` a copy that may be read without the lock, except for its names. The GIL is held until these
+    # are known, too, so that they are those of the same tree.
     cdef FrameId id
+    lock_acquire(lock)
     view[0] = tree[0]
     view.histories = <History*>malloc(tree.names.count * sizeof(History))
-    if view.histories == NULL:
-        return False
-    for id in range(tree.names.count):
+    for id in range(tree.names.count if view.histories != NULL else 0):
         history_pin(&tree.histories[id], &view.histories[id])
-    return True
-
-
-cdef int _pin(const Tree* tree, Lock* lock, Tree* view) except -1:
-    # The GIL is held until the names are known, too, so that they are those of the same tree.
-    cdef bint is_pinned
-    lock_acquire(lock)
-    is_pinned = _pin_all(tree, view)
     lock_release(lock)
-    if not is_pinned:
+    if view.histories == NULL:
         raise MemoryError
     return 0
 
@@ -90,7 +82,7 @@ cdef object _facts_of(const History* history, str name, list names, list authori
 cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, list authorities):
     cdef Tree view
     cdef FrameId id
-    _pin(tree, lock, &view)
+    _pin_all(tree, lock, &view)
     try:
         learn_names(&tree.names, lock, names)
         learn_names(&tree.authorities, lock, authorities)
@@ -151,7 +143,7 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
     cdef int64_t* stamp_at
     cdef double* transform_at
     cdef uint32_t* parent_at
-    _pin(tree, lock, &view)
+    _pin_all(tree, lock, &view)
     try:
         learn_names(&tree.names, lock, names)
         learn_names(&tree.authorities, lock, authorities)
@@ -181,12 +173,6 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
     finally:
         with nogil:
             _unpin_all(&view)
-
-
-cdef frozenset STATE_KEYS = frozenset({
-    "cache_time_ns", "max_frames", "max_bytes", "ever_looped", "frames", "stamps", "transforms",
-    "parents", "parent_names",
-})
 
 
 cdef object _not_a_state(what):
@@ -277,25 +263,20 @@ cdef int _insert_state(Tree* tree, dict state) except -1:
 
 
 cdef int read_state(dict state, Tree* tree) except -1:
-    cdef Retention retention
-    cdef Limits limits
-    missing = STATE_KEYS - state.keys()
-    if missing:
-        raise _not_a_state(f"it lacks {', '.join(sorted(missing))}")
-    retention.cache_time_ns = _number(state, "cache_time_ns", 0, INT64_MAX)
-    limits.frames = _number(state, "max_frames", 1, UINT32_MAX)
-    limits.bytes = _number(state, "max_bytes", 1, SIZE_MAX)
     memset(tree, 0, sizeof(Tree))
     try:
         if tree_init(tree, &KEEP_ALL, &NO_LIMITS) != 0:
             raise MemoryError
         _insert_state(tree, state)
-    except BaseException:
+        tree.retention.cache_time_ns = _number(state, "cache_time_ns", 0, INT64_MAX)
+        tree.limits.frames = _number(state, "max_frames", 1, UINT32_MAX)
+        tree.limits.bytes = _number(state, "max_bytes", 1, SIZE_MAX)
+        tree.ever_looped = tree.ever_looped or state["ever_looped"] is True
+    except BaseException as error:
         tree_free(tree)
+        if isinstance(error, KeyError):
+            raise _not_a_state(f"it lacks {error.args[0]}") from None
         raise
-    tree.retention = retention
-    tree.limits = limits
-    tree.ever_looped = tree.ever_looped or state["ever_looped"] is True
     return 0
 
 

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import json
-import os
+import csv
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
 from os import PathLike
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import LookupException
-from tf2_ros_tools.fleet import KEY, Recordings, Request, Row, find_recordings, looked_up, process
-from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, progress_bar, wanted
+from tf2_ros_tools.fleet import Recordings, map_recordings
+from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs
 from tf2_ros_tools.output import counted, printable, write_whole
 from tf2_ros_tools.reading import BagError, needing
-from tf2_ros_tools.tables import Table, Tables, columns_of, tables_of
+from tf2_ros_tools.tables import POSE
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -92,39 +92,28 @@ class Dataset:
 
     def save(self, path: str | PathLike[str]) -> None:
         """
-        Write a file in one step: ``.npz`` with the fields of this class, or ``.parquet``.
+        Write a Parquet file in one step.
 
-        Parquet has the columns ``file``, ``episode_index``, ``frame_index``, ``timestamp`` and ``stamp``, and
+        It has the columns ``file``, ``episode_index``, ``frame_index``, ``timestamp`` and ``stamp``, and
         ``<frame>.x`` to ``<frame>.qw``, ``<frame>.valid`` and ``<frame>.gap`` for each frame.
-
-        :raises ModuleNotFoundError: pyarrow, for Parquet, is not installed.
-        :raises ValueError: the name ends differently.
         """
-        name = os.fspath(path)
+        import pyarrow
+        from pyarrow import parquet
+
+        files = pyarrow.array([printable(one) for one in self.files], pyarrow.string())
+        columns: dict[str, Any] = {
+            "file": pyarrow.DictionaryArray.from_arrays(self.episodes, files),
+            "episode_index": self.episodes,
+            "frame_index": self.indices,
+            "timestamp": self.timestamps,
+            "stamp": self.stamps_ns,
+        }
+        for i, frame in enumerate(self.frames):
+            columns |= {f"{frame}.{name}": self.poses[:, i, j].copy() for j, name in enumerate(POSE)}
+            columns |= {f"{frame}.valid": self.valid[:, i].copy(), f"{frame}.gap": self.gaps[:, i].copy()}
         written = BytesIO()
-        if name.endswith(".npz"):
-            texts = ("frames", "relative_to", "files")
-            arrays: dict[str, Any] = {field: np.asarray(getattr(self, field)) for field in (*texts, *ROWS)}
-            np.savez(written, **arrays)
-        elif name.endswith(".parquet"):
-            with needing("pyarrow", "fleet"):
-                import pyarrow
-                from pyarrow import parquet
-            files = pyarrow.array([printable(one) for one in self.files], pyarrow.string())
-            columns = {
-                "file": pyarrow.DictionaryArray.from_arrays(self.episodes, files),
-                "episode_index": self.episodes,
-                "frame_index": self.indices,
-                "timestamp": self.timestamps,
-            }
-            tables = {
-                frame: Table(self.stamps_ns, self.poses[:, i], np.ascontiguousarray(self.gaps[:, i]))
-                for i, frame in enumerate(self.frames)
-            }
-            parquet.write_table(pyarrow.table(columns | columns_of(tables)), written)
-        else:
-            raise ValueError(f"the name of a dataset must end in .parquet or .npz, not {name!r}")
-        write_whole(name, written.getvalue())
+        parquet.write_table(pyarrow.table(columns), written)
+        write_whole(path, written.getvalue())
 
 
 # The fields with a value for each row.
@@ -153,8 +142,8 @@ def dataset(
     :param at: the topic, for example of the images; see :func:`tf2_ros_tools.bag.stamps`.
     :param relative_to: the frame in whose coordinates the poses are.
     :param out: a folder, into which :func:`tf2_ros_tools.bag.map_recordings` writes a table of each
-        recording, with several processes; the next call reads these tables. None: nothing is written, and
-        this process reads the recordings one after the other.
+        recording, with several processes; the next call reads these tables. None: no table is kept, and this
+        process reads the recordings one after the other.
     :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see the same function.
     :param urdf: see the same function.
@@ -165,6 +154,7 @@ def dataset(
     :raises BagError: none of the recordings can be read.
     :raises LookupException: a frame has no pose at any time in any recording.
     :raises InvalidArgumentException: a name of a frame is invalid.
+    :raises ModuleNotFoundError: pyarrow is not installed.
     :raises TypeError, ValueError: ``frames`` is a str, is empty or has equal names; or see
         :func:`tf2_ros_tools.bag.load`.
 
@@ -175,73 +165,52 @@ def dataset(
     names = list(frames)
     if out is None and (workers is not None or scheduler is not None):
         raise ValueError("workers and scheduler need a folder for the tables, out")
-    request = Request(relative_to, names, at, None, wanted(topics, poses=poses, urdf=urdf))
-    if out is None:
-        parts, failed = _read_here(request, find_recordings(recordings), progress)
-    else:
-        result = process(request, recordings, out, workers, scheduler, progress)
-        failed = dict(result.failed)
-        tables = {**result.done, **result.skipped}
-        parts = {path: _read_table(names, tables[path]) for path in sorted(tables)}
-    if not parts:
-        path, problem = next(iter(failed.items()))
+    with needing("pyarrow", "fleet"):
+        import pyarrow
+        from pyarrow import parquet
+    with TemporaryDirectory(prefix="tf2-ros-cython-") as folder:
+        result = map_recordings(
+            recordings,
+            relative_to,
+            names,
+            folder if out is None else out,
+            at=at,
+            topics=topics,
+            poses=poses,
+            urdf=urdf,
+            workers=1 if out is None else workers,
+            scheduler=scheduler,
+            progress=progress,
+        )
+        written = {**result.done, **result.skipped}
+        tables = {path: parquet.read_table(written[path]) for path in sorted(written)}
+        with open(result.findings, newline="", encoding="utf-8") as file:
+            found = [*csv.DictReader(file)]
+    if not tables:
+        path, problem = next(iter(result.failed.items()))
         raise BagError(problem if path in problem else f"{printable(path)}: {problem}")
-    every = [tables for tables, _ in parts.values()]
-    stamps = [tables[names[0]].stamps_ns for tables in every]
-    counts = [len(one) for one in stamps]
+    whole = pyarrow.concat_tables(tables.values())
+    stamps = [table["stamp"].to_numpy() for table in tables.values()]
+    counts = [*map(len, stamps)]
 
-    def joined(column: str) -> NDArray[Any]:
-        rows = [np.stack([getattr(tables[name], column) for name in names], axis=1) for tables in every]
-        return np.concatenate(rows)
+    def columns(name: str) -> NDArray[Any]:
+        return np.stack([whole[f"{frame}.{name}"].to_numpy() for frame in names], axis=1)
 
     made = Dataset(
         frames=tuple(names),
         relative_to=relative_to,
-        files=tuple(parts),
-        failed=failed,
-        episodes=np.repeat(np.arange(len(parts)), counts),
+        files=tuple(tables),
+        failed=dict(result.failed),
+        episodes=np.repeat(np.arange(len(tables)), counts),
         indices=np.concatenate([np.arange(count) for count in counts]),
         stamps_ns=np.concatenate(stamps),
         timestamps=np.concatenate([(one - one[:1]) / S for one in stamps]),
-        poses=joined("poses"),
-        valid=joined("valid"),
-        gaps=joined("gaps"),
+        poses=np.stack([columns(name) for name in POSE], axis=2),
+        valid=columns("valid"),
+        gaps=columns("gap"),
     )
     for i, name in enumerate(names):
         if len(made) and not made.valid[:, i].any():
-            reasons = [reason[name] for _, reason in parts.values() if name in reason]
-            raise LookupException(reasons[0] if reasons else f"{name!r} has no pose at any stamp of {at}")
+            row = (row["text"] for row in found if (row["kind"], row["frame"]) == ("lookup", printable(name)))
+            raise LookupException(next(row, f"{name!r} has no pose at any stamp of {at}"))
     return made
-
-
-Parts = dict[str, tuple[Tables, dict[str, str]]]  # by recording, with why frames have no answer
-
-
-def _read_here(
-    request: Request, recordings: list[str], progress: bool | None
-) -> tuple[Parts, dict[str, str]]:
-    parts: Parts = {}
-    failed: dict[str, str] = {}
-    with progress_bar("dataset", len(recordings), " recordings", progress) as count:
-        for path in recordings:
-            try:
-                _, tables, lacks = looked_up(request, path)
-                parts[path] = tables, _reasons(lacks)
-            except BagError as error:
-                failed[path] = str(error)
-            except OSError as error:
-                failed[path] = f"{error.filename or path}: {error.strerror}"
-            count(1)
-    return parts, failed
-
-
-def _read_table(frames: list[str], path: str) -> tuple[Tables, dict[str, str]]:
-    from pyarrow import parquet
-
-    table = parquet.read_table(path)
-    columns = {name: table[name].to_numpy() for name in table.column_names if name != "file"}
-    return tables_of(frames, columns), _reasons(json.loads(table.schema.metadata[KEY])["found"])
-
-
-def _reasons(found: Iterable[Row]) -> dict[str, str]:
-    return {row["frame"]: row["text"] for row in found if row["kind"] == "lookup"}

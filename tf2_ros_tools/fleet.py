@@ -1,5 +1,6 @@
 """Look up transforms in many recordings in parallel: ``map_recordings``."""
 
+import csv
 import errno
 import hashlib
 import json
@@ -9,7 +10,7 @@ import time
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
-from io import BytesIO
+from io import StringIO
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -342,36 +343,18 @@ def _failed(recording: str, error: Exception) -> list[Row]:
 # Report the results.
 
 
-# Programs that read folders ignore names that begin with _; the other files have other columns.
-PARQUET, TEXT = "_findings.parquet", "_findings.txt"
+FINDINGS = "_findings.csv"  # programs that read folders ignore names that begin with _
+FIELDS = ("file", "kind", "frame", "text", "transforms", "rows", "valid", "span_s", "seconds")
 
 
 def _write_findings(out: str, rows: Sequence[Row]) -> str:
-    """
-    Write the findings into a folder, as Parquet for programs and as text for people.
-
-    :return: the path of the Parquet file.
-    """
-    import pyarrow
-    from pyarrow import parquet
-
-    types = {
-        **dict.fromkeys(("file", "kind", "frame", "text"), pyarrow.string()),
-        **dict.fromkeys(("transforms", "rows", "valid"), pyarrow.int64()),
-        **dict.fromkeys(("span_s", "seconds"), pyarrow.float64()),
-    }
-    written = BytesIO()
-    parquet.write_table(pyarrow.Table.from_pylist(rows, pyarrow.schema(types)), written)
-    path = os.path.join(out, PARQUET)
-    write_whole(path, written.getvalue())
-    lines, file = [], None
-    for row in rows:
-        if row["file"] != file:
-            file = row["file"]
-            lines.append(f"{file}\n")
-        frame = f" {row['frame']}:" if row["frame"] else ""
-        lines.append(f"  {row['kind']}:{frame} {row['text']}\n")
-    write_whole(os.path.join(out, TEXT), "".join(lines).encode())
+    """Write the findings into a folder; return the path of their table."""
+    written = StringIO(newline="")
+    table = csv.DictWriter(written, FIELDS)
+    table.writeheader()
+    table.writerows(rows)
+    path = os.path.join(out, FINDINGS)
+    write_whole(path, written.getvalue().encode())
     return path
 
 
@@ -385,7 +368,7 @@ class MappedRecordings:
     :param failed: maps the other recordings to what is wrong with them.
     :param unanswered: maps each recording whose table has no answer at any time to the reason.
     :param out: the folder with the tables.
-    :param findings: the table of findings.
+    :param findings: the table of findings, in CSV.
     """
 
     done: Mapping[str, str]
@@ -419,8 +402,8 @@ def map_recordings(
     Look up the pose of ``source`` in ``target`` in many recordings, and write a Parquet file for each.
 
     Its columns are ``file``, ``stamp`` (nanoseconds), ``x y z`` (metres), ``qx qy qz qw`` and ``valid``. The
-    files ``_findings.parquet`` and ``_findings.txt`` in the same folder list the problems of the recordings,
-    and why some cannot be read. A problem with one recording does not stop the others.
+    file ``_findings.csv`` in the same folder lists the problems of the recordings, and why some cannot be
+    read. A problem with one recording does not stop the others.
 
     For several frames, ``source`` is a list of names; this needs ``at``. Each frame then has columns of its
     own, ``<frame>.x`` to ``<frame>.qw``, ``<frame>.valid``, and ``<frame>.gap``: the seconds between the
@@ -452,18 +435,6 @@ def map_recordings(
     """
     source = source if isinstance(source, str) else list(source)
     request = Request(target, source, at, rate, wanted(topics, poses=poses, urdf=urdf))
-    return process(request, recordings, out, workers, scheduler, progress)
-
-
-def process(
-    request: Request,
-    recordings: Recordings,
-    out: "str | PathLike[str]",
-    workers: int | None,
-    scheduler: "str | Client | None",
-    progress: bool | None,
-) -> MappedRecordings:
-    """Write the tables for a request; see :func:`tf2_ros_tools.bag.map_recordings`."""
     if workers is not None and scheduler is not None:
         raise ValueError("workers and scheduler exclude each other: a scheduler has its own workers")
     if workers is not None and workers < 1:
@@ -478,7 +449,7 @@ def process(
     left = {path: table for path, table in tables.items() if path not in ended}
     try:
         with (
-            progress_bar(out, len(left), " recordings", progress) as count,
+            progress_bar("tables", len(left), " recordings", progress) as count,
             closing(outcomes(request, left, workers, scheduler)) as results,
         ):
             for path, rows in results:

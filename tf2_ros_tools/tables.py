@@ -68,28 +68,6 @@ class Table:
 Tables = Mapping[str, Table]
 
 
-def columns_of(tables: Tables) -> dict[str, NDArray[Any]]:
-    """Get ``stamp``, and ``x`` to ``valid`` of one frame, or ``<frame>.x`` to ``<frame>.gap`` of several."""
-    columns: dict[str, NDArray[Any]] = {"stamp": next(iter(tables.values())).stamps_ns}
-    for frame, table in tables.items():
-        own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {"valid": table.valid}
-        own |= {} if table.gaps is None else {"gap": table.gaps}
-        columns |= {f"{frame}.{name}" if frame else name: column for name, column in own.items()}
-    return columns
-
-
-def tables_of(frames: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> dict[str, Table]:
-    """Get the tables of several frames back from their columns."""
-    return {
-        frame: Table(
-            columns["stamp"],
-            np.stack([columns[f"{frame}.{name}"] for name in POSE], axis=1),
-            columns[f"{frame}.gap"],
-        )
-        for frame in frames
-    }
-
-
 def look_up_frames(
     buffer: BufferCore, target: str, frames: Sequence[str], times_ns: ArrayLike
 ) -> tuple[dict[str, Table], dict[str, str]]:
@@ -256,7 +234,10 @@ def as_npz(table: Table) -> bytes:
 
 def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None = None) -> bytes:
     """
-    Write Parquet with the column file and those of the tables.
+    Write Parquet.
+
+    The columns are ``file`` and ``stamp``, and ``x`` to ``valid`` of one frame, or ``<frame>.x`` to
+    ``<frame>.gap`` of several.
 
     :param file: the recording's name, the same in each row.
     :param metadata: is added to the metadata of the file.
@@ -265,10 +246,15 @@ def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None
     with needing("pyarrow", "fleet"):
         import pyarrow
         from pyarrow import parquet
-    columns = columns_of(tables)
-    name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(columns["stamp"]))
+    stamps = next(iter(tables.values())).stamps_ns
+    name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(stamps))
+    columns: dict[str, Any] = {"file": name, "stamp": stamps}
+    for frame, table in tables.items():
+        own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {"valid": table.valid}
+        own |= {} if table.gaps is None else {"gap": table.gaps}
+        columns |= {f"{frame}.{name}" if frame else name: column for name, column in own.items()}
     written = BytesIO()
-    parquet.write_table(pyarrow.table({"file": name, **columns}, metadata=metadata), written)
+    parquet.write_table(pyarrow.table(columns, metadata=metadata), written)
     return written.getvalue()
 
 

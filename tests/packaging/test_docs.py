@@ -55,6 +55,7 @@ def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
         for library in ("pyarrow", "distributed", "rerun"):
             pytest.importorskip(library)
     if page.name == "datasets.md":
+        pytest.importorskip("pyarrow")
         provide_torch(tmp_path)
     run_program(page, tmp_path)
 

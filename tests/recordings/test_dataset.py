@@ -8,7 +8,9 @@ from robots import ARM, NAMES, joint_state
 from tf2_ros import LookupException
 from tf2_ros_tools import bag
 
-pytestmark = pytest.mark.ours
+pytest.importorskip("pyarrow")
+
+pytestmark = [pytest.mark.ours, pytest.mark.long("needs pyarrow")]
 
 FRAMES = ["camera", "lidar"]
 TIMES = [99 * S, 100 * S, 100 * S + 30_000_000, 101 * S + 5, 101 * S + 900_000_000, 150 * S]
@@ -88,18 +90,12 @@ class TestManyRecordings:
             for name in ("stamps_ns", "timestamps", "poses", "valid", "gaps"):
                 np.testing.assert_equal(getattr(mine, name), getattr(alone, name))
 
-    def test_they_are_one_table_and_a_broken_one_is_named(self, runs):
-        self.check(made(runs), runs)
-
-    @pytest.mark.long("needs pyarrow")
-    def test_a_folder_of_tables_is_the_same_table(self, runs, tmp_path):
-        pytest.importorskip("pyarrow")
-        for _ in range(2):  # written, and read
-            self.check(made(runs, out=tmp_path / "tables", workers=1), runs)
+    def test_they_are_one_table_with_and_without_a_folder_of_tables(self, runs, tmp_path):
+        for how in ({}, *[{"out": tmp_path / "tables", "workers": 1}] * 2):  # written, and read
+            self.check(made(runs, **how), runs)
         result = bag.map_recordings(runs, "map", FRAMES, tmp_path / "tables", at="/images", workers=1)
         assert len(result.skipped) == 3
 
-    @pytest.mark.long("needs Dask")
     def test_the_same_robot_and_poses_reach_every_worker(self, tmp_path):
         pytest.importorskip("distributed")
         runs = tmp_path / "runs"
@@ -125,27 +121,17 @@ class TestManyRecordings:
             made(tmp_path / "none")
 
 
-class TestFiles:
-    def test_npz_has_every_field(self, path, tmp_path):
-        data = made(path)
-        data.save(tmp_path / "data.npz")
-        with np.load(tmp_path / "data.npz") as read:
-            for name in read.files:
-                np.testing.assert_equal(read[name], np.asarray(getattr(data, name)))
-            assert {"frames", "relative_to", "files", "poses", "valid", "gaps"} <= {*read.files}
-
-    @pytest.mark.long("needs pyarrow")
-    def test_parquet_has_a_column_for_each_number(self, path, tmp_path):
-        parquet = pytest.importorskip("pyarrow.parquet")
-        data = made(path)
-        data.save(tmp_path / "data.parquet")
-        columns = parquet.read_table(tmp_path / "data.parquet").to_pydict()
-        assert list(columns)[:5] == ["file", "episode_index", "frame_index", "timestamp", "stamp"]
-        parts = ("x", "y", "z", "qx", "qy", "qz", "qw", "valid", "gap")
-        assert list(columns)[5:] == [f"{frame}.{part}" for frame in FRAMES for part in parts]
-        assert set(columns["file"]) == {str(path)}
-        np.testing.assert_equal(columns["lidar.y"], data.poses[:, 1, 1])
-        np.testing.assert_equal(columns["camera.gap"], data.gaps[:, 0])
+def test_parquet_has_a_column_for_each_number(path, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    data = made(path)
+    data.save(tmp_path / "data.parquet")
+    columns = parquet.read_table(tmp_path / "data.parquet").to_pydict()
+    assert list(columns)[:5] == ["file", "episode_index", "frame_index", "timestamp", "stamp"]
+    parts = ("x", "y", "z", "qx", "qy", "qz", "qw", "valid", "gap")
+    assert list(columns)[5:] == [f"{frame}.{part}" for frame in FRAMES for part in parts]
+    assert set(columns["file"]) == {str(path)}
+    np.testing.assert_equal(columns["lidar.y"], data.poses[:, 1, 1])
+    np.testing.assert_equal(columns["camera.gap"], data.gaps[:, 0])
 
 
 @pytest.mark.parametrize(

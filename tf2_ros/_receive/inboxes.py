@@ -13,7 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
-from tf2_ros._forking import LiveObjects
+from tf2_ros._forking import LOCK, LiveObjects
 from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes
 from tf2_ros._wait.endings import call_logged
 
@@ -44,7 +44,7 @@ _checked_at = 0.0
 def add_owner(owner: Owner) -> None:
     """Serve the inbox of an owner, and check the owner regularly."""
     _start("tf2_ros receiver", run_inboxes)
-    _start("tf2_ros reports", _run_reports)
+    _start("tf2_ros reports", run_reports, _report)
     _owners.add(owner)
     _checked.add(owner)
 
@@ -53,29 +53,19 @@ def check_regularly(checked: Checked) -> None:
     """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
     _checked.add(checked)
     with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
-        _start("tf2_ros reports", _run_reports)
+        _start("tf2_ros reports", run_reports, _report)
 
 
 _threads: dict[str, threading.Thread] = {}  # those of this process, by their names
 
 
-def _start(name: str, target: Callable[[], None]) -> None:
-    if name in _threads:
-        return
-    # Daemons, so that the interpreter does not wait for them before it runs the exit handlers.
-    thread = threading.Thread(target=target, name=name, daemon=True)
-    if _threads.setdefault(name, thread) is not thread:
-        return  # several threads may start it at once
-    try:
-        thread.start()
-    except BaseException:
-        if not thread.is_alive():
-            _threads.pop(name, None)  # the next listener tries again
-        raise
-
-
-def _run_reports() -> None:
-    run_reports(_report)
+def _start(name: str, target: Callable[..., None], *arguments: object) -> None:
+    with LOCK:
+        if name not in _threads:
+            # A daemon, so that the interpreter does not wait for it before it runs the exit handlers.
+            thread = threading.Thread(target=target, args=arguments, name=name, daemon=True)
+            thread.start()
+            _threads[name] = thread
 
 
 def _report() -> None:

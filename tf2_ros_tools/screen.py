@@ -1,30 +1,27 @@
-"""The full-screen table of tf2_monitor: sorted, filtered and scrolled by keys, with log lines below it."""
+"""The full-screen table of tf2_monitor: sorted, filtered and scrolled by keys, below the problems."""
 
 import asyncio
 import os
 import signal
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from tempfile import TemporaryFile
-from typing import IO
 
 from rich.text import Text
 from textual.app import App, ComposeResult
 from textual.binding import Binding
 from textual.containers import VerticalScroll
-from textual.widgets import DataTable, Footer, Input, RichLog, Static
+from textual.widgets import DataTable, Footer, Input, Static
 
-from tf2_ros_tools.findings import Finding, milliseconds, rate_text, stream_line
+from tf2_ros_tools.findings import milliseconds, rate_text
 from tf2_ros_tools.listening import Report
 from tf2_ros_tools.output import counted, printable
 from tf2_ros_tools.streams import Stream
 
-INTERVAL_S = 1.0  # between two updates ...
-FRAMES_PER_S = 100  # ... of so many frames; with more of them, updates are less frequent ...
-LONGEST_INTERVAL_S = 3.0  # ... but at least this frequent
-LOG_LINES = 200  # that are kept
+INTERVAL_S = 1.0  # between two updates
 
 
 @dataclass(frozen=True)
@@ -66,96 +63,75 @@ def show_screen(look: Callable[[], Report], source: str) -> int:
     :param look: makes a report of the present state.
     :param source: the topics and the ROS domain, as a phrase.
     """
-    with _terminal_for_textual() as log_file:
-        screen = _Screen(look, source, log_file)
+    with _terminal_for_textual():
+        screen = _Screen(look, source)
         screen.run(mouse=False)  # so that the terminal itself selects text
         return screen.return_code or 0
 
 
 @contextmanager
-def _terminal_for_textual() -> Iterator[IO[bytes]]:
+def _terminal_for_textual() -> Iterator[None]:
     """
-    Let Textual draw on standard output, and keep log lines, which C code writes, from standard error.
+    Let Textual draw on standard output, and write log lines, which C code writes, only at the end.
 
-    Textual draws on ``sys.__stderr__``, which may be a file. The result is a file into which standard error
-    is written, if that is a terminal; what is left in it is written to standard error at the end.
+    Textual draws on ``sys.__stderr__``, which may be a file.
     """
-    error_output, draws_on = sys.__stderr__, os.fdopen(os.dup(1), "w", encoding="utf-8")
-    sys.__stderr__ = draws_on  # type: ignore[misc]
-    before = os.dup(2)
-    with TemporaryFile("a+b") as log_file:
-        if os.isatty(2):
-            os.dup2(log_file.fileno(), 2)
+    error_output, log_output = sys.__stderr__, os.dup(2)
+    with os.fdopen(os.dup(1), "w", encoding="utf-8") as terminal, TemporaryFile() as log:
+        sys.__stderr__ = terminal  # type: ignore[misc]
+        os.dup2(log.fileno(), 2)
         try:
-            yield log_file
+            yield
         finally:
-            os.dup2(before, 2)
-            os.close(before)
-            os.write(2, _taken(log_file))  # such as a traceback by Textual
+            os.dup2(log_output, 2)
+            os.close(log_output)
             sys.__stderr__ = error_output  # type: ignore[misc]
-            draws_on.close()
-
-
-def _taken(file: IO[bytes]) -> bytes:
-    """Read a file that others append to, and empty it."""
-    file.seek(0)
-    content = file.read()
-    file.truncate(0)
-    return content
+            log.seek(0)
+            os.write(2, log.read())  # such as a traceback by Textual
 
 
 class _Screen(App[None]):
     CSS = """
     #summary { height: auto; padding: 0 1; }
     VerticalScroll { height: auto; max-height: 30%; padding: 0 1; }
-    VerticalScroll Static { height: auto; }
-    #wrong { color: $text-error; }
+    VerticalScroll Static { height: auto; color: $text-error; }
     #filter { height: 1; border: none; padding: 0 1; }
     DataTable { height: 1fr; min-height: 3; }
-    RichLog { height: auto; max-height: 25%; padding: 0 1; border-top: solid $panel; display: none; }
     """
     BINDINGS = [
         Binding("t", "sort('trouble')", "Trouble", tooltip="The frames with the most problems first"),
         Binding("n", "sort('name')", "Name", tooltip="Sort by name"),
         Binding("r", "sort('rate')", "Rate", tooltip="Sort by rate, the highest first"),
         Binding("d", "sort('delay')", "Delay", tooltip="Sort by delay, the longest first"),
-        # Of the screen as a whole: otherwise the keys that follow at once would miss the filter, or reach it.
+        # Of the screen as a whole: otherwise the keys that follow at once would miss the filter.
         Binding("slash", "filter", "Filter", key_display="/", priority=True),
-        Binding("enter", "leave_filter", show=False, priority=True),
         Binding("escape", "show_all", show=False),
         Binding("q", "quit", "Quit"),
         Binding("ctrl+c", "quit", show=False, priority=True),
-        Binding("ctrl+z", "suspend_process", show=False, priority=True),
     ]
     ENABLE_COMMAND_PALETTE = False
 
-    def __init__(self, look: Callable[[], Report], source: str, log_file: IO[bytes]) -> None:
+    def __init__(self, look: Callable[[], Report], source: str) -> None:
         super().__init__()
         self._look = look
         self._source = source
-        self._log_file = log_file
         self._report: Report | None = None
-        self._problems: dict[str, list[Finding]] = {}  # by frame
+        self._problems: defaultdict[str, list[str]] = defaultdict(list)  # kinds, by frame
         self._streams: list[Stream] = []  # a row for each
         self._order, self._reverse = "trouble", False
 
     def compose(self) -> ComposeResult:
         yield Static(id="summary", markup=False)
-        with VerticalScroll(id="wrong"):
-            yield Static(markup=False)
+        with VerticalScroll():
+            yield Static(id="problems", markup=False)
         yield Input(placeholder="/ filters by a part of a frame, parent or publisher", id="filter")
         yield DataTable(cursor_type="row", fixed_columns=1)
-        with VerticalScroll(id="details"):
-            yield Static(markup=False)
-        yield RichLog(max_lines=LOG_LINES, wrap=True, min_width=1)
         yield Footer()
 
     def on_mount(self) -> None:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.exit)
-        # After Ctrl-Z and `fg`, Textual itself would write only what has changed.
-        self.app_resume_signal.subscribe(self, lambda _: self.screen.refresh())
         table = self.query_one(DataTable)
         for column in COLUMNS:
             table.add_column(_cell(column.title, column))
@@ -164,13 +140,11 @@ class _Screen(App[None]):
 
     def _update(self) -> None:
         self._report = self._look()
-        self._problems = {}
+        self._problems = defaultdict(list)
         for problem in self._report.findings:
-            self._problems.setdefault(problem.frame, []).append(problem)
+            self._problems[problem.frame].append(problem.kind)
         self._show()
-        self._show_log()
-        interval_s = max(INTERVAL_S, len(self._streams) / FRAMES_PER_S)
-        self.set_timer(min(interval_s, LONGEST_INTERVAL_S), self._update)
+        self.set_timer(INTERVAL_S, self._update)
 
     # Keys.
 
@@ -182,13 +156,12 @@ class _Screen(App[None]):
     def action_filter(self) -> None:
         self.screen.set_focus(self.query_one(Input))
 
-    def action_leave_filter(self) -> None:
-        self.screen.set_focus(self.query_one(DataTable))
-
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool:
-        # In the filter, a slash is a letter. Outside it, Enter is a key of the table.
-        is_in_filter = self.focused is self.query_one(Input)
-        return {"filter": not is_in_filter, "leave_filter": is_in_filter}.get(action, True)
+        # In the filter, a slash is a letter.
+        return action != "filter" or self.focused is not self.query_one(Input)
+
+    def on_input_submitted(self) -> None:
+        self.query_one(DataTable).focus()
 
     def action_show_all(self) -> None:
         self.query_one(Input).value = ""
@@ -203,19 +176,16 @@ class _Screen(App[None]):
         report = self._report
         if report is None:
             return
-        streams = report.streams
         with self.batch_update():
-            self.query_one("#summary", Static).update(Text(self._summary(report, streams)))
-            self._fill(self._chosen(streams))
-            # The problems of no frame, and of frames that have no row.
-            elsewhere = self._problems.keys() - {stream.frame for stream in streams}
-            found = [one for frame in sorted(elsewhere) for one in self._problems[frame]]
-            self._show_pane("#wrong", Text("\n".join(printable(one.text) for one in found)))
-            self._show_pane("#details", self._details())
+            self.query_one("#summary", Static).update(Text(self._summary(report)))
+            self._fill(self._chosen(report.streams))
+            problems = Text("\n".join(printable(one.text) for one in report.findings))
+            self.query_one("#problems", Static).update(problems)
+            self.query_one(VerticalScroll).display = bool(problems)
 
-    def _summary(self, report: Report, streams: Sequence[Stream]) -> str:
-        frames = counted(len({stream.frame for stream in streams}), "frame")
-        found = counted(sum(map(len, self._problems.values())), "problem")
+    def _summary(self, report: Report) -> str:
+        frames = counted(len({stream.frame for stream in report.streams}), "frame")
+        found = counted(len(report.findings), "problem")
         order = f"by {self._order}{', reversed' if self._reverse else ''}"
         text = printable(f"{frames}, {found} {self._source}, {order}")
         return text if report.chain is None else f"{printable(report.chain.text)}\n{text}"
@@ -225,7 +195,7 @@ class _Screen(App[None]):
         part, key = self.query_one(Input).value.lower(), ORDERS[self._order]
         found = [one for one in streams if part in f"{one.frame} {one.parent} {one.publisher}".lower()]
         found.sort(key=_name_of)  # in a report, the order of those of one frame varies
-        found.sort(key=lambda one: key(one, len(self._problems.get(one.frame, ()))), reverse=self._reverse)
+        found.sort(key=lambda one: key(one, len(self._problems[one.frame])), reverse=self._reverse)
         return found
 
     def _fill(self, streams: list[Stream]) -> None:
@@ -236,37 +206,13 @@ class _Screen(App[None]):
         table.clear()
         self._streams = streams
         for stream in streams:
-            kinds = [one.kind for one in self._problems.get(stream.frame, ())]
+            kinds = self._problems[stream.frame]
             texts = (printable(column.text(stream, kinds)) for column in COLUMNS)
             style = "bold red" if kinds else ""
             table.add_row(*(_cell(*pair, style) for pair in zip(texts, COLUMNS, strict=True)))
         place = next((row for row, one in enumerate(streams) if _name_of(one) == chosen), 0)
         table.move_cursor(row=place, scroll=False)
         table.call_after_refresh(table.scroll_to, x, y, animate=False)
-
-    def on_data_table_row_highlighted(self) -> None:
-        self._show_pane("#details", self._details())
-
-    def _show_pane(self, name: str, text: Text) -> None:
-        self.query_one(f"{name} Static", Static).update(text)
-        self.query_one(name).display = bool(text)
-
-    def _details(self) -> Text:
-        """The figures and problems of the stream of the highlighted row."""
-        row = self.query_one(DataTable).cursor_row
-        if not 0 <= row < len(self._streams):
-            return Text()
-        stream = self._streams[row]
-        text = Text(stream_line(stream))
-        for problem in self._problems.get(stream.frame, ()):
-            text.append(f"\n{printable(problem.text)}", style="bold red")
-        return text
-
-    def _show_log(self) -> None:
-        log = self.query_one(RichLog)
-        for line in _taken(self._log_file).decode(errors="replace").splitlines():
-            log.write(Text(printable(Text.from_ansi(line).plain)))
-            log.display = True
 
 
 def _cell(text: str, column: _Column, style: str = "") -> Text:

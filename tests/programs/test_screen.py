@@ -7,8 +7,6 @@ import signal
 import sys
 import termios
 import time
-from functools import partial
-from pathlib import Path
 
 import pytest
 from making import S
@@ -19,13 +17,13 @@ pytest.importorskip("pyte")
 pytest.importorskip("textual")
 
 import pexpect
-from terminals import JUNK, Terminal
+from terminals import Terminal
 
 pytestmark = pytest.mark.ours
 
 NAMES = [f"front_left_wheel_{number:02}" for number in range(20)]
 TOPICS = ("-r", "/tf:=/tf_screen", "-r", "/tf_static:=/tf_static_screen")
-DOWN, ESCAPE, ENTER, CTRL_C, BACK_TAB, END = "\x1b[B", "\x1b", "\r", "\x03", "\x1b[Z", "\x1b[F"
+DOWN, ESCAPE, CTRL_C, BACK_TAB, END = "\x1b[B", "\x1b", "\x03", "\x1b[Z", "\x1b[F"
 
 
 def monitor(size, *arguments):
@@ -63,17 +61,12 @@ def names(lines):
     return [row.split()[0] for row in rows(lines)]
 
 
-class TestSizes:
-    @pytest.mark.parametrize("size", [(120, 30), (80, 24), (45, 24)], ids=str)
-    def test_names_are_whole_and_all_frames_are_within_reach(self, size, talker):
-        # How many rows are shown at once depends on log lines, which may come late.
-        def is_highlighted(name, lines):
-            return name in names(lines) and f"{name}: parent base_link" in joined(lines)
-
-        with monitor(size) as terminal:
-            for name in NAMES:
-                terminal.shows(partial(is_highlighted, name))
-                terminal.press(DOWN)
+@pytest.mark.parametrize("size", [(120, 30), (45, 24)], ids=str)
+def test_names_are_whole_and_all_frames_are_within_reach(size, talker):
+    with monitor(size) as terminal:
+        for name in NAMES:
+            terminal.shows(lambda lines, name=name: name in names(lines))
+            terminal.press(DOWN)
 
 
 class TestKeys:
@@ -121,9 +114,8 @@ class TestKeys:
     def test_a_filter_is_set_and_removed(self, talker):
         with monitor((80, 24)) as terminal:
             terminal.shows(lambda lines: len(names(lines)) >= 8)
-            # At once, as a paste: no key goes astray while the filter opens or is left.
-            terminal.press(f"/WHEEL_1{ENTER}nn")
-            terminal.shows(lambda lines: names(lines) == NAMES[:9:-1])
+            terminal.press("/WHEEL_1")
+            terminal.shows(lambda lines: names(lines) == NAMES[10:])
             terminal.press(ESCAPE)
             terminal.shows(lambda lines: NAMES[8] in names(lines))
 
@@ -154,18 +146,6 @@ class TestKeys:
         failing.wait()
         assert failing.exitstatus == 1
 
-    def test_it_is_stopped_and_continued(self, talker):
-        with monitor((80, 24)) as terminal:
-            terminal.shows(names)
-            terminal.press("\x1a")
-            status = Path(f"/proc/{terminal.process.pid}/status")
-            terminal.shows(lambda _: "State:\tT" in status.read_text())
-            terminal.spoil()
-            terminal.process.kill(signal.SIGCONT)
-            terminal.shows(lambda lines: JUNK not in "".join(lines) and names(lines))
-            terminal.press("q")
-            assert terminal.ended() == 0
-
 
 class TestPanes:
     BROKEN = [f"broken_{number:02}" for number in range(30)]
@@ -183,18 +163,17 @@ class TestPanes:
             terminal.press(2 * BACK_TAB + END)  # over the filter
             terminal.shows(lambda lines: "transforms of broken_29 " in joined(lines))
 
-    def test_log_lines_are_below_the_table(self, talker):
+    def test_log_lines_are_written_at_the_end(self, talker):
         with monitor((80, 24)) as terminal:
 
-            def is_logged_below(lines):
+            def is_refused(lines):
                 talker.send(("base_link", "broken", time.time_ns(), math.nan))
-                logged = [number for number, line in enumerate(lines) if "TF_NAN_INPUT" in line]
-                shown = names(lines)
-                return shown and {*shown} <= {*NAMES} and logged[:1] > [title(lines) + len(shown)]
+                return re.search(r"\d\d of \d\d transforms of broken by /peer are refused", joined(lines))
 
-            terminal.shows(is_logged_below)
-            # A problem of a frame that no buffer contains has no row.
-            terminal.shows(lambda lines: "of broken by /peer are refused" in joined(lines))
+            terminal.shows(is_refused)
+            assert "TF_NAN_INPUT" not in joined(terminal.lines)
+            terminal.press("q")
+            assert terminal.ended() == 0 and "TF_NAN_INPUT" in terminal.process.before
 
     def test_two_frames_show_their_chain_and_what_is_on_it(self, talker):
         with monitor((80, 24), "map", NAMES[3]) as terminal:

@@ -8,8 +8,6 @@ import pexpect
 import pyte
 from processes import DEADLINE_S
 
-JUNK = "#"  # what a terminal may leave on the screen when it is resized
-
 
 class Terminal:
     """Runs one of the project's programs in a terminal of this size; for a `with` statement."""
@@ -51,18 +49,6 @@ class Terminal:
 
     def press(self, keys):
         self.process.send(keys)
-
-    def resize(self, columns, rows):
-        """Change the size; nothing of what was on the screen may be relied on."""
-        self._screen.resize(rows, columns)
-        self.spoil()
-        self.process.setwinsize(rows, columns)
-
-    def spoil(self):
-        """Fill the screen with what the program has not written."""
-        for row in range(self._screen.lines):
-            self._screen.cursor_position(row + 1, 1)
-            self._screen.draw(JUNK * self._screen.columns)
 
     def ended(self):
         """Read to the end; the exit status."""

@@ -1,6 +1,5 @@
-"""Turn foxglove.FrameTransform and FrameTransforms, in protobuf or JSON, into TFMessages."""
+"""Turn foxglove.FrameTransform and FrameTransforms in protobuf into TFMessages."""
 
-import json
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +9,7 @@ from typing import Any, TypeAlias
 from tf2_ros_tools.serialised import EMPTY, tf_messages
 
 TYPES = ("foxglove.FrameTransform", "foxglove.FrameTransforms")
-ENCODINGS = ("protobuf", "json")
+ENCODING = "protobuf"
 
 S = 1_000_000_000
 SEC_BITS = 31  # of a time in CDR
@@ -21,44 +20,37 @@ FIXED_SIZES = {1: 8, 5: 4}  # in bytes, of the wire types with a fixed size
 Transform: TypeAlias = "tuple[tuple[str, str], int, list[float], list[float]]"
 
 
-def tf_message(msgtype: str, encoding: str, raw: bytes | memoryview) -> bytes:
+def tf_message(msgtype: str, raw: bytes | memoryview) -> bytes:
     """
     Make a TFMessage of a message.
 
     :param msgtype: one of TYPES.
-    :param encoding: one of ENCODINGS.
     :raises ValueError: it is malformed.
     """
-    data, is_list = bytes(raw), msgtype == TYPES[1]
+    data = bytes(raw)
     with _malformed(msgtype):
-        if encoding == "json":
-            content = json.loads(data)
-            found = [_of_json(one) for one in (content["transforms"] if is_list else [content])]
-        else:
-            parts = [value for number, value in _fields(data) if number == 1] if is_list else [data]
-            found = [_of_protobuf(one) for one in parts]
-        if not found:
+        is_list = msgtype == TYPES[1]
+        parts = [value for number, value in _fields(data) if number == 1] if is_list else [data]
+        if not parts:
             return EMPTY
-        frames, stamps_ns, translations, rotations = zip(*found, strict=True)
+        frames, stamps_ns, translations, rotations = zip(*map(_transform, parts), strict=True)
         [made] = tf_messages(frames, [stamps_ns], [translations], [rotations])
     return made
 
 
 def is_stamped(msgtype: str, encoding: str) -> bool:
     """Whether the messages of a type may have a ``timestamp``."""
-    return msgtype.startswith("foxglove.") and encoding in ENCODINGS
+    return msgtype.startswith("foxglove.") and encoding == ENCODING
 
 
-def stamp_ns(encoding: str, raw: bytes | memoryview) -> int:
+def stamp_ns(raw: bytes | memoryview) -> int:
     """
     Get the ``timestamp`` of a message of Foxglove, which is its first field.
 
     :raises ValueError: it is malformed, or has none.
     """
     with _malformed("message with a timestamp"):
-        if encoding == "json":
-            return _time_of_json(json.loads(bytes(raw))["timestamp"])
-        return _time_of_protobuf(next(value for number, value in _fields(bytes(raw)) if number == 1))
+        return _time(next(value for number, value in _fields(bytes(raw)) if number == 1))
 
 
 @contextmanager
@@ -70,42 +62,26 @@ def _malformed(what: str) -> Iterator[None]:
         raise ValueError(f"not a {what}: {type(error).__name__}: {error}") from None
 
 
-def _checked(stamp_ns: int) -> int:
-    if stamp_ns // S >> SEC_BITS not in (0, -1):
-        raise ValueError(f"a time of {stamp_ns} ns does not fit into 32 bits of seconds")
-    return stamp_ns
-
-
-def _of_json(one: Any) -> Transform:
-    return (
-        (one["parent_frame_id"], one["child_frame_id"]),
-        _time_of_json(one["timestamp"]),
-        [float(one["translation"][name]) for name in "xyz"],
-        [float(one["rotation"][name]) for name in "xyzw"],
-    )
-
-
-def _time_of_json(time: Any) -> int:
-    return _checked(int(time["sec"]) * S + int(time["nsec"]))
-
-
 # Read protobuf. Its library would need generated code, which fits only one of its major versions, for
 # messages of twelve fields. A field that is not there has its default: 0, or no rotation.
 
 
-def _of_protobuf(data: bytes) -> Transform:
+def _transform(data: bytes) -> Transform:
     fields = dict(_fields(data))
     return (
         (fields.get(2, b"").decode(), fields.get(3, b"").decode()),
-        _time_of_protobuf(fields.get(1, b"")),
+        _time(fields.get(1, b"")),
         _doubles(fields.get(4, b""), 3),
         _doubles(fields[5], 4) if 5 in fields else [0.0, 0.0, 0.0, 1.0],
     )
 
 
-def _time_of_protobuf(data: bytes) -> int:
+def _time(data: bytes) -> int:
     time = dict(_fields(data))
-    return _checked(index(time.get(1, 0)) * S + index(time.get(2, 0)))
+    stamp_ns = index(time.get(1, 0)) * S + index(time.get(2, 0))
+    if stamp_ns // S >> SEC_BITS not in (0, -1):
+        raise ValueError(f"a time of {stamp_ns} ns does not fit into 32 bits of seconds")
+    return stamp_ns
 
 
 def _doubles(data: bytes, count: int) -> list[float]:

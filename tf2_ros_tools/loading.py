@@ -1,6 +1,5 @@
 """Load recordings into buffers, and read their transforms, stamps and records."""
 
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -30,7 +29,6 @@ from tf2_ros_tools.output import first_names, printable
 from tf2_ros_tools.reading import (
     TF_TYPES,
     BagError,
-    BagWarning,
     RawMessage,
     Recorded,
     is_static,
@@ -40,7 +38,7 @@ from tf2_ros_tools.reading import (
     stamps_of,
     typestore,
 )
-from tf2_ros_tools.urdf import Robot, fixed, parse, unknown_mimics
+from tf2_ros_tools.urdf import Robot, fixed, parse
 from tf2_ros_tools.urdf import load as load_urdf
 
 if TYPE_CHECKING:
@@ -61,7 +59,6 @@ DESCRIPTION, STRING = "robot_description", "std_msgs/msg/String"
 # The authority of transforms from fixed joints.
 FROM_URDF = "urdf"
 
-ENCODINGS = ("cdr", "ros1")
 UNLIMITED_BYTES = (1 << 63) - 1
 
 
@@ -266,12 +263,9 @@ def _described(recorded: Recorded, states: str) -> Robot:
         raise BagError(f"{where}: it is empty; pass the path of a URDF")
     try:
         message: Any = typestore().deserialize_cdr(raws[-1], STRING)
-        robot = parse(message.data)
+        return parse(message.data)
     except Exception as error:  # rosbags defines an error class only for some kinds of damage
         raise BagError(f"{where}: {error}") from error
-    for problem in unknown_mimics(robot):
-        warnings.warn(BagWarning(f"{where}: {problem}"), stacklevel=2)
-    return robot
 
 
 def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
@@ -311,7 +305,7 @@ def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
     where = f"{printable(recorded.path)}, topic {printable(topic)}"
     if one.msgtype not in types:
         raise BagError(f"{where}: its type is {printable(one.msgtype)}, not {types[0]}")
-    encodings = foxglove.ENCODINGS if one.msgtype in foxglove.TYPES else ENCODINGS
+    encodings = [foxglove.ENCODING] if one.msgtype in foxglove.TYPES else ["cdr", "ros1"]
     if one.encoding not in encodings:
         raise BagError(f"{where}: its encoding is {printable(one.encoding)}, not {encodings[0]}")
 
@@ -339,10 +333,21 @@ def transforms(
         last is an object with the same fields.
 
     The transforms are neither checked nor normalised. Arguments and errors are the same as in :func:`load`,
-    but problems of the recording are raised during the iteration. With ``start`` or ``end``, all static
-    transforms come first.
+    but everything is raised during the iteration. With ``start`` or ``end``, all static transforms come
+    first.
     """
-    return _transforms(path, wanted(topics, start, end))
+    what = wanted(topics, start, end)
+    with open_recording(path) as recorded:
+        sources = {one.topic: one for one in sources_of(recorded, what)}
+        for messages in passes(recorded, [*sources.values()], what):
+            for connection, log_ns, raw in recorded.checked(messages):
+                topic = connection.topic
+                try:
+                    found = read_transforms(raw, sources[topic])
+                except ValueError as error:
+                    recorded.malformed(topic, log_ns, error)
+                for transform in found:
+                    yield log_ns, is_static(topic), transform
 
 
 def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
@@ -357,20 +362,6 @@ def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
     """
     with open_recording(path) as recorded:
         return stamps_of(recorded, topic)
-
-
-def _transforms(path: "str | PathLike[str]", what: Wanted) -> "Iterator[tuple[int, bool, TransformStamped]]":
-    with open_recording(path) as recorded:
-        sources = {one.topic: one for one in sources_of(recorded, what)}
-        for messages in passes(recorded, [*sources.values()], what):
-            for connection, log_ns, raw in recorded.checked(messages):
-                topic = connection.topic
-                try:
-                    found = read_transforms(raw, sources[topic])
-                except ValueError as error:
-                    recorded.malformed(topic, log_ns, error)
-                for transform in found:
-                    yield log_ns, is_static(topic), transform
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Read recordings of all formats as raw messages in CDR, with rosbags, and explain its errors."""
 
 import errno
-import re
 import shutil
 import struct
 from collections.abc import Collection, Iterable, Iterator
@@ -44,10 +43,6 @@ HEADER = "std_msgs/msg/Header"
 
 class BagError(ValueError):
     """A recording cannot be read; the text names the file, what was found, and the tool that repairs it."""
-
-
-class BagWarning(UserWarning):
-    """A recording was read, but a part of it could not be used."""
 
 
 def explained(error: Exception, path: str, where: str = "", tool: str = "") -> Exception:
@@ -99,7 +94,7 @@ class Topic:
     A recorded topic.
 
     ``count`` is the number of its messages. ``encoding`` is how they are serialised: ``cdr``, ``ros1``,
-    ``protobuf``, ``json`` or something else.
+    ``protobuf`` or something else.
     """
 
     name: str
@@ -168,7 +163,7 @@ class Recorded:
             msgtype, encoding = connection.msgtype, _encoding(connection)
             if msgtype in foxglove.TYPES:
                 try:
-                    raw = foxglove.tf_message(msgtype, encoding, raw)
+                    raw = foxglove.tf_message(msgtype, raw)
                 except ValueError as error:
                     self.malformed(connection.topic, log_ns, error)
             elif encoding == "ros1":
@@ -180,9 +175,6 @@ class Recorded:
         last_ns = None
         try:
             for connection, log_ns, raw in messages:
-                # A database may contain values of any type.
-                if type(log_ns) is not int or not isinstance(raw, bytes | memoryview):
-                    raise ValueError(f"message: expected bytes with a log time, got {raw!r} with {log_ns!r}")
                 yield connection, log_ns, raw
                 last_ns = log_ns
         except Exception as error:
@@ -383,7 +375,7 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
 
 def _stamp_ns(about: Topic, raw: Raw) -> int:
     if foxglove.is_stamped(about.msgtype, about.encoding):
-        return foxglove.stamp_ns(about.encoding, raw)
+        return foxglove.stamp_ns(raw)
     # Four bytes come first: the encapsulation, whose second byte is odd for little-endian numbers; in ROS 1,
     # the `seq` of the header.
     order = "<" if about.encoding == "ros1" or raw[1] & 1 else ">"
@@ -393,16 +385,11 @@ def _stamp_ns(about: Topic, raw: Raw) -> int:
 
 def _begins_with_header(connection: "Connection") -> bool:
     from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+    from rosbags.typesys import get_types_from_msg
 
     msgtype, (form, text) = connection.msgtype, connection.msgdef
     if form == MessageDefinitionFormat.MSG:
         types = get_types_from_msg(text, msgtype)
-    elif form == MessageDefinitionFormat.IDL:
-        # One definition, or several, each after a line that names it.
-        types = {}
-        for part in text.split("=" * 80 + "\n"):
-            types.update(get_types_from_idl(re.sub(r"^IDL: .*\n", "", part)) if part.strip() else {})
     else:
         types = typestore().fielddefs
     _, fields = types.get(msgtype, ([], []))

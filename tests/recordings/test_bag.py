@@ -344,7 +344,6 @@ LATE = [*DRIVE[:-2], DRIVE[-2]._replace(log_ns=2**63)]
         (_split(_rewritten(r"version: \d+", "version: 99")), "run is broken: .*version 99"),
         (_split(_rewritten(TIME, f"nanoseconds_since_epoch: {10**20}")), "run is broken: "),
         # Databases with other values.
-        (_updated("timestamp = 'text'"), "run.db3 is broken, "),
         (
             _updated("data = x'0001'"),
             "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage",

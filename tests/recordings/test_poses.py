@@ -1,6 +1,5 @@
 """Recorded poses, and Foxglove's transforms, as transforms."""
 
-import json
 import math
 import struct
 from contextlib import suppress
@@ -154,18 +153,7 @@ def in_protobuf(tf):
     return field(1, time) + names + field(4, doubles(*tf.xyz)) + field(5, doubles(*tf.xyzw)) + more
 
 
-def in_json(tf):
-    sec, nsec = divmod(tf.ns, S)
-    return {
-        "timestamp": {"sec": sec, "nsec": nsec},
-        "parent_frame_id": tf.parent,
-        "child_frame_id": tf.child,
-        "translation": dict(zip("xyz", tf.xyz, strict=True)),
-        "rotation": dict(zip("xyzw", tf.xyzw, strict=True)),
-    }
-
-
-def write_foxglove(path, messages, encoding="protobuf", compression="zstd", profile="", index=True):
+def write_foxglove(path, messages, compression="zstd", profile="", index=True):
     """A recording of Foxglove: pairs of a topic and a Tf, a list of them, or bytes."""
     writer = McapWriter(
         str(path), chunk_size=500, compression=CompressionType[compression.upper()], use_chunking=index
@@ -175,20 +163,13 @@ def write_foxglove(path, messages, encoding="protobuf", compression="zstd", prof
     for i, (topic, content) in enumerate(messages):
         name = "foxglove.FrameTransform" + ("" if isinstance(content, Tf) else "s")
         if topic not in channels:
-            form = {"protobuf": "protobuf", "json": "jsonschema"}[encoding]
-            channels[topic] = writer.register_channel(
-                topic, encoding, writer.register_schema(name, form, b"{}")
-            )
-        if isinstance(content, bytes):
-            data = content
-        elif encoding == "json":
-            made = in_json(content) if isinstance(content, Tf) else {"transforms": [*map(in_json, content)]}
-            data = json.dumps(made).encode()
-        elif isinstance(content, Tf):
-            data = in_protobuf(content)
-        else:
-            data = b"".join(field(1, in_protobuf(one)) for one in content)
-        writer.add_message(channels[topic], 100 * S + i, data, 0)
+            schema = writer.register_schema(name, "protobuf", b"{}")
+            channels[topic] = writer.register_channel(topic, "protobuf", schema)
+        if isinstance(content, Tf):
+            content = in_protobuf(content)
+        elif not isinstance(content, bytes):
+            content = b"".join(field(1, in_protobuf(one)) for one in content)
+        writer.add_message(channels[topic], 100 * S + i, content, 0)
     writer.finish()
     return path
 
@@ -201,20 +182,14 @@ FIXED = [("/tf_static", Tf("base", "camera", 0, (0.0, 0.0, 1.0)))]
 
 
 class TestFoxglove:
-    @pytest.mark.parametrize("encoding", ["protobuf", "json"])
     @pytest.mark.parametrize("how", [{}, {"compression": "lz4"}, {"profile": "ros2"}, {"index": False}])
-    def test_transforms_load_from_either_encoding(self, encoding, how, tmp_path):
-        path = write_foxglove(tmp_path / "run.mcap", [*FIXED, *MOVING], encoding, **how)
-        for prepared in (lambda: path, lambda: packed(path)):
-            recording = prepared()
-            buffer = bag.load(recording)
-            check(buffer, "map", "base")
-            assert buffer.frames()["camera"].static
-            assert buffer.lookup_transform("arm", "camera", 0).transform.translation.z == 1.0
-            assert [one.child_frame_id for _, _, one in bag.transforms(recording)] == [
-                "camera",
-                *["base", "arm"] * 20,
-            ]
+    def test_transforms_load(self, how, tmp_path):
+        path = packed(write_foxglove(tmp_path / "run.mcap", [*FIXED, *MOVING], **how))
+        buffer = bag.load(path)
+        check(buffer, "map", "base")
+        assert buffer.frames()["camera"].static
+        assert buffer.lookup_transform("arm", "camera", 0).transform.translation.z == 1.0
+        assert [one.child_frame_id for _, _, one in bag.transforms(path)] == ["camera", *["base", "arm"] * 20]
 
     def test_what_googles_library_writes_is_read(self, tmp_path):
         buffer = bag.load(write_foxglove(tmp_path / "run.mcap", [("/tf", LIST)]))
@@ -228,25 +203,21 @@ class TestFoxglove:
 
     def test_stamps_of_its_types_are_read(self, tmp_path):
         singles = [("/one", one) for _, (one, _) in MOVING]
-        for encoding in ("protobuf", "json"):
-            path = write_foxglove(tmp_path / f"{encoding}.mcap", [*singles, *MOVING], encoding)
-            assert bag.stamps(path, "/one").tolist() == STAMPS
+        path = write_foxglove(tmp_path / "run.mcap", [*singles, *MOVING])
+        assert bag.stamps(path, "/one").tolist() == STAMPS
 
     @pytest.mark.parametrize(
-        ("encoding", "content", "said"),
+        ("content", "said"),
         [
-            ("protobuf", b"\x0a\x7f", "a field of 127 bytes does not fit into a protobuf message"),
-            ("protobuf", b"\xff" * 11, "a number of a protobuf message has no end"),
-            ("protobuf", b"\x08\x01", "TypeError: "),
-            ("protobuf", field(1, field(1, b"\x08" + varint(1 << 40))), "fit into 32 bits of seconds"),
-            ("protobuf", field(1, field(2, b"\xff")), "can't decode byte 0xff"),
-            ("json", b"[", "Expecting value"),
-            ("json", b"[" * 100_000, "RecursionError"),
-            ("json", b'{"transforms": [5]}', "TypeError"),
+            (b"\x0a\x7f", "a field of 127 bytes does not fit into a protobuf message"),
+            (b"\xff" * 11, "a number of a protobuf message has no end"),
+            (b"\x08\x01", "TypeError: "),
+            (field(1, field(1, b"\x08" + varint(1 << 40))), "fit into 32 bits of seconds"),
+            (field(1, field(2, b"\xff")), "can't decode byte 0xff"),
         ],
     )
-    def test_a_malformed_message_is_named(self, encoding, content, said, tmp_path):
-        path = write_foxglove(tmp_path / "run.mcap", [*MOVING, ("/tf", content)], encoding)
+    def test_a_malformed_message_is_named(self, content, said, tmp_path):
+        path = write_foxglove(tmp_path / "run.mcap", [*MOVING, ("/tf", content)])
         with pytest.raises(bag.BagError) as refused:
             bag.load(path)
         where = f"{path}, topic /tf, log time 100000000020 ns: not a foxglove.FrameTransforms: "
@@ -266,16 +237,12 @@ class TestFoxglove:
             bag.load(path)
 
 
-FOXGLOVE_JSON = json.dumps({"transforms": [in_json(MOVING[0][1][0])]}).encode()
-
-
-@given(st.sampled_from([("protobuf", LIST), ("json", FOXGLOVE_JSON)]), st.data())
-def test_no_bytes_make_the_reader_fail_otherwise(whole, data):
-    encoding, content = whole
-    broken = bytearray(content)
-    places = st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=4)
+@given(st.data())
+def test_no_bytes_make_the_reader_fail_otherwise(data):
+    broken = bytearray(LIST)
+    places = st.lists(st.integers(0, len(LIST) - 1), min_size=1, max_size=4)
     for place in data.draw(places):
         broken[place] = data.draw(st.integers(0, 255))
-    end = data.draw(st.integers(1, len(content)))
+    end = data.draw(st.integers(1, len(LIST)))
     with suppress(ValueError):
-        tf_message("foxglove.FrameTransforms", encoding, bytes(broken[:end]))
+        tf_message("foxglove.FrameTransforms", bytes(broken[:end]))

@@ -9,7 +9,7 @@ from tf2_py._internal import duration_ns, log, policy_of
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._messages import TransformStamped
-from tf2_ros._shared.naming import buffer_name, require_linux
+from tf2_ros._shared.naming import buffer_name, require_support
 from tf2_ros._wait.blocking import Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
@@ -112,7 +112,7 @@ class Buffer(BufferCore, BufferInterface):
             raise ValueError("share and attach are mutually exclusive")
         # Few programs share a buffer; only they load the modules for it.
         if share is not None or attach is not None:
-            require_linux()
+            require_support()
         limits: Any = {"max_frames": max_frames, "max_bytes": max_bytes}
         if attach is not None:
             from tf2_ros._shared.attachment import Attachment, open_ring

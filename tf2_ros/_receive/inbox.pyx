@@ -8,8 +8,6 @@ wait, at most ROUND_NS after the first one, and at once while something waits fo
 buffer is read more often than the thread has rounds, so that such a reader finds everything inserted. Log
 lines, the completion of waits and everything else that follows from an insert and needs the GIL are left to a
 second thread (`run_reports`). So nothing here runs user code, and the first thread never waits for the GIL.
-
-Nothing here needs ROS, because buffers can also be shared without it.
 """
 
 cimport cython

@@ -1,8 +1,4 @@
-"""
-List the owners of inboxes, and run the threads that serve the inboxes.
-
-Nothing here needs ROS, because buffers can also be shared without it.
-"""
+"""List the owners of inboxes, and run the threads that serve the inboxes."""
 
 import atexit
 import logging

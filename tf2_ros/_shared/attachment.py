@@ -5,26 +5,22 @@ import threading
 import weakref
 from enum import IntEnum
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rclpy.logging import get_logger
+from rclpy.node import Node
 
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK, is_inherited
+from tf2_ros._nodes import node_has_ended
+from tf2_ros._rcl import problem
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner
-from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
-from tf2_ros._shared.owner import is_owned, open_file, read_description
+from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
+from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import RingReader
-from tf2_ros._wait.endings import call_logged
-from tf2_ros_cython._presence import HAS_ROS
-
-if TYPE_CHECKING or HAS_ROS:
-    from rclpy.logging import get_logger
-    from rclpy.node import Node
-
-    from tf2_ros._nodes import node_has_ended
-    from tf2_ros._rcl import problem
-    from tf2_ros._wait.callbacks import hand_over, queue_of
-    from tf2_ros._wait.endings import Ending
+from tf2_ros._wait.callbacks import hand_over, queue_of
+from tf2_ros._wait.endings import Ending, call_logged
 
 
 def open_ring(name: str) -> RingReader:
@@ -33,11 +29,15 @@ def open_ring(name: str) -> RingReader:
 
     :raises SharedBufferError: there is no buffer of this name, or it cannot be read.
     """
-    descriptor = open_file(name)
     try:
-        return RingReader(descriptor)
+        with opened(segment_path(name)) as descriptor:
+            if is_owned(descriptor):
+                return RingReader(os.dup(descriptor))
+    except FileNotFoundError:
+        pass
     except (OSError, ValueError) as error:
         raise SharedBufferError(f"cannot attach to the shared buffer {name!r}: {error}") from None
+    raise SharedBufferError(f"no process of this user shares a buffer {name!r}")
 
 
 class _State(IntEnum):
@@ -169,13 +169,9 @@ class Attachment:
         return f"the shared buffer {self.name!r} of process {self.owner}"
 
 
-def _hand_over(reference: "weakref.ref[Any]", calls: "list[Ending]") -> None:
+def _hand_over(buffer: "weakref.ref[Any]", calls: list[Ending]) -> None:
     # Puts these into the queue that runs the callbacks of the buffer.
-    if HAS_ROS:
-        hand_over(queue_of(reference()), calls)
-        return
-    for call in calls:
-        call_logged(call, "In a callback")
+    hand_over(queue_of(buffer()), calls)
 
 
 def attach_listener(listener: Any, is_usual: bool) -> bool:

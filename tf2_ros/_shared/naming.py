@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from tf2_ros_cython._presence import HAS_ROS, absence
+
 VARIABLE = "TF2_SHARED_BUFFER"
 AUTO = "auto"  # the name that belongs to the ROS domain
 
@@ -26,9 +28,12 @@ class SharedBufferError(RuntimeError):
     """
 
 
-def require_linux() -> None:
+def require_support() -> None:
+    """Raise an error where buffers cannot be shared."""
     if sys.platform != "linux":
         raise NotImplementedError("buffers can be shared, and attached to, only on Linux")
+    if not HAS_ROS:
+        raise absence("a shared buffer")
 
 
 def buffer_name(name: str, node: Any = None) -> str:

@@ -16,17 +16,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK
 from tf2_ros._receive.inboxes import check_regularly
+from tf2_ros._receive.receiver import open_topics
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
-from tf2_ros_cython._presence import HAS_ROS
-
-if TYPE_CHECKING or HAS_ROS:
-    from tf2_ros._receive.receiver import open_topics
 
 # Of the file, which takes memory only for what it holds. At least, the ring has 1 MiB.
 LEAST_BYTES, MOST_BYTES = 19 << 16, 1 << 28
@@ -66,7 +63,7 @@ class Owner:
 
     def _describe(self) -> None:
         buffer = self._buffer()
-        topics = open_topics(buffer) if HAS_ROS else []
+        topics = open_topics(buffer)
         # A buffer that is filled from several domains cannot replace one's own subscriptions.
         domains = {None if one.context is None else one.context.get_domain_id() for one in topics}
         changed = replace(
@@ -115,7 +112,7 @@ def publish(descriptor: int, name: str) -> None:
             os.link(link, path, src_dir_fd=descriptor, follow_symlinks=True)
             return
         except FileExistsError:
-            with suppress(FileNotFoundError), _opened(path) as other:
+            with suppress(FileNotFoundError), opened(path) as other:
                 if is_owned(other):
                     process = read_description(other).process
                     text = f"the shared buffer {name!r} is owned by process {process}"
@@ -123,24 +120,6 @@ def publish(descriptor: int, name: str) -> None:
                 # Of all who find it, one removes it. The lock ends with the descriptor.
                 fcntl.flock(other, fcntl.LOCK_EX)
                 remove_name(path, other)
-
-
-def open_file(name: str) -> int:
-    """
-    Open the file of a shared buffer.
-
-    :return: a descriptor.
-    :raises SharedBufferError: there is no file with an owner, or it cannot be opened.
-    """
-    try:
-        with _opened(segment_path(name)) as descriptor:
-            if is_owned(descriptor):
-                return os.dup(descriptor)
-    except FileNotFoundError:
-        pass
-    except OSError as error:
-        raise SharedBufferError(f"the shared buffer {name!r} cannot be read: {error}") from None
-    raise SharedBufferError(f"no process of this user shares a buffer {name!r}")
 
 
 def is_owned(descriptor: int) -> bool:
@@ -154,7 +133,12 @@ def is_owned(descriptor: int) -> bool:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[int]:
+def opened(path: Path) -> Iterator[int]:
+    """
+    Open the file of a shared buffer; for a ``with`` statement, which gets a descriptor.
+
+    :raises OSError: there is none, or it is not this user's.
+    """
     descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
     try:
         if os.fstat(descriptor).st_uid != os.geteuid():

@@ -129,14 +129,24 @@ cdef Record* _begin(Writing* writing, uint32_t kind) noexcept nogil:
     return writing.record
 
 
-cdef void _append(Writing* writing, const Batch* batch, size_t start, size_t end, uint64_t most,
-                  int64_t now_ns) noexcept nogil:
-    # Adds some transforms of a batch as one record, whose length is `most` or less.
+cdef void _append(
+    Writing* writing, const Batch* batch, size_t start, size_t end, int64_t now_ns
+) noexcept nogil:
+    # Adds some transforms of a batch as one record, or as several if they are too large for one.
     cdef Record* record
     cdef unsigned char* content = <unsigned char*>writing.record + sizeof(Record)
-    cdef Incoming clean = batch.entries[start].incoming
+    cdef uint64_t most = sizeof(Record) + <uint64_t>batch.authority_size
+    cdef Incoming clean
     cdef uint32_t child = NO_CHILD
-    cdef size_t size
+    cdef size_t size, i
+    for i in range(start, end):
+        clean = batch.entries[i].incoming
+        most += MOST_OTHER + <uint64_t>clean.parent_size + clean.child_size
+    if most > MOST_RECORD and end - start > 1:
+        i = (start + end) // 2
+        _append(writing, batch, start, i, now_ns)
+        _append(writing, batch, i, end, now_ns)
+        return
     if batch.is_static and not incoming_refusals(&clean):
         child = _child_id(writing, clean.child, clean.child_size)
         if child == NAME_NO_MEMORY:
@@ -158,23 +168,16 @@ cdef void _append(Writing* writing, const Batch* batch, size_t start, size_t end
 cdef void _copy_batch(Writing* writing, const Batch* batch, int64_t now_ns) noexcept nogil:
     # Also copies what this buffer refuses: readers refuse, count and log it, too.
     cdef Incoming clean
-    cdef size_t start = 0
-    cdef size_t end = 0
-    cdef uint64_t length, more
-    while end < batch.count:
-        start, length = end, sizeof(Record) + <uint64_t>batch.authority_size
-        # A static transform is a record of its own.
-        while end < batch.count and (end == start or not batch.is_static):
-            clean = batch.entries[end].incoming
-            more = MOST_OTHER + <uint64_t>clean.parent_size + clean.child_size
-            if end > start and length + more > STEP:
-                break
-            length += more
-            end += 1
+    cdef size_t i
+    for i in range(batch.count):
+        clean = batch.entries[i].incoming
+        if batch.is_static:
+            _append(writing, batch, i, i + 1, now_ns)       # a record of its own
+        elif writing.statics != NULL and not incoming_refusals(&clean):
             # A static transform that is written again would precede what is dynamic from now on.
-            if not batch.is_static and writing.statics != NULL and not incoming_refusals(&clean):
-                _forget_static(writing, clean.child, clean.child_size)
-        _append(writing, batch, start, end, length, now_ns)
+            _forget_static(writing, clean.child, clean.child_size)
+    if batch.count and not batch.is_static:
+        _append(writing, batch, 0, batch.count, now_ns)
 
 
 cdef void _copy_removal(Writing* writing, const char* name, size_t size, int64_t now_ns) noexcept nogil:

@@ -153,6 +153,17 @@ def only_its_own_garbage():
     gc.freeze()
 
 
+@pytest.fixture(scope="module")
+def no_refusals_logged():
+    """No log lines of refused transforms."""
+    from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
+
+    level = get_logger_level("tf2_py")
+    set_logger_level("tf2_py", LoggingSeverity.FATAL)
+    yield
+    set_logger_level("tf2_py", level)
+
+
 @pytest.fixture
 def ros():
     """A running rclpy."""

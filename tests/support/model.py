@@ -55,7 +55,7 @@ class ModelError(Exception):
     """What a lookup raises: the name of tf2's class, and the text, or one of several."""
 
     def __init__(self, kind, *texts):
-        super().__init__(kind, *texts)
+        super().__init__(texts[0])
         self.kind, self.text, self.texts = kind, texts[0], texts
 
 

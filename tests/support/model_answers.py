@@ -11,17 +11,8 @@ from tf2_py import TransformException
 RELATIVE = 1e-9
 
 
-class Broken(AssertionError):
-    """Buffer and model disagree, or an invariant does not hold."""
-
-    def __init__(self, text, query=None):
-        super().__init__(text)
-        self.query = query  # a step that shows it again
-
-
 def require(condition, what, *facts):
-    if not condition:
-        raise Broken(f"{what}: {', '.join(map(repr, facts))}" if facts else what)
+    assert condition, f"{what}: {', '.join(map(repr, facts))}"
 
 
 def as_model_tells(answer):
@@ -58,18 +49,18 @@ def without_advice(text):
     return re.sub(r"(does not exist)\. Did you mean \[.*\]\?$", r"\1", text)
 
 
-def of_buffer(call):
+def of_buffer(call, *arguments):
     """("answer", it), or ("error", class, text)."""
     try:
-        return ("answer", call())
+        return ("answer", call(*arguments))
     except TransformException as error:
         return ("error", type(error).__name__, without_advice(str(error)))
 
 
-def of_model(call):
+def of_model(call, *arguments):
     """The same, with all texts that are right."""
     try:
-        return ("answer", call())
+        return ("answer", call(*arguments))
     except ModelError as error:
         return ("error", error.kind, error.texts)
 

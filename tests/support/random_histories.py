@@ -1,9 +1,7 @@
 """Random inserts into a buffer: good and odd transforms, clearings, and frames that are forgotten."""
 
-import pytest
 from hypothesis import strategies as st
 from making import transform
-from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 
 NAMES = ("a", "b", "c", "d", "/e", "")
 FRAMES = ("a", "b", "c", "d", "e", "nowhere")
@@ -25,14 +23,6 @@ authorities = st.sampled_from(["", "x", "y", "(too many authorities)"])
 inserts = st.tuples(st.sampled_from(["dynamic"] * 4 + ["static"]), st.lists(links, max_size=8), authorities)
 forgets = st.tuples(st.just("forget"), st.sampled_from(FRAMES), st.just(""))
 steps = st.lists(inserts | inserts | st.just(("clear", (), "")) | forgets, max_size=25)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def silence():
-    level = get_logger_level("tf2_py")
-    set_logger_level("tf2_py", LoggingSeverity.FATAL)
-    yield
-    set_logger_level("tf2_py", level)
 
 
 def apply(buffer, history):

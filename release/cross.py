@@ -32,7 +32,7 @@ PACKAGES = ["tf2_py*", "tf2_ros*", "tf2_geometry_msgs*", "tf2_sensor_msgs*"]
 # process, and slowly what maps many pages.
 TESTS = """
 test_advice test_conformance test_error_texts test_frame_tree test_history
-test_pinned test_plain_buffer test_printable test_series test_threads test_velocity test_waiters
+test_pinned test_plain_buffer test_printable test_series test_threads test_waiters
 """.split()
 OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "PyYAML", "scipy"]
 

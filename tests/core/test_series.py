@@ -1,5 +1,6 @@
 """Lookups at many times in one call: the same answers as as many calls."""
 
+from functools import partial
 from itertools import permutations
 
 import numpy as np
@@ -8,17 +9,24 @@ from making import S, about_z, at, at_ns, rotation, transform, translation
 from ros_optional import Duration, Time
 from scipy.spatial.transform import Rotation
 
-from tf2_py import ExtrapolationException
+from tf2_py import BufferCore, ExtrapolationException, TransformException
 
 pytestmark = pytest.mark.ours
 
 FRAMES = ["map", "odom", "base", "arm", "hand", "mast", "camera", "plate"]
+POLICIES = [
+    {"tolerance": 0.3},
+    {"tolerance": 0.3, "extrapolate": True},
+    {"max_gap": 0.02},
+    {"tolerance": 0.5, "extrapolate": True, "max_gap": 0.02},
+]
 
 
-def robot(tf2_py, samples=300, seed=3):
+@pytest.fixture(scope="module")
+def buffer(tf2_ros):
     """Moving, still and jerky edges: map > odom > base > (arm > hand), (mast > camera > plate)."""
-    random = np.random.default_rng(seed)
-    buffer = tf2_py.BufferCore(Duration(seconds=1000))
+    random = np.random.default_rng(3)
+    buffer = tf2_ros.Buffer(Duration(seconds=1000))
     for parent, child, step in (
         ("map", "odom", 0.01),
         ("odom", "base", 0.05),
@@ -26,26 +34,14 @@ def robot(tf2_py, samples=300, seed=3):
         ("arm", "hand", 2.0),  # far turns between neighbours
         ("mast", "camera", 1e-9),
     ):
-        turns = Rotation.from_rotvec(
-            np.cumsum(random.normal(scale=step, size=(samples, 3)), axis=0)
-        ).as_quat()
-        places = np.cumsum(random.normal(size=(samples, 3)), axis=0)
-        stamps = np.cumsum(random.integers(1_000_000, 30_000_000, samples)) + S
-        buffer.set_transforms(
-            [
-                transform(parent, child, ns=int(t), xyz=p, xyzw=q)
-                for t, p, q in zip(stamps, places, turns, strict=True)
-            ],
-            "x",
-        )
+        turns = Rotation.from_rotvec(np.cumsum(random.normal(scale=step, size=(300, 3)), axis=0)).as_quat()
+        places = np.cumsum(random.normal(size=(300, 3)), axis=0)
+        stamps = np.cumsum(random.integers(1_000_000, 30_000_000, 300)) + S
+        rows = zip(stamps.tolist(), places, turns, strict=True)
+        buffer.set_transforms([transform(parent, child, ns=t, xyz=p, xyzw=q) for t, p, q in rows], "x")
     buffer.set_transform_static(transform("base", "mast", xyz=(-0.0, 2, 3), xyzw=about_z(2.5)), "x")
     buffer.set_transform_static(transform("camera", "plate", xyz=(0.1, 0, -0.0)), "x")
     return buffer
-
-
-@pytest.fixture(scope="module")
-def buffer(tf2_py):
-    return robot(tf2_py)
 
 
 def span(buffer, target, source):
@@ -57,21 +53,26 @@ def span_of_all(buffer):
     return span(buffer, "map", "hand")[0], min(span(buffer, "map", frame)[1] for frame in ("hand", "plate"))
 
 
-def singles(buffer, target, source, times, **two_times):
-    """Rows of as many lookups of one time; NaN: there is no answer."""
+def rows_of(ask, times, width=7):
+    """Rows of numbers of as many calls for one time; NaN: there is no answer."""
     rows = []
     for ns in times:
         try:
-            if two_times:
-                m = buffer.lookup_transform_full_core(
-                    target, two_times["target_time"], source, at_ns(int(ns)), two_times["fixed_frame"]
-                )
-            else:
-                m = buffer.lookup_transform_core(target, source, at_ns(int(ns)))
-            rows.append((*translation(m), *rotation(m)))
+            rows.append(ask(at_ns(int(ns))))
         except ExtrapolationException:
-            rows.append((np.nan,) * 7)
-    return np.array(rows).reshape(-1, 7)
+            rows.append((np.nan,) * width)
+    return np.array(rows).reshape(-1, width)
+
+
+def singles(buffer, target, source, times, fixed_frame=None, target_time=None, **policy):
+    def ask(time):
+        if fixed_frame is None:
+            m = buffer.lookup_transform(target, source, time, **policy)
+        else:
+            m = buffer.lookup_transform_full(target, target_time, source, time, fixed_frame, **policy)
+        return *translation(m), *rotation(m)
+
+    return rows_of(ask, times)
 
 
 def assert_same_to_the_last_bit(series, rows):
@@ -82,17 +83,17 @@ def assert_same_to_the_last_bit(series, rows):
     assert (got[~missing].view(np.int64) == np.ascontiguousarray(rows[~missing]).view(np.int64)).all()
 
 
-def check(buffer, target, source, times, **two_times):
+def check(buffer, target, source, times, **options):
     """Rows are those of single lookups, and the first one without an answer is the error."""
-    rows = singles(buffer, target, source, times, **two_times)
-    series = buffer.lookup_transforms(target, source, times, on_missing="nan", **two_times)
+    rows = singles(buffer, target, source, times, **options)
+    series = buffer.lookup_transforms(target, source, times, on_missing="nan", **options)
     assert_same_to_the_last_bit(series, rows)
     missing = np.flatnonzero(np.isnan(rows[:, 0]))
     if len(missing):
         with pytest.raises(ExtrapolationException, match=rf"^times\[{missing[0]}\]: "):
-            buffer.lookup_transforms(target, source, times, **two_times)
+            buffer.lookup_transforms(target, source, times, **options)
     else:
-        assert_same_to_the_last_bit(buffer.lookup_transforms(target, source, times, **two_times), rows)
+        assert_same_to_the_last_bit(buffer.lookup_transforms(target, source, times, **options), rows)
 
 
 @pytest.mark.parametrize("source", FRAMES)
@@ -105,6 +106,14 @@ def test_the_numbers_are_those_of_single_lookups(buffer, target, source):
     check(buffer, target, source, times)
     times[[81, 99, 149]] = (high + 1, 1, 2**31 * S - 1)
     check(buffer, target, source, times)
+
+
+@pytest.mark.parametrize("policy", POLICIES, ids=str)
+def test_the_numbers_under_a_policy_are_those_of_single_lookups(buffer, policy):
+    low, high = span(buffer, "map", "hand")
+    times = np.random.default_rng(4).integers(low, high + S, 300)
+    for source in ("odom", "hand", "map"):
+        check(buffer, "base", source, times, **policy)
 
 
 @pytest.mark.parametrize(
@@ -126,100 +135,86 @@ def test_any_number_of_times(buffer, count):
     check(buffer, "map", "hand", times)
 
 
-class TestTimes:
-    NS = (2 * S, 3 * S, 0)
+# What times may be.
 
-    @pytest.mark.parametrize(
-        "make",
-        [
-            list,
-            tuple,
-            np.array,
-            lambda ns: np.array(ns, np.uint64),
-            lambda ns: np.repeat(np.array(ns), 2)[::2],
-            lambda ns: np.array(ns[::-1])[::-1],
-            lambda ns: [at_ns(one) for one in ns],
-            lambda ns: [at_ns(one).to_msg() for one in ns],
-            lambda ns: np.frombuffer(np.array(ns).tobytes(), np.int64),  # read-only
-        ],
-    )
-    def test_anything_that_is_whole_nanoseconds(self, buffer, make):
-        got = buffer.lookup_transforms("map", "odom", make(self.NS))
-        assert_same_to_the_last_bit(got, singles(buffer, "map", "odom", self.NS))
-        check(buffer, "base", "plate", np.array([2, 0], np.int8))
+NS = [2 * S + 30_000_000, 3 * S, 4 * S]
 
 
-class TestDates:
-    NS = np.array([2 * S + 30_000_000, 3 * S, 4 * S])
+def dates(ns, unit):
+    return np.array(ns).view("M8[ns]").astype(f"M8[{unit}]")
 
-    def same(self, buffer, times, ns=NS):
+
+def pandas_index(ns, unit="ns", zone=None):
+    index = pytest.importorskip("pandas").DatetimeIndex(dates(ns, unit))
+    return index if zone is None else index.tz_localize("UTC").tz_convert(zone)
+
+
+FORMS = {
+    "list": list,
+    "tuple": tuple,
+    "int64": np.array,
+    "uint64": lambda ns: np.array(ns, np.uint64),
+    "strided": lambda ns: np.repeat(np.array(ns), 2)[::2],
+    "backwards": lambda ns: np.array(ns[::-1])[::-1],
+    "read-only": lambda ns: np.frombuffer(np.array(ns).tobytes(), np.int64),
+    "NumPy's numbers": lambda ns: [ns[0], *map(np.int64, ns[1:])],
+    "Times": lambda ns: [at_ns(one) for one in ns],
+    "messages": lambda ns: [at_ns(one).to_msg() for one in ns],
+    **{f"datetime64 in {unit}": partial(dates, unit=unit) for unit in ("ms", "us", "ns", "ps")},
+    "list of datetime64": lambda ns: list(dates(ns, "ms")),
+    **{
+        f"pandas, {unit}, {zone}": partial(pandas_index, unit=unit, zone=zone)
+        for unit in ("ms", "us", "ns")
+        for zone in (None, "UTC", "Asia/Tokyo")
+    },
+    "list of pandas": lambda ns: list(pandas_index(ns)),
+    "Series": lambda ns: pytest.importorskip("pandas").Series(pandas_index(ns), index=[7, 8, 9]),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_times_may_be_anything_that_is_whole_nanoseconds(buffer, form):
+    got = buffer.lookup_transforms("map", "odom", FORMS[form](NS))
+    assert_same_to_the_last_bit(got, singles(buffer, "map", "odom", NS))
+
+
+@pytest.mark.parametrize("places", [*permutations(range(3))], ids=str)
+def test_times_of_several_kinds_in_any_order(buffer, places):
+    kinds = [NS[0], Time(nanoseconds=NS[1]), dates(NS, "s")[2]]
+    for times in ([kinds[i] for i in places], np.array([kinds[i] for i in places], object)):
         got = buffer.lookup_transforms("map", "odom", times)
-        assert_same_to_the_last_bit(got, np.hstack(buffer.lookup_transforms("map", "odom", ns)))
+        assert_same_to_the_last_bit(got, singles(buffer, "map", "odom", [NS[i] for i in places]))
 
-    @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns", "ps"])
-    def test_datetime64_of_any_unit(self, buffer, unit):
-        dates = self.NS.view("M8[ns]").astype(f"M8[{unit}]")
-        self.same(buffer, dates, dates.astype("M8[ns]").view(np.int64))
-        self.same(buffer, list(dates), dates.astype("M8[ns]").view(np.int64))
 
-    @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
-    @pytest.mark.parametrize("zone", [None, "UTC", "Asia/Tokyo"])
-    def test_times_of_pandas(self, buffer, unit, zone):
-        pandas = pytest.importorskip("pandas")
-        index = pandas.DatetimeIndex(self.NS.view("M8[ns]")).as_unit(unit)
-        ns = index.as_unit("ns").asi8
-        if zone is not None:
-            index = index.tz_localize("UTC").tz_convert(zone)
-        for times in (index, pandas.Series(index), pandas.Series(index, index=[7, 8, 9])):
-            self.same(buffer, times, ns)
-
-    def test_times_of_several_kinds_in_any_order(self, buffer):
-        pandas = pytest.importorskip("pandas")
-        first, second, third = self.NS.tolist()
-        kinds = [first, Time(nanoseconds=second), np.datetime64(third, "ns").astype("M8[s]")]
-        for places in permutations(range(3)):
-            ns = self.NS[list(places)]
-            for times in ([kinds[i] for i in places], np.array([kinds[i] for i in places], object)):
-                self.same(buffer, times, ns)
-        self.same(buffer, list(pandas.DatetimeIndex(self.NS.view("M8[ns]"))))
-        self.same(buffer, [np.int64(first), second, third])
-
-    def test_a_date_of_pandas_that_does_not_fit_is_named(self, buffer):
-        pandas = pytest.importorskip("pandas")
-        late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])
-        with pytest.raises(ValueError, match=r"times\[0\]: .* got 9999"):
-            buffer.lookup_transforms("map", "odom", late)
+def test_a_date_of_pandas_that_does_not_fit_is_named(buffer):
+    pandas = pytest.importorskip("pandas")
+    late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])
+    with pytest.raises(ValueError, match=r"times\[0\]: .* got 9999"):
+        buffer.lookup_transforms("map", "odom", late)
 
 
 ARRAY = r"integer nanoseconds of shape \(N,\)"
+TO_INT64 = "float64: multiply seconds by 1e9, and round them to int64$"
+BEYOND = r"times\[1\]: expected whole nanoseconds within 64 bits"
 NO_TIMES = [
-    *[
-        (times, TypeError, ARRAY)
-        for times in (1, None, "12", ["1"], [...], [True, False], [5, True], [5, "6"])
-    ],
-    *[(times, TypeError, ARRAY) for times in ([1.5, 2.5], np.array([1.0]), np.array([5, 1.5], object))],
-    (np.int64(3), (TypeError, ValueError), ARRAY),
-    *[
-        (times, ValueError, ARRAY)
-        for times in ([[S]], [S, (S, S)], [np.array([S])], np.array([S, [S]], object))
-    ],
-    *[(times, ValueError, ARRAY) for times in (np.zeros((2, 2), np.int64), [2**63], [2**70])],
-    *[(times, ValueError, ARRAY) for times in (np.array([5, 2**63], object), np.array([2**63], np.uint64))],
-    (np.ma.masked_array([5, 6], [False, True]), ValueError, ARRAY),
-    ([1.5], TypeError, "float64: multiply seconds by 1e9, and round them to int64$"),
-    (np.array([2.0]), TypeError, "float64: multiply seconds by 1e9, and round them to int64$"),
-    (np.array([2, 3], "m8[ns]"), TypeError, "timedelta64"),
-    (np.array([3, "NaT"], "M8[ns]"), ValueError, r"times\[1\] is NaT"),
-    (np.array([3, "NaT"], "M8[D]"), ValueError, r"times\[1\] is NaT"),
-    (np.array(["1970-01-02", "9999-01-01"], "M8[D]"), ValueError, r"times\[1\]: expected whole nanoseconds"),
-    (np.array([1000, 1], "M8[ps]"), ValueError, r"times\[1\]: expected whole nanoseconds within 64 bits"),
+    (TypeError, ARRAY, 1, None, "12", ["1"], [...], [True, False], [5, True], [5, "6"]),
+    (TypeError, ARRAY, [1.5, 2.5], np.array([1.0]), np.array([5, 1.5], object)),
+    ((TypeError, ValueError), ARRAY, np.int64(3)),
+    (ValueError, ARRAY, [[S]], [S, (S, S)], [np.array([S])], np.array([S, [S]], object)),
+    (ValueError, ARRAY, np.zeros((2, 2), np.int64), [2**63], [2**70], np.array([2**63], np.uint64)),
+    (ValueError, ARRAY, np.array([5, 2**63], object), np.ma.masked_array([5, 6], [False, True])),
+    (TypeError, TO_INT64, [1.5], np.array([2.0])),
+    (TypeError, "timedelta64", np.array([2, 3], "m8[ns]")),
+    (ValueError, r"times\[1\] is NaT", np.array([3, "NaT"], "M8[ns]"), np.array([3, "NaT"], "M8[D]")),
+    (ValueError, BEYOND, np.array(["1970-01-02", "9999-01-01"], "M8[D]"), np.array([1000, 1], "M8[ps]")),
 ]
 
 
-@pytest.mark.parametrize(("times", "error", "text"), NO_TIMES, ids=repr)
-def test_what_is_no_time_says_what_is_wanted(buffer, times, error, text):
-    with pytest.raises(error, match=text):
-        buffer.lookup_transforms("map", "odom", times)
+@pytest.mark.parametrize(("error", "text", "wrong"), [(*row[:2], row[2:]) for row in NO_TIMES])
+def test_what_is_no_time_says_what_is_wanted(buffer, error, text, wrong):
+    for times in wrong:
+        with pytest.raises(error, match=text):
+            buffer.lookup_transforms("map", "odom", times)
 
 
 class TestPoints:
@@ -230,38 +225,33 @@ class TestPoints:
         times = random.integers(low, high, 300)
         points = random.normal(size=(300, 3)).astype(dtype)
         points.flags.writeable = False
-        got = buffer.transform_points(
-            points, times, "camera", "hand", fixed_frame="map", target_time=at_ns(high)
-        )
-        translations, rotations = buffer.lookup_transforms(
-            "camera", "hand", times, fixed_frame="map", target_time=at_ns(high)
-        )
+        two_times = {"fixed_frame": "map", "target_time": at_ns(high)}
+        got = buffer.transform_points(points, times, "camera", "hand", **two_times)
+        translations, rotations = buffer.lookup_transforms("camera", "hand", times, **two_times)
         want = Rotation.from_quat(rotations).apply(points.astype(np.float64)) + translations
         assert got.dtype == dtype
         np.testing.assert_allclose(got, want, rtol=0, atol=np.finfo(dtype).eps * 100 * np.abs(want).max())
 
-    @pytest.mark.parametrize(
-        "points", [[[1, 2, 3]], np.array([[1, 2, 3]], np.int16), np.array([[1, 2, 3]], np.uint8)], ids=repr
-    )
-    def test_integers_become_float64(self, buffer, points):
-        got = buffer.transform_points(points, [0], "map", "base")
-        assert got.dtype == np.float64
-        assert (got == buffer.transform_points([[1.0, 2.0, 3.0]], [0], "map", "base")).all()
+    def test_integers_become_float64(self, buffer):
+        for points in ([[1, 2, 3]], np.array([[1, 2, 3]], np.int16), np.array([[1, 2, 3]], np.uint8)):
+            got = buffer.transform_points(points, [0], "map", "base")
+            assert got.dtype == np.float64
+            assert (got == buffer.transform_points([[1.0, 2.0, 3.0]], [0], "map", "base")).all()
 
     @pytest.mark.parametrize(
-        ("points", "times", "error"),
+        ("points", "error"),
         [
-            (np.zeros((2, 3)), [1], ValueError),
-            (np.zeros((2, 2)), [1, 2], ValueError),
-            (np.zeros(3), [1], ValueError),
-            (np.zeros((1, 3), complex), [1], TypeError),
-            (np.zeros((1, 3), bool), [1], TypeError),
-            ([["a", "b", "c"]], [1], TypeError),
+            (np.zeros((2, 3)), ValueError),
+            (np.zeros((1, 2)), ValueError),
+            (np.zeros(3), ValueError),
+            (np.zeros((1, 3), complex), TypeError),
+            (np.zeros((1, 3), bool), TypeError),
+            ([["a", "b", "c"]], TypeError),
         ],
     )
-    def test_what_is_wrong_says_what_is_wanted(self, buffer, points, times, error):
+    def test_what_is_no_array_of_a_point_is_refused(self, buffer, points, error):
         with pytest.raises(error):
-            buffer.transform_points(points, times, "map", "base")
+            buffer.transform_points(points, [1], "map", "base")
 
 
 class TestManyFrames:
@@ -280,16 +270,19 @@ class TestManyFrames:
         low, high = span_of_all(buffer)
         times = [0, *np.random.default_rng(3).integers(low, high, 99)]
         two_times = {"fixed_frame": "map", "target_time": at_ns(high)}
-        self.assert_same_as_one_by_one(buffer, "camera", FRAMES, times)
-        self.assert_same_as_one_by_one(buffer, "camera", FRAMES, times, **two_times)
+        for options in ({}, two_times, *[policy | {"on_missing": "nan"} for policy in POLICIES]):
+            self.assert_same_as_one_by_one(buffer, "camera", FRAMES, times, **options)
+        for times in ([], [3 * S]):
+            self.assert_same_as_one_by_one(buffer, "map", [], times)
+            self.assert_same_as_one_by_one(buffer, "map", ["base", "hand"], times)
 
-    def test_the_first_frame_with_an_error_raises_it_even_if_another_fails_earlier(self, tf2_py):
-        buffer = tf2_py.BufferCore(Duration(seconds=100))
+    def test_the_first_frame_with_an_error_raises_it_even_if_another_fails_earlier(self):
+        buffer = BufferCore(Duration(seconds=100))
         for frame, newest in (("long", 200), ("short", 100), ("other", 50)):
             buffer.set_transforms([transform("map", frame, ns=ns) for ns in (1, newest)], "x")
         times = np.arange(1, 301)
         for sources, index in ((["short", "other", "long"], 100), (["long", "short"], 200)):
-            with pytest.raises(tf2_py.ExtrapolationException, match=rf"^times\[{index}\].*\[{sources[0]}\]"):
+            with pytest.raises(ExtrapolationException, match=rf"^times\[{index}\].*\[{sources[0]}\]"):
                 buffer.lookup_transforms("map", sources, times)
 
     @pytest.mark.parametrize("on_missing", ["raise", "nan"])
@@ -300,29 +293,94 @@ class TestManyFrames:
         with pytest.raises(tf2_py.InvalidArgumentException, match="/base"):
             buffer.lookup_transforms("map", ["/base", "unknown_7"], [1, 2], on_missing=on_missing)
 
-    @pytest.mark.parametrize("times", [[], [3 * S]], ids=len)
-    def test_no_frames_and_no_times(self, buffer, times):
-        self.assert_same_as_one_by_one(buffer, "map", [], times)
-        self.assert_same_as_one_by_one(buffer, "map", ["base", "hand"], times)
+
+class TestVelocities:
+    """What a twist is says the model (test_model.py)."""
+
+    @pytest.mark.parametrize("names", [*permutations(["map", "odom", "hand", "mast"], 2)], ids=str)
+    def test_rows_are_those_of_single_lookups(self, buffer, names):
+        newest = buffer.get_latest_common_time("map", "hand").nanoseconds
+        times = np.concatenate([[0, 1, newest, newest + 1], np.arange(S, newest + S, 17_000_000)])
+        for interval in map(at, (1e-9, 0.1, 1000, 0)):
+            interval = Duration(nanoseconds=interval.nanoseconds)
+            ask = partial(
+                lambda i, time: np.ravel(buffer.lookupVelocityCore(*names, time, i)).tolist(), interval
+            )
+            rows = rows_of(ask, times, 6)
+            series = buffer.lookup_velocities(*names, times, interval, on_missing="nan")
+            assert_same_to_the_last_bit(series, rows)
+            assert np.isnan(rows).any()
+
+    def test_an_even_motion_has_its_constant_twist_also_in_this_century(self):
+        buffer, rate_hz, start = BufferCore(Duration(seconds=100)), 200, 1_700_000_000 * S
+        omega, v = np.array([0.3, -0.2, 0.5]), np.array([0.4, 0.1, -0.7])
+        for i in range(10 * rate_hz + 1):
+            t = i / rate_hz
+            turn = Rotation.from_rotvec(omega * t).as_quat()
+            buffer.set_transform(
+                transform("world", "body", ns=start + round(t * S), xyz=v * t, xyzw=turn), "x"
+            )
+        times = start + np.linspace(0.1 * S, 10 * S, 300).astype(np.int64)
+        linear, angular = buffer.lookup_velocities("body", "world", times, Duration(seconds=0.1))
+        np.testing.assert_allclose(linear, np.tile(v, (300, 1)), atol=1e-6)
+        np.testing.assert_allclose(angular, np.tile(omega, (300, 1)), atol=1e-6)
+        assert buffer.lookup_velocities("body", "world", [], Duration(seconds=1))[0].shape == (0, 3)
+
+    def test_the_first_time_without_an_answer_is_in_the_error(self):
+        buffer = BufferCore(Duration(seconds=100))
+        buffer.set_transforms([transform("world", "body", t) for t in (9.5, 10.0, 13.0)], "x")
+        for times, interval, text in (
+            ([11 * S, 12 * S, 14 * S, 15 * S], 1, r"^times\[2\]: .*time 13\.5"),
+            ([11 * S, 10 * S], 2, r"^times\[1\]: .*into the past.*time 9\.0"),
+        ):
+            with pytest.raises(ExtrapolationException, match=text):
+                buffer.lookup_velocities("body", "world", times, Duration(seconds=interval))
+
+    @pytest.mark.parametrize("names", [("hand", "nowhere"), ("hand", "/map"), ("", "hand")])
+    def test_errors_are_those_of_the_single_lookup(self, buffer, names):
+        second = Duration(seconds=1)
+        with pytest.raises(TransformException) as single:
+            buffer.lookupVelocityCore(*names, at(3.0), second)
+        for on_missing in ("raise", "nan"):
+            with pytest.raises(type(single.value)) as error:
+                buffer.lookup_velocities(*names, [3 * S], second, on_missing=on_missing)
+            assert str(error.value) == str(single.value)
+
+    def test_an_interval_that_reaches_beyond_64_bits_ends_at_the_newest_stamp(self, buffer):
+        centuries, last = Duration(nanoseconds=2**63 - 1), 2**63 - 1
+        assert (buffer.lookup_velocities("mast", "base", [last, 5 * S], centuries)[0] == 0).all()
+        linear, _ = buffer.lookup_velocities("hand", "map", [last], Duration(seconds=1), on_missing="nan")
+        assert np.isnan(linear).all()
+
+
+MANY, TWISTS = ("map", "base", [1]), ("base", "map", [1])
+ZERO, SECOND, BACKWARDS = Duration(), Duration(seconds=1), Duration(nanoseconds=-1)
 
 
 @pytest.mark.parametrize(
-    ("source", "options", "error", "text"),
+    ("error", "text", "call"),
     [
-        *[("base", {"on_missing": word}, ValueError, "'raise' or 'nan'") for word in ("NaN", None, "", 0)],
-        ("base", {"fixed_frame": "map"}, TypeError, "go together"),
-        ("base", {"target_time": at(0)}, TypeError, "go together"),
-        *[
-            (source, {}, TypeError, f"source_frame: expected a str, got {named}")
-            for source, named in (
-                (["base", 3], "int"),
-                ([["base"]], "list"),
-                (b"base", "bytes"),
-                (None, "NoneType"),
-            )
-        ],
+        (ValueError, "'raise' or 'nan'", lambda b: b.lookup_transforms(*MANY, on_missing="NaN")),
+        (ValueError, "'raise' or 'nan'", lambda b: b.lookup_transforms(*MANY, on_missing=None)),
+        (ValueError, "'raise' or 'nan'", lambda b: b.lookup_velocities(*TWISTS, ZERO, on_missing="skip")),
+        (TypeError, "go together", lambda b: b.lookup_transforms(*MANY, fixed_frame="map")),
+        (TypeError, "go together", lambda b: b.lookup_transforms(*MANY, target_time=at(0))),
+        (TypeError, "expected a str, got int", lambda b: b.lookup_transforms("map", ["base", 3], [1])),
+        (TypeError, "source_frame: .* got list", lambda b: b.lookup_transforms("map", [["base"]], [1])),
+        (TypeError, "source_frame: .* got bytes", lambda b: b.lookup_transforms("map", b"base", [1])),
+        (TypeError, "source_frame: .* got NoneType", lambda b: b.lookup_transforms("map", None, [1])),
+        (TypeError, "expected a str, got int", lambda b: b.lookup_velocities(7, "map", [1], ZERO)),
+        (TypeError, "integer nanoseconds", lambda b: b.lookup_velocities("base", "map", [0.5], ZERO)),
+        (TypeError, "averaging_interval", lambda b: b.lookup_velocities(*TWISTS, "0.5")),
+        (ValueError, "must not be negative", lambda b: b.lookup_velocities(*TWISTS, BACKWARDS)),
+        (ValueError, "negative", lambda b: b.lookupVelocityCore("base", "map", at(3), BACKWARDS)),
     ],
 )
-def test_wrong_arguments(buffer, source, options, error, text):
+def test_wrong_arguments(buffer, error, text, call):
     with pytest.raises(error, match=text):
-        buffer.lookup_transforms("map", source, [1], **options)
+        call(buffer)
+
+
+def test_a_point_of_two_numbers_has_no_velocity(buffer):
+    with pytest.raises((TypeError, ValueError)):
+        buffer.lookupVelocityFullCore("base", "map", "map", (1.0, 2.0), "base", at(3), SECOND)

@@ -51,7 +51,8 @@ def use(core):
     core._self_check()
     assert core.lookup_transform_core("map", "robot", at(1.5)).child_frame_id == "robot"
     assert len(core.lookup_transforms("map", "robot", TIMES_NS[:5000])[0]) == 5000
-    assert "robot" in core.all_frames_as_yaml()
+    assert "robot" in core.all_frames_as_yaml() and "robot" in core.tree() and "robot" in core
+    assert repr(core).endswith(", 0 waiters>")
     answers = []
     wait = core._wait("map", "child", at(1), notify=answers.append)
     assert not core._wait("map", "nowhere", at(1)).wait_for(1_000_000, lambda: True)

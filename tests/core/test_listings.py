@@ -1,10 +1,13 @@
-"""The texts that list what a buffer knows."""
+"""What a buffer lists of its frames: texts, facts and its repr; test_model.py holds what they say."""
+
+import copy
+import pickle
 
 import pytest
 import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
-from making import at, transform
+from making import S, at, at_ns, transform
 
 
 @pytest.fixture
@@ -60,17 +63,6 @@ def test_quotes_in_names_do_not_break_the_graph(buffer):
 
 
 @pytest.mark.ours
-def test_what_does_not_print_is_escaped_in_the_sentences_and_the_graph(buffer):
-    buffer.set_transform(transform("a\nb", "\x1b[31mred", 1), "me\u202e")
-    assert buffer.all_frames_as_string() == "Frame \\x1b[31mred exists with parent a\\nb.\n"
-    dot = buffer._allFramesAsDot()
-    # Graphviz drops a single backslash.
-    assert '"a\\\\nb" -> "\\\\x1b[31mred"' in dot
-    assert "Broadcaster: me\\\\u202e\\n" in dot
-    assert all(line.isprintable() for line in dot.splitlines())
-
-
-@pytest.mark.ours
 def test_listings_of_more_frames_than_one_slice_are_complete(buffer):
     # Also in their bytes: names of 200 fill a slice before it has all the frames that it may have.
     names = [f"{i:05d}{'x' * (i % 200)}" for i in range(5000)]
@@ -81,3 +73,74 @@ def test_listings_of_more_frames_than_one_slice_are_complete(buffer):
     listed = buffer.all_frames_as_string().splitlines()
     assert listed == [f"Frame {name} exists with parent map." for name in names]
     assert buffer._allFramesAsDot().count("Broadcaster: me") == 5000
+
+
+@pytest.mark.ours
+class TestTrees:
+    def test_a_parent_that_is_not_listed_itself_is_a_root(self, tf2_py):
+        # As in the YAML of other buffers, which lists only children.
+        from tf2_py._objects.listings import tree_text
+
+        assert tree_text({"odom": tf2_py.FrameInfo("map", True, 1, None, None)}) == "map\n  odom (static)"
+
+    def test_a_long_chain_is_complete_and_not_indented_without_end(self, buffer):
+        names = [f"f{i}" for i in range(10_000)]
+        links = [transform(parent, child) for parent, child in zip(names, names[1:], strict=False)]
+        buffer.set_transforms(links, "x", static=True)
+        lines = buffer.tree().splitlines()
+        assert [line.split()[0] for line in lines] == names
+        assert max(len(line) for line in lines) < 200
+
+
+@pytest.fixture
+def robot(buffer):
+    """map -> odom -> base, dynamic, with different histories; base -> camera, static."""
+    for ns in (10 * S, 10 * S + 7, 12 * S + 1):
+        buffer.set_transform(transform("map", "odom", ns=ns), "x")
+    for ns in (11 * S - 3, 11 * S):
+        buffer.set_transform(transform("odom", "base", ns=ns), "x")
+    buffer.set_transform_static(transform("base", "camera", 99), "x")
+    return buffer
+
+
+class Name(str):
+    """Of a program's own."""
+
+
+@pytest.mark.ours
+class TestAtAPrompt:
+    def test_the_facts_of_a_frame_can_be_pickled_and_copied(self, robot):
+        frames = robot.frames()
+        assert pickle.loads(pickle.dumps(frames)) == copy.deepcopy(frames) == frames
+
+    def test_only_the_names_of_frames_are_in_a_buffer(self, robot):
+        assert all(name in robot for name in ("map", Name("map"), "camera"))
+        for other in (None, 5, b"map", ["map"], ("map",), "a\0b", "\ud800"):
+            assert other not in robot
+
+    def test_a_buffer_is_true_and_no_container_otherwise(self, buffer):
+        assert buffer  # also without frames: programs test whether they have a buffer
+        for function in (len, iter, list, reversed):
+            with pytest.raises(TypeError):
+                function(buffer)
+
+    def test_its_repr_tells_what_it_holds(self, robot):
+        waits = [robot._wait("map", "nowhere", at_ns(0)) for _ in range(2)]
+        assert repr(robot) == "<tf2_py.BufferCore: 4 frames, 6 samples over 2.0 s, 2 waiters>"
+        assert all(wait.cancel() for wait in waits)
+        robot.clear()
+        assert repr(robot) == "<tf2_py.BufferCore: 4 frames, 1 sample, 0 waiters>"
+
+    def test_a_subclass_may_use_the_names_itself(self, tf2_ros):
+        class Own(tf2_ros.Buffer):
+            def __init__(self):
+                super().__init__()
+                self.frames = self.tree = None
+
+        own = Own()
+        own.set_transform(transform("map", "odom", 1), "x")
+        assert repr(own) == f"<{__name__}.{Own.__qualname__}: 2 frames, 1 sample over 0.0 s, 0 waiters>"
+
+    def test_its_repr_shows_the_name_of_a_class_also_before_it_is_initialised(self, tf2_ros):
+        for buffer in (tf2_ros.Buffer(), tf2_ros.Buffer.__new__(tf2_ros.Buffer)):
+            assert repr(buffer) == "<tf2_ros.Buffer: 0 frames, 0 samples, 0 waiters>"

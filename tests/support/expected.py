@@ -1,7 +1,6 @@
-"""Computes, with SciPy, what a transform makes of points, rotations and covariances."""
+"""What a transform makes of points, rotations, covariances and every type of message, by SciPy."""
 
 import numpy as np
-from making import transform
 from scipy.spatial.transform import Rotation
 
 
@@ -32,14 +31,81 @@ def transformed(points, t):
     return points @ matrix(t)[:3, :3].T + matrix(t)[:3, 3]
 
 
-def inverse(t):
-    back = turn(t.transform.rotation).inv()
-    return transform(
-        t.child_frame_id, t.header.frame_id, 7.25, -back.apply(xyz(t.transform.translation)), back.as_quat()
-    )
+def covariance_rotated(covariance, r):
+    """A 3x3 or 6x6 covariance after a rotation, as one product of matrices."""
+    turns = np.kron(np.eye(np.size(covariance) // 9 // 2 or 1), r.as_matrix())
+    return turns @ np.reshape(covariance, turns.shape) @ turns.T
 
 
-def covariance_rotated(covariance, t):
-    """A 6x6 covariance in the target frame of a transform, as one product of 6x6 matrices."""
-    both = np.kron(np.eye(2), turn(t.transform.rotation).as_matrix())
-    return both @ np.reshape(covariance, (6, 6)) @ both.T
+def canonical(rotation):
+    q = rotation.as_quat()
+    return q if q[3] >= 0 else -q
+
+
+def _of_point(m, r, moved):
+    return r.apply(xyz(m)) + moved
+
+
+def _of_vector(m, r, moved):
+    return r.apply(xyz(m))
+
+
+def _of_transform(m, r, moved):
+    return [*(r.apply(xyz(m.translation)) + moved), *canonical(r * turn(m.rotation))]
+
+
+def _of_wrench(m, r, moved):
+    # The same force; its torque about the new origin.
+    force = r.apply(xyz(m.force))
+    return [*force, *(r.apply(xyz(m.torque)) + np.cross(moved, force))]
+
+
+def _of_velocity(m, r, moved):
+    # The same motion of a rigid body; the velocity of its point at the new origin.
+    angular = r.apply(xyz(m.velocity.angular))
+    return [*(r.apply(xyz(m.velocity.linear)) + np.cross(moved, angular)), *angular]
+
+
+def _of_odometry(m, r, moved):
+    twist = m.twist.twist  # is in the child frame
+    return [*numbers_in(m.pose, r, moved), *xyz(twist.linear), *xyz(twist.angular), *m.twist.covariance]
+
+
+def _of_imu(m, r, moved):
+    # The attitude is that of the new frame in the world.
+    parts = [canonical(turn(m.orientation) * r.inv()), m.orientation_covariance]
+    for name in ("angular_velocity", "linear_acceleration"):
+        parts += [r.apply(xyz(getattr(m, name))), numbers_in(getattr(m, f"{name}_covariance"), r, moved)]
+    return np.concatenate(parts)
+
+
+RULES = {
+    "Point": _of_point,
+    "Point32": _of_point,
+    "Vector3": _of_vector,
+    "Quaternion": lambda m, r, moved: canonical(r * turn(m)),
+    "Transform": _of_transform,
+    "Wrench": _of_wrench,
+    "VelocityStamped": _of_velocity,
+    "Odometry": _of_odometry,
+    "Imu": _of_imu,
+    "Header": lambda m, r, moved: [],
+    "str": lambda m, r, moved: [],
+}
+
+
+def numbers_in(m, r, moved):
+    """
+    Every number of a message in another frame, in the order of `random_messages.numbers`.
+
+    A class without a rule becomes what its fields become; an array is a covariance of x y z, or of two.
+    """
+    rule = RULES.get(type(m).__name__)
+    if rule is not None:
+        return list(rule(m, r, moved))
+    if isinstance(m, int | float):
+        return [m]
+    if isinstance(m, np.ndarray):
+        return list(covariance_rotated(m, r).ravel())
+    parts = m if isinstance(m, list) else [getattr(m, field) for field in m.get_fields_and_field_types()]
+    return [number for part in parts for number in numbers_in(part, r, moved)]

@@ -22,7 +22,6 @@ from tf2_ros_tools.output import not_known
 S = 1_000_000_000
 ID_BITS = 20  # of each of the three ids of a stream; a Recording assigns no larger ones
 JUMP_BACK_NS = S  # by at least this much; the same as for a buffer
-LEFT_OVER_NS = S  # for this long after a jump, transforms that were sent before it may arrive
 SETTLING_NS = S // 2
 TAIL = 10  # records of each stream that are kept beyond the window
 PIECES = 64  # batches that are kept before they are joined
@@ -158,8 +157,6 @@ class Streams:
             if publisher not in self._settled_ns:
                 first = np.argmax(records["publisher"] == publisher)
                 self._settled_ns[publisher] = int(records["received_ns"][first]) + SETTLING_NS
-        if self._jump is not None:
-            records = records[~_left_over(records, *self._jump)]
         self._pieces.append(records)
         if len(self._pieces) >= PIECES:
             self.kept(self._last_ns)
@@ -259,13 +256,6 @@ class Streams:
         return settled
 
 
-def _left_over(records: Records, before_ns: int, after_ns: int) -> Mask:
-    """Which records were sent before the clock jumped back, and received just after that."""
-    received, stamps = records["received_ns"], records["stamp_ns"]
-    late: Mask = (received < after_ns + LEFT_OVER_NS) & (records["static"] == 0)
-    return late & (stamps > received + JUMP_BACK_NS) & (stamps <= before_ns + JUMP_BACK_NS)
-
-
 def _keys(records: Records) -> NDArray[np.int64]:
     keys: NDArray[np.int64] = records["child"].astype(np.int64)
     for part, bits in (("parent", ID_BITS), ("publisher", ID_BITS), ("static", 1)):
@@ -283,14 +273,13 @@ def _grouped(records: Records) -> tuple[NDArray[np.intp], NDArray[np.intp], NDAr
 
 
 def _is_needed(records: Records, begin_ns: int) -> Mask:
-    """Which records a report needs: the window, and the last ones and the newest stamp of each stream."""
+    """Which records a report needs: the window, and the last ones of each stream."""
     needed: Mask = records["received_ns"] >= begin_ns
     if needed.all():
         return needed
     order, starts, ends = _grouped(records)
     from_end = np.repeat(ends, ends - starts) - np.arange(len(records))
     needed[order[from_end <= TAIL]] = True
-    needed[order[_first_newest(records["stamp_ns"][order], starts)]] = True
     return needed
 
 

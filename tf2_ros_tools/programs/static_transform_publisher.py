@@ -9,7 +9,7 @@ from argparse import Namespace
 from collections.abc import Mapping
 from math import hypot, inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, finite_number, run
 from tf2_ros_tools.yaml_files import Key, nonempty_text, number_in, read_keys, read_list
@@ -70,7 +70,7 @@ def parser() -> Parser:
     return made
 
 
-def transforms_of(options: Namespace) -> list[StaticTransform]:
+def transforms_of(options: Namespace) -> list[TransformStamped]:
     """
     Get the transforms that the command line asks to publish.
 
@@ -82,16 +82,14 @@ def transforms_of(options: Namespace) -> list[StaticTransform]:
     try:
         if options.file is not None:
             return read_file(options.file)
-        return [_of_old_form(options.old) if options.old else StaticTransform.of(given)]
+        if not options.old:
+            return [transform_of(given)]
+        names = OLD_FORMS.get(len(options.old))
+        if names is None:
+            raise UsageError(f"there are {len(options.old)} values without options; the old form has 8 or 9")
+        return [read_transform("the old form", dict(zip(names, options.old, strict=True)))]
     except ValueError as refusal:
         raise UsageError(str(refusal)) from None
-
-
-def _of_old_form(values: list[str]) -> StaticTransform:
-    names = OLD_FORMS.get(len(values))
-    if names is None:
-        raise UsageError(f"there are {len(values)} values without options; the old form has 8 or 9")
-    return read_transform("the old form", dict(zip(names, values, strict=True)))
 
 
 def publish(options: Namespace) -> NoReturn:
@@ -107,78 +105,64 @@ def publish(options: Namespace) -> NoReturn:
         log, stamp = node.get_logger(), node.get_clock().now().to_msg()
         if options.old:
             log.warning("Old-style arguments are deprecated; see --help for new-style arguments")
-        for place, one in enumerate(transforms):
-            if (rotation := _normalised(one.rotation)) != one.rotation:
+        for one in transforms:
+            one.header.stamp = stamp
+            q = one.transform.rotation
+            length = hypot(q.x, q.y, q.z, q.w)
+            if abs(length * length - 1.0) >= TOLERANCE:
                 text = "does not have length one; what is published does"
-                log.warning(f"The quaternion of {one.child_frame_id} {text}: {rotation}")
-                transforms[place] = one._replace(rotation=rotation)
+                log.warning(f"The quaternion of {one.child_frame_id} {text}")
+                q.x, q.y, q.z, q.w = (part / length for part in (q.x, q.y, q.z, q.w))
         log.info(_summary(options, transforms))
-        StaticTransformBroadcaster(node).sendTransform([_message(one, stamp) for one in transforms])
+        StaticTransformBroadcaster(node).sendTransform(transforms)
         wait()
 
 
-def _normalised(rotation: tuple[float, ...]) -> tuple[float, ...]:
-    length = hypot(*rotation)
-    return rotation if abs(length * length - 1.0) < TOLERANCE else tuple(part / length for part in rotation)
-
-
-def _message(transform: StaticTransform, stamp: Any) -> TransformStamped:
-    from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
-
-    message = TransformStamped(child_frame_id=transform.child_frame_id)
-    message.header.frame_id = transform.frame_id
-    message.header.stamp = stamp
-    message.transform.translation = Vector3(**dict(zip("xyz", transform.translation, strict=True)))
-    message.transform.rotation = Quaternion(**dict(zip("xyzw", transform.rotation, strict=True)))
-    return message
-
-
-def _summary(options: Namespace, transforms: list[StaticTransform]) -> str:
+def _summary(options: Namespace, transforms: list[TransformStamped]) -> str:
     if options.file is not None:
         return f"Spinning until stopped - publishing {len(transforms)} transforms of {options.file}"
     [one] = transforms
+    t, q = one.transform.translation, one.transform.rotation
     return (
         "Spinning until stopped - publishing transform\n"
-        f"translation: {tuple(f'{number:f}' for number in one.translation)}\n"
-        f"rotation: {tuple(f'{number:f}' for number in one.rotation)}\n"
-        f"from '{one.frame_id}' to '{one.child_frame_id}'"
+        f"translation: {tuple(f'{number:f}' for number in (t.x, t.y, t.z))}\n"
+        f"rotation: {tuple(f'{number:f}' for number in (q.x, q.y, q.z, q.w))}\n"
+        f"from '{one.header.frame_id}' to '{one.child_frame_id}'"
     )
 
 
 # Read static transforms as users write them.
 
 
-class StaticTransform(NamedTuple):
-    """A transform from ``child_frame_id`` to ``frame_id``; the rotation is x y z w."""
+def transform_of(given: Mapping[str, Any]) -> TransformStamped:
+    """
+    Make a transform from what a user gave.
 
-    frame_id: str
-    child_frame_id: str
-    translation: tuple[float, ...]
-    rotation: tuple[float, ...]
+    :param given: names and floats, by FRAMES and NUMBERS.
+    :raises ValueError: a name is missing, or two fields contradict each other.
+    """
+    from geometry_msgs.msg import TransformStamped
 
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> StaticTransform:
-        """
-        Make a transform from what a user gave.
+    frame, child = (given.get(name, "") for name in FRAMES)
+    if not frame or not child:
+        raise ValueError("frame_id and child_frame_id must be given, and must not be empty")
+    if frame == child:
+        raise ValueError(f"frame_id and child_frame_id must differ, both are {frame!r}")
+    rotation = tuple(given.get(name, float(name == "qw")) for name in QUATERNION)
+    if given.keys() & set(EULER):
+        from tf2_ros_tools.urdf import quaternion_from_rpy
 
-        :param given: names and floats, by FRAMES and NUMBERS.
-        :raises ValueError: a name is missing, or two fields contradict each other.
-        """
-        frame, child = (given.get(name, "") for name in FRAMES)
-        if not frame or not child:
-            raise ValueError("frame_id and child_frame_id must be given, and must not be empty")
-        if frame == child:
-            raise ValueError(f"frame_id and child_frame_id must differ, both are {frame!r}")
-        if given.keys() & set(QUATERNION) and given.keys() & set(EULER):
+        if given.keys() & set(QUATERNION):
             raise ValueError("a rotation is a quaternion or Euler angles; both were given")
-        rotation = tuple(given.get(name, float(name == "qw")) for name in QUATERNION)
-        if given.keys() & set(EULER):
-            from tf2_ros_tools.urdf import quaternion_from_rpy
-
-            rotation = quaternion_from_rpy(*(given.get(name, 0.0) for name in EULER))
-        if not 0.0 < hypot(*rotation) < inf:
-            raise ValueError(f"a quaternion must have a finite length above 0; this one is {rotation}")
-        return cls(frame, child, tuple(given.get(name, 0.0) for name in TRANSLATION), rotation)
+        rotation = quaternion_from_rpy(*(given.get(name, 0.0) for name in EULER))
+    if not 0.0 < hypot(*rotation) < inf:
+        raise ValueError(f"a quaternion must have a finite length above 0; this one is {rotation}")
+    made = TransformStamped(child_frame_id=child)
+    made.header.frame_id = frame
+    t, q = made.transform.translation, made.transform.rotation
+    t.x, t.y, t.z = (given.get(name, 0.0) for name in TRANSLATION)
+    q.x, q.y, q.z, q.w = rotation
+    return made
 
 
 _FRAME = Key("a text (quote what looks like a number)", nonempty_text, is_required=True)
@@ -186,7 +170,7 @@ _NUMBER = Key("a finite number", number_in(-sys.float_info.max, sys.float_info.m
 KEYS = {**dict.fromkeys(FRAMES, _FRAME), **dict.fromkeys(NUMBERS, _NUMBER)}
 
 
-def read_file(path: Path) -> list[StaticTransform]:
+def read_file(path: Path) -> list[TransformStamped]:
     """
     Read a YAML file: a list of mappings with the names of FRAMES and NUMBERS.
 
@@ -201,13 +185,13 @@ def read_file(path: Path) -> list[StaticTransform]:
     for one in transforms:
         if one.child_frame_id in parents:
             raise ValueError(f"{path}: the frame {one.child_frame_id!r} has two transforms")
-        parents[one.child_frame_id] = one.frame_id
+        parents[one.child_frame_id] = one.header.frame_id
     if (frame := one_in_a_loop(parents)) is not None:
         raise ValueError(f"{path}: the frame {frame!r} is its own ancestor")
     return transforms
 
 
-def read_transform(label: str, given: Any) -> StaticTransform:
+def read_transform(label: str, given: Any) -> TransformStamped:
     """
     Read a mapping with the names of FRAMES and NUMBERS.
 
@@ -216,7 +200,7 @@ def read_transform(label: str, given: Any) -> StaticTransform:
     """
     read = read_keys(label, given, KEYS)
     try:
-        return StaticTransform.of(read)
+        return transform_of(read)
     except ValueError as refusal:
         raise ValueError(f"{label}: {refusal}") from None
 

@@ -1,7 +1,6 @@
 """Recordings: what is loaded from every format, from which times and topics, and from broken files."""
 
 import os
-import re
 import sqlite3
 import sys
 from contextlib import closing
@@ -247,18 +246,17 @@ FAULTS = {
     "middle": (lambda data: spoiled(data, len(data) // 2, 300), "is broken.*; `{tool}.*` may repair it$"),
 }
 TOOLS = {".mcap": "mcap recover", ".db3": "sqlite3 FILE .recover", ".bag": "rosbag reindex"}
-# What has neither checksums nor a structure at the place of the fault is read.
+# What has neither checksums nor a structure in its middle is read.
 UNNOTICED = {
-    *((form, "middle") for form in ("mcap-no-chunks", "mcap-plain", "folder-mcap", "split-mcap")),
-    ("folder-sqlite3-message", "middle"),
-    ("split-mcap-file", "middle"),
+    *("mcap-no-chunks", "mcap-plain", "folder-mcap", "split-mcap"),
+    *("folder-sqlite3-message", "split-mcap-file"),
 }
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("form", FORMATS)
 def test_a_fault_of_a_file_is_an_error_that_names_it_and_the_tool(form, fault, tmp_path):
-    if (form, fault) in UNNOTICED:
+    if fault == "middle" and form in UNNOTICED:
         pytest.skip("nothing there says that it is broken")
     path = FORMATS[form](tmp_path, drive(400))
     file = max(one for one in path.iterdir() if one.suffix != ".yaml") if path.is_dir() else path
@@ -268,64 +266,32 @@ def test_a_fault_of_a_file_is_an_error_that_names_it_and_the_tool(form, fault, t
     check_lost(path, text.format(folder=path, path=file, tool=tool))
 
 
-def _rewritten(old, new):
-    def change(run):
-        file = run / "metadata.yaml"
-        text = file.read_text()
-        assert re.search(old, text)
-        file.write_text(re.sub(old, new, text))
-
-    return change
+def split(folder, change):
+    path = write_split(folder / "run", DRIVE)
+    change(path)
+    return path
 
 
-def _updated(change):
-    def update(folder):
-        path = write_db3(folder / "run.db3", DRIVE)
-        with closing(sqlite3.connect(path)) as database, database:
-            database.execute(f"update messages set {change} where id = (select max(id) from messages)")
-        return path
-
-    return update
+def file(folder, name, content=b"text"):
+    (folder / name).write_bytes(content)
+    return folder / name
 
 
-def _file(name, content=b"text"):
-    def write(folder):
-        (folder / name).write_bytes(content)
-        return folder / name
-
-    return write
-
-
-def _split(change):
-    def write(folder):
-        path = write_split(folder / "run", DRIVE)
-        change(path)
-        return path
-
-    return write
-
-
-def _mcap(change, **how):
-    def write(folder):
-        path = write_mcap(folder / "run.mcap", DRIVE, **how)
-        changed(path, change)
-        return path
-
-    return write
-
-
-def _unmerged(folder):
-    (folder / "run.db3-wal").write_bytes(b"log")
-    return write_db3(folder / "run.db3", DRIVE)
-
-
-def _pipe(folder):
+def pipe(folder):
     os.mkfifo(folder / "pipe.mcap")  # opening it would wait for ever
     return folder / "pipe.mcap"
 
 
-TIME = r"nanoseconds_since_epoch: \d+"
-LATE = [*DRIVE[:-2], DRIVE[-2]._replace(log_ns=2**63)]
+def spoiled_db3(folder):
+    path = write_db3(folder / "run.db3", DRIVE)
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("update messages set data = x'0001' where id = (select max(id) from messages)")
+    return path
+
+
+def unmerged(folder):
+    file(folder, "run.db3-wal")
+    return write_db3(folder / "run.db3", DRIVE)
 
 
 @pytest.mark.parametrize(
@@ -333,50 +299,37 @@ LATE = [*DRIVE[:-2], DRIVE[-2]._replace(log_ns=2**63)]
     [
         # Folders whose parts do not fit together.
         (
-            _split(lambda run: (run / "metadata.yaml").unlink()),
+            lambda at: split(at, lambda run: (run / "metadata.yaml").unlink()),
             "run is not a recording: the folder has no metadata.yaml; `ros2 bag reindex` makes",
         ),
         (
-            _split(lambda run: (run / "run_1.mcap").unlink()),
+            lambda at: split(at, lambda run: (run / "run_1.mcap").unlink()),
             "run is broken: .*files are missing: .*run_1.mcap.*; `ros2 bag reindex` may repair",
         ),
-        (_split(_rewritten(r"(?s)^.*$", "{")), "run is broken: .*; `ros2 bag reindex` may repair"),
-        (_split(_rewritten(r"version: \d+", "version: 99")), "run is broken: .*version 99"),
-        (_split(_rewritten(TIME, f"nanoseconds_since_epoch: {10**20}")), "run is broken: "),
-        # Databases with other values.
-        (
-            _updated("data = x'0001'"),
-            "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage",
-        ),
-        (_unmerged, "run.db3 lacks what is in run.db3-wal: `sqlite3 run.db3 .* merges it"),
+        (lambda at: split(at, lambda run: file(run, "metadata.yaml", b"{")), "run is broken: .*reindex"),
         # Parts of a file.
+        (spoiled_db3, "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage"),
+        (unmerged, "run.db3 lacks what is in run.db3-wal: `sqlite3 run.db3 .* merges it"),
         (
-            _mcap(lambda data: spoiled(data, len(data) // 2)),
-            r"run.mcap is broken, after log time \d+ ns: Chunk checksum",
-        ),
-        (
-            _mcap(lambda data: data.replace(b"\4\0\0\0zstd", b"\4\0\0\0zzzz"), compression="zstd"),
-            "run.mcap is broken.*ompression 'zzzz'",
-        ),
-        (
-            lambda folder: write_mcap(folder / "run.mcap", DRIVE[::-1], index=False, chunked=False),
+            lambda at: write_mcap(at / "run.mcap", DRIVE[::-1], index=False, chunked=False),
             "run.mcap is broken, .* not in timestamp order.*; `mcap recover`",
         ),
-        (lambda folder: write_mcap(folder / "run.mcap", LATE), "run.mcap is broken"),
         # Other topics.
         (
-            lambda folder: write_mcap(folder / "run.mcap", TWO),
+            lambda at: write_mcap(at / "run.mcap", TWO),
             "has no topic /tf or /tf_static; its topics with transforms: /robot1/tf, /robot1/tf_static",
         ),
         (
-            lambda folder: write_mcap(folder / "run.mcap", [Sent(1, "/tf", {"data": "hello"}, STRING)]),
+            lambda at: write_mcap(at / "run.mcap", [Sent(1, "/tf", {"data": "hello"}, STRING)]),
             "run.mcap, topic /tf: its type is std_msgs/msg/String, not tf2_msgs",
         ),
         # What is not a recording.
-        (lambda folder: folder, "is not a recording: the folder has no metadata.yaml"),
-        (_file("run.txt"), "is not a recording: use a folder with a metadata.yaml, or .mcap, .db3, .bag"),
-        (_file("run.mcap.zstd", b"(\xb5/\xfd"), "run.mcap.zstd is broken: .*; `mcap recover`"),
-        (_pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
+        (lambda at: at, "is not a recording: the folder has no metadata.yaml"),
+        (
+            lambda at: file(at, "a.txt"),
+            "a.txt is not a recording: use a folder with a metadata.yaml",
+        ),
+        (pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
     ],
 )
 def test_what_cannot_be_read_is_explained(write, text, tmp_path):
@@ -384,29 +337,19 @@ def test_what_cannot_be_read_is_explained(write, text, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("topic", "more", "change", "text"),
+    ("topic", "text"),
     [
-        ("/scans", [], bytes, "topic /scans: this topic does not exist; the topics are /scan, /tf_static$"),
-        (
-            "/tf_static",
-            [],
-            bytes,
-            "topic /tf_static: tf2_msgs/msg/TFMessage does not begin with a std_msgs/m",
-        ),
-        ("/scan", [b""], bytes, "run.mcap, topic /scan, log time 101000000000 ns: "),
-        (
-            "/scan",
-            [],
-            lambda data: data.replace(b"float32 angle_min", b"float32 angle+min"),
-            "run.mcap is broken, topic /scan, definition of its type: ",
-        ),
+        ("/no", "topic /no: this topic does not exist; the topics are /bad, /odd, /scan, /tf_static$"),
+        ("/tf_static", "topic /tf_static: tf2_msgs/msg/TFMessage does not begin with a std_msgs/m"),
+        ("/bad", "run.mcap, topic /bad, log time 101000000000 ns: "),
+        ("/odd", "run.mcap is broken, topic /odd, definition of its type: "),
     ],
 )
-def test_stamps_that_cannot_be_read_are_explained(topic, more, change, text, tmp_path):
-    good = scan(100 * S, 90 * S)
-    bad = [good._replace(log_ns=101 * S, content=content) for content in more]
-    path = write_mcap(tmp_path / "run.mcap", [DRIVE[0], good, *bad], chunked=False)
-    changed(path, change)
+def test_stamps_that_cannot_be_read_are_explained(topic, text, tmp_path):
+    messages = [DRIVE[0], *(scan(100 * S, 90 * S, topic) for topic in ("/scan", "/bad"))]
+    messages += [messages[-1]._replace(log_ns=101 * S, content=b""), Sent(S, "/odd", {"data": ""}, STRING)]
+    path = write_mcap(tmp_path / "run.mcap", messages, chunked=False)
+    changed(path, lambda data: data.replace(b"string data", b"string d+ta"))
     check_lost(path, text, [lambda path: bag.stamps(path, topic)])
 
 

@@ -20,7 +20,7 @@ parquet = pytest.importorskip("pyarrow.parquet")
 pyarrow_csv = pytest.importorskip("pyarrow.csv")
 psutil = pytest.importorskip("psutil")
 
-from lossy_workers import Deadly, Lossy  # noqa: E402
+from deadly_worker import Deadly  # noqa: E402
 
 from tf2_ros import InvalidArgumentException  # noqa: E402
 from tf2_ros_tools.fleet import (  # noqa: E402
@@ -71,25 +71,6 @@ def contents(path):
 def findings(result):
     rows = pyarrow_csv.read_csv(result.findings).to_pylist()
     return [{name: value for name, value in row.items() if name != "seconds"} for row in rows]
-
-
-@contextmanager
-def cluster(*plugins, workers=2):
-    """A cluster of real processes that nobody beyond this machine can reach."""
-    with (
-        distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            host="127.0.0.1",
-            dashboard_address=None,
-            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
-            silence_logs="CRITICAL",
-        ) as local,
-        distributed.Client(local, set_as_default=False) as client,
-    ):
-        for plugin in plugins:
-            client.register_plugin(plugin)
-        yield client
 
 
 # What comes out.
@@ -339,29 +320,10 @@ def test_the_workers_run_nothing_for_who_has_not_their_keys():
         assert client.submit(sum, [1, 2]).result(DEADLINE_S) == 3
 
 
-@pytest.mark.parametrize("what", ["kill", "fail"])
-def test_a_worker_lost_in_the_middle_changes_nothing(runs, out, tmp_path, what):
-    (runs / "broken.mcap").write_bytes(b"broken")
-    one = mapped(runs, tmp_path / "one")
-    with cluster(Lossy(what, tmp_path / "lost")) as client:
-        result = mapped(runs, out, scheduler=client)
-        address = client.scheduler.address
-        assert (tmp_path / "lost").exists()
-        assert len(result.done) == 4 and set(result.failed) == set(one.failed)
-        assert tables(out) == tables(tmp_path / "one") and findings(result) == findings(one)
-        assert len(list(out.glob(".*.unfinished"))) == (what == "kill")
-        # By the address, as another program has it.
-        assert len(mapped(runs, tmp_path / "again", scheduler=address).done) == 4
-    assert tables(tmp_path / "again") == tables(out)
-
-
 def test_a_recording_that_kills_its_worker_stops_nobody(runs, out):
-    with (
-        dask.config.set(
-            {"distributed.scheduler.allowed-failures": 0, "distributed.scheduler.worker-saturation": 1.0}
-        ),
-        cluster(Deadly("split"), workers=1) as client,
-    ):
+    settings = {"distributed.scheduler.allowed-failures": 0}
+    with dask.config.set(settings), local_workers(1) as client:
+        client.register_plugin(Deadly("split"))
         result = mapped(runs, out, scheduler=client)
     [(failed, why)] = result.failed.items()
     assert failed == str(runs / "split") and why.startswith("KilledWorker: ")

@@ -1,6 +1,7 @@
 """Makes recordings in every format, with the writers of rosbags and of mcap; needs no ROS."""
 
 import math
+import re
 import shutil
 from functools import cache
 from typing import NamedTuple
@@ -11,7 +12,6 @@ from mcap.writer import Writer as McapWriter
 from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from ruamel.yaml import YAML
 from zstandard import ZstdCompressor
 
 S = 1_000_000_000
@@ -139,37 +139,21 @@ def write_folder(path, messages, storage="mcap", compression=None, topics=()):
 
 def write_split(path, messages, storage="mcap", compression=None, parts=3):
     """A folder of rosbag2 whose messages are split into several files, in the order given."""
-    path.mkdir()
+    write_folder(path, messages, storage, compression)
+    (whole,) = (one for one in path.iterdir() if one.suffix != ".yaml")
     size = -(-len(messages) // parts)
-    whole = None
-    yaml = YAML(typ="safe")
+    names = []
     for part in range(parts):
         some = messages[part * size : (part + 1) * size]
         folder = write_folder(path.parent / f"{path.name}_{part}", some, storage, compression)
-        info = yaml.load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
-        for name in info["relative_file_paths"]:
-            shutil.move(folder / name, path / name)
+        [file] = (one for one in folder.iterdir() if one.suffix != ".yaml")
+        names.append(shutil.move(file, path / file.name).name)
         shutil.rmtree(folder)
-        whole = info if whole is None else _merged(whole, info)
-    whole["message_count"] = len(messages)
-    logs = [one.log_ns for one in messages]
-    whole["starting_time"]["nanoseconds_since_epoch"] = min(logs)
-    whole["duration"]["nanoseconds"] = max(logs) - min(logs)
-    with open(path / "metadata.yaml", "w") as file:
-        YAML().dump({"rosbag2_bagfile_information": whole}, file)
+    whole.unlink()
+    info = (path / "metadata.yaml").read_text()
+    listed = f"relative_file_paths: {names}"
+    (path / "metadata.yaml").write_text(re.sub(r"relative_file_paths:\n *- .*", listed, info))
     return path
-
-
-def _merged(whole, info):
-    topics = {one["topic_metadata"]["name"]: one for one in whole["topics_with_message_count"]}
-    for one in info["topics_with_message_count"]:
-        known = topics.setdefault(one["topic_metadata"]["name"], one)
-        if known is not one:
-            known["message_count"] += one["message_count"]
-    whole["topics_with_message_count"] = list(topics.values())
-    whole["relative_file_paths"] += info["relative_file_paths"]
-    whole["files"] += info["files"]
-    return whole
 
 
 def write_mcap(path, messages, compression="none", index=True, chunked=True, chunk_size=2000, topics=()):

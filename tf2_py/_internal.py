@@ -18,7 +18,6 @@ from tf2_py._objects.errors import (
 from tf2_py._tf2_py import (
     FOR_EVER_NS,
     as_times_ns,
-    call_despite_signals,
     duration_ns,
     frame_name,
     keep_for_ever,
@@ -38,7 +37,6 @@ __all__ = [
     "MalformedObjectError",
     "as_times_ns",
     "bad_name",
-    "call_despite_signals",
     "class_name",
     "counted",
     "duration_ns",

@@ -596,23 +596,6 @@ cdef object _deliver_one(WaiterOwner owner, list errors):
     return None
 
 
-def call_despite_signals(call):
-    """
-    Call a function that may be called several times, until no signal handler that raises has cut it short.
-
-    :raises BaseException: what was raised first, after the call succeeded.
-    """
-    cdef list errors = []
-    for _ in range(TRIES):
-        try:
-            call()
-            break
-        except BaseException as raised:
-            errors.append(raised)
-    if errors:
-        raise errors[0]
-
-
 cdef size_t _copy_owners(const Link* head, void** owners, size_t count, size_t most) noexcept:
     cdef const Link* link = head.next
     while link != head and count < most:

@@ -46,7 +46,7 @@ import traceback
 import weakref
 from functools import partial
 
-from tf2_py._internal import call_despite_signals, keep_for_ever, log
+from tf2_py._internal import keep_for_ever, log
 from tf2_ros._forking import LiveObjects
 
 AUTHORITY = "default_authority"     # of what is received: messages do not name their publisher
@@ -69,6 +69,7 @@ cdef Lock _lock                 # of all inboxes: guards their list, and what th
 cdef State* _first = NULL
 cdef uint32_t _is_idle = 0      # atomic: the draining thread must be woken by the next message
 cdef uint32_t _is_stopping = 0  # atomic
+cdef list _handed = []          # what the reporting thread is to call
 
 
 cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
@@ -297,6 +298,13 @@ def run_reports(report):
             _sleep(&_reporting, IDLE_NS)
 
 
+def take_handed():
+    """Return what hands over the waits that have ended; for the thread that reports."""
+    global _handed
+    handed, _handed = _handed, []
+    return handed
+
+
 def stop_inboxes():
     """Have the two functions above return, and return at once from now on."""
     word_store(&_is_stopping, 1)
@@ -308,6 +316,7 @@ def begin_anew():
     """In a forked child: forget the inboxes of the parent, and what its threads held."""
     global _first
     _first = NULL
+    take_handed()
     event_init(&_work)
     event_init(&_reporting)
     lock_init(&_lock)
@@ -498,7 +507,9 @@ cdef class Inbox(ReadHook):
             parcel = parcel.next
         _free_parcels(parcels)
         if later:
-            call_despite_signals(partial(self._hand_over, later))
+            # In this thread, a signal handler could raise, and nothing else would have the waits ended.
+            _handed.append(partial(self._hand_over, later))
+            event_set(&_reporting)
         return 0
 
 

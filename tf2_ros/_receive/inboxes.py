@@ -10,7 +10,14 @@ from contextlib import suppress
 from typing import Protocol
 
 from tf2_ros._forking import LOCK, LiveObjects
-from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes
+from tf2_ros._receive.inbox import (
+    Inbox,
+    begin_anew,
+    run_inboxes,
+    run_reports,
+    stop_inboxes,
+    take_handed,
+)
 from tf2_ros._wait.endings import call_logged
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
@@ -69,6 +76,8 @@ def _report() -> None:
     where = "In the thread that reports"
     for owner in _owners:
         call_logged(owner.inbox.report_pending, where)
+    for hand_over in take_handed():
+        call_logged(hand_over, where)
     now = time.monotonic()
     if now - _checked_at >= CHECK_S:
         _checked_at = now

@@ -70,9 +70,7 @@ cdef class Ending:
 
     def end(self, result=None, error=None):
         """End with this outcome, unless it has one, and run the callbacks in this thread."""
-        if self._state == PENDING:
-            self._result, self._error = result, error
-        if self._state < DONE:
+        if self.end_or_queue(result, error) is not None or self._state == QUEUED:
             self._end(DONE)
 
     def end_or_queue(self, result=None, error=None):
@@ -151,11 +149,12 @@ cpdef bint only_wakes(callback):
 cdef class FutureEnding(Ending):
     """The part of a future that ends it; see rclpy's Future."""
 
-    cdef readonly list done_callbacks
+    cdef readonly list done_callbacks   # those of the program
+    cdef readonly list wakers           # those that only wake
     cdef bint _is_fetched
 
     def __cinit__(self, *_, **__):
-        self.done_callbacks = []
+        self.done_callbacks, self.wakers = [], []
 
     def __del__(self):
         if self._state == DONE and self._error is not None and not self._is_fetched:
@@ -190,49 +189,46 @@ cdef class FutureEnding(Ending):
         self.end(None, exception)
 
     def add_done_callback(self, callback):
-        """Add a callback, which keeps the future alive; if it has ended, call it here."""
+        """Add a callback, which keeps the future alive unless it only wakes; after the end, call it."""
         if self._state >= DONE:
             callback(self)
-            return
-        self.done_callbacks.append(callback)
-        if not only_wakes(callback):
+        elif only_wakes(callback):
+            self.wakers.append(callback)
+        else:
+            self.done_callbacks.append(callback)
             self.kept[self] = None
 
     def remove_done_callback(self, callback):
         """Remove a callback; whether it had been added."""
+        cdef list callbacks = self.wakers if only_wakes(callback) else self.done_callbacks
         try:
-            self.done_callbacks.remove(callback)
+            callbacks.remove(callback)
         except ValueError:
             return False
-        if not self._runs_user_code():
+        if not self.done_callbacks:
             self.kept.pop(self, None)
         return True
 
     def drop(self, why):
         error = TimeoutException(f"The callbacks of this wait were dropped, because {why}")
-        cdef list wakers = [one for one in self.done_callbacks if only_wakes(one)]
         if self._state == QUEUED:
-            self.done_callbacks = wakers
+            self.done_callbacks = []
             self._result, self._error = None, error
             self._end(DONE)
 
     cdef bint _runs_user_code(self) except -1:
-        for callback in self.done_callbacks:
-            if not only_wakes(callback):
-                return True
-        return False
+        return len(self.done_callbacks) > 0
 
     cdef int _call_back(self, list errors) except -1:
         # What only wakes comes last, so that whatever awaits the future finds that the program's callbacks
         # have run; it is called again if a signal handler has cut it short.
         cdef list callbacks = self.done_callbacks
-        self.done_callbacks = []
+        cdef list wakers = self.wakers
+        self.done_callbacks, self.wakers = [], []
         for callback in callbacks:
-            if not only_wakes(callback):
-                _call(callback, self, 1, errors)
-        for callback in callbacks:
-            if only_wakes(callback):
-                _call(callback, self, TRIES, errors)
+            _call(callback, self, 1, errors)
+        for waker in wakers:
+            _call(waker, self, TRIES, errors)
         return 0
 
 

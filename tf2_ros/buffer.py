@@ -26,9 +26,8 @@ if TYPE_CHECKING or HAS_ROS:
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._nodes import WaitContexts, note_filler
-    from tf2_ros._wait.changes import Changes
     from tf2_ros._wait.endings import ChangeSubscription
-    from tf2_ros._wait.futures import TransformFuture, WakingFuture
+    from tf2_ros._wait.futures import Changes, TransformFuture, WakingFuture
 
     if TYPE_CHECKING:
         from tf2_ros._shared.attachment import Attachment
@@ -266,7 +265,7 @@ class Buffer(BufferCore, BufferInterface):
         name, the future holds an ``InvalidArgumentException`` at once.
         """
         accepted = policy_of("wait_for_transform_async", **policy)
-        return TransformFuture(self, Lookup(target_frame, source_frame, time, policy=accepted), timeout)
+        return TransformFuture(self, Lookup(target_frame, source_frame, time, policy=accepted).wait, timeout)
 
     def wait_for_transform_full_async(
         self,
@@ -294,7 +293,7 @@ class Buffer(BufferCore, BufferInterface):
         """
         accepted = policy_of("wait_for_transform_full_async", **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
-        return TransformFuture(self, lookup, timeout)
+        return TransformFuture(self, lookup.wait, timeout)
 
     async def lookup_transform_async(
         self,
@@ -382,7 +381,7 @@ class Buffer(BufferCore, BufferInterface):
         :param source_frame: the frame whose pose is wanted.
         :param callback: called with the transform, in the thread in which callbacks of
             :meth:`wait_for_transform_async` run; never by two threads at once. If the present transform is
-            available, and no executor has the listener's node, it is called with it before this returns.
+            available, it is called with it before this returns.
         :return: an object that ends this with ``cancel()``. Otherwise it ends with the buffer.
         :raises TypeError: ``callback`` cannot be called.
         """
@@ -399,7 +398,7 @@ class Buffer(BufferCore, BufferInterface):
 
     async def __answer(self, lookup: Lookup, timeout: DurationLike | None) -> TransformStamped:
         """Await a lookup; then look up again, because the latest time may have changed meanwhile."""
-        answer: TransformStamped = await TransformFuture(self, lookup, timeout)
+        answer: TransformStamped = await TransformFuture(self, lookup.wait, timeout)
         try:
             return lookup.now(self)
         except TransformException:

@@ -140,7 +140,7 @@ class BufferServer:
         future = Future()
         try:
             if wait_ns > 0:
-                return TransformFuture(self._buffer, lookup, Duration(nanoseconds=wait_ns))
+                return TransformFuture(self._buffer, lookup.wait, Duration(nanoseconds=wait_ns))
             future.set_result(lookup.now(self._buffer))
         except OverflowError as error:
             # Its seconds and nanoseconds add up to more than a stamp can be.

@@ -161,6 +161,25 @@ class TestCallbacks:
         subscription.cancel()
         listener.unregister()
 
+    def test_an_executor_does_other_work_after_one_that_is_slower_than_the_changes(
+        self, tf2_ros, node, executor, peer
+    ):
+        buffer, sender, order = tf2_ros.Buffer(), peer(), []
+        listener = tf2_ros.TransformListener(buffer, node)
+
+        def call(one):
+            order.append("change")
+            sender.send(("map", "base", stamp_ns(one) + S, 1.0))
+            until(lambda: buffer.get_latest_common_time("map", "base").nanoseconds > stamp_ns(one))
+
+        node.create_timer(0.0, lambda: order.append("timer"))
+        subscription = buffer.on_change("map", "base", call)
+        sender.send(("map", "base", S, 1.0))
+        until(lambda: order.count("change") == 5, executor)
+        assert "change change" not in " ".join(order)
+        subscription.cancel()
+        listener.unregister()
+
     def test_one_that_inserts_what_it_follows_is_called_again_and_not_within(self, tf2_ros):
         buffer, seen, depth = tf2_ros.Buffer(), [], []
 

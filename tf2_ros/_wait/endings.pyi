@@ -60,7 +60,6 @@ class ChangeSubscription(Ending):
         target_frame: str,
         source_frame: str,
         callback: Callable[[TransformStamped], object],
-        put: Callable[[Ending], bool],
     ) -> None: ...
 
 def call_logged(call: Callable[[], object], where: str) -> None: ...

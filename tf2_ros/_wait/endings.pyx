@@ -331,63 +331,52 @@ cdef class ChangeSubscription(Ending):
     """
     Calls a function with each transform between two frames that differs from the previous one.
 
-    :param put: called with this; has an executor call it, or returns False.
+    It waits for the next one during each call. A thread that is to deliver this one meanwhile leaves it to
+    the thread that calls; an executor comes back to it after other work.
     """
 
-    cdef object _buffer, _callback, _put
+    cdef object _buffer, _callback
     cdef tuple _frames
-    cdef bint _is_running
+    cdef bint _is_running, _is_due
 
-    def __init__(self, buffer, target_frame, source_frame, callback, put):
-        cdef list errors = []
+    def __init__(self, buffer, target_frame, source_frame, callback):
         self._buffer, self._frames = buffer, (target_frame, source_frame)
-        self._callback, self._put, self.kept = callback, put, buffer._tf2_kept
+        self._callback, self.kept = callback, buffer._tf2_kept
         self.kept[self] = None
         try:
-            if self._has_next(errors):
-                self()
-            if errors:
-                raise errors[0]
+            self._wait_for_next()
+            self()
         except BaseException:
             self.cancel()   # the program gets nothing to cancel it with
             raise
 
     def __call__(self):
         cdef list errors = []
-        while self._state == QUEUED and not self._is_running:
-            self._is_running = True
-            result, self._result = self._result, None
+        self._is_due = True
+        while self._is_due and self._state == QUEUED and not self._is_running:
+            self._is_due, self._is_running = False, True
+            result, self._result, self._state = self._result, None, PENDING
+            try:
+                self._wait_for_next()
+            except BaseException as raised:     # there is no memory
+                errors.append(raised)
+                self.cancel()
             _call(self._callback, result, 1, errors)
-            if not self._has_next(errors):
-                break
+            self._is_running = False
         if errors:
             raise errors[0]
 
-    cdef bint _has_next(self, list errors) except -1:
-        # Wait for the next one. Whether it is available, and to be delivered by this thread.
-        self._is_running = True     # other threads leave what they insert to this one
-        if self._state < DONE:
-            self._state = PENDING
-            try:
-                self.wait = BufferCore._wait(
-                    self._buffer, *self._frames, 0, notify=self.end_or_queue, after=self.wait
-                )
-                if self.wait.answer is not None:
-                    self.end_or_queue(self.wait.answer)
-            except BaseException as raised:
-                errors.append(raised)
-                self.cancel()
-        self._is_running = False
+    cdef int _wait_for_next(self) except -1:
+        self.wait = BufferCore._wait(
+            self._buffer, *self._frames, 0, notify=self.end_or_queue, after=self.wait
+        )
+        answer = self.wait.answer
         if self._state >= DONE:
-            self.wait = None    # another thread may have cancelled this meanwhile
-        if self._state != QUEUED:
-            return False
-        # As many may follow as arrive during the callback: an executor does other work in between.
-        try:
-            return not self._put(self)
-        except BaseException as raised:
-            errors.append(raised)   # of a signal handler
-            return True
+            self.wait = None    # another thread has cancelled this meanwhile
+        elif answer is not None:
+            self.end_or_queue(answer)
+            self._is_due = True
+        return 0
 
 
 # Deadlines.

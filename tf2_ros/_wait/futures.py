@@ -1,4 +1,4 @@
-"""Complete futures of transforms, and wake the tasks and asyncio loops that await them."""
+"""Complete futures of transforms, wake the tasks and asyncio loops that await them, and follow changes."""
 
 import os
 import sys
@@ -15,13 +15,12 @@ from rclpy.task import Future, Task
 
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import errors
-from tf2_ros._arguments import optional_timeout_ns
+from tf2_ros._arguments import optional_timeout_ns, require_callable
 from tf2_ros._forking import FORKED, is_inherited
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import is_in_step, running_task, task_executor
-from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import put_in_executor, queue_of
-from tf2_ros._wait.endings import FutureEnding, Waker, deadlines, notify
+from tf2_ros._wait.endings import ChangeSubscription, FutureEnding, Waker, deadlines, notify
 
 if TYPE_CHECKING:
     import asyncio
@@ -195,8 +194,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
     """
     The future of a transform that a buffer may not have yet.
 
-    :param lookup: what to wait for. Invalid arguments raise, except an invalid name, which ends the future at
-        once.
+    :param begin: begins to wait, such as ``Lookup.wait``. Invalid arguments raise, except an invalid name,
+        which ends the future at once.
     :param timeout: an rclpy Duration of steady time, after which the future holds a TimeoutException. None or
         an infinite one: never.
 
@@ -210,7 +209,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
     or asyncio awaits it.
     """
 
-    def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:
+    def __init__(self, core: BufferCore, begin: Callable[..., Any], timeout: Any = None) -> None:
         self.__shutdown = Shutdown(core)
         super().__init__(self.__shutdown.happened, core._tf2_kept)
         self.__core = weakref.ref(core)  # which the wait keeps
@@ -218,7 +217,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         self.__timeout_ns = optional_timeout_ns(timeout)
         try:
             # The engine refers to what is notified as long as this waits; it must not keep this alive.
-            wait = self.wait = lookup.wait(core, partial(notify, weakref.ref(self)))
+            wait = self.wait = begin(core, partial(notify, weakref.ref(self)))
         except InvalidArgumentException as error:
             self.set_exception(error)
             return
@@ -251,3 +250,41 @@ class TransformFuture(WakingFuture[TransformStamped]):
         if self.__shutdown.happened():
             return TimeoutException(errors.shut_down(waited_ns))
         return TimeoutException(errors.timed_out(wait.reason(), waited_ns))
+
+
+class Changes:
+    """
+    An asynchronous iterator over the transforms between two frames, each when it is new.
+
+    :param buffer: kept alive by this.
+    """
+
+    def __init__(self, buffer: BufferCore, target_frame: str, source_frame: str) -> None:
+        self._buffer, self._frames = buffer, (target_frame, source_frame)
+        self._shutdown = Shutdown(buffer)
+        self._begun: Any = None  # the latest wait
+        self._delivered: Any = None  # the wait that had the transform delivered last
+
+    def call(self, callback: Callable[[TransformStamped], object]) -> ChangeSubscription:
+        """Call a function with each one; see ``Buffer.on_change``."""
+        require_callable("on_change", callback)
+        return ChangeSubscription(self._buffer, *self._frames, callback)
+
+    def __aiter__(self) -> "Changes":
+        return self
+
+    async def __anext__(self) -> TransformStamped:
+        future = TransformFuture(self._buffer, self._begin)
+        try:
+            found = await future
+        except BaseException as error:
+            future.cancel()  # what this refers to would go on waiting
+            if isinstance(error, TimeoutException) and self._shutdown.happened():
+                raise StopAsyncIteration from None
+            raise
+        self._delivered = self._begun
+        return found
+
+    def _begin(self, core: BufferCore, notify: Callable[[Any], Any]) -> Any:
+        self._begun = BufferCore._wait(core, *self._frames, 0, notify=notify, after=self._delivered)
+        return self._begun

@@ -42,9 +42,11 @@ cdef extern from *:
     void store_ns "TF2_STORE"(int64_t* place, int64_t value) nogil
     bint load "TF2_LOAD"(const bint* place) nogil
     int64_t load_ns "TF2_LOAD"(const int64_t* place) nogil
-    bint exchange "TF2_EXCHANGE"(bint* place, bint value) nogil
     int64_t exchange_ns "TF2_EXCHANGE"(int64_t* place, int64_t value) nogil
 
+# When an arrival wakes a sleeping executor: never, or at once, or from some steady time on.
+cdef int64_t NEVER = 0
+cdef int64_t AT_ONCE = 1
 # How often messages wake an executor in its own loop, at most. Signal handlers, tasks that poll and errors of
 # other threads are handled in its rounds, and programs rely on transforms to cause rounds.
 cdef int64_t BUSY_ROUND_NS = 100000000
@@ -53,11 +55,10 @@ cdef int64_t IDLE_ROUND_NS = 1000000000     # where it has no tasks
 
 # Atomic: written by executors, with the GIL, and by threads without it. It exists as long as its object.
 cdef struct ExecutorState:
-    bint armed              # an executor sleeps between rounds of user code, and wakes for any arrival
+    int64_t wake_at_ns      # when an arrival wakes the executor; reset by the first one that does
     bint arrived            # something has arrived that no round of an executor has accounted for
-    bint round_due          # an executor in its own loop was woken for what arrived
-    int64_t wake_at_ns      # steady time from which an executor in its own loop wakes; 0: none sleeps there
-    const rcl_guard_condition_t* guard  # wakes it; NULL: this has no executor
+    bint round_due          # the executor was woken for what arrived
+    const rcl_guard_condition_t* guard  # wakes it
 
 
 cdef void executor_arrived(void* data) noexcept nogil:
@@ -65,21 +66,18 @@ cdef void executor_arrived(void* data) noexcept nogil:
     # due for a round; otherwise it is cheap. From any thread, with or without the GIL.
     cdef ExecutorState* state = <ExecutorState*>data
     cdef int64_t wake_at_ns
-    if state.guard == NULL:
-        return
     store(&state.arrived, True)
-    if exchange(&state.armed, False):
-        _wake(state)
-        return
     wake_at_ns = load_ns(&state.wake_at_ns)
-    if wake_at_ns != 0 and monotonic_ns() >= wake_at_ns and exchange_ns(&state.wake_at_ns, 0) != 0:
+    if wake_at_ns == NEVER or monotonic_ns() < wake_at_ns:
+        return
+    if exchange_ns(&state.wake_at_ns, NEVER) != NEVER:
         store(&state.round_due, True)
         _wake(state)
 
 
 cdef bint executor_is_armed(void* data) noexcept nogil:
     # Whether an executor sleeps between rounds of user code, and must be informed of arrivals at once.
-    return load(&(<ExecutorState*>data).armed)
+    return load_ns(&(<ExecutorState*>data).wake_at_ns) == AT_ONCE
 
 
 cdef void _wake(ExecutorState* state) noexcept nogil:
@@ -121,7 +119,6 @@ cdef class ExecutorRounds(Watching):
     cdef object _handle         # keeps the guard condition
     cdef readonly object calls  # to be run, the oldest first
     cdef public int64_t waits_from_ns   # steady time since which the oldest call waits
-    cdef bint _in_user_code     # user code called the executor and continues before it sleeps again
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
     cdef readonly bint in_sets  # no executor has had the node that does not wait for sets
 
@@ -129,7 +126,7 @@ cdef class ExecutorRounds(Watching):
         self.watcher.data = &self.state
         self.watcher.arrived, self.watcher.is_armed = executor_arrived, executor_is_armed
         self.calls = deque()
-        self._in_user_code = self.in_sets = True
+        self.in_sets = True
 
     def set_up(self, guard):
         """
@@ -166,19 +163,20 @@ cdef class ExecutorRounds(Watching):
         """Prepare for an executor that is about to sleep."""
         if not self.in_sets:
             return
-        self._in_user_code = not is_below_own_loop(sys._getframe())
         self._wait_set = <void*>wait_set
-        if self._in_user_code:
-            store_ns(&self.state.wake_at_ns, 0)
-            store(&self.state.armed, True)
-            for inbox in self.inboxes:
-                inbox.catch_up()    # this informs the state
-        else:
-            store(&self.state.armed, False)
+        store(&self.state.round_due, False)
+        if is_below_own_loop(sys._getframe()):
             store(&self.state.arrived, False)
             period_ns = BUSY_ROUND_NS if has_tasks(self.executor()) else IDLE_ROUND_NS
             store_ns(&self.state.wake_at_ns, monotonic_ns() + <int64_t>period_ns)
-        # First armed, then checked; an arrival does this in the opposite order.
+        else:
+            # User code called the executor, and continues when something has arrived since its last round.
+            # First armed, then checked; an arrival does this in the opposite order.
+            store_ns(&self.state.wake_at_ns, AT_ONCE)
+            for inbox in self.inboxes:
+                inbox.catch_up()    # this informs the state
+            if load(&self.state.arrived):
+                store(&self.state.round_due, True)
         if self._is_due():
             self.wake()
         wait_set.add_guard_condition(self._handle)
@@ -189,8 +187,7 @@ cdef class ExecutorRounds(Watching):
             return False  # the node has moved to another executor, which must not miss anything
         self._wait_set = NULL
         due = self._is_due()
-        store(&self.state.armed, False)
-        store_ns(&self.state.wake_at_ns, 0)
+        store_ns(&self.state.wake_at_ns, NEVER)
         store(&self.state.round_due, False)
         store(&self.state.arrived, False)
         return due
@@ -228,13 +225,7 @@ cdef class ExecutorRounds(Watching):
 
     def wake(self):
         """Trigger the guard condition."""
-        if self._handle is not None and rcl_trigger_guard_condition(
-            <rcl_guard_condition_t*>self.state.guard
-        ) != RCL_RET_OK:
-            rcutils_reset_error()
-            raise RuntimeError("the executor cannot be woken")
+        _wake(&self.state)
 
     cdef bint _is_due(self):
-        if len(self.calls) > 0:
-            return True
-        return load(&self.state.arrived) if self._in_user_code else load(&self.state.round_due)
+        return len(self.calls) > 0 or load(&self.state.round_due)

@@ -33,7 +33,7 @@ from tf2_py.typing import DurationLike
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, require_node
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
-from tf2_ros._wait.callbacks import callback_queue, put_in_executor
+from tf2_ros._wait.callbacks import call_in_executor, callback_queue
 from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, deadlines, first_key
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer import Buffer
@@ -394,9 +394,8 @@ class MessageFilter(Generic[_Message]):
 
     def _expire(self, queued: QueuedMessage) -> None:
         """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
-        ending = queued.end_or_queue(self._look_up(queued) or FilterFailureReason.TIMEOUT)
-        if ending is not None and not put_in_executor(self._queue, ending):
-            ending()
+        call = queued.end_or_queue(self._look_up(queued) or FilterFailureReason.TIMEOUT)
+        call_in_executor(self._queue, call)
 
     def _is_too_old(self, queued: QueuedMessage) -> bool:
         """Whether the buffer would refuse data of a message's time for every frame on the path."""

@@ -22,6 +22,7 @@ from tf2_ros._rclpy import context_was_shut_down, handle_exists, report_event, w
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import add_owner
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
+from tf2_ros._wait.callbacks import hand_over
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.
@@ -98,7 +99,7 @@ class Receiver:
         clock = getattr(listener.buffer, "clock", None)
         handle = clock.handle if isinstance(clock, ROSClock) else None
         self._source = Subscriptions(listener._tf2_recording, handle, listener._tf2_prefix)
-        self.inbox = Inbox(self._source, queue.hand_over)
+        self.inbox = Inbox(self._source, partial(hand_over, queue))
         self.inbox.inform(queue)
         self._set_topics(list(listener._tf2_topics))
         self._group.hides_all = False

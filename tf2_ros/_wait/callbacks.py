@@ -64,15 +64,6 @@ class CallbackQueue(ExecutorRounds, Waitable):
         else:
             self.wake()
 
-    def hand_over(self, calls: Iterable[Ending]) -> None:
-        """See the function."""
-        hand_over(self, calls)
-
-    def is_in_executor(self) -> bool:
-        """Whether an executor has the node now."""
-        node = self.node()
-        return node is not None and not self._why_closed and is_in_executor(node)
-
     def _tf2_check(self) -> None:
         """Drop the calls if the node has ended; warn if they have waited for long."""
         node = self.node()
@@ -148,12 +139,15 @@ def queue_of(buffer: object) -> CallbackQueue | None:
     return None
 
 
-def put_in_executor(queue: CallbackQueue | None, call: Call) -> bool:
-    """Have the executor that has the node of a queue run a call; return False if none has it now."""
-    if queue is None or not queue.is_in_executor():
-        return False
-    queue.put(call)
-    return True
+def call_in_executor(queue: CallbackQueue | None, call: Call | None) -> None:
+    """Have the executor that has the node of a queue run a call, if any; if none has it now, run it here."""
+    if call is None:
+        return
+    node = None if queue is None or queue.has_ended() else queue.node()
+    if queue is None or node is None or not is_in_executor(node):
+        call()
+    else:
+        queue.put(call)
 
 
 def hand_over(queue: CallbackQueue | None, calls: Iterable[Ending]) -> None:

@@ -19,7 +19,7 @@ from tf2_ros._arguments import optional_timeout_ns, require_callable
 from tf2_ros._forking import FORKED, is_inherited
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import is_in_step, running_task, task_executor
-from tf2_ros._wait.callbacks import put_in_executor, queue_of
+from tf2_ros._wait.callbacks import call_in_executor, queue_of
 from tf2_ros._wait.endings import ChangeSubscription, FutureEnding, Waker, deadlines, notify
 
 if TYPE_CHECKING:
@@ -239,9 +239,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
         if wait is None:
             return
         answer = wait.answer
-        ending = self.end_or_queue(answer, None if answer is not None else self.__unanswered(wait))
-        if ending is not None and not put_in_executor(queue_of(self.__core()), ending):
-            ending()
+        call = self.end_or_queue(answer, None if answer is not None else self.__unanswered(wait))
+        call_in_executor(queue_of(self.__core()), call)
 
     def __unanswered(self, wait: Any) -> TimeoutException:
         waited_ns = time.monotonic_ns() - self.__begin_ns

@@ -406,7 +406,7 @@ cdef class Deadlines:
     """
 
     cdef readonly list entries      # a heap of deadline, number and weak reference
-    cdef int64_t _added, _sleeps_until_ns
+    cdef int64_t _added
     cdef Py_ssize_t _sweep_at
     cdef bint _has_thread
     cdef object _asleep             # released to wake the thread, so that an interrupted caller holds nothing
@@ -426,31 +426,30 @@ cdef class Deadlines:
 
         :raises RuntimeError: no thread can be started; the next call tries again.
         """
-        self._added += 1
-        heappush(self.entries, (deadline_ns, self._added, weakref.ref(wait)))
+        cdef int64_t number = self._added + 1
+        self._added = number
+        heappush(self.entries, (deadline_ns, number, weakref.ref(wait)))
         if not self._has_thread:
             if sys.is_finalizing():     # before Python 3.12, it would wait for the thread forever
                 raise RuntimeError("no thread can be started at the end of the interpreter")
             # Of several that start at once, all but one end at once.
             threading.Thread(target=self._run, name="tf2_ros deadlines", daemon=True).start()
-        elif (deadline_ns < self._sleeps_until_ns or len(self.entries) > self._sweep_at) \
-                and self._asleep.locked():
-            self._asleep.release()
+        elif self.entries[0][1] == number or len(self.entries) > self._sweep_at:
+            if self._asleep.locked():
+                self._asleep.release()
 
     def _run(self):
-        cdef int64_t now_ns
+        cdef int64_t left_ns
         cdef bint is_woken = True
         if self._has_thread:
             return
         self._has_thread = True
         try:
             while is_woken or self.entries:
-                self._sleeps_until_ns = NEVER_NS    # what is added meanwhile is looked at afterwards
                 self._sweep()
-                self._sleeps_until_ns = self._expire()
-                now_ns = monotonic_ns()
-                left_ns = max(min(self._sleeps_until_ns - now_ns, LINGER_NS), 0)
-                is_woken = self._asleep.acquire(timeout=left_ns / 1e9)
+                left_ns = self._expire() - monotonic_ns()
+                # What was added meanwhile, and is the first, has released this.
+                is_woken = self._asleep.acquire(timeout=max(min(left_ns, LINGER_NS), 0) / 1e9)
         finally:
             self._has_thread = False
 

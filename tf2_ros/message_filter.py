@@ -336,9 +336,7 @@ class MessageFilter(Generic[_Message]):
 
     def _begin(self, queued: QueuedMessage) -> None:
         outcome = self._look_up(queued)
-        if outcome is None and self._is_too_old(queued):
-            outcome = FilterFailureReason.OUT_THE_BACK
-        elif outcome is None and self._timeout_ns is not None:
+        if outcome is None and self._timeout_ns is not None:
             if self._timeout_ns <= 0:
                 outcome = FilterFailureReason.NO_TRANSFORM_FOUND
             else:

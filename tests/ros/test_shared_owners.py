@@ -179,7 +179,7 @@ def test_an_attachment_that_is_closed_stays_closed_whoever_checks_it_meanwhile()
             attachment = reader._tf2_attachment
             at_once(attachment.close, *[attachment._tf2_check] * 3)
             attachment._tf2_check()
-            assert reader._tf2_attachment is attachment and not attachment.is_attached
+            assert reader._tf2_attachment is None and not attachment.is_attached
 
 
 def test_an_owner_that_ends_while_the_next_one_starts_is_followed_by_one_thread():

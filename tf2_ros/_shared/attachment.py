@@ -3,7 +3,6 @@
 import os
 import threading
 import weakref
-from enum import IntEnum
 from functools import partial
 from typing import Any
 
@@ -40,12 +39,6 @@ def open_ring(name: str) -> RingReader:
     raise SharedBufferError(f"no process of this user shares a buffer {name!r}")
 
 
-class _State(IntEnum):
-    FILLING = 0
-    ENDED = 1  # the owner has ended; listeners, or the next owner, have not replaced it yet
-    CLOSED = 2  # for good
-
-
 class Attachment:
     """
     Fills a buffer from the ring of the process that owns a name, until that ends: the owner of an inbox.
@@ -53,8 +46,8 @@ class Attachment:
     :param buffer: gets this as its attachment; not kept alive.
     :param reader: of the owner's ring.
 
-    When the owner ends, the listeners subscribe. Without listeners, the buffer gets another attachment, to
-    the next owner of the name.
+    When the owner ends, the listeners subscribe. Without listeners, the buffer keeps this until it gets
+    another attachment, to the next owner of the name.
     """
 
     def __init__(self, buffer: Any, name: str, reader: RingReader) -> None:
@@ -63,7 +56,7 @@ class Attachment:
         self._listeners: dict[int, Any] = {}  # kept alive, as by subscriptions; by their ids
         self._buffer = weakref.ref(buffer)
         self._process = os.getpid()
-        self._state = _State.FILLING  # guarded by LOCK; it never decreases
+        self._has_ended = False
         self.inbox = Inbox(reader, partial(_hand_over, self._buffer))
         self.inbox.fill(buffer)
         self._thread = threading.Thread(
@@ -80,7 +73,7 @@ class Attachment:
     @property
     def is_attached(self) -> bool:
         """Whether an owner fills the buffer in this process."""
-        return self._state == _State.FILLING and not is_inherited(self._process)
+        return not self._has_ended and not is_inherited(self._process)
 
     def _tf2_check(self) -> None:
         """Find out whether the owner has ended; if so, replace it."""
@@ -88,7 +81,7 @@ class Attachment:
         if buffer is None:
             self.close()
             return
-        if self.is_attached:
+        if not self._has_ended:
             if not is_owned(self.reader.descriptor):
                 why = "no longer shares it"
             elif self._listeners and read_description(self.reader.descriptor).domain is None:
@@ -97,10 +90,10 @@ class Attachment:
                 return
             text = f"The shared buffer {self.name!r} is not filled any more: process {self.owner} {why}"
             log.logger("tf2_ros").info(text)
-            self._end(_State.ENDED)
+            self._end()
         with LOCK:
-            if self._state != _State.ENDED:
-                return  # another thread was faster
+            if buffer._tf2_attachment is not self:
+                return  # it was closed, or another thread was faster
             if self._listeners:
                 buffer._tf2_attachment = None
                 for listener in list(self._listeners.values()):
@@ -112,23 +105,25 @@ class Attachment:
                 except SharedBufferError:
                     return  # the next check tries again
                 log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is process {found.owner}'s now")
-            self._state = _State.CLOSED
 
     def close(self) -> None:
         """Insert what has arrived, and receive nothing more; the buffer keeps what it holds."""
-        self._end(_State.CLOSED)
+        if is_inherited(self._process):
+            return
+        buffer = self._buffer()
+        with LOCK:
+            if buffer is not None and buffer._tf2_attachment is self:
+                buffer._tf2_attachment = None
+        self._end()
 
     stop = close  # as an owner of an inbox
 
-    def _end(self, state: _State) -> None:
+    def _end(self) -> None:
         # Several threads may do this at once, and each step again.
-        if is_inherited(self._process):
-            return
         self.inbox.catch_up()
         self.inbox.close()
         self._thread.join(THREAD_END_WAIT_S)
-        with LOCK:
-            self._state = max(self._state, state)
+        self._has_ended = True
 
     # What listeners have instead of subscriptions.
 

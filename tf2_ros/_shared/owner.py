@@ -14,7 +14,7 @@ import struct
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -44,37 +44,34 @@ class Owner:
     def __init__(self, buffer: Any, name: str) -> None:
         self.name = name
         self.path = segment_path(name)
-        self._description = Description(os.getpid(), buffer.cache_time_ns)
         try:
             folder = os.statvfs(FOLDER)
             size = min(folder.f_blocks * folder.f_frsize // PART_OF_FOLDER, MOST_BYTES)
             descriptor = os.open(FOLDER, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)  # it has no name yet
             fcntl.flock(descriptor, fcntl.LOCK_EX)
             self._ring = RingWriter(descriptor, max(size, LEAST_BYTES), buffer)
-            write_description(self._ring, self._description)
+            self._describe(buffer)
             publish(descriptor, name)
         except OSError as error:
             why = "/dev/shm has no memory for it" if error.errno == errno.ENOSPC else str(error)
             raise SharedBufferError(f"the buffer cannot be shared as {name!r}: {why}") from None
         self._buffer = weakref.ref(buffer)
         # Also when the interpreter exits, because other threads may still insert.
-        self.close = weakref.finalize(buffer, _end, self._ring, self.path, self._description.process)
+        self.close = weakref.finalize(buffer, _end, self._ring, self.path, os.getpid())
         check_regularly(self)
 
-    def _describe(self) -> None:
-        buffer = self._buffer()
+    def _describe(self, buffer: Any) -> None:
         topics = open_topics(buffer)
         # A buffer that is filled from several domains cannot replace one's own subscriptions.
         domains = {None if one.context is None else one.context.get_domain_id() for one in topics}
-        changed = replace(
-            self._description,
+        description = Description(
+            os.getpid(),
+            buffer.cache_time_ns,
             domain=domains.pop() if len(domains) == 1 else None,
             topics=list(dict.fromkeys(topic.name for topic in topics)),
             simulated=getattr(getattr(buffer, "clock", None), "ros_time_is_active", False),
         )
-        if changed != self._description:
-            self._description = changed
-            write_description(self._ring, changed)
+        write_description(self._ring, description)
 
     def _tf2_check(self) -> None:
         """Describe the listeners that fill the buffer now, or end if readers lack a message."""
@@ -84,8 +81,9 @@ class Owner:
                 f"The shared buffer {self.name!r} has ended: there was no memory for a message"
             )
         with LOCK:  # of two threads that describe it, the later one must be right
-            if self._ring.descriptor >= 0:
-                self._describe()
+            buffer = self._buffer()
+            if buffer is not None and self._ring.descriptor >= 0:
+                self._describe(buffer)
 
 
 def _end(ring: RingWriter, path: Path, process: int) -> None:
@@ -161,9 +159,9 @@ class Description:
 
     process: int
     cache_time_ns: int
-    domain: int | None = None  # of its listeners; None: it has none, or they are of several
-    topics: list[str] = field(default_factory=list)  # that its listeners receive
-    simulated: bool = False  # whether it follows simulated time
+    domain: int | None  # of its listeners; None: it has none, or they are of several
+    topics: list[str]  # that its listeners receive
+    simulated: bool  # whether it follows simulated time
 
 
 _FACTS = struct.Struct("=iqi?")  # of a Description: what precedes the topics

@@ -145,10 +145,5 @@ cdef Head* map_head(int descriptor) except NULL:
     return <Head*>made
 
 
-cdef void unmap_head(Head* head) noexcept nogil:
-    if head != NULL:
-        munmap(head, MAPPED_BYTES)
-
-
 include "parts/writer.pyx"
 include "parts/reader.pyx"

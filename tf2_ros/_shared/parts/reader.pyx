@@ -199,7 +199,8 @@ cdef class RingReader(Source):
 
     def __dealloc__(self):
         # The thread refers to this object, so there is no thread; nor is there an inbox.
-        unmap_head(self._reading.head)
+        if self._reading.head != NULL:
+            munmap(self._reading.head, MAPPED_BYTES)
         free(self._reading.chunk)
         if self._reading.descriptor >= 0:
             close(self._reading.descriptor)

@@ -274,7 +274,8 @@ cdef class RingWriter(Copying):
 
     def __dealloc__(self):
         _close(&self._writing)
-        unmap_head(self._writing.head)
+        if self._writing.head != NULL:
+            munmap(self._writing.head, MAPPED_BYTES)
         fork_forget(&self._writing.forked)
         names_free(&self._writing.children)
         free(self._writing.statics)

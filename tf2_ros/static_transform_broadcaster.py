@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 from tf2_ros import _names
 from tf2_ros._qos import transforms_qos
-from tf2_ros.transform_broadcaster import Broadcaster, require_transforms
+from tf2_ros.transform_broadcaster import Broadcaster
 
 __all__ = ["StaticTransformBroadcaster"]
 _names.offer(globals())
@@ -65,7 +65,6 @@ class StaticTransformBroadcaster(Broadcaster):
         If an exception is raised, none of them is sent or kept.
         """
         new_transforms = self._tf2_list(transform)
-        require_transforms(new_transforms)  # before any is kept
         with self._tf2_sending:
             transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
             for new in new_transforms:

@@ -52,8 +52,11 @@ class Broadcaster:
         """Make a list of the argument of ``sendTransform``; raise what that raises."""
         refuse_inherited(self, self._tf2_process)
         transforms = list(transform) if isinstance(transform, Iterable) else [transform]
+        for one in transforms:
+            if not isinstance(one, TransformStamped):
+                text = f"sendTransform: expected a TransformStamped, or several, got {kind_of(one)}"
+                raise MalformedObjectError(text)  # a TypeError, and an AttributeError as in tf2
         if self._tf2_strict:
-            require_transforms(transforms)
             for _, why in refused(transforms):
                 raise ValueError(why)
         return transforms
@@ -64,7 +67,6 @@ class Broadcaster:
         takes_bytes = getattr(self.pub_tf.publish, "__func__", None) is _publish
         serialized = serialize_transforms(transforms) if takes_bytes else None
         if serialized is None:
-            require_transforms(transforms)  # serialising checks this, too
             self.pub_tf.publish(TFMessage(transforms=transforms))
             unwanted = refused(transforms)
         else:
@@ -108,12 +110,3 @@ class TransformBroadcaster(Broadcaster):
         :raises RuntimeError: this is a forked child of the process that made the broadcaster.
         """
         self._tf2_publish(self._tf2_list(transform))
-
-
-def require_transforms(transforms: list[TransformStamped]) -> None:
-    """Raise a TypeError, which is also an AttributeError as in tf2, if one is something else."""
-    for one in transforms:
-        if not isinstance(one, TransformStamped):
-            raise MalformedObjectError(
-                f"sendTransform: expected a TransformStamped, or several, got {kind_of(one)}"
-            )

@@ -6,7 +6,7 @@ import json
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -123,12 +123,12 @@ class Limits:
 
 @dataclass(frozen=True)
 class Finding:
-    """A problem: one of :data:`KINDS`, with a sentence, and the figures in it."""
+    """A problem: one of :data:`KINDS`, with a sentence."""
 
     kind: str
-    frame: str  # or "", where it is about all of them
+    frame: str  # or "", where it is about several
     text: str
-    numbers: Mapping[str, Any] = field(default_factory=dict)
+    frames: tuple[str, ...] = ()  # those that it is about, where they are several
 
 
 def find(
@@ -167,7 +167,7 @@ def find(
     if jump_back is not None:
         what = "only what was received after that is judged"
         text = f"the clock jumped back by {three_digits(jump_back)} s; {what}"
-        found.append(Finding("clock", "", text, {"jump": jump_back}))
+        found.append(Finding("clock", "", text))
     found += _of_other_clocks(streams, "the log times" if recorded else "the clock of this program")
     if not streams:
         which = " that buffers accept" if refused else ""
@@ -188,17 +188,20 @@ def find(
             found += _of_stream(judged, _told_apart(stream, moving), own_limits, recorded)
     # The static transforms of a publisher that has exited no longer reach anybody.
     refused = [one for one in refused if not one.static or alive is None or one.publisher_id in alive]
-    found += map(_of_refused, refused)
+    for one in refused:
+        which = f"{counted(one.count, 'transform')} of {one.frame or repr('')} by {one.publisher}"
+        verb = "is" if one.count == 1 else "are"
+        found.append(Finding("refused", one.frame, f"{which} {verb} refused: {one.because}"))
     for frame in expectations.keys() - by_frame.keys():
         only = any(one.frame == frame for one in refused)
         lack = "all its transforms are refused" if only else "nobody publishes it"
         found.append(Finding("missing", frame, f"{frame} is expected, and {lack}"))
     if malformed:
         text = f"{counted(malformed, 'message')} could not be read"
-        found.append(Finding("malformed", "", text, {"malformed": malformed}))
+        found.append(Finding("malformed", "", text))
     if lost:
         text = f"{counted(lost, 'transform')} arrived too fast to be recorded"
-        found.append(Finding("lost", "", text, {"lost": lost}))
+        found.append(Finding("lost", "", text))
     order = list(KINDS)
     return sorted(found, key=lambda one: (order.index(one.kind), one.frame))
 
@@ -214,10 +217,10 @@ def _in_the_tree(streams: Sequence[Stream]) -> Iterator[Finding]:
         elif frame not in in_loops and newest[path[-1]].parent == frame:
             in_loops.update(path)
             text = f"the frames {' -> '.join([*path, frame])} form a loop"
-            yield Finding("loop", frame, text, {"frames": path})
+            yield Finding("loop", frame, text, tuple(path))
     if len(trees) > 1:
         parts = ", ".join(f"{root} ({counted(count + 1, 'frame')})" for root, count in sorted(trees.items()))
-        yield Finding("roots", "", f"{len(trees)} unconnected trees: {parts}", {"roots": sorted(trees)})
+        yield Finding("roots", "", f"{len(trees)} unconnected trees: {parts}")
 
 
 def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) -> Iterator[Finding]:
@@ -225,7 +228,7 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
     parents = sorted({one.parent for one in own})
     if len(parents) > 1:
         text = f"{frame} has {len(parents)} parents in turn: {', '.join(parents)}"
-        yield Finding("parents", frame, text, {"parents": parents})
+        yield Finding("parents", frame, text)
     by_kind = {
         static: {one.publisher_id: one.publisher for one in own if one.static == static}
         for static in (True, False)
@@ -234,11 +237,11 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
         if len(publishers) > 1:
             names = sorted(publishers.values())
             text = f"{frame} is published by {len(names)} publishers: {', '.join(names)}"
-            yield Finding("publishers", frame, text, {"publishers": names})
+            yield Finding("publishers", frame, text)
     if all(by_kind.values()):
         still, moving = (sorted({*by_kind[static].values()}) for static in (True, False))
         text = f"{frame} is static by {', '.join(still)} and dynamic by {', '.join(moving)}"
-        yield Finding("mixed", frame, text, {"static": still, "dynamic": moving})
+        yield Finding("mixed", frame, text)
 
 
 def _clock_offset(stream: Stream) -> float | None:
@@ -261,8 +264,7 @@ def _of_other_clocks(streams: Sequence[Stream], clock: str) -> Iterator[Finding]
         where = f"{long} {'behind' if is_behind else 'ahead of'} {clock}"
         why = "only one of the two is simulated (see use_sim_time), or a clock is wrong"
         text = f"the stamps of {first_names([*offsets])} by {publisher} are {where}: {why}"
-        numbers = {"publisher": publisher, "frames": [*offsets], "delay": size if is_behind else -size}
-        yield Finding("clocks", "", text, numbers)
+        yield Finding("clocks", "", text, tuple(offsets))
 
 
 def _told_apart(stream: Stream, others: Sequence[Stream]) -> str:
@@ -275,25 +277,18 @@ def _told_apart(stream: Stream, others: Sequence[Stream]) -> str:
     return text
 
 
-def _of_refused(one: Refused) -> Finding:
-    which = f"{one.count} of {one.received} transforms of {one.frame or repr('')} by {one.publisher}"
-    numbers = {"refused": one.count, "received": one.received, "publisher": one.publisher}
-    return Finding("refused", one.frame, f"{which} are refused: {one.because}", numbers)
-
-
 def _of_stream(stream: Stream, name: str, limits: Limits, recorded: bool) -> Iterator[Finding]:
-    """The rules for a dynamic stream: a number, its limit, and a sentence in which it is a gap."""
+    """The rules for a dynamic stream."""
 
-    def found(kind: str, sentence: str, **numbers: float) -> Finding:
-        text = f"{name} {sentence.format(*map(three_digits, numbers.values()))}"
-        return Finding(kind, stream.frame, text, numbers)
+    def found(kind: str, sentence: str, *numbers: float) -> Finding:
+        text = f"{name} {sentence.format(*map(three_digits, numbers))}"
+        return Finding(kind, stream.frame, text)
 
     if stream.delay_min is not None and -stream.delay_min > limits.max_future:
-        yield found("future", "is stamped up to {} s ahead", ahead=-stream.delay_min)
+        yield found("future", "is stamped up to {} s ahead", -stream.delay_min)
     rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
     if limits.min_rate is not None and rate is not None and rate < limits.min_rate:
-        sentence = "is published at {} Hz, less than {} Hz"
-        yield found("rate", sentence, rate=rate, min_rate=limits.min_rate)
+        yield found("rate", "is published at {} Hz, less than {} Hz", rate, limits.min_rate)
     how, delay, allowed = "up to", stream.delay_max, limits.max_delay
     if allowed is None and stream.period is not None:
         allowed = max(limits.delay, limits.delay_periods * stream.period)
@@ -302,18 +297,18 @@ def _of_stream(stream: Stream, name: str, limits: Limits, recorded: bool) -> Ite
         how, delay = "on average", None if stands_still else stream.delay
     if allowed is not None and delay is not None and delay > allowed:
         sentence = f"is {how} {{}} s old when it is received, more than {{}} s"
-        yield found("delay", sentence, delay=delay, max_delay=allowed)
+        yield found("delay", sentence, delay, allowed)
     if stream.period is None:
         return
     usual = f"; its period is {three_digits(stream.period)} s"
     longest = max(limits.stale, limits.stale_periods * stream.period)
     if stream.silence > longest:
         since = "before the end" if recorded else "ago"
-        yield found("stale", f"was last received {{}} s {since}{usual}", silence=stream.silence)
+        yield found("stale", f"was last received {{}} s {since}{usual}", stream.silence)
     elif stream.stalled > longest:
-        yield found("stale", f"has had no newer stamp for {{}} s{usual}", stalled=stream.stalled)
+        yield found("stale", f"has had no newer stamp for {{}} s{usual}", stream.stalled)
     if stream.count >= limits.gap_count and stream.gap > longest_interval(stream, limits):
-        yield found("gap", f"was not received for {{}} s{usual}", gap=stream.gap)
+        yield found("gap", f"was not received for {{}} s{usual}", stream.gap)
 
 
 def longest_interval(stream: Stream, limits: Limits) -> float:
@@ -334,7 +329,7 @@ def _rate_at_most(stream: Stream) -> float | None:
 def _as_expected(frame: str, newest: Stream, expected: Expectation) -> Iterator[Finding]:
     if expected.parent is not None and newest.parent != expected.parent:
         text = f"{frame} has the parent {newest.parent}, not {expected.parent}"
-        yield Finding("parent", frame, text, {"parent": newest.parent, "expected": expected.parent})
+        yield Finding("parent", frame, text)
     if expected.static is not None and newest.static != expected.static:
         kinds = {True: "static", False: "dynamic"}
         text = f"{frame} is {kinds[newest.static]}, not {kinds[expected.static]}"
@@ -397,7 +392,7 @@ def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Exp
     silence = 0.0 if heard.end_ns is None or static.all() else (heard.end_ns - now_ns) / S
     if silence > limits.stale:
         text = f"no dynamic transform was received in the last {three_digits(silence)} s"
-        found.insert(0, Finding("stale", "", text, {"silence": silence}))
+        found.insert(0, Finding("stale", "", text))
     begin, end = int(received.min()) / S, int(received.max()) / S
     return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
 

@@ -130,7 +130,7 @@ def _problems(findings: Sequence[Finding]) -> dict[str, list[str]]:
     """Get the lines that mark the edges of each frame, by the name of the frame."""
     problems: dict[str, list[str]] = {}
     for finding in findings:
-        for frame in finding.numbers.get("frames", [finding.frame] if finding.frame else []):
+        for frame in finding.frames or (finding.frame,):
             text = label(finding.text.removeprefix(f"{frame} "), LONGEST_FINDING)
             problems.setdefault(frame, []).extend(wrap(text, REASON_WIDTH))
     return problems

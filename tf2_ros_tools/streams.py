@@ -8,8 +8,7 @@ figures are in seconds. Arrays are never changed. The figures do not depend on h
 batched.
 """
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -97,8 +96,7 @@ class Stream(Origin):
 class Refused(Origin):
     """Transforms in the window, of one frame, publisher and parent, that every buffer refuses."""
 
-    count: int  # how many transforms are refused ...
-    received: int  # ... of how many of the frame and publisher, below any parent
+    count: int
     because: str  # what is wrong with them
 
 
@@ -188,9 +186,10 @@ class Streams:
             for own in by_frame.values()
             for one in _current(own, recent)
         ]
+        # A static transform is refused by whoever subscribes later, too.
+        shown = [recent.get(one.key, one) for one in total.values() if one.static or one.key in recent]
         refused = [
-            Refused(*origin(one), one.size, received, refusal_text(one.refusals))
-            for one, received in _refused(total, recent)
+            Refused(*origin(one), one.size, refusal_text(one.refusals)) for one in shown if one.refused
         ]
         return Reported(
             sorted(streams, key=lambda one: (one.frame, one.silence)),
@@ -338,30 +337,6 @@ def _current(own: Sequence[_Tally], recent: Tallies) -> list[_Tally]:
         if one.key in recent and (one.last_ns > newest_ns or recent[one.key].first_ns == newest_ns)
     ]
     return [*static.values(), *current] or moving[-1:]
-
-
-def _refused(total: Tallies, recent: Tallies) -> Iterator[tuple[_Tally, int]]:
-    """
-    Choose the refused transforms of the window, and static ones that their publishers have not replaced.
-
-    :return: each with the number of transforms of the frame and publisher, below any parent.
-    """
-    shown = [
-        *(one for one in recent.values() if not one.static),
-        *(one for one in total.values() if one.static),
-    ]
-    received: Counter[tuple[int, int, bool]] = Counter()
-    taken_ns: dict[tuple[int, int, bool], int] = {}  # when each publisher's last one was accepted
-    for one in shown:
-        whose = one.child, one.publisher, one.static
-        received[whose] += one.size
-        if not one.refused:
-            taken_ns[whose] = max(one.last_ns, taken_ns.get(whose, 0))
-    for one in shown:
-        whose = one.child, one.publisher, one.static
-        is_replaced = one.static and one.last_ns < taken_ns.get(whose, 0)
-        if one.refused and not is_replaced:
-            yield one, received[whose]
 
 
 def _stream(

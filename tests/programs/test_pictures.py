@@ -101,7 +101,7 @@ class TestTree:
             [
                 Finding("loop", "a", "the frames a -> b -> a form a loop", {"frames": ["a", "b"]}),
                 Finding("publishers", "base", "base is published by 2 publishers: /intruder, /wheels"),
-                Finding("refused", "ghost", "3 of 3 transforms of ghost by /robot are refused: not a number"),
+                Finding("refused", "ghost", "3 transforms of ghost by /robot are refused: not a number"),
                 Finding("roots", "", "2 unconnected trees"),
             ],
         )

@@ -10,6 +10,7 @@ import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
 from importlib.util import find_spec
 from math import nan
 from typing import TYPE_CHECKING, NoReturn
@@ -52,12 +53,6 @@ def parser() -> Parser:
         default=10.0,
         help="compute the figures over the last S seconds; 10 by default",
     )
-    made.add_argument(
-        "--min-rate",
-        type=positive_number,
-        metavar="HZ",
-        help="warn about dynamic frames that are published less often",
-    )
     made.add_argument("--json", action="store_true", help="print each report as one line of JSON")
     return made
 
@@ -70,15 +65,8 @@ def monitor(options: Namespace) -> int:
     from tf2_ros_tools.findings import Limits
 
     ends = _ends(options.frames)
-    limits = Limits(min_rate=options.min_rate)
-    with (
-        spun_node("tf2_monitor", options) as node,
-        listening(node, options.window) as heard,
-    ):
-
-        def look() -> Report:
-            return heard.report(limits, ends=ends)
-
+    with spun_node("tf2_monitor", options) as node, listening(node, options.window) as heard:
+        look = partial(heard.report, Limits(), ends=ends)
         if not options.json and options.interval is None and _has_screen():
             from tf2_ros_tools.screen import show_screen
 

@@ -101,7 +101,7 @@ def add_batch(made: Parser) -> None:
     _add_when(made.add_mutually_exclusive_group())
     made.add_argument("--out", metavar="DIR", required=True, help="where the tables are written")
     how = made.add_mutually_exclusive_group()
-    how.add_argument("--workers", type=_count, metavar="N", help="processes; by default one per core")
+    how.add_argument("--workers", type=int, metavar="N", help="processes; by default one per core")
     how.add_argument(
         "--scheduler", metavar="ADDRESS", help="the scheduler of a Dask cluster that does the work"
     )
@@ -116,12 +116,6 @@ def _add_when(group: _MutuallyExclusiveGroup) -> None:
 
 def _frame(name: str) -> str:
     return name.removeprefix("/")
-
-
-def _count(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise ArgumentTypeError(f"expected a whole number above 0, got {text}")
-    return int(text)
 
 
 def lookup(options: Namespace) -> int:

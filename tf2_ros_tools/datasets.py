@@ -150,7 +150,7 @@ def dataset(
     :param workers: see :func:`tf2_ros_tools.bag.map_recordings`; only with ``out``.
     :param scheduler: see the same function; only with ``out``.
     :param progress: see the same function.
-    :raises FileNotFoundError: the folder does not exist, or contains no recording.
+    :raises FileNotFoundError: the folders contain no recording.
     :raises BagError: none of the recordings can be read.
     :raises LookupException: a frame has no pose at any time in any recording.
     :raises InvalidArgumentException: a name of a frame is invalid.

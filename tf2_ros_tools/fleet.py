@@ -45,13 +45,11 @@ def find_recordings(recordings: Recordings) -> list[str]:
     Find recordings; return each once, as an absolute path without symbolic links.
 
     :param recordings: one or several paths of recordings, or of folders, which are searched with all their
-        subfolders. If there are several, some need not exist.
-    :raises FileNotFoundError: the file does not exist, or no recording was found.
+        subfolders.
+    :raises FileNotFoundError: no recording was found in the folders.
     """
     paths = [recordings] if isinstance(recordings, str | PathLike) else [*recordings]
     names = [os.fspath(path) for path in paths]
-    if isinstance(recordings, str | PathLike) and not os.path.exists(recordings):
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), names[0])
     found = [one for name in names for one in _meant_by(name)]
     if not found:
         raise FileNotFoundError(errno.ENOENT, "there is no recording", ", ".join(names))
@@ -427,7 +425,7 @@ def map_recordings(
     :param scheduler: the address of a ``dask.distributed`` scheduler, or a ``distributed.Client``: its
         workers do the work. They need this package, and the same folders under the same paths.
     :param progress: whether to show a bar. None: only if standard error is a terminal, after one second.
-    :raises FileNotFoundError: the folder does not exist, or contains no recording.
+    :raises FileNotFoundError: the folders contain no recording.
     :raises ValueError: both ``at`` and ``rate``, or both ``workers`` and ``scheduler``, were given; or a
         number is too small.
     :raises InvalidArgumentException: a name of a frame is invalid.

@@ -107,8 +107,7 @@ def wanted(
     prefixes = dict(topics) if isinstance(topics, Mapping) else dict.fromkeys(topics, "")
     if not prefixes:
         raise ValueError("topics must not be empty")
-    start_ns = None if start is None else _time_ns(start, "start")
-    end_ns = None if end is None else _time_ns(end, "end")
+    start_ns, end_ns = (None if one is None else int(to_nanoseconds([one])[0]) for one in (start, end))
     if start_ns is not None and end_ns is not None and end_ns < start_ns:
         raise ValueError(f"end, {end_ns} ns, is before start, {start_ns} ns")
     given: Mapping[str, Urdf | None] = urdf if isinstance(urdf, Mapping) else {JOINT_STATES: urdf}
@@ -124,13 +123,6 @@ def _robot(urdf: Urdf) -> Robot | None:
     if urdf is True:
         return None
     return urdf if isinstance(urdf, Robot) else load_urdf(urdf)
-
-
-def _time_ns(time: TimeLike, name: str) -> int:
-    try:
-        return int(to_nanoseconds([time])[0])
-    except (TypeError, ValueError) as error:
-        raise type(error)(f"{name}: {error}") from None
 
 
 def load(

@@ -284,15 +284,14 @@ NOT_YET: Style = {"facecolor": "#F0F0F0", "edgecolor": "#C4C4C4", "hatch": "..."
 class Row(NamedTuple):
     """A row of the picture: when the transforms of a stream were received."""
 
-    name: str  # of the frame
-    stream: Stream | None = None  # its figures; None if nothing was received
-    times: Times = np.zeros(0)  # in seconds, ascending, shape (N,)
-    delays: Times = np.zeros(0)  # from the stamp to the reception, in seconds, shape (N,)
+    stream: Stream  # its figures
+    times: Times  # in seconds, ascending, shape (N,)
+    delays: Times  # from the stamp to the reception, in seconds, shape (N,)
 
     @property
     def gap(self) -> float:
         """The longest time between two receptions that is not shown as a gap, in seconds."""
-        return np.inf if self.stream is None else longest_interval(self.stream, Limits())
+        return longest_interval(self.stream, Limits())
 
 
 def heard_rows(records: Records, streams: Sequence[Stream], frames: Sequence[str]) -> list[Row]:
@@ -317,7 +316,7 @@ def heard_rows(records: Records, streams: Sequence[Stream], frames: Sequence[str
             & (own["static"] == stream.static)
         ]
         received = own["received_ns"]
-        rows.append(Row(stream.frame, stream, received / S, (received - own["stamp_ns"]) / S))
+        rows.append(Row(stream, received / S, (received - own["stamp_ns"]) / S))
     return rows
 
 
@@ -361,10 +360,9 @@ def _draw_row(axes: Any, row: Row, bottom: int, begin: float, end: float) -> Non
     inside = (row.times >= begin) & (row.times <= end)
     times, delays = row.times[inside], row.delays[inside]
     since = max(float(row.times.min(initial=end)), begin)
-    is_static = row.stream is not None and row.stream.static
-    if since - begin > (0.0 if is_static or row.stream is None else row.gap):
+    if since - begin > (0.0 if row.stream.static else row.gap):
         axes.broken_barh([(begin, since - begin)], (bottom, 1.0), **NOT_YET, label="not received yet")
-    if is_static:
+    if row.stream.static:
         axes.plot(times, np.full(len(times), bottom + 0.5), **STATIC)
         # It is valid from the first reception on, without an end.
         axes.hlines(bottom + 0.5, since, end, color=GREY, linestyle="--")
@@ -373,7 +371,7 @@ def _draw_row(axes: Any, row: Row, bottom: int, begin: float, end: float) -> Non
     step = (end - begin) / PLACES
     axes.vlines(begin + step * np.unique(np.round((times - begin) / step)), low, high, **RECEIVED)
     axes.broken_barh(_gaps(row, begin, end), (bottom, 1.0), **GAP, label="gap")
-    if len(delays) and row.stream is not None and row.stream.delay is not None:
+    if len(delays) and row.stream.delay is not None:
         least, most = min(0.0, float(delays.min())), max(0.0, float(delays.max()))
         low, high = (bottom + part for part in DELAYS)
         axes.plot(times, low + (high - low) * (delays - least) / max(most - least, SMALLEST), **DELAY)
@@ -388,13 +386,10 @@ def _gaps(row: Row, begin: float, end: float) -> list[tuple[float, float]]:
 
 
 def _names(row: Row) -> str:
-    name = label(row.name, LONGEST_NAME)
-    return name if row.stream is None else f"{name}\nbelow {label(row.stream.parent, LONGEST_NAME)}"
+    return f"{label(row.stream.frame, LONGEST_NAME)}\nbelow {label(row.stream.parent, LONGEST_NAME)}"
 
 
 def _figures(row: Row) -> str:
-    if row.stream is None:
-        return "not received"
     publisher = label(row.stream.publisher, LONGEST_NAME)
     return f"{rate_label(row.stream)}, {publisher}\n{delay_label(row.stream)}".rstrip()
 
@@ -437,16 +432,19 @@ def heard_picture(
     :param frames: names, indexed by the ids in the records.
     :param wanted: the frames to draw, in this order; if empty, all frames.
     :param span: the first and the last time, in seconds.
-    :raises RunError: no transform of the wanted frames was received.
+    :raises RunError: no transform of a wanted frame was received.
     """
-    rows = heard_rows(records, streams, frames)
     names = [name.removeprefix("/") for name in wanted]
-    if names:
-        rows = [row for name in names for row in [one for one in rows if one.name == name] or [Row(name)]]
-        if not any(row.stream for row in rows):
-            unknown = [not_known(name, frames) for name in names if name not in frames]
-            raise RunError("; ".join(unknown) or f"no valid transform of {' and '.join(names)} was received")
-    return heard_figure(rows, *span)
+    own = {name: [one for one in streams if one.frame == name] for name in names}
+    lacking = [
+        f"no valid transform of {name} was received" if name in frames else not_known(name, frames)
+        for name in names
+        if not own[name]
+    ]
+    if lacking:
+        raise RunError("; ".join(lacking))
+    chosen = [one for name in names for one in own[name]] if names else streams
+    return heard_figure(heard_rows(records, chosen, frames), *span)
 
 
 def write_plot(name: str, figure: Any) -> None:

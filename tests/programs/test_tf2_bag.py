@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 from making import transform
 from making_bags import S, Sent, Tf, drive, scan, write_mcap
-from processes import DEADLINE_S, completed, ended, needs_dot, running, until
+from processes import DEADLINE_S, ended, needs_dot, running, until
 
-from tf2_ros_tools.bag import load
 from tf2_ros_tools.program import RunError
 from tf2_ros_tools.programs.tf2_bag import bag, parser
 
@@ -50,14 +49,6 @@ def run(capsys):
     return run
 
 
-def pose(buffer, stamp_ns, target="map", source="camera"):
-    from rclpy.time import Time
-
-    found = buffer.lookup_transform(target, source, Time(nanoseconds=stamp_ns)).transform
-    v, q = found.translation, found.rotation
-    return [v.x, v.y, v.z, q.x, q.y, q.z, q.w]
-
-
 def rows_of(text):
     rows = list(csv.DictReader(io.StringIO(text)))
     stamps = [int(row["stamp_ns"]) for row in rows]
@@ -65,15 +56,6 @@ def rows_of(text):
 
 
 class TestLookup:
-    def test_each_row_is_what_a_single_lookup_gives(self, run, drive_mcap):
-        status, out, err = run("lookup", drive_mcap, "map", "camera", "--rate", 7)
-        stamps, poses, valid = rows_of(out)
-        assert (status, err) == (0, "")
-        assert stamps == [100 * S + round(i * S / 7) for i in range(int(9.9 * 7) + 1)]
-        buffer = load(drive_mcap)
-        assert poses == [pose(buffer, stamp) for stamp in stamps]
-        assert set(valid) == {"true"}
-
     def test_all_formats_hold_the_same(self, run, drive_mcap, tmp_path):
         parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -139,13 +121,9 @@ class TestCheck:
 class TestPictures:
     @needs_dot
     def test_the_tree_is_drawn(self, run, drive_mcap, tmp_path):
-        for kind in ("svg", "pdf", "png"):
-            assert run("tree", drive_mcap, "-o", tmp_path / f"t.{kind}")[1] == f"{tmp_path}/t.{kind}\n"
+        assert run("tree", drive_mcap, "-o", tmp_path / "t.svg")[1] == f"{tmp_path}/t.svg\n"
         texts = texts_of(tmp_path / "t.svg")
         assert {"map", "odom", "base", "camera", "/tf_static", "10.0 Hz", "buffer 9.90 s"} <= set(texts)
-        assert (tmp_path / "t.pdf").read_bytes().startswith(b"%PDF")
-        assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
-        assert sorted(os.listdir(tmp_path)) == ["t.pdf", "t.png", "t.svg"]
 
     def test_graphvizs_file_needs_no_graphviz(self, run, drive_mcap, tmp_path, monkeypatch):
         monkeypatch.setenv("PATH", str(tmp_path))
@@ -164,8 +142,6 @@ class TestPictures:
             "base",
         ]
         assert {"time in s", "100", "110"} <= set(texts)
-        run("plot", drive_mcap, "base", "nobody", "-o", tmp_path / "q.svg")
-        assert {"base", "nobody", "not received"} <= set(texts_of(tmp_path / "q.svg"))
 
     def test_a_picture_of_one_message_and_of_a_part_is_drawn(self, run, drive_mcap, tmp_path):
         mount = Sent(100 * S, "/tf_static", [Tf("base", "camera", 100 * S)])
@@ -219,29 +195,6 @@ class TestView:
 def texts_of(path):
     root = ElementTree.parse(path).getroot()
     return ["".join(text.itertext()) for text in root.iter(f"{SVG}text")]
-
-
-class TestManners:
-    @pytest.mark.parametrize(
-        ("line", "answer"),
-        [("tf2_bag loo", "lookup"), ("tf2_bag lookup a.mcap map base --ti", "--times")],
-    )
-    def test_a_shell_gets_commands_and_their_options(self, tmp_path, line, answer):
-        assert completed(line, tmp_path) == answer
-
-    def test_a_library_that_is_missing_is_named_with_its_extra(self, drive_mcap):
-        code = (
-            "import sys; sys.modules['rosbags'] = None\n"
-            "from tf2_ros_tools.programs.tf2_bag import main; sys.exit(main())"
-        )
-        done = subprocess.run(
-            [sys.executable, "-c", code, "info", drive_mcap],
-            text=True,
-            capture_output=True,
-            timeout=DEADLINE_S,
-        )
-        assert (done.returncode, done.stdout) == (1, "")
-        assert done.stderr == "tf2_bag info: rosbags is not installed: pip install 'tf2-ros-cython[bag]'\n"
 
 
 WITHOUT_ROS = """

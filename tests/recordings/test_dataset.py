@@ -117,7 +117,7 @@ class TestManyRecordings:
     def test_none_that_can_be_read_is_an_error(self, runs, tmp_path):
         with pytest.raises(bag.BagError, match="broken.mcap is broken: "):
             made(runs / "broken.mcap")
-        with pytest.raises(FileNotFoundError):
+        with pytest.raises(bag.BagError, match="none: No such file or directory"):
             made(tmp_path / "none")
 
 

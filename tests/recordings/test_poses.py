@@ -7,7 +7,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from making_bags import S, Sent, drive, field, store, turn, varint, write_folder, write_mcap, write_ros1
+from making_bags import (
+    S,
+    Sent,
+    drive,
+    field,
+    header,
+    store,
+    turn,
+    varint,
+    write_folder,
+    write_mcap,
+    write_ros1,
+)
 
 from tf2_ros_tools import bag
 from tf2_ros_tools.foxglove import tf_message
@@ -27,14 +39,11 @@ def posed(ns, x, topic, msgtype, frame="map", child="base", ros=2):
     def make(name, *fields, **named):
         return types[f"{name.replace('/', '/msg/')}"](*fields, **named)
 
-    seq = {"seq": 7} if ros == 1 else {}
-    stamp = make("builtin_interfaces/Time", *divmod(ns, S))
-    header = make("std_msgs/Header", stamp=stamp, frame_id=frame, **seq)
     point, rotation = make("geometry_msgs/Point", x, 2.0, 3.0), make("geometry_msgs/Quaternion", *turn(x))
     pose, covariance = make("geometry_msgs/Pose", point, rotation), np.zeros(36)
     if msgtype != STAMPED:
         pose = make("geometry_msgs/PoseWithCovariance", pose, covariance)
-    fields = {"header": header, "pose": pose}
+    fields = {"header": header(ns, frame, ros), "pose": pose}
     if msgtype == ODOMETRY:
         still = [make("geometry_msgs/Vector3", 0.0, 0.0, 0.0) for _ in range(2)]
         twist = make("geometry_msgs/TwistWithCovariance", make("geometry_msgs/Twist", *still), covariance)

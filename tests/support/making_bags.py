@@ -75,17 +75,21 @@ def store(ros=2):
     return store
 
 
+def header(ns, frame, ros=2):
+    types = store(ros).types
+    seq = {} if ros == 2 else {"seq": 7}
+    stamp = types["builtin_interfaces/msg/Time"](*divmod(ns, S))
+    return types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame, **seq)
+
+
 def message(sent, ros=2):
     """The message object of rosbags' types."""
     types = store(ros).types
     if sent.msgtype not in (TF, TF_OF_OLD):
         return types[sent.msgtype](**sent.content)
-    seq = {} if ros == 2 else {"seq": 7}
     transforms = [
         types["geometry_msgs/msg/TransformStamped"](
-            header=types["std_msgs/msg/Header"](
-                stamp=types["builtin_interfaces/msg/Time"](*divmod(tf.ns, S)), frame_id=tf.parent, **seq
-            ),
+            header=header(tf.ns, tf.parent, ros),
             child_frame_id=tf.child,
             transform=types["geometry_msgs/msg/Transform"](
                 translation=types["geometry_msgs/msg/Vector3"](*map(float, tf.xyz)),
@@ -99,15 +103,11 @@ def message(sent, ros=2):
 
 def scan(log_ns, stamp_ns, topic="/scan", ros=2):
     """A message of another type, with a header."""
-    types = store(ros).types
-    seq = {} if ros == 2 else {"seq": 7}
-    header = types["std_msgs/msg/Header"](
-        stamp=types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, S)), frame_id="lidar", **seq
-    )
     names = ("angle_min", "angle_max", "angle_increment", "time_increment", "scan_time")
     numbers = dict.fromkeys((*names, "range_min", "range_max"), 0.0)
     empty = np.zeros(0, np.float32)
-    return Sent(log_ns, topic, {"header": header, **numbers, "ranges": empty, "intensities": empty}, SCAN)
+    head = header(stamp_ns, "lidar", ros)
+    return Sent(log_ns, topic, {"header": head, **numbers, "ranges": empty, "intensities": empty}, SCAN)
 
 
 def raw(sent):

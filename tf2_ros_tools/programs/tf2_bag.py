@@ -188,10 +188,7 @@ def view(options: Namespace) -> int:
 
     heard = heard_of(options)
     if options.output is not None:
-        try:
-            rerun.save(heard.buffer, options.output)
-        except OSError as failure:
-            raise RunError(f"cannot write {options.output}: {failure.strerror}") from None
+        rerun.save(heard.buffer, options.output)
         print(options.output)
         return SUCCESS
     try:

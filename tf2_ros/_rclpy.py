@@ -1,9 +1,9 @@
 """
 Use attributes and frames of rclpy that its documentation does not promise.
 
-Each function says what it assumes, and what it does if that does not hold. The assumptions are tested in
-tests/ros/test_rclpy_inside.py, those of subscriptions in tests/ros/test_receiver.py, and were tested with
-rclpy 7.1 (Jazzy) and 9.1 (Kilted). What an executor's rounds need in Cython is in ``tf2_ros._wait.rounds``;
+Each function says what it assumes, and what it does if that does not hold. Most tests in tests/ros fail if
+that does not hold, and tests/ros/test_rclpy_inside.py tests the rest. All was tested with rclpy 7.1 (Jazzy)
+and 9.1 (Kilted). What an executor's rounds need in Cython is in ``tf2_ros._wait.rounds``;
 ``tf2_py.engine.times`` reads times from their handles.
 """
 

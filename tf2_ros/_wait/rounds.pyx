@@ -2,7 +2,7 @@
 Take part in the rounds of rclpy's executors: before one sleeps, and after it wakes.
 
 This is Cython because executors have thousands of rounds a second, and because no signal handler can
-interrupt it halfway. What it relies on inside rclpy has tests in tests/ros/test_rclpy_inside.py, and was
+interrupt it halfway. What it relies on inside rclpy is tested by tests/ros/test_executors.py, and was
 tested with rclpy 7.1 (Jazzy) and 9.1 (Kilted); the Python part is ``tf2_ros._rclpy``.
 """
 

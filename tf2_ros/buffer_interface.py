@@ -110,11 +110,12 @@ class BufferInterface:
         >>> buffer.transform(point, "base_link").point.x
         1.3
         """
-        do_transform: Any = self.registration.get(type(object_stamped))
-        header = _header_of(object_stamped)
+        stamped: Any = object_stamped
+        do_transform: Any = self.registration.get(type(stamped))
+        header = stamped.header
         look_up: Any = self.lookup_transform
         transform = look_up(target_frame, header.frame_id, header.stamp, timeout, **policy)
-        result: _New = do_transform(object_stamped, transform)
+        result: _New = do_transform(stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
     def transform_full(
@@ -141,13 +142,14 @@ class BufferInterface:
         :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
         :return: a new object, stamped with the target time.
         """
-        do_transform: Any = self.registration.get(type(object_stamped))
-        header = _header_of(object_stamped)
+        stamped: Any = object_stamped
+        do_transform: Any = self.registration.get(type(stamped))
+        header = stamped.header
         look_up: Any = self.lookup_transform_full
         transform = look_up(
             target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout, **policy
         )
-        result: _New = do_transform(object_stamped, transform)
+        result: _New = do_transform(stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
     async def transform_async(
@@ -170,11 +172,12 @@ class BufferInterface:
         :return: a new object.
         :raises TimeoutException: the transform was not available in time.
         """
-        do_transform: Any = self.registration.get(type(object_stamped))
-        header = _header_of(object_stamped)
+        stamped: Any = object_stamped
+        do_transform: Any = self.registration.get(type(stamped))
+        header = stamped.header
         look_up: Any = self.lookup_transform_async
         transform = await look_up(target_frame, header.frame_id, header.stamp, timeout=timeout, **policy)
-        result: _New = do_transform(object_stamped, transform)
+        result: _New = do_transform(stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
     def lookup_transform(
@@ -344,16 +347,6 @@ class BufferInterface:
         except TransformException as error:
             return False, str(error)
         return True, ""
-
-
-def _header_of(object_stamped: Any) -> Any:
-    # Messages without a header are registered, too: for functions, and for conversions.
-    if not hasattr(object_stamped, "header") and hasattr(object_stamped, "get_fields_and_field_types"):
-        raise TypeException(
-            f"Type {type(object_stamped).__name__} is not supported here: it has no header that says where "
-            f"it is, and when"
-        )
-    return object_stamped.header
 
 
 def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:

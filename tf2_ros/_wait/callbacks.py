@@ -104,11 +104,11 @@ class CallbackQueue(ExecutorRounds, Waitable):
         return node is None or bool(self._why_closed) or is_inherited(self._process) or node_has_ended(node)
 
     def executor(self) -> Any:
-        """See :class:`ExecutorRounds`."""
+        """The executor that has the node, or had it last; None if there was none, or if it is gone."""
         return getattr(self.node(), "executor", None)
 
     def leave_sets(self) -> None:
-        """See :class:`ExecutorRounds`; have a timer look for calls, in any executor."""
+        """Have a timer look for calls, in any executor, because an ``EventsExecutor`` has taken the node."""
         for receiver in self.receivers:
             receiver.leave_sets()
         node, clock = self.node(), Clock(clock_type=ClockType.STEADY_TIME)

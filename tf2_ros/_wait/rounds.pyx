@@ -85,11 +85,8 @@ cdef void _wake(ExecutorState* state) noexcept nogil:
         rcutils_reset_error()
 
 
-# By the name of a file, the names of its functions that are an executor's own loops.
-cdef dict OWN_LOOPS = {
-    loop.__code__.co_filename: frozenset({"spin", "spin_until_future_complete"})
-    for loop in (rclpy.spin, Executor.spin)
-}
+# The files of the executors' own loops.
+cdef frozenset FILES = frozenset({loop.__code__.co_filename for loop in (rclpy.spin, Executor.spin)})
 
 
 def is_below_own_loop(frame):
@@ -97,15 +94,11 @@ def is_below_own_loop(frame):
     Whether one of the own loops of executors (``rclpy.spin``, ``spin``, ``spin_until_future_complete``) runs.
 
     Otherwise user code called the executor, and continues when ``spin_once()`` returns. Assumes that all
-    frames between an executor's loop and the waitable are in the files of OWN_LOOPS. Otherwise the result is
-    False, and the executor wakes whenever something arrives, as for a subscription.
+    frames between an executor's loop and the waitable are in FILES. Otherwise the result is False, and the
+    executor wakes whenever something arrives, as for a subscription.
     """
-    while frame is not None:
-        code = frame.f_code
-        loops = OWN_LOOPS.get(code.co_filename)
-        if loops is None:
-            return False
-        if code.co_name in loops:
+    while frame is not None and frame.f_code.co_filename in FILES:
+        if frame.f_code.co_name in ("spin", "spin_until_future_complete"):
             return True
         frame = frame.f_back
     return False
@@ -144,12 +137,6 @@ cdef class ExecutorRounds(Watching):
 
     def __exit__(self, *_):
         """Do nothing."""
-
-    def executor(self):
-        """The executor that has the node, or had it last; None if there was none, or if it is gone."""
-
-    def leave_sets(self):
-        """Called once, when rclpy's ``EventsExecutor`` has taken the node; this is in no sets any more."""
 
     def get_num_entities(self):
         """One guard condition; none once an ``EventsExecutor``, which refuses them, has had the node."""

@@ -8,9 +8,11 @@ from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
+from tf2_ros._arguments import require_callable
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, require_support
 from tf2_ros._wait.blocking import Lookup
+from tf2_ros._wait.endings import ChangeSubscription
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
 
@@ -26,7 +28,6 @@ if TYPE_CHECKING or HAS_ROS:
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._nodes import WaitContexts, note_filler
-    from tf2_ros._wait.endings import ChangeSubscription
     from tf2_ros._wait.futures import Changes, TransformFuture, WakingFuture
 
     if TYPE_CHECKING:
@@ -112,7 +113,6 @@ class Buffer(BufferCore, BufferInterface):
         # Few programs share a buffer; only they load the modules for it.
         if share is not None or attach is not None:
             require_support()
-        limits: Any = {"max_frames": max_frames, "max_bytes": max_bytes}
         if attach is not None:
             from tf2_ros._shared.attachment import Attachment, open_ring
             from tf2_ros._shared.owner import read_description
@@ -121,10 +121,9 @@ class Buffer(BufferCore, BufferInterface):
             ring = open_ring(name)
             if cache_time is None:
                 cache_time = read_description(ring.descriptor).cache_time_ns / 1e9
-            BufferCore.__init__(self, cache_time, **limits)
+        BufferCore.__init__(self, cache_time, max_frames=max_frames, max_bytes=max_bytes)
+        if attach is not None:
             Attachment(self, name, ring)
-        else:
-            BufferCore.__init__(self, cache_time, **limits)
         if share is not None:
             from tf2_ros._shared.owner import Owner
 
@@ -385,7 +384,8 @@ class Buffer(BufferCore, BufferInterface):
         :return: an object that ends this with ``cancel()``. Otherwise it ends with the buffer.
         :raises TypeError: ``callback`` cannot be called.
         """
-        return Changes(self, target_frame, source_frame).call(callback)
+        require_callable("on_change", callback)
+        return ChangeSubscription(self, target_frame, source_frame, callback)
 
     def time_jump_callback(self, time_jump: "TimeJump | None") -> None:
         """

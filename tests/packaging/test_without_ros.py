@@ -30,7 +30,7 @@ NEED_ROS = [
     "import tf2_sensor_msgs",
     "import types, tf2_ros; tf2_ros.Buffer(node=types.SimpleNamespace(create_service=print))",
     "import tf2_ros; tf2_ros.Buffer().wait_for_transform_async('a', 'b', 0)",
-    "import tf2_ros; tf2_ros.Buffer().on_change('a', 'b', print)",
+    "import tf2_ros; tf2_ros.Buffer().changes('a', 'b')",
 ]
 
 

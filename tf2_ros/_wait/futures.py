@@ -15,12 +15,12 @@ from rclpy.task import Future, Task
 
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import errors
-from tf2_ros._arguments import optional_timeout_ns, require_callable
+from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._forking import FORKED, is_inherited
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import is_in_step, running_task, task_executor
 from tf2_ros._wait.callbacks import call_in_executor, queue_of
-from tf2_ros._wait.endings import ChangeSubscription, FutureEnding, Waker, deadlines, notify
+from tf2_ros._wait.endings import FutureEnding, Waker, deadlines, notify
 
 if TYPE_CHECKING:
     import asyncio
@@ -260,14 +260,8 @@ class Changes:
 
     def __init__(self, buffer: BufferCore, target_frame: str, source_frame: str) -> None:
         self._buffer, self._frames = buffer, (target_frame, source_frame)
-        self._shutdown = Shutdown(buffer)
         self._begun: Any = None  # the latest wait
         self._delivered: Any = None  # the wait that had the transform delivered last
-
-    def call(self, callback: Callable[[TransformStamped], object]) -> ChangeSubscription:
-        """Call a function with each one; see ``Buffer.on_change``."""
-        require_callable("on_change", callback)
-        return ChangeSubscription(self._buffer, *self._frames, callback)
 
     def __aiter__(self) -> "Changes":
         return self
@@ -276,11 +270,10 @@ class Changes:
         future = TransformFuture(self._buffer, self._begin)
         try:
             found = await future
-        except BaseException as error:
-            future.cancel()  # what this refers to would go on waiting
-            if isinstance(error, TimeoutException) and self._shutdown.happened():
-                raise StopAsyncIteration from None
-            raise
+        except TimeoutException:  # without a timeout: a shutdown
+            raise StopAsyncIteration from None
+        finally:
+            future.cancel()  # after a cancelled step, what this refers to would go on waiting
         self._delivered = self._begun
         return found
 

@@ -189,9 +189,9 @@ class TransformListener:
         The executor that spins the node inserts the transforms of other topics. Empty after the end of the
         listener, and in a forked child.
         """
-        topics = [] if self._tf2_receiver is None else self._tf2_receiver.topics
+        topics = () if self._tf2_receiver is None else self._tf2_receiver.topics
         if (attachment := self._tf2_attachment) is not None and attachment.has(self):
-            topics = list(self._tf2_topics)
+            topics = self._tf2_topics
         return tuple(topic.name for topic in topics)
 
     def unregister(self) -> None:

@@ -55,6 +55,11 @@ class Topic:
             return False
         return handle_exists(self.subscription.handle)
 
+    def has(self, entity: object) -> bool:
+        """Whether an entity of executors is its subscription, or an event of that."""
+        subscription: Any = self.subscription
+        return entity is subscription or entity in subscription.event_handlers
+
     def describe(self) -> str:
         """Describe its name, how many messages there were, and when the last one was."""
         count, last_ns = self.arrivals.taken()
@@ -72,12 +77,12 @@ class ListenerGroup(ReentrantCallbackGroup):
     """
 
     hides_all = False  # while a listener subscribes
-    hidden: frozenset[Any] = frozenset()  # subscriptions and their events, which executors skip
+    taken: Sequence[Topic] = ()  # whose subscriptions and their events executors skip; never changed itself
 
     # rclpy declares its own as Literal[True].
     def can_execute(self, entity: Any) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Whether an executor may wait for an entity of the group now."""
-        return not self.hides_all and entity not in self.hidden
+        return not self.hides_all and not any(topic.has(entity) for topic in self.taken)
 
 
 class Receiver:
@@ -101,11 +106,11 @@ class Receiver:
         self._source = Subscriptions(listener._tf2_recording, handle, listener._tf2_prefix)
         self.inbox = Inbox(self._source, partial(hand_over, queue))
         self.inbox.inform(queue)
-        self._set_topics(list(listener._tf2_topics))
+        self._group.taken = listener._tf2_topics
         self._group.hides_all = False
         queue.receivers.add(self)
         try:
-            for topic in self._topics:
+            for topic in self._group.taken:
                 subscription: Any = topic.subscription
                 subscription.destroy = partial(self._destroy, topic)  # the node calls this
                 self._source.subscribe(
@@ -123,17 +128,17 @@ class Receiver:
             self.leave_sets()  # the node has moved meanwhile
 
     @property
-    def topics(self) -> list[Topic]:
+    def topics(self) -> Sequence[Topic]:
         """The topics whose messages it takes now."""
         is_dead = is_inherited(self._process) or context_was_shut_down(self._context)
-        return [] if is_dead else self._topics
+        return () if is_dead else self._group.taken
 
     def redirect(self, buffer: BufferCore | None) -> None:
         """Fill this buffer from now on; None: user code handles transforms, so leave all to executors."""
         self.inbox.catch_up()  # what arrived before goes into the buffer of before
         if buffer is None:
             self._leave_to_executors()
-        elif self._topics:
+        elif self._group.taken:
             self.inbox.fill(buffer)
 
     def leave_sets(self) -> None:
@@ -147,7 +152,7 @@ class Receiver:
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
         if not is_inherited(self._process):
-            self._set_topics([])
+            self._group.taken = ()
             self.inbox.close()
 
     def __del__(self) -> None:
@@ -165,17 +170,10 @@ class Receiver:
         """End with the context; log publishers that do not fit."""
         if context_was_shut_down(self._context):
             self.stop()
-        for topic in self._topics:
+        for topic in self._group.taken:
             subscription: Any = topic.subscription
             for handler in subscription.event_handlers:
                 report_event(handler)
-
-    def _set_topics(self, topics: list[Topic]) -> None:
-        self._topics = topics  # never changed itself
-        subscriptions: list[Any] = [topic.subscription for topic in topics]
-        self._group.hidden = frozenset(
-            [*subscriptions, *(h for one in subscriptions for h in one.event_handlers)]
-        )
 
     def _leave_to_executors(self) -> None:
         self.stop()
@@ -188,8 +186,8 @@ class Receiver:
         if is_inherited(self._process):
             return
         self._source.unsubscribe(topic.arrivals)
-        self._set_topics([one for one in self._topics if one is not topic])
-        if not self._topics:
+        self._group.taken = [one for one in self._group.taken if one is not topic]
+        if not self._group.taken:
             self.stop()
         subscription: Any = topic.subscription
         Subscription.destroy(subscription)

@@ -2,7 +2,7 @@
 Read command lines, print and exit in the same way for all programs.
 
 A program is a module of ``tf2_ros_tools.programs`` with a ``parser`` and a ``main``. It imports ROS, NumPy
-and other libraries after the command line has been read, so that help and completion are fast.
+and other libraries after the command line has been read, so that help is fast.
 
 Exit statuses: 0 and 1 depend on the program, and 1 also means that its output could not be written; 2 is
 wrong usage; 130 means that Ctrl-C or SIGTERM ended it before there was a result.
@@ -158,7 +158,6 @@ def run(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
     try:
-        _complete(parser)
         if isinstance(sys.stdout, TextIOWrapper):
             sys.stdout.reconfigure(line_buffering=True)  # the reader of a pipe may wait for the line
         options = parser.read(arguments)
@@ -188,17 +187,6 @@ def _interrupt(number: int, _: FrameType | None) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     raise KeyboardInterrupt
-
-
-def _complete(parser: Parser) -> None:
-    """Answer a shell that asks for completions, and exit; otherwise do nothing."""
-    if "_ARGCOMPLETE" not in os.environ:
-        return
-    try:
-        import argcomplete
-    except ModuleNotFoundError:
-        return
-    argcomplete.autocomplete(parser)
 
 
 # Numbers on a command line.

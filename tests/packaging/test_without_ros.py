@@ -70,7 +70,6 @@ def world(tmp_path_factory):
     made = tmp_path_factory.mktemp("without_ros")
     extras = PYPROJECT["project"]["optional-dependencies"]
     wanted = [*PYPROJECT["project"]["dependencies"], *(one for extra in EXTRAS for one in extras[extra])]
-    wanted = [one for one in wanted if one != "argcomplete"]
     libraries = installing.link_libraries(made / "libraries", "pytest", "hypothesis", "pandas", *wanted)
     for package in (*installing.OURS, "tf2_ros_tools", "tf2_ros_cython"):
         (libraries / package).symlink_to(ROOT / package)

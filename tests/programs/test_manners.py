@@ -10,7 +10,7 @@ from importlib.util import find_spec
 import pytest
 from making_bags import drive, write_mcap
 from paths import ROOT
-from processes import DEADLINE_S, broadcasting, completed, ended, needs_dot, running, until
+from processes import DEADLINE_S, broadcasting, ended, needs_dot, running, until
 
 from tf2_ros_tools.program import Parser, finite_number
 
@@ -67,12 +67,6 @@ class TestEveryProgram:
         status, out, err = ended(name, "--no-such-option")
         assert (status, out, err.count("\n")) == (2, "", 1)
         assert err.startswith(f"{name}: ") and err.endswith(f"(see {name} --help)\n")
-
-    def test_a_shell_gets_its_options(self, name, tmp_path):
-        assert completed(f"{name} --hel", tmp_path) == "--help"
-        # argcomplete looks for this in the first 1024 bytes.
-        source = (ROOT / "tf2_ros_tools" / "programs" / f"{name}.py").read_text(encoding="utf-8")
-        assert source.startswith("# PYTHON_ARGCOMPLETE_OK\n")
 
     def test_a_reader_who_leaves_ends_it_without_a_word(self, name):
         reading, writing = os.pipe()

@@ -114,25 +114,6 @@ def broadcasting(*faults):
         end(process)
 
 
-def completed(line, folder):
-    """To what a shell completes a command line, asked as argcomplete's own function for bash asks."""
-    pytest.importorskip("argcomplete")
-    answer = folder / "answer"
-    asked = {
-        "_ARGCOMPLETE": "1",
-        "_ARGCOMPLETE_IFS": "\n",
-        "COMP_LINE": line,
-        "COMP_POINT": str(len(line)),
-        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
-    }
-    code = f"from tf2_ros_tools.programs.{line.partition(' ')[0]} import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env={**os.environ, **asked}, timeout=DEADLINE_S, capture_output=True
-    )
-    assert done.stdout == b""
-    return answer.read_text().strip()
-
-
 class Peer:
     """A node in a process of its own, `programs/peer.py`: obeys commands, and reports when each is done."""
 

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Publish static transforms from options or from a file."""
 
 from __future__ import annotations

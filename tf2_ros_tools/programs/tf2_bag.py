@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Answer questions about recorded transforms."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Receive transforms, and answer lookups of other processes."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Report problems with the transforms of a robot."""
 
 import sys

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Print the transform between two frames, repeatedly."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Show who publishes which frame, how often, how late, and what is wrong."""
 
 from __future__ import annotations

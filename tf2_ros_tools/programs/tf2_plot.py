@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Plot when transforms were received, or the path of a frame."""
 
 import sys

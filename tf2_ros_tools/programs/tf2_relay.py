@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Send chosen transforms on to other topics."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Share one buffer with all processes on a machine."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Publish the transforms of a robot's joints, from its URDF and joint states."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Show the frames of a running robot in three dimensions."""
 
 import subprocess

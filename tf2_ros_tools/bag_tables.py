@@ -84,7 +84,7 @@ def add_lookup(made: Parser) -> None:
     when = made.add_mutually_exclusive_group()
     when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help="at these times, in seconds")
     _add_when(when)
-    add_output(made, "csv", "tum", "npz", "parquet", more=", instead of printing CSV")
+    add_output(made, "csv", "tum", "parquet", more=", instead of printing CSV")
 
 
 def add_batch(made: Parser) -> None:

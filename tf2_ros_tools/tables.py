@@ -1,4 +1,4 @@
-"""Look up tables of poses, and write them as CSV, TUM, npz and Parquet."""
+"""Look up tables of poses, and write them as CSV, TUM and Parquet."""
 
 from __future__ import annotations
 
@@ -195,13 +195,13 @@ def why_unanswered(buffer: BufferCore, target: str, source: str, times_ns: NDArr
 
 def contents_of(table: Table, kind: str, file: str) -> bytes:
     """
-    Write a table as ``csv``, ``tum``, ``npz`` or ``parquet``.
+    Write a table as ``csv``, ``tum`` or ``parquet``.
 
     :param file: the recording's name.
     """
     if kind == "parquet":
         return as_parquet({"": table}, file)
-    return {"csv": as_csv, "tum": as_tum, "npz": as_npz}[kind](table)
+    return as_tum(table) if kind == "tum" else as_csv(table)
 
 
 def as_csv(table: Table) -> bytes:
@@ -222,14 +222,6 @@ def as_tum(table: Table) -> bytes:
     """
     rows = (f"{_seconds(stamp)} {' '.join(pose)}\n" for stamp, pose, valid in _rows(table) if valid)
     return "".join(rows).encode()
-
-
-def as_npz(table: Table) -> bytes:
-    """Write NumPy's format for several arrays."""
-    written = BytesIO()
-    arrays = ("stamps_ns", "translations", "rotations", "valid")
-    np.savez(written, **{name: getattr(table, name) for name in arrays})
-    return written.getvalue()
 
 
 def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None = None) -> bytes:

@@ -164,7 +164,6 @@ def test_another_tf2_ros_is_named(folder):
 
 FILES = {
     "way.csv": "tf2_bag lookup drive.mcap map base --rate 1000 -o {}",
-    "way.npz": "tf2_bag lookup drive.mcap map base --rate 1000 -o {}",
     "way.parquet": "tf2_bag lookup drive.mcap map base --rate 1000 -o {}",
     "tree.gv": "tf2_bag tree drive.mcap -o {}",
     "plot.png": "tf2_bag plot drive.mcap -o {}",

@@ -61,7 +61,7 @@ class TestLookup:
 
         ends = ("map", "camera", "--times", "1", "100.123456789", "105")
         stamps, poses, valid = rows_of(run("lookup", drive_mcap, *ends)[1])
-        for name in ("a.csv", "a.tum", "a.npz", "a.parquet"):
+        for name in ("a.csv", "a.tum", "a.parquet"):
             assert run("lookup", drive_mcap, *ends, "-o", tmp_path / name)[:2] == (0, f"{tmp_path / name}\n")
         of_csv = rows_of((tmp_path / "a.csv").read_text())
         assert (of_csv[0], of_csv[2]) == (stamps, valid)
@@ -69,18 +69,12 @@ class TestLookup:
         lines = (tmp_path / "a.tum").read_text().splitlines()
         assert [line.split()[0] for line in lines] == ["100.123456789", "105.000000000"]
         assert [[*map(float, line.split()[1:])] for line in lines] == poses[1:]
-        with np.load(tmp_path / "a.npz") as arrays:
-            assert arrays["stamps_ns"].tolist() == stamps
-            assert np.array_equal(
-                np.hstack([arrays["translations"], arrays["rotations"]]), poses, equal_nan=True
-            )
-            assert arrays["valid"].tolist() == [False, True, True]
         table = parquet.read_table(tmp_path / "a.parquet").to_pydict()
         assert list(table) == ["file", "stamp", *COLUMNS, "valid"]
         assert (table["file"], table["stamp"]) == ([drive_mcap] * 3, stamps)
         assert table["valid"] == [False, True, True]
         assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses, equal_nan=True)
-        assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.npz", "a.parquet", "a.tum"]
+        assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.parquet", "a.tum"]
 
 
 class TestInfo:

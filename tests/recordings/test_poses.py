@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from making_bags import (
+    FORMATS,
     S,
     Sent,
     drive,
@@ -16,9 +17,7 @@ from making_bags import (
     store,
     turn,
     varint,
-    write_folder,
     write_mcap,
-    write_ros1,
 )
 
 from tf2_ros_tools import bag
@@ -66,13 +65,10 @@ def check(buffer, target, source):
 
 class TestPoses:
     @pytest.mark.parametrize("msgtype", [ODOMETRY, STAMPED, WITH_COVARIANCE])
-    @pytest.mark.parametrize("form", ["mcap", "sqlite3", "ros1"])
+    @pytest.mark.parametrize("form", ["mcap", "folder-sqlite3", "ros1"])
     def test_each_type_is_a_transform_between_the_given_frames(self, msgtype, form, tmp_path):
         messages = series("/pose", msgtype, ros=1 if form == "ros1" else 2)
-        if form == "ros1":
-            path = write_ros1(tmp_path / "run.bag", messages)
-        else:
-            path = write_folder(tmp_path / "run", messages, form)
+        path = FORMATS[form](tmp_path, messages)
         check(bag.load(path, poses={"/pose": ("world", "gps")}), "world", "gps")
 
     def test_odometry_names_its_frames(self, tmp_path):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from making_bags import S, Sent, Tf, drive, raw, write_folder, write_mcap, write_ros1
+from making_bags import FORMATS, S, Sent, Tf, drive, raw, write_mcap
 from robots import (
     ARM,
     FIXED,
@@ -217,15 +217,10 @@ COMPUTED = (
 
 
 class TestRecordings:
-    @pytest.mark.parametrize("form", ["folder", "mcap", "ros1"])
+    @pytest.mark.parametrize("form", ["folder-sqlite3", "mcap", "ros1"])
     def test_an_arm_without_tf_has_its_links(self, form, tmp_path):
         messages, stamps, values = states(ros=1 if form == "ros1" else 2)
-        path = {
-            "folder": lambda: write_folder(tmp_path / "run", messages),
-            "mcap": lambda: write_mcap(tmp_path / "run.mcap", messages),
-            "ros1": lambda: write_ros1(tmp_path / "run.bag", messages),
-        }[form]()
-        buffer = bag.load(path, urdf=ARM)
+        buffer = bag.load(FORMATS[form](tmp_path, messages), urdf=ARM)
         check(buffer, stamps, values)
         np.testing.assert_allclose(
             to_matrix(buffer.lookup_transform("shoulder", "camera", 0)),

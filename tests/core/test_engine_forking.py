@@ -91,47 +91,14 @@ def test_it_uses_a_buffer_that_other_threads_of_its_parent_were_using(core):
     assert core.can_transform_core("map", "robot", at(1.5))[0]
 
 
-def test_it_ends_a_buffer_that_threads_of_its_parent_block_in(tf2_py):
-    core = tf2_py.BufferCore()
-    ending = threading.Event()
-
-    def block():
-        core._wait("map", "nowhere", at(1)).wait_for(100 * S, lambda: not ending.is_set())
-
-    thread = threading.Thread(target=block)
-    thread.start()
-    until(lambda: core.statistics()["waiters"])
-
-    def use_and_drop():
-        nonlocal core
-        core.set_transform_static(transform("map", "nowhere"), "child")
-        core.clear()
-        core = None
-        gc.collect()
-
-    try:
-        assert in_a_child(use_and_drop) == 0
-        assert core.statistics()["waiters"] == 1, "the parent's thread still waits"
-    finally:
-        ending.set()
-        thread.join()
-
-
-def test_a_grandchild_uses_what_its_parent_made(core):
-    def have_a_child():
-        core.set_transform_static(transform("map", "first"), "child")
-        assert in_a_child(lambda: use(core)) == 0
-        use(core)
-        assert core.can_transform_core("map", "first", at(1))[0]
-
-    assert in_a_child(have_a_child) == 0
-
-
 class TestWaitsOfTheParent:
-    def test_a_child_has_forgotten_them(self, core):
-        answers = []
+    def test_a_child_has_forgotten_them_and_a_grandchild_uses_what_its_parent_made(self, core):
+        answers, ending = [], threading.Event()
         waits = [core._wait("map", child, at(1), notify=answers.append) for child in ("cup", "nowhere")]
         waits.append(core._wait("map", "cup", at(1)))
+        blocked = core._wait("map", "nowhere", at(1))
+        thread = threading.Thread(target=blocked.wait_for, args=(100 * S, lambda: not ending.is_set()))
+        thread.start()
 
         def use_and_drop():
             assert core.statistics()["waiters"] == 0
@@ -146,10 +113,15 @@ class TestWaitsOfTheParent:
             waits.clear()
             gc.collect()
             assert answers == []
+            assert in_a_child(lambda: use(core)) == 0
             use(core)
 
-        assert in_a_child(use_and_drop) == 0
-        assert core.statistics()["waiters"] == 3
+        try:
+            assert in_a_child(use_and_drop) == 0
+            assert core.statistics()["waiters"] == 4
+        finally:
+            ending.set()
+            thread.join()
         core.set_transform_static(transform("map", "cup"), "me")
         assert [wait.answer is not None for wait in waits] == [True, False, True]
         assert len(answers) == 1

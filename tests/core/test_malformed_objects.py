@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import (
-    Point,
     PointStamped,
     PolygonStamped,
     Pose,
@@ -44,17 +43,14 @@ def buffer(tf2_ros, t):
     return buffer
 
 
-HEADLESS = [SimpleNamespace(transform=transform("map", "base").transform), transform("map", "base").transform]
-
-
 @every_function
 def test_other_objects_and_transforms_are_attribute_errors(name, t):
     function, message = getattr(tf2_geometry_msgs, name), FUNCTIONS[name]()
-    without_rotation = SimpleNamespace(transform=SimpleNamespace(translation=Vector3()))
+    headless = [SimpleNamespace(transform=t.transform), t.transform] if name != "do_transform_pose" else []
+    no_rotation = SimpleNamespace(transform=SimpleNamespace(translation=Vector3()))
     for arguments in (
-        *[(wrong, t) for wrong in (None, 5, "text", object(), SimpleNamespace(header=1), Quaternion())],
-        *[(message, wrong) for wrong in (None, 5, Pose(), SimpleNamespace(), without_rotation)],
-        *[(message, wrong) for wrong in HEADLESS if name != "do_transform_pose"],
+        *[(wrong, t) for wrong in (None, 5, "text", SimpleNamespace(header=1), Quaternion())],
+        *[(message, wrong) for wrong in (None, 5, Pose(), SimpleNamespace(), no_rotation, *headless)],
     ):
         with pytest.raises(AttributeError):
             function(*arguments)
@@ -69,15 +65,12 @@ def test_a_rotation_that_is_no_number_is_a_value_error(name):
         )
 
 
-@pytest.mark.parametrize(
-    "wrong", [None, 5, Pose(), Point(), Vector3(), Quaternion(), Transform(), SimpleNamespace()]
-)
+@pytest.mark.parametrize("wrong", [None, 5, Pose(), Vector3(), Transform(), SimpleNamespace()])
 def test_an_object_that_cannot_be_transformed_is_a_type_exception(tf2_ros, buffer, wrong):
     # Of some of them a buffer knows how, but not when and from where.
-    with pytest.raises(tf2_ros.TypeException):
-        buffer.transform(wrong, "map")
-    with pytest.raises(tf2_ros.TypeException):
-        buffer.transform_full(wrong, "map", at(1), "map")
+    for call in (buffer.transform, lambda *arguments: buffer.transform_full(*arguments, at(1), "map")):
+        with pytest.raises(tf2_ros.TypeException):
+            call(wrong, "map")
 
 
 def test_an_object_of_ones_own_without_a_header_is_an_attribute_error(tf2_ros, buffer):
@@ -87,8 +80,6 @@ def test_an_object_of_ones_own_without_a_header_is_an_attribute_error(tf2_ros, b
     tf2_ros.TransformRegistration().add(Own, lambda own, t: own)
     with pytest.raises(AttributeError, match="header"):
         buffer.transform(Own(), "map")
-    with pytest.raises(AttributeError, match="header"):
-        buffer.transform_full(Own(), "map", at(1), "map")
 
 
 def test_other_times_timeouts_and_authorities_are_type_errors(buffer):

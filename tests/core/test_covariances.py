@@ -89,16 +89,6 @@ def test_with_a_lever_arm_it_is_the_linearised_motion_of_the_other_frame():
         assert_allclose(got, j @ covariance @ j.T, rtol=1e-6, atol=1e-6)
 
 
-def test_a_twist_is_that_of_another_point_of_the_body():
-    # The covariance of one twist is its outer product.
-    twist = np.array([0.4, 0.1, -0.7, 0.3, -0.2, 0.5])
-    mount = to_matrix(poses(1))[0]
-    velocity = mount[:3, :3].T @ (twist[:3] + np.cross(twist[3:], mount[:3, 3]))
-    expected = np.concatenate([velocity, mount[:3, :3].T @ twist[3:]])
-    got = propagate(np.outer(twist, twist), to_one(np.linalg.inv(mount)), lever_arm=True)
-    assert_allclose(got, np.outer(expected, expected), rtol=1e-12, atol=1e-14)
-
-
 def to_one(matrix):
     """The pair of arrays of one matrix."""
     translations, rotations = to_arrays(matrix[None])

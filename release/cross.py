@@ -31,7 +31,7 @@ PACKAGES = ["tf2_py*", "tf2_ros*", "tf2_geometry_msgs*", "tf2_sensor_msgs*"]
 # Tests of the engine that need no ROS, start no second Python, and map little memory: qemu emulates one
 # process, and slowly what maps many pages.
 TESTS = """
-test_advice test_conformance test_error_texts test_history test_listings
+test_advice test_conformance test_error_texts test_limits test_listings
 test_pinned test_plain_buffer test_printable test_series test_threads test_waiters
 """.split()
 OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "PyYAML", "scipy"]

@@ -1,9 +1,15 @@
-"""The limits of a buffer: what exceeds them is refused, and lookups of what it holds still answer."""
+"""What a buffer holds: its limits, the memory that it takes, and its table of names."""
+
+import random
+import struct
 
 import pytest
-from making import at, transform
+from making import at, at_ns, transform, translation
+from repetitions import times
+from ros_optional import Duration
 
 from tf2_py import BufferCore
+from tf2_py._internal import is_invalid_name
 
 pytestmark = pytest.mark.ours
 
@@ -14,82 +20,159 @@ def with_pose(**limits):
     return buffer
 
 
-def answers(buffer):
+def answers(buffer, seconds=1):
     buffer._self_check()
-    return buffer.can_transform_core("map", "base", at(1)) == (1, "")
+    return buffer.can_transform_core("map", "base", at(seconds)) == (1, "")
 
 
-def test_frames_beyond_the_limit_are_refused_and_counted():
-    buffer = with_pose(max_frames=100)
-    assert buffer.set_transforms([transform("map", f"frame {i}", 1) for i in range(300)], "test") == 98
-    statistics = buffer.statistics()
-    assert (statistics["frames"], statistics["refused"]["too_many_frames"]) == (100, 202)
-    assert answers(buffer)
-    buffer.set_transform(transform("map", "base", 2), "test")
-    assert buffer.can_transform_core("map", "base", at(2)) == (1, "")
+class TestLimits:
+    """What exceeds them is refused and counted, and lookups of what is held still answer."""
 
+    def test_of_frames(self):
+        buffer = with_pose(max_frames=100)
+        assert buffer.set_transforms([transform("map", f"frame {i}", 1) for i in range(300)], "test") == 98
+        statistics = buffer.statistics()
+        assert (statistics["frames"], statistics["refused"]["too_many_frames"]) == (100, 202)
+        assert answers(buffer)
+        buffer.set_transform(transform("map", "base", 2), "test")
+        assert answers(buffer, 2)
 
-def test_samples_beyond_the_limit_of_bytes_are_refused_and_counted():
-    buffer = with_pose(max_bytes=100_000)
-    taken = sum(
-        buffer.set_transforms([transform("map", "base", ns=10**9 + i)], "test") for i in range(1, 5000)
-    )
-    statistics = buffer.statistics()
-    assert 500 < taken < 2000
-    assert statistics["refused"]["too_many_bytes"] == 4999 - taken
-    assert statistics["bytes"] <= 100_000
-    assert answers(buffer)
+    def test_of_the_bytes_of_samples(self):
+        buffer = with_pose(max_bytes=100_000)
+        samples = [transform("map", "base", ns=10**9 + i) for i in range(1, 5000)]
+        taken = sum(buffer.set_transforms([one], "test") for one in samples)
+        statistics = buffer.statistics()
+        assert 500 < taken < 2000
+        assert statistics["refused"]["too_many_bytes"] == 4999 - taken
+        assert statistics["bytes"] <= 100_000
+        assert answers(buffer)
+        # Time goes on: what is too old makes room.
+        buffer.set_transform(transform("map", "base", 30), "test")
+        assert answers(buffer, 30)
 
+    def test_of_the_bytes_of_names(self):
+        buffer = with_pose(max_bytes=100_000)
+        for i in range(200):
+            buffer.set_transform(transform("map", f"{i}" + 5000 * "x", 1), "test")
+        statistics = buffer.statistics()
+        assert statistics["refused"]["too_many_bytes"] > 150
+        assert statistics["bytes"] < 250_000
+        assert answers(buffer)
 
-def test_names_beyond_the_limit_of_bytes_are_refused_and_counted():
-    buffer = with_pose(max_bytes=100_000)
-    for i in range(200):
-        buffer.set_transform(transform("map", f"{i}" + 5000 * "x", 1), "test")
-    statistics = buffer.statistics()
-    assert statistics["refused"]["too_many_bytes"] > 150
-    assert statistics["bytes"] < 250_000
-    assert answers(buffer)
+    def test_beyond_which_authorities_lose_their_name_alone(self):
+        buffer = with_pose(max_frames=10, max_bytes=100_000)
+        for i in range(100):
+            buffer.set_transform(transform("map", "base", 1 + i / 10), f"authority {i}")
+        assert buffer.statistics()["taken"] == 101
+        assert "(too many authorities)" in buffer.all_frames_as_yaml()
+        assert buffer.statistics()["bytes"] < 100_000
 
-
-def test_authorities_beyond_the_limits_lose_their_name_alone():
-    buffer = with_pose(max_frames=10, max_bytes=100_000)
-    for i in range(100):
-        buffer.set_transform(transform("map", "base", 1 + i / 10), f"authority {i}")
-    assert buffer.statistics()["taken"] == 101
-    assert "(too many authorities)" in buffer.all_frames_as_yaml()
-    assert buffer.statistics()["bytes"] < 100_000
-
-
-@pytest.mark.parametrize("name", ["max_frames", "max_bytes"])
-def test_the_environment_sets_limits_for_programs_that_do_not(name, monkeypatch):
-    monkeypatch.setenv(f"TF2_ROS_CYTHON_{name.upper()}", "nonsense")
-    with pytest.raises(ValueError, match=name.upper()):
+    @pytest.mark.parametrize("name", ["max_frames", "max_bytes"])
+    def test_that_the_environment_sets_for_programs_that_do_not(self, name, monkeypatch):
+        monkeypatch.setenv(f"TF2_ROS_CYTHON_{name.upper()}", "nonsense")
+        with pytest.raises(ValueError, match=name.upper()):
+            BufferCore()
+        BufferCore(**{name: 1000})
+        monkeypatch.setenv(f"TF2_ROS_CYTHON_{name.upper()}", "1000")
         BufferCore()
-    BufferCore(**{name: 1000})
-    monkeypatch.setenv(f"TF2_ROS_CYTHON_{name.upper()}", "1000")
-    BufferCore()
-    for wrong in (0, -1, 1 << 63):
-        with pytest.raises(ValueError, match=f"{name}: expected a number above 0"):
-            BufferCore(**{name: wrong})
-    with pytest.raises(TypeError, match=f"{name}: expected an int"):
-        BufferCore(**{name: "1000"})
+        for wrong in (0, -1, 1 << 63):
+            with pytest.raises(ValueError, match=f"{name}: expected a number above 0"):
+                BufferCore(**{name: wrong})
+        with pytest.raises(TypeError, match=f"{name}: expected an int"):
+            BufferCore(**{name: "1000"})
+
+    def test_of_the_samples_of_one_stamp(self):
+        buffer = BufferCore()
+        for i in range(10_000):
+            buffer.set_transform(transform("map", "base", 1, (i, 0, 0)), "test")
+        assert buffer.statistics()["samples"] < 100
+        assert translation(buffer.lookup_transform_core("map", "base", at(1)))[0] == 9999
+        # Once it is the oldest stamp of several, its first sample answers, as in tf2.
+        buffer.set_transform(transform("map", "base", 2), "test")
+        assert translation(buffer.lookup_transform_core("map", "base", at(1)))[0] == 0
 
 
-def test_samples_of_one_stamp_are_few_however_many_come():
+class TestMemory:
+    def test_a_sliding_window_uses_bounded_memory(self):
+        buffer = BufferCore(Duration(nanoseconds=100))
+        sizes = set()
+        for stamp in range(1, 5000):
+            buffer.set_transform(transform("map", "odom", ns=stamp), "x")
+            if stamp > 1000:
+                sizes.add(buffer.statistics()["bytes"])
+                assert buffer.statistics()["samples"] == 102  # pruning looks at the newest before the insert
+        assert len(sizes) == 1
+
+    def test_a_ring_that_a_burst_left_mostly_empty_shrinks(self):
+        buffer = BufferCore(Duration(nanoseconds=1000))
+        for stamp in range(1, 1001):
+            buffer.set_transform(transform("map", "odom", ns=stamp), "x")
+        after_burst = buffer.statistics()["bytes"]
+        for i in range(2, 4000):
+            buffer.set_transform(transform("map", "odom", ns=i * 1000), "x")
+        buffer._self_check()
+        assert buffer.statistics()["samples"] < 20
+        assert buffer.statistics()["bytes"] < after_burst / 5
+
+    @pytest.mark.parametrize("step", [1, -1], ids=["in order", "each late"])
+    def test_a_full_ring_takes_72_bytes_a_sample(self, step):
+        small, large = BufferCore(Duration(seconds=10)), BufferCore(Duration(seconds=10))
+        small.set_transform(transform("map", "odom", ns=1), "x")
+        per_sample = []
+        for count in range(1, 3000):
+            large.set_transform(transform("map", "odom", ns=3000 + step * count), "x")
+            if count > 100:
+                per_sample.append((large.statistics()["bytes"] - small.statistics()["bytes"]) / count)
+        assert min(per_sample) <= 72
+        assert max(per_sample) <= 110
+
+
+@pytest.mark.parametrize("spread", ["bursts", "squares"])
+def test_every_place_of_a_long_history_is_found(spread):
+    stamps = {
+        "bursts": [1000 * (i // 50) + i % 50 + 1 for i in range(1000)],
+        "squares": [i * i + 1 for i in range(1000)],
+    }[spread]
+    buffer = BufferCore(Duration(seconds=10))
+    for i, stamp in enumerate(stamps):
+        buffer.set_transform(transform("map", "odom", ns=stamp, xyz=(i, 0, 0)), "x")
+    for i, stamp in enumerate(stamps):
+        assert translation(buffer.lookup_transform_core("map", "odom", at_ns(stamp)))[0] == i
+        if i and stamp - stamps[i - 1] > 1:
+            between = translation(buffer.lookup_transform_core("map", "odom", at_ns(stamp - 1)))[0]
+            assert i - 1 < between < i
+
+
+def names_that_fell_together(count):
+    """Names of eight letters to which multiplying with the golden ratio gave the same 32 bits."""
+    inverse = pow(0x9E3779B97F4A7C15, -1, 2**64)
+    names = []
+    high = 0
+    while len(names) < count:
+        name = struct.pack("<Q", (((high << 32 | high ^ 0x12345678) * inverse) % 2**64) ^ 8)
+        if name.isascii() and name.isalnum():
+            names.append(name.decode())
+        high += 1
+    return names
+
+
+@pytest.mark.parametrize("kind", ["that fell together", "of one letter", "random", "long"])
+def test_names_of_any_kind_lie_apart(kind):
+    random.seed(1)
+    names = {
+        "that fell together": lambda: names_that_fell_together(times(60, 300)),
+        "of one letter": lambda: ["x" * size for size in range(1, 1000)],
+        "random": lambda: [f"{random.getrandbits(64):016x}" for _ in range(20_000)],
+        "long": lambda: [f"{'x' * 2000}{i}" for i in range(1000)],
+    }[kind]()
     buffer = BufferCore()
-    for i in range(10_000):
-        buffer.set_transform(transform("map", "base", 1, (i, 0, 0)), "test")
-    assert buffer.statistics()["samples"] < 100
-    last = buffer.lookup_transform_core("map", "base", at(1))
-    assert last.transform.translation.x == 9999
-    # Once it is the oldest stamp of several, its first sample answers, as in tf2.
-    buffer.set_transform(transform("map", "base", 2), "test")
-    assert buffer.lookup_transform_core("map", "base", at(1)).transform.translation.x == 0
+    assert buffer.set_transforms([transform("map", name, 1) for name in names], "x") == len(names)
+    buffer._self_check()
+    assert all(buffer._frameExists(name) for name in names)
+    assert not any(buffer._frameExists(name + "y") for name in names[:-1])
+    assert buffer._getFrameStrings() == [names[0], "map", *names[1:]]
 
 
-def test_time_goes_on_in_a_buffer_that_is_full():
-    buffer = with_pose(max_bytes=50_000)
-    for i in range(5000):
-        buffer.set_transform(transform("map", "base", ns=10**9 + i), "test")
-    buffer.set_transform(transform("map", "base", 30), "test")
-    assert buffer.can_transform_core("map", "base", at(30)) == (1, "")
+def test_a_name_is_invalid_if_it_is_empty_or_begins_with_a_slash():
+    assert all(map(is_invalid_name, ("", "/", "/map")))
+    assert not any(map(is_invalid_name, ("map", "a/b", "\ud800")))

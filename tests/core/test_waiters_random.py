@@ -262,56 +262,46 @@ Machine.TestCase.settings = settings(max_examples=RUNS, stateful_step_count=60, 
 TestMachine = Machine.TestCase
 
 
-# Where a waiter was once forgotten, or a rule of its own wakes it: cache time, then inserts (parent, child,
-# ns, and x and static where they matter) and waits, of which none is left in the end.
+# Where a waiter was once forgotten, or a rule of its own wakes it: the cache time, and then what happens, after
+# which nobody waits. "m>o 50": o in m at 50 ns; "m>o static"; "?m>o 30": a wait for it; time 0 is the latest.
 SCRIPTS = {
-    "a late sample answers for earlier data": (
-        100, ("m", "o", 50), ("m", "o", 60), ("wait", "m", "o", 30), ("m", "o", 40), ("m", "o", 20)
-    ),
+    "a late sample answers for earlier data": "100: m>o 50, m>o 60, ?m>o 30, m>o 40, m>o 20",
     "a late sample with another parent answers for times behind it": (
-        100, ("m", "o", 0, 0, True), ("n", "b", 10), ("p", "b", 20), ("wait", "m", "b", 15), ("o", "b", 16),
-        ("o", "b", 12),
+        "100: m>o static, n>b 10, p>b 20, ?m>b 15, o>b 16, o>b 12"
     ),
     "of the newest stamp the last sample answers, of the oldest the first": (
-        100, ("m", "b", 10), ("o", "b", 10), ("wait", "m", "b", 10), ("o", "b", 20)
+        "100: m>b 10, o>b 10, ?m>b 10, o>b 20"
     ),
-    "two histories that grow towards each other meet at the latest common time": (
-        100, ("m", "o", 10), ("o", "b", 20), ("wait", "m", "b", 0), ("o", "b", 12), ("m", "o", 13)
-    ),
+    "two histories grow towards each other": "100: m>o 10, o>b 20, ?m>b 0, o>b 12, m>o 13",
     "a first stamp that is not 0 makes the latest common time earlier": (
-        100, ("m", "o", 1), ("n", "o", 5), ("m", "o", 9), ("o", "b", 0), ("b", "c", 1), ("b", "c", 5),
-        ("wait", "m", "c", 0), ("o", "b", 1),
+        "100: m>o 1, n>o 5, m>o 9, o>b 0, b>c 1, b>c 5, ?m>c 0, o>b 1"
     ),
-    "a frame becomes static": (100, ("m", "o", 5), ("wait", "m", "o", 7), ("m", "o", 0, 0, True)),
+    "a frame becomes static": "100: m>o 5, ?m>o 7, m>o static",
     "the latest common time passes the change of a parent": (
-        10, ("a", "c", 101), ("c", "d", 102), ("wait", "b", "d", 0), ("b", "c", 116), ("c", "d", 118)
+        "10: a>c 101, c>d 102, ?b>d 0, b>c 116, c>d 118"
     ),
-    "a refused sample prunes the last one of another parent": (
-        10, ("b", "e", 18), ("wait", "a", "e", 36), ("a", "e", 31), ("a", "e", 19), ("a", "e", 44)
-    ),
+    "a refused sample prunes the last one of another parent": "10: b>e 18, ?a>e 36, a>e 31, a>e 19, a>e 44",
     "the sample before several of one stamp is pruned": (
-        5, ("b", "d", 27), ("b", "c", 29), ("b", "d", 29), ("a", "d", 29), ("b", "d", 33),
-        ("wait", "c", "d", 0), ("b", "d", 36),
-    ),
-    "a frame with data at 0 s only becomes static": (
-        10, ("b", "e", 0), ("wait", "b", "e", 0, "a", 0), ("e", "a", 14), ("b", "e", 0, 3, True)
+        "5: b>d 27, b>c 29, b>d 29, a>d 29, b>d 33, ?c>d 0, b>d 36"
     ),
     "at another common time a frame has another parent": (
-        40, ("m", "o", 0, 0, True), ("n", "b", 10), ("o", "b", 10), ("o", "b", 30), ("b", "c", 10),
-        ("wait", "m", "c", 0), ("b", "c", 11),
+        "40: m>o static, n>b 10, o>b 10, o>b 30, b>c 10, ?m>c 0, b>c 11"
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_waiters_are_answered(script):
-    cache_ns, *steps = SCRIPTS[script]
+    cache_ns, _, steps = SCRIPTS[script].partition(": ")
     machine = Machine()
-    machine.begin(cache_ns)
-    for step in steps:
-        if step[0] == "wait":
-            machine.ask([at_ns(one) if isinstance(one, int) else one for one in step[1:]])
+    machine.begin(int(cache_ns))
+    for step in steps.split(", "):
+        names, time = step.removeprefix("?").split()
+        parent, child = names.split(">")
+        if step.startswith("?"):
+            machine.ask((parent, child, at_ns(int(time))))
         else:
-            machine.insert(*step)
+            static = time == "static"
+            machine.insert(parent, child, 0 if static else int(time), static=static)
         machine.nobody_waits_for_what_is_there()
     assert not machine.pending

@@ -48,8 +48,8 @@ NOT_HERE = {
 # Tests that start threads, or fork while threads exist, and call the extensions in them.
 THREADED = """
 core/test_engine_forking core/test_lookup core/test_plain_buffer core/test_series core/test_threads
-core/test_travel core/test_waiters core/test_waiters_random programs/test_recording ros/test_buffer ros/test_buffer_client
-ros/test_buffer_server ros/test_executors ros/test_forking ros/test_message_filter
+core/test_travel core/test_waiters core/test_waiters_random programs/test_recording ros/test_buffer
+ros/test_buffer_client ros/test_buffer_server ros/test_executors ros/test_forking ros/test_message_filter
 ros/test_rclpy_inside ros/test_receiver ros/test_reception ros/test_shared_listening
 ros/test_shared_owners ros/test_shared_reading ros/test_starvation ros/test_transform_listener
 ros/test_waiting ros/test_waiting_random

@@ -3,21 +3,19 @@
 import pytest
 from making import at, transform
 
+from tf2_py import BufferCore
+from tf2_py._objects import errors
+
 pytestmark = pytest.mark.ours
 
 LATEST = at(0)
 
 
-@pytest.fixture
-def new_buffer(tf2_py):
-    """Makes buffers that know `map` and these frames."""
-
-    def new(*children):
-        buffer = tf2_py.BufferCore()
-        buffer.set_transforms([transform("map", child) for child in children], "test", True)
-        return buffer
-
-    return new
+def knowing(*children):
+    """A buffer that knows `map` and these frames."""
+    buffer = BufferCore()
+    buffer.set_transforms([transform("map", child) for child in children], "test", True)
+    return buffer
 
 
 def reason(buffer, name, other="map"):
@@ -42,12 +40,12 @@ def advice(buffer, name):
         (["机器人/激光"], "激光", "[机器人/激光]"),
     ],
 )
-def test_the_closest_known_names_are_asked_for(new_buffer, known, name, meant):
-    assert advice(new_buffer(*known), name) == f"Did you mean {meant}?"
+def test_the_closest_known_names_are_asked_for(known, name, meant):
+    assert advice(knowing(*known), name) == f"Did you mean {meant}?"
 
 
-def test_it_follows_the_text_of_tf2_in_every_error(tf2_py, new_buffer):
-    buffer, wrong, asked = new_buffer("base_link"), "bas_link", "Did you mean [base_link]?"
+def test_it_follows_the_text_of_tf2_in_every_error(tf2_py):
+    buffer, wrong, asked = knowing("base_link"), "bas_link", "Did you mean [base_link]?"
     for argument, call in (
         ("target_frame", lambda: buffer.lookup_transform_full_core(wrong, LATEST, "map", LATEST, "map")),
         ("source_frame", lambda: buffer.lookup_transform_full_core("map", LATEST, wrong, LATEST, "map")),
@@ -69,8 +67,8 @@ def test_it_follows_the_text_of_tf2_in_every_error(tf2_py, new_buffer):
     )
 
 
-def test_it_is_as_new_as_the_frames(new_buffer):
-    buffer = new_buffer("odom")
+def test_it_is_as_new_as_the_frames():
+    buffer = knowing("odom")
     assert advice(buffer, "bas_link") == ""
     buffer.set_transform(transform("map", "base_link", 1), "test")
     assert advice(buffer, "bas_link") == "Did you mean [base_link]?"
@@ -81,40 +79,28 @@ def test_it_is_as_new_as_the_frames(new_buffer):
 
 
 @pytest.mark.parametrize("name", ["base_\x1b[31mlink", 'base"link', "base[link", "base]link"])
-def test_names_that_programs_would_misread_are_not_shown_as_they_are(new_buffer, name):
-    text = reason(new_buffer(name), "base_link")
+def test_names_that_programs_would_misread_are_not_shown_as_they_are(name):
+    text = reason(knowing(name), "base_link")
     assert text.endswith("frame does not exist")
-    text = reason(new_buffer("base_\nlink"), "base_link")
+    text = reason(knowing("base_\nlink"), "base_link")
     assert text.endswith(r"Did you mean [base_\nlink]?")
 
 
-def test_long_names_are_not_compared(new_buffer):
+def test_long_names_and_in_a_big_tree_nothing_is_compared():
     known, wanted = "x" * 101, "x" * 100
-    assert advice(new_buffer(known), wanted) == ""
-    assert advice(new_buffer(wanted), known) == ""
-    assert advice(new_buffer(wanted), "x" * 99) == f"Did you mean [{wanted}]?"
-
-
-def test_in_a_big_tree_nothing_is_compared(new_buffer):
-    frames = [f"link_{i}" for i in range(199)]  # and the map
-    buffer = new_buffer(*frames)
+    assert advice(knowing(known), wanted) == ""
+    assert advice(knowing(wanted), known) == ""
+    assert advice(knowing(wanted), "x" * 99) == f"Did you mean [{wanted}]?"
+    buffer = knowing(*[f"link_{i}" for i in range(199)])  # and the map
     assert advice(buffer, "lnk_17").startswith("Did you mean [link_17]")
     buffer.set_transform(transform("map", "one_more", 1), "test")
     assert advice(buffer, "lnk_17") == ""
 
 
-@pytest.fixture
-def compared(monkeypatch):
-    """For which names others were compared with them."""
-    from tf2_py._objects import errors
-
-    names, closest = [], errors.closest
-    monkeypatch.setattr(errors, "closest", lambda name, known: names.append(name) or closest(name, known))
-    return names
-
-
-def test_a_lookup_that_is_repeated_compares_once_and_what_is_remembered_is_limited(new_buffer, compared):
-    buffer = new_buffer("base_link")
+def test_a_lookup_that_is_repeated_compares_once_and_what_is_remembered_is_limited(monkeypatch):
+    compared, closest = [], errors.closest
+    monkeypatch.setattr(errors, "closest", lambda name, known: compared.append(name) or closest(name, known))
+    buffer = knowing("base_link")
     names = [f"bas_link{i}" for i in range(65)]
     for name in names:
         assert {advice(buffer, name) for _ in range(3)} == {"Did you mean [base_link]?"}

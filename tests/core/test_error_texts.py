@@ -127,9 +127,8 @@ def test_a_bad_name_is_quoted_with_the_call_and_the_argument(
 
 @pytest.mark.ours
 def test_names_that_are_asked_for_do_not_change_what_is_found(tf2_py, buffer):
-    with pytest.raises(tf2_py.LookupException) as caught:
+    with pytest.raises(tf2_py.LookupException, match=r"Did you mean \[base\]\?$") as caught:
         buffer.lookup_transform_core("bases", "map", at(1))
-    assert "Did you mean [base]?" in str(caught.value)
     in_text = found(str(caught.value))
     assert in_text["quoted"] == ("bases",)
     assert in_text["argument"] == ("bases", "lookupTransform", "target_frame")

@@ -262,8 +262,9 @@ Machine.TestCase.settings = settings(max_examples=RUNS, stateful_step_count=60, 
 TestMachine = Machine.TestCase
 
 
-# Where a waiter was once forgotten, or a rule of its own wakes it: the cache time, and then what happens, after
-# which nobody waits. "m>o 50": o in m at 50 ns; "m>o static"; "?m>o 30": a wait for it; time 0 is the latest.
+# Where a waiter was once forgotten, or a rule of its own wakes it: the cache time, and what happens until
+# nobody waits. "m>o 50": a sample of o in m at 50 ns. "?m>o 30": a wait; time 0 is the latest.
+# "?m>o 30 f 0": a wait for o at 30 ns seen from m at the latest time, fixed in f.
 SCRIPTS = {
     "a late sample answers for earlier data": "100: m>o 50, m>o 60, ?m>o 30, m>o 40, m>o 20",
     "a late sample with another parent answers for times behind it": (
@@ -284,6 +285,7 @@ SCRIPTS = {
     "the sample before several of one stamp is pruned": (
         "5: b>d 27, b>c 29, b>d 29, a>d 29, b>d 33, ?c>d 0, b>d 36"
     ),
+    "a frame with data at 0 s only becomes static": "10: b>e 0, ?b>e 0 a 0, e>a 14, b>e static",
     "at another common time a frame has another parent": (
         "40: m>o static, n>b 10, o>b 10, o>b 30, b>c 10, ?m>c 0, b>c 11"
     ),
@@ -296,12 +298,13 @@ def test_waiters_are_answered(script):
     machine = Machine()
     machine.begin(int(cache_ns))
     for step in steps.split(", "):
-        names, time = step.removeprefix("?").split()
+        names, time, *fixed = step.removeprefix("?").split()
         parent, child = names.split(">")
         if step.startswith("?"):
-            machine.ask((parent, child, at_ns(int(time))))
+            machine.ask((parent, child, at_ns(int(time)), *fixed[:1], *[at_ns(int(ns)) for ns in fixed[1:]]))
+        elif time == "static":
+            machine.insert(parent, child, 0, 3, static=True)
         else:
-            static = time == "static"
-            machine.insert(parent, child, 0 if static else int(time), static=static)
+            machine.insert(parent, child, int(time))
         machine.nobody_waits_for_what_is_there()
     assert not machine.pending

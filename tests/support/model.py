@@ -361,16 +361,6 @@ class Model(Listings):
         stamp = min([stamp, *[ns for ns, carried_on in used if not carried_on]])
         return self._answer(stamp, target, source, found)
 
-    def check_wait(self, target, source, *fixed):
-        """A wait for a name that may be inserted begins; one for a name that no lookup accepts raises."""
-        arguments = zip(
-            ("target_frame", "source_frame", "fixed_frame"), (target, source, *fixed), strict=False
-        )
-        if fixed or target != source:
-            for argument, name in arguments:
-                if name == "" or name.startswith("/"):
-                    self._check_name(f"lookupTransform argument {argument}", name)
-
     def can(self, target, source, ns):
         return self._reason(lambda: self.lookup(target, source, ns))
 

@@ -5,10 +5,8 @@ import math
 import operator
 import re
 
-import numpy as np
 import yaml
-from geometry_msgs.msg import PointStamped
-from making import S, stamp_ns
+from making import S
 from model import STAMPS_END, Policy
 from model_answers import (
     as_model_tells,
@@ -17,17 +15,13 @@ from model_answers import (
     require,
     same_answer,
     same_error,
-    same_numbers,
     same_rotation,
     same_velocity,
     without_advice,
 )
 from model_links import ODD_NAMES
-from model_math import added, turned
-from processes import until
 from rclpy.duration import Duration
 
-POINT = (0.5, -1.0, 2.0)
 POLICIES = (Policy(2), Policy(3, True), Policy(max_gap=2), Policy(50, True, 4))
 
 
@@ -41,11 +35,6 @@ class Queries:
         is_error = got[0] == wanted[0] == "error"
         agree = same_error(got, wanted) if is_error else got[0] == wanted[0] and same(got[1], wanted[1])
         require(agree, "the model answers otherwise", query, got, wanted)
-
-    def _model_lookup(self, target, source, ns, fixed=None, target_ns=None):
-        if fixed is None:
-            return self.model.lookup(target, source, ns)
-        return self.model.lookup_full(target, target_ns, source, ns, fixed)
 
     def _told(self, call, *arguments):
         return of_buffer(lambda: as_model_tells(call(*arguments)))
@@ -72,67 +61,62 @@ class Queries:
         got = of_buffer(lambda: self.buffer.get_latest_common_time(*query).nanoseconds)
         self.compare(("latest", *query), got, of_model(self.model.latest, *query))
 
-    def series(self, target, source, times, fixed=None, target_ns=None):
-        """The rows are the answers of single lookups; what is missing is NaN, or the first error."""
-        query = ("series", target, source, times, fixed, target_ns)
+    def series(self, target, source, times, fixed=None, target_ns=None, policy=None):
+        """
+        The answers for several times, one by one and in one call.
+
+        The rows of one call are the answers one by one, what is missing is NaN, or the first error. Under a
+        policy, only the kind of an error is that of the model.
+        """
+        query = ("series", target, source, times, fixed, target_ns, policy)
         more = {} if fixed is None else {"fixed_frame": fixed, "target_time": target_ns}
-        wanted = [of_model(self._model_lookup, target, source, ns, fixed, target_ns) for ns in times]
-        errors = [(i, *want[1:]) for i, want in enumerate(wanted) if want[0] == "error"]
-        rows = np.array(times, dtype=np.int64)
-
-        def series(on_missing):
-            return of_buffer(
-                lambda: self.buffer.lookup_transforms(target, source, rows, on_missing=on_missing, **more)
+        if policy is not None:
+            more["tolerance"] = Duration(nanoseconds=policy.tolerance)
+            more["extrapolate"] = policy.extrapolate
+            more["max_gap"] = None if policy.max_gap is None else Duration(nanoseconds=policy.max_gap)
+        options = {} if policy is None else more
+        rows, all_or_error = [
+            of_buffer(
+                lambda how=how: self.buffer.lookup_transforms(target, source, times, on_missing=how, **more)
             )
-
-        if errors:
-            i, kind, texts = errors[0]
-            is_name = "passed to" in texts[0]
-            first = ("error", kind, texts if is_name else [f"times[{i}]: {text}" for text in texts])
-            self.compare(query, series("raise"), first)
-            if is_name:
-                self.compare(query, series("nan"), first)
-                return
-        kind, arrays = series("nan" if errors else "raise")
-        require(kind == "answer", "a series without an answer", query, arrays)
-        for row, want in zip(zip(*map(np.ndarray.tolist, arrays), strict=True), wanted, strict=True):
-            if want[0] == "error":
-                agree = all(map(math.isnan, (*row[0], *row[1])))
-            else:
-                agree = same_answer((*want[1][:3], *row), want[1])
-            require(agree, "another row", query, row, want)
-
-    def under(self, policy, target, source, times):
-        """Lookups that accept more than tf2's, one by one and in one call; of errors the kind is compared."""
-        options = {
-            "tolerance": Duration(nanoseconds=policy.tolerance),
-            "extrapolate": policy.extrapolate,
-            "max_gap": None if policy.max_gap is None else Duration(nanoseconds=policy.max_gap),
-        }
-        query = (policy, target, source, times)
-        rows = of_buffer(
-            lambda: self.buffer.lookup_transforms(target, source, times, on_missing="nan", **options)
-        )
+            for how in ("nan", "raise")
+        ]
+        failed = None
         for i, ns in enumerate(times):
-            wanted = of_model(self.model.lookup_under, policy, target, source, ns)
-            got = self._told(lambda ns=ns: self.buffer.lookup_transform(target, source, ns, **options))
-            self.compare(query, got, (*wanted[:2], got[2:]) if wanted[0] == "error" else wanted, same_answer)
+            if fixed is None:
+                got = self._told(lambda ns=ns: self.buffer.lookup_transform(target, source, ns, **options))
+                if policy is None:
+                    wanted = of_model(self.model.lookup, target, source, ns)
+                else:
+                    wanted = of_model(self.model.lookup_under, policy, target, source, ns)
+            else:
+                arguments = (target, target_ns, source, ns, fixed)
+                got = self._told(self.buffer.lookup_transform_full, *arguments)
+                wanted = of_model(self.model.lookup_full, *arguments)
+            if policy is not None and wanted[0] == "error":
+                wanted = (*wanted[:2], got[2:])
+            self.compare(query, got, wanted, same_answer)
+            if got[0] == "error" and failed is None:
+                text = got[2] if "passed to" in got[2] else f"times[{i}]: {got[2]}"
+                failed = (*got[:2], text)
             if rows[0] == "error":
                 require(got[:2] == rows[:2], "another error of many times", query, rows, got)
                 continue
             row = (*rows[1][0][i], *rows[1][1][i])
             agree = all(map(math.isnan, row)) if got[0] == "error" else row == (*got[1][3], *got[1][4])
             require(agree, "other numbers of many times", query, row, got)
+        agree = all_or_error[0] == "answer" if failed is None else all_or_error == failed
+        require(agree, "the first error is not that of many times", query, all_or_error, failed)
 
     def _ask_at_the_ends_of_policies(self, dice):
         for name, frame in self.model.frames.items():
             for older, newer in itertools.pairwise(frame.samples[-4:]):
                 policy = Policy(max_gap=max(0, newer[0] - older[0] - dice.randrange(2)))
-                self.under(policy, older[1], name, ((older[0] + newer[0]) // 2,))
+                self.series(older[1], name, ((older[0] + newer[0]) // 2,), policy=policy)
             if frame.samples and frame.newest_ns() < STAMPS_END - 10:
                 policy = Policy(dice.randrange(1, 5), dice.random() < 0.5)
                 end = frame.newest_ns() + policy.tolerance
-                self.under(policy, frame.newest_parent(), name, (end - 1, end, end + 1))
+                self.series(frame.newest_parent(), name, (end - 1, end, end + 1), policy=policy)
 
     def relatives(self, name, other, ns):
         for call, *query in (("parent", name, ns), ("children", name), ("path", other, name, ns)):
@@ -149,57 +133,6 @@ class Queries:
         else:
             agree = any(same_velocity(got[1], answer) for answer in answers)
         require(agree, "the model has another velocity", query, got, errors or answers)
-
-    # What a Buffer has beyond a BufferCore.
-
-    def timeout(self, lookup, timeout_ns):
-        """Nothing is inserted meanwhile, so that whoever waits gets what a lookup gives."""
-        buffer, timeout = self.buffer, Duration(nanoseconds=timeout_ns)
-        query = ("timeout", lookup, timeout_ns)
-        target, source, ns, *rest = lookup
-        if rest:
-            fixed, target_ns = rest
-            arguments = (target, target_ns, source, ns, fixed)
-            calls = buffer.lookup_transform_full, buffer.wait_for_transform_full_async
-            can = buffer.can_transform_full
-        else:
-            arguments = (target, source, ns)
-            calls = buffer.lookup_transform, buffer.wait_for_transform_async
-            can = buffer.can_transform
-        wanted = of_model(self._model_lookup, *lookup)
-        refused = of_model(self.model.check_wait, target, source, *rest[:1])
-        told = refused if timeout_ns > 0 and refused[0] == "error" else wanted
-        self.compare(query, self._told(calls[0], *arguments, timeout), told, same_answer)
-        reasons = (True, "") if told[0] == "answer" else (False, *told[2])
-        self._compare_reason(query, can(*arguments, timeout, return_debug_tuple=True), reasons)
-        future = calls[1](*arguments, timeout=timeout)
-        until(future.done)
-        if refused[0] == "error":
-            wanted = refused
-        elif wanted[0] == "error":
-            texts = [f"Waited 0 s for the transform: {text}" for text in wanted[2]]
-            wanted = ("error", "TimeoutException", texts)
-        self.compare(query, self._told(future.result), wanted, same_answer)
-
-    def transform(self, target, source, ns):
-        """A registered type."""
-        point = PointStamped()
-        point.header.frame_id = source
-        point.header.stamp.sec, point.header.stamp.nanosec = divmod(ns, S)
-        point.point.x, point.point.y, point.point.z = POINT
-        wanted = of_model(self.model.lookup, target, source, ns)
-        if wanted[0] == "answer":
-            stamp, _, _, xyz, xyzw = wanted[1]
-            wanted = ("answer", (stamp, target, added(turned(xyzw, POINT), xyz)))
-
-        def transformed():
-            found = self.buffer.transform(point, target)
-            return (stamp_ns(found), found.header.frame_id, (found.point.x, found.point.y, found.point.z))
-
-        def same(got, want):
-            return got[:2] == want[:2] and same_numbers(got[2], want[2], max(1e3, *map(abs, want[2])))
-
-        self.compare(("transform", target, source, ns), of_buffer(transformed), wanted, same)
 
     def listings(self):
         buffer, model = self.buffer, self.model
@@ -266,14 +199,9 @@ class Queries:
             self.lookup(target, source, some[0])
             self.series(target, source, some)
             self.series(target, source, some, fixed, some[0])
-            self.under(dice.choice(POLICIES), target, source, some)
+            self.series(target, source, some, policy=dice.choice(POLICIES))
             self.relatives(source, target, some[2])
             point = (dice.choice((0.0, 1.0)), -2.0, 0.5)
             references = (dice.choice(names), point, dice.choice(names))
             self.velocity(target, source, *references, some[0], dice.choice((0, 1, 2, 3, 10, 1000, S)))
         self._ask_at_the_ends_of_policies(dice)
-        for _ in range(2):
-            more = () if dice.random() < 0.5 else (fixed, some[2])
-            self.timeout((target, source, some[1], *more), dice.choice((0, 1)))
-            self.transform(target, source, some[1])
-            target, source = source, target

@@ -57,12 +57,6 @@ class Table:
     def rotations(self) -> NDArray[np.float64]:
         return self.poses[:, 3:]
 
-    def from_first_to_last_answer(self) -> Table:
-        """Remove the rows before the first answer, and those after the last one."""
-        known = np.flatnonzero(self.valid)
-        shown = slice(known[0], known[-1] + 1) if len(known) else slice(0)
-        return Table(self.stamps_ns[shown], self.poses[shown])
-
 
 # Of one lookup: one table, below ``""``, or a table for each of several frames, which share their stamps.
 Tables = Mapping[str, Table]

@@ -34,7 +34,7 @@ from tf2_ros_tools.streams import (
     stamps_on,
     unknown_ends,
 )
-from tf2_ros_tools.tables import look_up
+from tf2_ros_tools.tables import look_up, why_unanswered
 
 S = 1_000_000_000
 
@@ -85,12 +85,13 @@ def path_picture(
         np.sort(ends_ns), path.stamps_ns, "right"
     )
     path.poses[is_inside] = np.nan
-    path = path.from_first_to_last_answer()
-    if not len(path):
-        raise RunError(f"the frames between {target} and {source} were never all known at the same time")
+    known = np.flatnonzero(path.valid)
+    if not len(known):
+        raise RunError(why_unanswered(buffer, target, source, stamps))
     rpy = np.full_like(path.translations, np.nan)
-    rpy[path.valid] = rpy_of(path.rotations[path.valid])
-    return trajectory_figure(target, source, path.stamps_ns / S, path.translations, rpy)
+    rpy[known] = rpy_of(path.rotations[known])
+    shown = slice(known[0], known[-1] + 1)
+    return trajectory_figure(target, source, path.stamps_ns[shown] / S, path.translations[shown], rpy[shown])
 
 
 def gaps_on(

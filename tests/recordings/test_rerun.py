@@ -3,14 +3,13 @@
 import re
 import signal
 import sys
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from browsing import needs_chromium, picture_when
 from making_bags import S, Sent, Tf, raw, turn
 from numpy.testing import assert_allclose
 from processes import DEADLINE_S, broadcasting, ended, running, until
-from scipy import ndimage
 
 import tf2_ros_tools.rerun
 from tf2_py import BufferCore, LookupException
@@ -271,30 +270,12 @@ def test_a_frame_that_does_not_exist_is_told(tmp_path):
     assert process.returncode == 0 and "not known" not in rest
 
 
-@needs_chromium
-def test_a_browser_shows_the_frames_of_a_running_robot(viewer_home, peer, tmp_path):
-    pytest.importorskip("tornado.websocket")
-    talker = peer()
+def test_a_browser_is_served_until_interrupted(viewer_home, tmp_path):
     log = tmp_path / "view.log"
     with log.open("w") as errors, running("tf2_view", "--web", stderr=errors) as process:
         [page] = until(lambda: re.findall(r"The viewer is at (\S+)", log.read_text()))
-        talker.send(*(("map", f"arm_{i}", BEGIN, 1.0 + i) for i in range(3)), static=True)
-        # An arrow for x of each of four frames; those for y are partly behind names.
-        picture = picture_when(f"{page}&renderer=webgl", lambda one: arrows(one)[0] == 4, tmp_path)
+        with urlopen(page, timeout=DEADLINE_S) as answer:
+            assert b"<title>Rerun" in answer.read()
         process.send_signal(signal.SIGINT)
         process.wait(DEADLINE_S)
-    assert arrows(picture)[0] == 4
     assert process.returncode == 0, log.read_text()
-
-
-def arrows(picture):
-    """How many arrows a picture shows for x, and how many for y."""
-    picture = picture[len(picture) // 8 :, picture.shape[1] // 5 :]  # without bars and lists
-    red, green, blue = np.moveaxis(picture.astype(int), -1, 0)
-    return [parts(red - np.maximum(green, blue) > 90), parts(green - np.maximum(red, blue) > 50)]
-
-
-def parts(mask):
-    """How many connected parts of some size a picture has."""
-    labels, _ = ndimage.label(ndimage.binary_dilation(mask, iterations=2))
-    return int(np.count_nonzero(np.bincount(labels.ravel())[1:] > 60))

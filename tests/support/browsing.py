@@ -16,7 +16,6 @@ import pytest
 from processes import until
 
 CHROMIUM = shutil.which("chromium")
-needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
 # Drawn by the processor, and without a connection to anywhere but this machine.
 OPTIONS = """

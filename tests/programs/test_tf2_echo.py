@@ -32,12 +32,21 @@ class TestText:
             assert "".join(f" {number:6.3f}" for number in row) + "  0.000\n" in out
 
     def test_a_failure_after_a_success_is_printed_with_the_frames(self, peer):
-        with running("tf2_echo", "map", "robot", "20") as echo:
+        with (
+            running("tf2_echo", "map", "robot", "20") as echo,
+            running("tf2_echo", "map", "robot", "--json") as other,
+        ):
             talker = peer()
+            talker.matched(2)
             talker.send(("map", "robot", S, 1.0))
             assert echo.stdout.readline().startswith("At time ")
+            assert "error" not in json.loads(other.stdout.readline())
             talker.send(("moon", "robot", 2 * S, 1.0))  # another parent: no connection any more
             until(lambda: echo.stdout.readline().startswith("Failure at "))
+            failure = until(lambda: (line := json.loads(other.stdout.readline())).get("error") and line)
+            assert failure["error"]["type"] in ("ConnectivityException", "LookupException")
+            assert "map" in failure["error"]["text"]
+            assert (failure["header"]["frame_id"], failure["child_frame_id"]) == ("map", "robot")
             assert re.match("Exception thrown:.*(map|robot)", echo.stdout.readline())
             assert echo.stdout.readline() == "The current list of frames is:\n"
             assert echo.stdout.readline() == "Frame robot exists with parent moon.\n"
@@ -79,18 +88,6 @@ def test_when_simulated_time_jumps_back_the_old_transforms_are_forgotten(peer):
             return echo.stdout.readline().startswith("Failure at 5.000")
 
         until(forgotten)
-
-
-def test_a_failure_is_a_line_of_json_with_an_error(peer):
-    with running("tf2_echo", "map", "robot", "20", "--json") as echo:
-        talker = peer()
-        talker.send(("map", "robot", S, 1.0))
-        assert "error" not in json.loads(echo.stdout.readline())
-        talker.send(("moon", "robot", 2 * S, 1.0))
-        failure = until(lambda: (line := json.loads(echo.stdout.readline())).get("error") and line)
-    assert failure["error"]["type"] in ("ConnectivityException", "LookupException")
-    assert "map" in failure["error"]["text"]
-    assert (failure["header"]["frame_id"], failure["child_frame_id"]) == ("map", "robot")
 
 
 class TestEnd:

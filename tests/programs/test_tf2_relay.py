@@ -134,37 +134,37 @@ def test_receivers_look_up_what_the_robot_would(tree):
 
 
 class TestRates:
-    def send(self, relay, buffer, now_s, arrived):
-        """Insert transforms, and get the child and stamp of each one that is sent."""
-        for parent, child, ns in arrived:
-            buffer.set_transform(transform(parent, child, ns=ns), "test")
-        relay.note([(child, ns) for _, child, ns in arrived])
-        return [(one.child_frame_id, stamp_ns(one)) for one in relay.dynamic_transforms(now_s, 0)]
-
-    def test_the_newest_of_what_arrived_is_sent_once(self):
-        buffer = BufferCore()
-        relay = Relay(rule(), buffer, {})
-        base = ("map", "base")
-        assert self.send(relay, buffer, 1, [(*base, S), (*base, 3 * S), (*base, 2 * S)]) == [("base", 3 * S)]
-        assert self.send(relay, buffer, 2, []) == []
-        buffer.clear()  # because simulated time went back
-        assert self.send(relay, buffer, 3, [(*base, S)]) == [("base", S)]
-
-    def test_all_sends_late_transforms_and_what_arrived_before_its_frame_was_known(self):
-        buffer = BufferCore()
-        relay = Relay(rule(rate=ALL_RATE), buffer, {})
-        for now_s, order in enumerate(([3, 1, 2], [9, 4, 5], [7], []), start=1):
-            found = self.send(relay, buffer, now_s, [("map", "base", one * S) for one in order])
-            assert found == [("base", one * S) for one in sorted(order)]
-
-    def test_a_chain_is_sent_for_each_stamp_of_its_parts_at_which_all_of_it_is_known(self):
-        buffer = BufferCore()
-        relay = Relay(rule(rate=ALL_RATE, frames=("map", "base"), collapse=True), buffer, {})
-        odom, base = ("map", "odom"), ("odom", "base")
-        arrived = [(*odom, S), (*base, 2 * S), (*base, 3 * S), (*odom, 4 * S)]
-        assert self.send(relay, buffer, 1, arrived) == [("base", ns * S) for ns in (2, 3)]
-        arrived = [(*base, 5 * S), (*odom, 5 * S), (*base, 6 * S)]
-        assert self.send(relay, buffer, 2, arrived) == [("base", ns * S) for ns in (4, 5)]
+    @pytest.mark.parametrize(
+        ("keys", "script"),
+        [
+            # Of each look: what has arrived, frames with their stamps, and what is sent.
+            ({}, ["base1 base3 base2: base3", ": ", "base4: base4", "clear base1: base1"]),
+            # Late transforms, too.
+            (
+                {"rate": ALL_RATE},
+                ["base3 base1 base2: base1 base2 base3", "base9 base5: base5 base9", "base7: base7"],
+            ),
+            # A chain, for each stamp of its parts at which all of it is known.
+            (
+                {"rate": ALL_RATE, "frames": ("map", "hand"), "collapse": True},
+                ["base1 hand2 hand3 base4: hand2 hand3", "hand5 base5 hand6: hand4 hand5"],
+            ),
+        ],
+    )
+    def test_what_is_sent_of_what_arrives(self, keys, script):
+        buffer, parents = BufferCore(), {"base": "map", "hand": "base"}
+        relay = Relay(rule(**keys), buffer, {})
+        for now_s, step in enumerate(script):
+            arrived, _, expected = step.partition(":")
+            for word in arrived.split():
+                if word == "clear":  # because simulated time went back
+                    buffer.clear()
+                    continue
+                child, ns = word[:-1], int(word[-1]) * S
+                buffer.set_transform(transform(parents[child], child, ns=ns), "test")
+                relay.note([(child, ns)])
+            found = relay.dynamic_transforms(float(now_s), 0)
+            assert [f"{one.child_frame_id}{stamp_ns(one) // S}" for one in found] == expected.split(), step
 
 
 class TestThreshold:

@@ -190,7 +190,7 @@ class TransformListener:
         listener, and in a forked child.
         """
         topics = () if self._tf2_receiver is None else self._tf2_receiver.topics
-        if (attachment := self._tf2_attachment) is not None and attachment.has(self):
+        if (attachment := self._tf2_attachment) is not None and attachment.is_attached:
             topics = self._tf2_topics
         return tuple(topic.name for topic in topics)
 
@@ -231,8 +231,7 @@ class TransformListener:
         if is_inherited(self._tf2_process):
             return f"<{name}: {FORKED}>"
         if (attachment := self._tf2_attachment) is not None:
-            state = "" if attachment.has(self) else ", ended"
-            return f"<{name} of {attachment.describe()}{state}>"
+            return f"<{name} of {attachment.describe()}>"
         if self._tf2_receiver is not None:
             self._tf2_receiver.inbox.catch_up()
         topics = [topic.describe() for topic in self._tf2_topics if topic.subscription is not None]

@@ -131,33 +131,27 @@ class Attachment:
         """Replace the subscriptions of a listener of the buffer, and keep it alive, until :meth:`remove`."""
         self._listeners[id(listener)] = listener
         listener._tf2_attachment = self
-        if listener._tf2_queue is not None:
-            # Its executor returns from `spin_once` for what arrives.
-            self.inbox.inform(listener._tf2_queue)
+        self.inbox.inform(listener._tf2_queue)  # its executor returns from `spin_once` for what arrives
 
     def remove(self, listener: Any) -> None:
         """Undo :meth:`add`, if the listener is there."""
         # Only then with the lock: a finalizer must not wait, and finds no listener here.
-        if id(listener) in self._listeners and not is_inherited(self._process):
+        if id(listener) in self._listeners:
             with LOCK:
+                listener._tf2_attachment = None
                 self._listeners.pop(id(listener), None)
-
-    def has(self, listener: Any) -> bool:
-        """Whether a listener's transforms come from another process now."""
-        return self.is_attached and id(listener) in self._listeners
 
     def leave(self, listener: Any, reason: str) -> None:
         """Let a listener subscribe, for good."""
         with LOCK:
-            if id(listener) not in self._listeners or is_inherited(self._process):
+            if id(listener) not in self._listeners:
                 return
             try:
                 if not node_has_ended(listener.node):
                     _log(listener, f"subscribes on its own from now on: {reason}")
                     listener._tf2_listen_itself()
             finally:  # last: whoever ends the listener meanwhile, or gives it a buffer, waits
-                listener._tf2_attachment = None
-                self._listeners.pop(id(listener), None)
+                self.remove(listener)
 
     def describe(self) -> str:
         """Where transforms come from."""

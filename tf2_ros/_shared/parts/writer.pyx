@@ -27,24 +27,24 @@ cdef struct Writing:
     Record* record              # with what follows it; MOST_RECORD bytes
 
 
-cdef bint _fits(const Writing* writing, uint64_t length) noexcept nogil:
-    # Whether there is room for a record of this length, and for the reserve.
-    return writing.next + length + RESERVE - writing.given_back <= writing.capacity
-
-
-cdef void _write(Writing* writing, int64_t now_ns) noexcept nogil:
-    # Adds `record`, for which there is room.
+cdef void _write(Writing* writing, uint32_t kind, uint32_t child, size_t size, size_t authority_size,
+                 uint64_t previous, int64_t now_ns) noexcept nogil:
+    # Adds a record, for which there is room. What follows it is behind `record`. `previous`: 0 if it is new.
     cdef Record* record = writing.record
-    cdef size_t size = sizeof(Record) + record.size + record.authority_size
+    cdef size_t written = sizeof(Record) + size + authority_size
     record.position = writing.next
+    record.previous = previous if previous else writing.next
     record.written_ns = now_ns
-    if record.previous == 0:
-        record.previous = record.position
-    if pwrite(writing.descriptor, record, size, place_of(record.position, writing.capacity)) != <ssize_t>size:
+    record.kind, record.child = kind, child
+    record.size, record.authority_size = <uint32_t>size, <uint32_t>authority_size
+    if pwrite(writing.descriptor, record, written,
+              place_of(record.position, writing.capacity)) != <ssize_t>written:
         writing.has_failed = True
         return
     writing.next += record_length(record)
     store64(&writing.head.next, writing.next)
+    if child != NO_CHILD:
+        writing.statics[child] = record.position
 
 
 cdef bint _read_oldest(Writing* writing, Record* record) noexcept nogil:
@@ -56,14 +56,12 @@ cdef bint _read_oldest(Writing* writing, Record* record) noexcept nogil:
 
 cdef void _write_again(Writing* writing, const Record* oldest, int64_t now_ns) noexcept nogil:
     # The oldest record is the newest static transform of its child.
-    if not read_file(writing.descriptor, writing.record, record_length(oldest),
-                     place_of(oldest.position, writing.capacity)):
+    if read_file(writing.descriptor, writing.record, record_length(oldest),
+                 place_of(oldest.position, writing.capacity)):
+        _write(writing, KIND_STATIC, oldest.child, oldest.size, oldest.authority_size, oldest.position,
+               now_ns)
+    else:
         writing.has_failed = True
-        return
-    writing.record[0] = oldest[0]       # another process may have changed it meanwhile
-    writing.record.previous = oldest.position
-    _write(writing, now_ns)
-    writing.statics[oldest.child] = writing.record.position
 
 
 cdef void _drop_until(Writing* writing, uint64_t position) noexcept nogil:
@@ -79,12 +77,14 @@ cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept
     # Drops what is too old, and more until a record fits behind the newest one. False: it cannot.
     cdef Record oldest
     cdef uint64_t until = writing.next      # by then, only static transforms that were written again are left
+    cdef bint fits
     if length > MOST_RECORD:
         return False
     while writing.oldest < writing.next and not writing.has_failed:
+        fits = writing.next + length + RESERVE - writing.given_back <= writing.capacity
         if not _read_oldest(writing, &oldest):
             _drop_until(writing, writing.next)
-        elif oldest.written_ns >= now_ns - writing.keep_ns and _fits(writing, length):
+        elif oldest.written_ns >= now_ns - writing.keep_ns and fits:
             break
         elif writing.oldest >= until:
             writing.has_failed = True
@@ -121,19 +121,10 @@ cdef void _forget_static(Writing* writing, const char* child, size_t size) noexc
         writing.statics[number] = 0
 
 
-cdef Record* _begin(Writing* writing, uint32_t kind) noexcept nogil:
-    # The record to be written next, empty.
-    memset(writing.record, 0, sizeof(Record))
-    writing.record.kind = kind
-    writing.record.child = NO_CHILD
-    return writing.record
-
-
 cdef void _append(
     Writing* writing, const Batch* batch, size_t start, size_t end, int64_t now_ns
 ) noexcept nogil:
     # Adds some transforms of a batch as one record, or as several if they are too large for one.
-    cdef Record* record
     cdef unsigned char* content = <unsigned char*>writing.record + sizeof(Record)
     cdef uint64_t most = sizeof(Record) + <uint64_t>batch.authority_size
     cdef Incoming clean
@@ -154,15 +145,10 @@ cdef void _append(
             return
     if not _make_room(writing, most, now_ns):
         return
-    record = _begin(writing, KIND_STATIC if batch.is_static else KIND_DYNAMIC)
     size = batch_write_cdr(batch, start, end, content)
     memcpy(content + size, batch.authority, batch.authority_size)
-    record.child = child
-    record.size = <uint32_t>size
-    record.authority_size = <uint32_t>batch.authority_size
-    _write(writing, now_ns)
-    if child != NO_CHILD:
-        writing.statics[child] = record.position
+    _write(writing, KIND_STATIC if batch.is_static else KIND_DYNAMIC, child, size, batch.authority_size, 0,
+           now_ns)
 
 
 cdef void _copy_batch(Writing* writing, const Batch* batch, int64_t now_ns) noexcept nogil:
@@ -182,16 +168,13 @@ cdef void _copy_batch(Writing* writing, const Batch* batch, int64_t now_ns) noex
 
 cdef void _copy_removal(Writing* writing, const char* name, size_t size, int64_t now_ns) noexcept nogil:
     # With a name, of one frame; otherwise of all dynamic transforms.
-    cdef Record* record
     if name != NULL:
         _forget_static(writing, name, size)
     if not _make_room(writing, sizeof(Record) + <uint64_t>size + UNIT, now_ns):
         return
-    record = _begin(writing, KIND_REMOVAL)
     if name != NULL:
-        memcpy(<char*>record + sizeof(Record), name, size)
-        record.size = <uint32_t>size
-    _write(writing, now_ns)
+        memcpy(<char*>writing.record + sizeof(Record), name, size)
+    _write(writing, KIND_REMOVAL, NO_CHILD, size, 0, 0, now_ns)
     if name == NULL:
         store64(&writing.head.cleared, writing.next)
 

@@ -100,29 +100,22 @@ def test_what_is_found_in_the_error_of_a_lookup_and_the_reason_of_a_can_transfor
 
 
 @pytest.mark.parametrize("argument", ["target_frame", "source_frame", "fixed_frame"])
-@pytest.mark.parametrize(
-    ("name", "in_lookup", "in_can"),
-    [
-        ("nowhere", "unknown", "unknown to can"),
-        ("", "empty", "empty"),
-        ("/map", "slash", "slash"),
-    ],
-)
-def test_a_bad_name_is_quoted_with_the_call_and_the_argument(
-    tf2_py, buffer, argument, name, in_lookup, in_can
-):
+@pytest.mark.parametrize(("name", "kind"), [("nowhere", "unknown"), ("", "empty"), ("/map", "slash")])
+def test_a_bad_name_is_quoted_with_the_call_and_the_argument(tf2_py, buffer, argument, name, kind):
     names = {"target_frame": "map", "source_frame": "base", "fixed_frame": "odom"} | {argument: name}
     arguments = (names["target_frame"], at(2), names["source_frame"], at(2), names["fixed_frame"])
     with pytest.raises(tf2_py.TransformException) as caught:
         buffer.lookup_transform_full_core(*arguments)
-    in_text = found(str(caught.value))
-    assert in_text["argument"] == (name, "lookupTransform", argument)
-    assert in_text["quoted"] == (name,)
-    assert argument in in_text[in_lookup]
-    in_reason = found(buffer.can_transform_full_core(*arguments)[1])
-    assert in_reason["argument"] == (name, "canTransform", argument)
-    assert in_reason["quoted"] == (name,)
-    assert argument in in_reason[in_can]
+    reason = buffer.can_transform_full_core(*arguments)[1]
+    of_can = "unknown to can" if kind == "unknown" else kind
+    for text, call, pattern in (
+        (str(caught.value), "lookupTransform", kind),
+        (reason, "canTransform", of_can),
+    ):
+        in_text = found(text)
+        assert in_text["argument"] == (name, call, argument)
+        assert in_text["quoted"] == (name,)
+        assert argument in in_text[pattern]
 
 
 @pytest.mark.ours

@@ -200,19 +200,16 @@ class TestManyAtOnce:
 
 
 @pytest.mark.ours
-@pytest.mark.parametrize(
-    ("wrong", "error", "text"),
-    [
+def test_a_wrong_cache_time_is_refused_and_init_again_changes_nothing(tf2_py, buffer):
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    for wrong, error, text in (
         *[
             (wrong, TypeError, "^cache_time: expected a duration or seconds")
             for wrong in ("10", True, object())
         ],
         (Duration(seconds=-1), ValueError, "expected 0 or more"),
-    ],
-)
-def test_a_wrong_cache_time_is_refused_and_init_again_changes_nothing(tf2_py, buffer, wrong, error, text):
-    buffer.set_transform(transform("map", "odom", 1), "x")
-    for call in (tf2_py.BufferCore, buffer.__init__):
-        with pytest.raises(error, match=text):
-            call(wrong)
+    ):
+        for call in (tf2_py.BufferCore, buffer.__init__):
+            with pytest.raises(error, match=text):
+                call(wrong)
     assert buffer.can_transform_core("map", "odom", at(1)) == (1, "")

@@ -66,7 +66,6 @@ WRITES = {
     "a static transform of a dynamic frame": insert_static("map", "odom"),
     "a dynamic transform of a static frame": insert("base", "camera", 100, 110),
     "clear": BufferCore.clear,
-    "clear, and samples": lambda buffer: (buffer.clear(), insert("map", "odom", *range(500, 600))(buffer)),
     "init": BufferCore.__init__,
 }
 

@@ -278,12 +278,6 @@ def test_the_last_row_need_not_have_its_padding(t):
     assert (got.row_step, got.data.tobytes()) == (20 * padded.point.itemsize, kept.tobytes())
 
 
-def test_the_first_of_two_fields_of_one_name_counts(arrangement, t):
-    cloud = arrangement.cloud()
-    cloud.fields = [*cloud.fields, PointField(name="x", offset=12, datatype=PointField.FLOAT32, count=1)]
-    assert tf2.do_transform_cloud(cloud, t).data == tf2.do_transform_cloud(arrangement.cloud(), t).data
-
-
 def test_other_threads_run_meanwhile(t):
     cloud = Arrangement([(name, "f4") for name in XYZ], width=1_000_000).cloud()
     ran, go, interval = [], threading.Event(), sys.getswitchinterval()

@@ -48,14 +48,9 @@ def test_a_class_whose_handle_lies_otherwise_is_asked_by_its_property(monkeypatc
     assert time_ns(Time(nanoseconds=11), "time") == 11
 
 
-@pytest.mark.parametrize("ns", [0, 1_999_999_999, -1, -1_000_000_000])
-def test_the_parts_of_a_stamp_give_it_again(ns):
-    sec, nanosec = stamp_parts(ns, "time")
-    assert 0 <= nanosec < 10**9
-    assert sec * 10**9 + nanosec == ns
-
-
-def test_a_stamp_that_no_message_carries_is_an_overflow_error():
+def test_the_parts_of_a_stamp_give_it_again():
+    parts = [stamp_parts(ns, "time") for ns in (0, 1_999_999_999, -1, -1_000_000_000)]
+    assert parts == [(0, 0), (1, 999_999_999), (-1, 999_999_999), (-1, 0)]
     with pytest.raises(OverflowError, match="does not fit into the stamp of a message"):
         stamp_parts(2**31 * 10**9, "time")
 

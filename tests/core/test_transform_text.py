@@ -16,17 +16,6 @@ def text(tf2_ros):
     return tf2_ros.format_transform
 
 
-def angles(line):
-    return [float(number) for number in re.search(r"rpy \[(.*)\] deg", line)[1].split()]
-
-
-def turned(roll, pitch, yaw):
-    m = Transform()
-    q = Rotation.from_euler("xyz", [roll, pitch, yaw], degrees=True).as_quat()
-    m.rotation.x, m.rotation.y, m.rotation.z, m.rotation.w = q.tolist()
-    return m
-
-
 def test_a_stamped_transform_is_shown_with_frames_and_stamp(text):
     m = transform("map", "base_link", ns=12_300_000_000, xyz=(1, 2, -0.0004), xyzw=about_z(math.pi / 2))
     assert text(m) == ("map -> base_link at 12.300000000: xyz [1.000 2.000 0.000] m, rpy [0.0 0.0 90.0] deg")
@@ -42,22 +31,21 @@ def test_poses_are_shown_with_their_frame(text):
 
 
 @pytest.mark.parametrize(
-    "rpy", [(10, 20, 30), (-170, 45, 100), (0, -89, 0), (179.5, 0, -179.5), (5, 89.5, -120)], ids=str
+    "rpy",
+    [
+        *[(10, 20, 30), (-170, 45, 100), (0, -89, 0), (179.5, 0, -179.5), (5, 89.5, -120)],
+        # At a pitch of ninety degrees the roll is zero.
+        *[(0, pitch, yaw) for pitch in (90, -90) for yaw in (0, 30, -150, 179)],
+    ],
+    ids=str,
 )
 def test_the_angles_turn_about_the_fixed_axes_x_y_z_in_turn(text, rpy):
-    assert angles(text(turned(*rpy))) == pytest.approx(rpy, abs=0.051)
-
-
-@pytest.mark.parametrize("pitch", [90, -90])
-@pytest.mark.parametrize("yaw", [0, 30, -150, 179])
-def test_at_a_pitch_of_ninety_degrees_the_roll_is_zero(text, pitch, yaw):
-    assert angles(text(turned(0, pitch, yaw))) == pytest.approx((0, pitch, yaw), abs=0.051)
-
-
-def test_a_rotation_need_not_have_length_one(text):
-    m = Transform()
-    m.rotation.z, m.rotation.w = 3.0, 3.0
-    assert angles(text(m)) == [0.0, 0.0, 90.0]
+    m, length = Transform(), 3.0  # a rotation need not have length one
+    m.rotation.x, m.rotation.y, m.rotation.z, m.rotation.w = (
+        length * Rotation.from_euler("xyz", rpy, degrees=True).as_quat()
+    ).tolist()
+    angles = re.search(r"rpy \[(.*)\] deg", text(m))[1].split()
+    assert [float(number) for number in angles] == pytest.approx(rpy, abs=0.051)
 
 
 def test_what_is_no_transform_is_refused(text):

@@ -170,19 +170,20 @@ def test_a_length_beyond_the_end_of_the_file_asks_for_no_memory(path, tmp_path):
         BufferCore.load(damaged)
 
 
+# How metadata and messages are changed, by what is said of that.
 REFUSED = {
-    "holds no buffer that save.. wrote; tf2_ros_tools.bag.load": lambda metadata, messages: (None, messages),
-    "holds no buffer that save": lambda metadata, messages: (None, []),
-    "lack samples": lambda metadata, messages: (
-        {k: v for k, v in metadata.items() if k != "samples"},
-        messages,
-    ),
+    "holds no buffer that save.. wrote; tf2_ros_tools.bag.load": lambda data, messages: (None, messages),
+    "holds no buffer that save": lambda data, messages: (None, []),
+    "lack samples": lambda data, messages: (data.pop("samples") and data, messages),
     "Expecting value": with_metadata(cache_time_ns="two"),
-    "messages hold 10 transforms of 11": lambda metadata, messages: (metadata, messages[:-1]),
+    "messages hold 10 transforms of 11": lambda data, messages: (data, messages[:-1]),
     "and its messages name different frames": with_metadata(authorities="{}"),
     "has no attribute 'keys'": with_metadata(authorities="7"),
     "max_bytes is not an int": with_metadata(max_bytes='"all"'),
-    "malformed TFMessage: the data ends": lambda m, messages: (m, [(*messages[0][:2], messages[0][2][:-9])]),
+    "malformed TFMessage: the data ends": lambda data, messages: (
+        data,
+        [(*messages[0][:2], messages[0][2][:-9])],
+    ),
 }
 
 

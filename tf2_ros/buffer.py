@@ -225,11 +225,14 @@ class Buffer(BufferCore, BufferInterface):
         return lookup.block(self, duration_ns(timeout, "timeout"))
 
     def _tf2_can(self, timeout: DurationLike, policy: "LookupPolicy", *arguments: Any) -> tuple[bool, str]:
-        ask = self.can_transform_core if len(arguments) == 3 else self.can_transform_full_core
+        is_full = len(arguments) == 5
         if timeout is NO_TIMEOUT and not policy:
-            can, reason = ask(*arguments)
+            can, reason = (self.can_transform_full_core if is_full else self.can_transform_core)(*arguments)
             return bool(can), reason
-        lookup = Lookup.of(*arguments, policy=policy_of("can_transform", **policy))
+        if is_full:
+            target_frame, target_time, source_frame, source_time, fixed_frame = arguments
+            arguments = (target_frame, source_frame, source_time, fixed_frame, target_time)
+        lookup = Lookup(*arguments)._replace(policy=policy_of("can_transform", **policy))
         try:
             lookup.block(self, duration_ns(timeout, "timeout"))
         except TransformException as error:

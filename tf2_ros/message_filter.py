@@ -170,7 +170,6 @@ class MessageFilter(Generic[_Message]):
         self._connections = itertools.count()
         # Replaced, never changed, because any thread reads it.
         self._streams: tuple[weakref.ref[MessageStream[_Message]], ...] = ()
-        self._kept: dict[Any, None] = {}  # what awaits a message, and nothing else may refer to
         self._buffer, self._node = buffer, node
         self._queue = callback_queue(node)
         self._subscription: Any = None
@@ -311,7 +310,7 @@ class MessageFilter(Generic[_Message]):
         return [stream for stream in streams if stream is not None]
 
     def _new_arrival(self) -> WakingFuture[None]:
-        return WakingFuture(self._has_ended, self._kept)
+        return WakingFuture(self._has_ended, self._buffer._tf2_kept)
 
     def _has_ended(self) -> bool:
         refuse_inherited(self, self._process)

@@ -28,14 +28,6 @@ class Lookup(NamedTuple):
     target_time: Any = None
     policy: Any = None
 
-    @classmethod
-    def of(cls, *arguments: Any, policy: Any = None) -> "Lookup":
-        """The lookup of ``lookup_transform`` with three arguments, of ``lookup_transform_full`` with five."""
-        if len(arguments) == 3:
-            return cls(*arguments, policy=policy)
-        target_frame, target_time, source_frame, source_time, fixed_frame = arguments
-        return cls(target_frame, source_frame, source_time, fixed_frame, target_time, policy)
-
     def now(self, core: BufferCore) -> Any:
         """Look up without a wait: return the answer or raise the error."""
         return BufferCore._look_up(core, *self)

@@ -348,15 +348,13 @@ class MessageFilter(Generic[_Message]):
         # Those that were added before may have become too old while they waited.
         while (oldest := first_key(self._waiting)) is not None:
             if self._is_too_old(oldest):
-                self._drop(oldest, FilterFailureReason.OUT_THE_BACK)
+                reason = FilterFailureReason.OUT_THE_BACK
             elif 0 < self._queue_size < len(self._waiting):
-                self._drop(oldest, FilterFailureReason.QUEUE_FULL)
+                reason = FilterFailureReason.QUEUE_FULL
             else:
                 break
-
-    def _drop(self, queued: QueuedMessage, reason: FilterFailureReason) -> None:
-        # What it lacked may have been received without having been reported.
-        queued.end(self._look_up(queued) or reason)
+            # What it lacked may have been received without having been reported.
+            oldest.end(self._look_up(oldest) or reason)
 
     def _look_up(self, queued: QueuedMessage) -> TransformStamped | FilterFailureReason | None:
         """
@@ -365,29 +363,29 @@ class MessageFilter(Generic[_Message]):
         Otherwise wait for the first one that a message lacks. Several threads may do so at the same time.
         """
         while True:
-            wait, outcome = self._lacking(queued)
+            first = None
+            try:
+                for frame, later_ns in self._needed:
+                    if later_ns and not queued.stamp_ns:
+                        continue  # the latest time has no later one
+                    stamp_ns = queued.stamp_ns + later_ns
+                    wait = BufferCore._wait(
+                        self._buffer, frame, queued.frame, stamp_ns, notify=queued.answered
+                    )
+                    answer = wait.answer
+                    if answer is None:
+                        break
+                    first = first or answer
+                else:
+                    return first
+            except (TransformException, OverflowError, ValueError):
+                if not queued.frame:
+                    return FilterFailureReason.EMPTY_FRAME_ID
+                return FilterFailureReason.NO_TRANSFORM_FOUND
             queued.waits_for(wait)
             # Another thread may just have inserted it, and be superseded by this one.
-            if wait is None or wait.answer is None:
-                return outcome
-
-    def _lacking(self, queued: QueuedMessage) -> tuple[Any, TransformStamped | FilterFailureReason | None]:
-        first = None
-        try:
-            for frame, later_ns in self._needed:
-                if later_ns and not queued.stamp_ns:
-                    continue  # the latest time has no later one
-                stamp_ns = queued.stamp_ns + later_ns
-                wait = BufferCore._wait(self._buffer, frame, queued.frame, stamp_ns, notify=queued.answered)
-                answer = wait.answer
-                if answer is None:
-                    return wait, None
-                first = first or answer
-        except (TransformException, OverflowError, ValueError):
-            if not queued.frame:
-                return None, FilterFailureReason.EMPTY_FRAME_ID
-            return None, FilterFailureReason.NO_TRANSFORM_FOUND
-        return None, first
+            if wait.answer is None:
+                return None
 
     def _expire(self, queued: QueuedMessage) -> None:
         """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""

@@ -123,10 +123,13 @@ def lookup(options: Namespace) -> int:
     from tf2_ros_tools import tables
 
     heard = heard_of(options, options.at)
+    target, source = options.target, options.source
     times_ns = options.times if options.at is None else heard.times_ns
-    table = tables.look_up_when(heard, options.target, options.source, times_ns, options.rate)
+    if times_ns is None:
+        times_ns = tables.times_when(heard, target, source, options.rate)
+    table = tables.look_up_table(heard.buffer, target, source, times_ns)
     if not table.valid.any():
-        raise RunError(tables.why_unanswered(heard.buffer, options.target, options.source, table.stamps_ns))
+        raise RunError(tables.why_unanswered(heard.buffer, target, source, table.stamps_ns))
     if options.output is None:
         print(tables.as_csv(table).decode(), end="")
     else:

@@ -18,17 +18,14 @@ import numpy as np
 
 from tf2_py import BufferCore, LookupException, TransformException
 from tf2_ros_tools.findings import report
-from tf2_ros_tools.loading import TOPICS, Heard, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
+from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError, needing
 from tf2_ros_tools.tables import (
-    Table,
-    Tables,
     as_parquet,
     check_rate,
     look_up_frames,
-    look_up_when,
-    why_unanswered,
+    times_when,
 )
 
 if TYPE_CHECKING:
@@ -87,7 +84,7 @@ def _is_rosbag2(folder: str) -> bool:
 S = 1_000_000_000
 # The metadata of a table that says what it was made from. The number changes with the format of this
 # metadata, and with the meaning of a request.
-KEY, FORMAT = b"tf2_ros.map_recordings", 3
+KEY, FORMAT = b"tf2_ros.map_recordings", 4
 # Files that SQLite creates next to a database that is read.
 COMPANIONS = ("-wal", "-shm", "-journal")
 
@@ -152,11 +149,19 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
     begin = time.perf_counter()
     try:
         made_from = _made_from(request, recording)
-        heard, tables, lacks = looked_up(request, recording)
+        heard = hear(recording, request.what, at=request.at, progress=False)
     except BagError as error:
         return [_row(recording, ERROR, str(error))]
     except (FileNotFoundError, PermissionError) as error:
         return [_row(recording, ERROR, f"{printable(error.filename or recording)}: {error.strerror}")]
+    single = isinstance(request.source, str)
+    frames = [request.source] if isinstance(request.source, str) else request.source
+    times_ns = np.zeros(0, np.int64) if heard.times_ns is None else heard.times_ns
+    if request.at is None:
+        with suppress(TransformException):  # look_up_frames says why
+            times_ns = times_when(heard, request.target, frames[0], request.rate)
+    tables, reasons = look_up_frames(heard.buffer, request.target, frames, times_ns)
+    lacks = [_row(recording, "lookup", text, "" if single else one) for one, text in reasons.items()]
     answered = np.logical_and.reduce([one.valid for one in tables.values()])
     rows, valid, span_s = len(answered), int(answered.sum()), 0.0
     if heard.start_ns is not None and heard.end_ns is not None:
@@ -171,7 +176,8 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
     summary["seconds"] = round(time.perf_counter() - begin, 3)
     found = [summary, *lacks, *problems]
     metadata = json.dumps({**made_from, "found": found}).encode()
-    write_whole(table, as_parquet(tables, printable(recording), {KEY: metadata}))
+    columns = {"": tables[frames[0]]} if single else tables
+    write_whole(table, as_parquet(columns, printable(recording), {KEY: metadata}))
     return found
 
 
@@ -200,25 +206,6 @@ def _made_from(request: Request, recording: str) -> dict[str, Any]:
     content = json.dumps({"request": {"format": FORMAT, **asdict(request)}, "recording": state})
     made_from: dict[str, Any] = json.loads(content)
     return made_from
-
-
-def looked_up(request: Request, recording: str) -> tuple[Heard, Tables, list[Row]]:
-    """Read a recording, and look up what is requested; the rows say why frames have no answer at any time."""
-    heard = hear(recording, request.what, at=request.at, progress=False)
-    if not isinstance(request.source, str):
-        assert heard.times_ns is not None
-        tables, reasons = look_up_frames(heard.buffer, request.target, request.source, heard.times_ns)
-        return heard, tables, [_row(recording, "lookup", text, frame) for frame, text in reasons.items()]
-    ends = request.target, request.source
-    try:
-        table = look_up_when(heard, *ends, heard.times_ns, request.rate)
-    except TransformException as error:
-        none = Table(np.zeros(0, np.int64), np.zeros((0, 7)))
-        return heard, {"": none}, [_row(recording, "lookup", str(error))]
-    lacks = []
-    if not table.valid.any():
-        lacks = [_row(recording, "lookup", why_unanswered(heard.buffer, *ends, table.stamps_ns))]
-    return heard, {"": table}, lacks
 
 
 def _row(recording: str, kind: str, text: str, frame: str = "") -> Row:
@@ -399,13 +386,13 @@ def map_recordings(
     """
     Look up the pose of ``source`` in ``target`` in many recordings, and write a Parquet file for each.
 
-    Its columns are ``file``, ``stamp`` (nanoseconds), ``x y z`` (metres), ``qx qy qz qw`` and ``valid``. The
-    file ``_findings.csv`` in the same folder lists the problems of the recordings, and why some cannot be
-    read. A problem with one recording does not stop the others.
+    Its columns are ``file``, ``stamp`` (nanoseconds), ``x y z`` (metres), ``qx qy qz qw``, ``valid``, and
+    ``gap``: the seconds between the samples that the pose was interpolated from. The file ``_findings.csv``
+    in the same folder lists the problems of the recordings, and why some cannot be read. A problem with one
+    recording does not stop the others.
 
     For several frames, ``source`` is a list of names; this needs ``at``. Each frame then has columns of its
-    own, ``<frame>.x`` to ``<frame>.qw``, ``<frame>.valid``, and ``<frame>.gap``: the seconds between the
-    samples that the pose was interpolated from.
+    own, ``<frame>.x`` to ``<frame>.gap``.
 
     A recording that an earlier run has processed is skipped, unless the recording or the lookup has changed.
     Several runs may write into one folder.

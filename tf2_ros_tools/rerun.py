@@ -197,8 +197,10 @@ class Live:
         if len(stamps_ns) and stamps_ns[-1] < self._trails[name][0]:  # the clock jumped back
             self._trails[name] = 0, None
         last_ns, last = self._trails[name]
-        path = look_up(self._buffer, top, name, stamps_ns[stamps_ns > last_ns])
-        points, times = path.translations[path.valid], path.stamps_ns[path.valid]
+        times = stamps_ns[stamps_ns > last_ns]
+        points = look_up(self._buffer, top, name, times)[:, :3]
+        valid = ~np.isnan(points[:, 0])
+        points, times = points[valid], times[valid]
         if not len(times):
             return  # nothing is new, or a frame has no sample yet; the next call tries again
         self._trails[name] = int(times[-1]), points[-1:]

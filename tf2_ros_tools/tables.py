@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tf2_py import BufferCore, FrameInfo, TransformException
+from tf2_py import BufferCore, TransformException
 from tf2_ros_tools.reading import needing
-from tf2_ros_tools.streams import chain_between, moving_on, stamps_on, taken
+from tf2_ros_tools.streams import moving_on, stamps_on, taken
 
 if TYPE_CHECKING:
     from tf2_ros_tools.loading import Heard
@@ -32,14 +32,13 @@ class Table:
 
     :param stamps_ns: int64, shape (N,), nanoseconds.
     :param poses: float64, shape (N, 7): x y z in metres, qx qy qz qw of length one; NaN without an answer.
-    :param gaps: None, or float64, shape (N,): seconds between the two samples that a pose was interpolated
-        from, the longest of all frames in between; 0 at a sample and if nothing moves; NaN without an
-        answer.
+    :param gaps: float64, shape (N,): seconds between the two samples that a pose was interpolated from, the
+        longest of all frames in between; 0 at a sample and if nothing moves; NaN without an answer.
     """
 
     stamps_ns: NDArray[np.int64]
     poses: NDArray[np.float64]
-    gaps: NDArray[np.float64] | None = None
+    gaps: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
@@ -47,15 +46,7 @@ class Table:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """Whether there is an answer, shape (N,)."""
-        return ~np.isnan(self.poses[:, 3])
-
-    @property
-    def translations(self) -> NDArray[np.float64]:
-        return self.poses[:, :3]
-
-    @property
-    def rotations(self) -> NDArray[np.float64]:
-        return self.poses[:, 3:]
+        return ~np.isnan(self.gaps)
 
 
 # Of one lookup: one table, below ``""``, or a table for each of several frames, which share their stamps.
@@ -65,32 +56,38 @@ Tables = Mapping[str, Table]
 def look_up_frames(
     buffer: BufferCore, target: str, frames: Sequence[str], times_ns: ArrayLike
 ) -> tuple[dict[str, Table], dict[str, str]]:
-    """
-    Look up the poses of frames in ``target`` at each of N times, with :func:`look_up`.
-
-    :return: their tables, with gaps, and why frames have no answer at any time.
-    """
+    """Look up the tables of frames in ``target`` at N times, and why frames have no answer at any time."""
     stamps_ns = np.asarray(times_ns, np.int64)
+    count = len(stamps_ns)
     tables: dict[str, Table] = {}
     reasons: dict[str, str] = {}
-    histories = {name: one.stamps_ns for name, one in buffer.histories().items() if not one.static}
-    infos = buffer.frames()
     for frame in frames:
-        gaps = np.full(len(stamps_ns), np.nan)
-        tables[frame] = Table(stamps_ns, np.full((len(stamps_ns), 7), np.nan), gaps)
         try:
-            found = look_up(buffer, target, frame, stamps_ns)
+            tables[frame] = look_up_table(buffer, target, frame, stamps_ns)
         except TransformException as error:
+            tables[frame] = Table(stamps_ns, np.full((count, 7), np.nan), np.full(count, np.nan))
             reasons[frame] = str(error)
             continue
-        if not found.valid.any():
+        if not tables[frame].valid.any():
             reasons[frame] = why_unanswered(buffer, target, frame, stamps_ns)
-            continue
-        gaps[found.valid] = 0.0
-        for name in moving_on(infos, _chain(buffer, infos, target, frame)):
-            gaps = np.maximum(gaps, _gaps_at(histories[name], stamps_ns))  # a NaN stays
-        tables[frame] = Table(stamps_ns, found.poses, gaps)
     return tables, reasons
+
+
+def look_up_table(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -> Table:
+    """
+    Look up the table of ``source`` in ``target`` at N times; see :func:`look_up`.
+
+    :raises TransformException: the frames are unknown or not connected.
+    """
+    stamps_ns = np.asarray(times_ns, np.int64)
+    between = buffer.path(target, source)
+    poses = look_up(buffer, target, source, stamps_ns)
+    gaps = np.where(np.isnan(poses[:, 0]), np.nan, 0.0)
+    moving = moving_on(buffer.frames(), between)
+    histories = buffer.histories() if moving else {}
+    for name in moving:
+        gaps = np.maximum(gaps, _gaps_at(histories[name].stamps_ns, stamps_ns))  # a NaN stays
+    return Table(stamps_ns, poses, gaps)
 
 
 def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -100,9 +97,9 @@ def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray
     return np.where(samples[after] == times_ns, 0.0, between / S)
 
 
-def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -> Table:
+def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -> NDArray[np.float64]:
     """
-    Look up the pose of ``source`` in ``target`` at each of N times.
+    Look up the pose of ``source`` in ``target`` at each of N times; see ``Table.poses``.
 
     :param times_ns: shape (N,), nanoseconds. 0 is the time 0, not the latest one.
     :raises LookupException: a frame is unknown.
@@ -111,8 +108,7 @@ def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -
     stamps_ns = np.asarray(times_ns, np.int64)
     # For tf2, 0 means the latest common time. Use the next nanosecond, when no frame has moved noticeably.
     times = np.where(stamps_ns == 0, 1, stamps_ns)
-    found = buffer.lookup_transforms(target, source, times, on_missing="nan")
-    return Table(stamps_ns, np.concatenate(found, axis=1))
+    return np.concatenate(buffer.lookup_transforms(target, source, times, on_missing="nan"), axis=1)
 
 
 def check_rate(hz: float) -> None:
@@ -133,8 +129,7 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     """
     check_rate(hz)
     frames = buffer.frames()
-    between = _chain(buffer, frames, target, source)
-    moving = [frames[name] for name in moving_on(frames, between)]
+    moving = [frames[name] for name in moving_on(frames, buffer.path(target, source))]
     dynamic = [(one.oldest_ns, one.newest_ns) for one in moving or frames.values()]
     spans = [(oldest, newest) for oldest, newest in dynamic if oldest is not None and newest is not None]
     if not spans:
@@ -152,25 +147,19 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     return times
 
 
-def look_up_when(
-    heard: Heard, target: str, source: str, times_ns: ArrayLike | None, rate: float | None
-) -> Table:
+def times_when(heard: Heard, target: str, source: str, rate: float | None) -> NDArray[np.int64]:
     """
-    Look up two frames of a recording at given times, with :func:`look_up`; at a rate, with
-    :func:`times_at_rate`; or, if both are None, whenever something was measured between them.
+    Get the times at a rate, with :func:`times_at_rate`; without one, whenever something was measured between
+    two frames of a recording.
 
     :raises TransformException: the frames are unknown or not connected.
     """
     if rate is not None:
-        times_ns = times_at_rate(heard.buffer, target, source, rate)
-    if times_ns is not None:
-        return look_up(heard.buffer, target, source, times_ns)
-    frames = heard.buffer.frames()
-    between = _chain(heard.buffer, frames, target, source)
-    stamps = stamps_on(heard.records, heard.frames, frames, between)
-    if not len(stamps):
-        stamps = taken(heard.records)["stamp_ns"][:1]  # nothing moves: one time is enough
-    return look_up(heard.buffer, target, source, stamps)
+        return times_at_rate(heard.buffer, target, source, rate)
+    between = heard.buffer.path(target, source)
+    stamps = stamps_on(heard.records, heard.frames, heard.buffer.frames(), between)
+    # Without anything that moves, one time is enough.
+    return stamps if len(stamps) else taken(heard.records)["stamp_ns"][:1].astype(np.int64)
 
 
 def why_unanswered(buffer: BufferCore, target: str, source: str, times_ns: NDArray[np.int64]) -> str:
@@ -222,7 +211,7 @@ def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None
     """
     Write Parquet.
 
-    The columns are ``file`` and ``stamp``, and ``x`` to ``valid`` of one frame, or ``<frame>.x`` to
+    The columns are ``file`` and ``stamp``, and ``x`` to ``gap`` of one frame, or ``<frame>.x`` to
     ``<frame>.gap`` of several.
 
     :param file: the recording's name, the same in each row.
@@ -236,19 +225,11 @@ def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None
     name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(stamps))
     columns: dict[str, Any] = {"file": name, "stamp": stamps}
     for frame, table in tables.items():
-        own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {"valid": table.valid}
-        own |= {} if table.gaps is None else {"gap": table.gaps}
+        own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {"valid": table.valid, "gap": table.gaps}
         columns |= {f"{frame}.{name}" if frame else name: column for name, column in own.items()}
     written = BytesIO()
     parquet.write_table(pyarrow.table(columns, metadata=metadata), written)
     return written.getvalue()
-
-
-def _chain(buffer: BufferCore, frames: dict[str, FrameInfo], target: str, source: str) -> list[str]:
-    between = chain_between(frames, target, source)
-    if between is None or not frames.keys() >= {target, source}:
-        buffer.lookup_transform_core(target, source, 0)  # raises what is wrong
-    return between or []
 
 
 def _seconds(stamp_ns: int) -> str:

@@ -76,22 +76,21 @@ def path_picture(
     if not len(stamps):
         raise RunError(f"nothing moves between {target} and {source}")
     begins, ends_ns = gaps_on(records, frames, newest, chain)
+    # Where a frame has a gap, a pose is only interpolated. One time inside each is enough to break lines.
+    times_ns = np.union1d(stamps, begins + (ends_ns - begins) // 2)
     try:
-        # Where a frame has a gap, a pose is only interpolated. One time inside each is enough to break lines.
-        path = look_up(buffer, target, source, np.union1d(stamps, begins + (ends_ns - begins) // 2))
+        poses = look_up(buffer, target, source, times_ns)
     except TransformException as reason:
         raise RunError(str(reason)) from None
-    is_inside = np.searchsorted(np.sort(begins), path.stamps_ns) > np.searchsorted(
-        np.sort(ends_ns), path.stamps_ns, "right"
-    )
-    path.poses[is_inside] = np.nan
-    known = np.flatnonzero(path.valid)
+    before = np.searchsorted(np.sort(begins), times_ns)
+    poses[before > np.searchsorted(np.sort(ends_ns), times_ns, "right")] = np.nan
+    known = np.flatnonzero(~np.isnan(poses[:, 0]))
     if not len(known):
         raise RunError(why_unanswered(buffer, target, source, stamps))
-    rpy = np.full_like(path.translations, np.nan)
-    rpy[known] = rpy_of(path.rotations[known])
+    rpy = np.full((len(poses), 3), np.nan)
+    rpy[known] = rpy_of(poses[known, 3:])
     shown = slice(known[0], known[-1] + 1)
-    return trajectory_figure(target, source, path.stamps_ns[shown] / S, path.translations[shown], rpy[shown])
+    return trajectory_figure(target, source, times_ns[shown] / S, poses[shown, :3], rpy[shown])
 
 
 def gaps_on(

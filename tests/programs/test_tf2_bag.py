@@ -70,7 +70,7 @@ class TestLookup:
         assert [line.split()[0] for line in lines] == ["100.123456789", "105.000000000"]
         assert [[*map(float, line.split()[1:])] for line in lines] == poses[1:]
         table = parquet.read_table(tmp_path / "a.parquet").to_pydict()
-        assert list(table) == ["file", "stamp", *COLUMNS, "valid"]
+        assert list(table) == ["file", "stamp", *COLUMNS, "valid", "gap"]
         assert (table["file"], table["stamp"]) == ([drive_mcap] * 3, stamps)
         assert table["valid"] == [False, True, True]
         assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses, equal_nan=True)

@@ -82,7 +82,7 @@ def test_each_recording_becomes_a_table_and_one_table_has_the_findings(runs, out
     assert set(result.done) == set(find_recordings(runs))
     run = str(runs / "monday" / "run.mcap")
     columns, _ = contents(out / os.path.basename(result.done[run]))
-    assert list(columns) == ["file", "stamp", "x", "y", "z", "qx", "qy", "qz", "qw", "valid"]
+    assert list(columns) == ["file", "stamp", "x", "y", "z", "qx", "qy", "qz", "qw", "valid", "gap"]
     assert set(columns["file"]) == {run} and all(columns["valid"])
     buffer = bag.load(run)
     assert len(columns["stamp"]) == 40

@@ -100,13 +100,6 @@ class Refused(Origin):
     because: str  # what is wrong with them
 
 
-class Reported(NamedTuple):
-    """All that is known at one moment."""
-
-    streams: list[Stream]
-    refused: list[Refused]
-
-
 def taken(records: Records) -> Records:
     """The records of transforms that buffers accept, unless they are too old for a buffer."""
     chosen: Records = records[records["refusals"] == 0]
@@ -159,7 +152,9 @@ class Streams:
         if len(self._pieces) >= PIECES:
             self.kept(self._last_ns)
 
-    def report(self, now_ns: int, frames: Sequence[str], publishers: Sequence[str]) -> Reported:
+    def report(
+        self, now_ns: int, frames: Sequence[str], publishers: Sequence[str]
+    ) -> tuple[list[Stream], list[Refused]]:
         """
         Get the current streams, sorted by the names of their frames, and what is refused.
 
@@ -191,7 +186,7 @@ class Streams:
         refused = [
             Refused(*origin(one), one.size, refusal_text(one.refusals)) for one in shown if one.refused
         ]
-        return Reported(
+        return (
             sorted(streams, key=lambda one: (one.frame, one.silence)),
             sorted(refused, key=lambda one: (one.frame, one.publisher, one.parent, one.static)),
         )

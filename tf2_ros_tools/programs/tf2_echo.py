@@ -6,7 +6,6 @@ import json
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Iterable
 from contextlib import suppress
 from math import degrees
 from typing import TYPE_CHECKING, Any
@@ -82,7 +81,8 @@ def parser() -> Parser:
         metavar="DIGITS",
         type=int,
         choices=range(18),
-        help="number of decimals; 3 by default, with --json all",
+        default=DIGITS,
+        help="number of decimals without --json; 3 by default",
     )
     return made
 
@@ -158,10 +158,8 @@ def _print_failure(node: Node, buffer: Buffer, options: Namespace, reason: Trans
 # What is printed of a transform: as tf2's own program does, or as JSON.
 
 
-def _text(transform: TransformStamped, precision: int | None) -> str:
+def _text(transform: TransformStamped, digits: int) -> str:
     from tf2_ros.numpy import to_matrix
-
-    digits = DIGITS if precision is None else precision
 
     def listed(*values: float) -> str:
         return "[" + ", ".join(f"{value:.{digits}f}" for value in values) + "]"
@@ -183,28 +181,26 @@ def _text(transform: TransformStamped, precision: int | None) -> str:
     return "\n".join(lines)
 
 
-def _json(transform: TransformStamped, precision: int | None) -> str:
+def _json(transform: TransformStamped, precision: int) -> str:
     from tf2_ros.numpy import to_matrix
 
-    def numbers(names: Iterable[str], values: Iterable[float]) -> dict[str, float]:
-        rounded = (float(one) if precision is None else round(float(one), precision) for one in values)
-        return dict(zip(names, rounded, strict=True))
-
-    v, q = transform.transform.translation, transform.transform.rotation
+    moved = transform.transform
+    rpy = rpy_from_matrices(to_matrix(transform)).tolist()
     content = {
         "header": _header(transform.header.stamp, transform.header.frame_id),
         "child_frame_id": transform.child_frame_id,
-        "transform": {
-            "translation": numbers("xyz", (v.x, v.y, v.z)),
-            "rotation": numbers("xyzw", (q.x, q.y, q.z, q.w)),
-        },
-        "rpy": numbers(("roll", "pitch", "yaw"), rpy_from_matrices(to_matrix(transform))),
+        "transform": {"translation": _fields(moved.translation), "rotation": _fields(moved.rotation)},
+        "rpy": dict(zip(("roll", "pitch", "yaw"), rpy, strict=True)),
     }
     return json.dumps(content)
 
 
 def _header(stamp: Any, frame: str) -> dict[str, Any]:
-    return {"stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec}, "frame_id": frame}
+    return {"stamp": _fields(stamp), "frame_id": frame}
+
+
+def _fields(message: Any) -> dict[str, float]:
+    return {name: getattr(message, name) for name in message.get_fields_and_field_types()}
 
 
 def main(args: list[str] | None = None) -> int:

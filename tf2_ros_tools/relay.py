@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.node import Node
@@ -412,17 +412,14 @@ class Target(TransformBroadcaster):
     A topic to which rules send.
 
     :param use: DYNAMIC, STATIC or POSE.
-    :param publisher: None in a dry run.
-    :param dry: gets the transforms in a dry run.
     """
 
-    def __init__(self, topic: str, use: str, publisher: Publisher | None, dry: BufferCore) -> None:
+    def __init__(self, topic: str, use: str, publisher: Publisher) -> None:
         self.topic = topic
         self.use = use
         self.count: Counter[str] = Counter()
         self.pub_tf = publisher
         self._latched: list[TransformStamped] = []
-        self._dry = dry
 
     def send(self, transforms: list[TransformStamped]) -> None:
         """Send these, unless they are none, or static ones that were sent before."""
@@ -435,10 +432,7 @@ class Target(TransformBroadcaster):
         if self.use == STATIC:
             self._latched = transforms
         self.count.update(messages=1, transforms=len(transforms))
-        if self.pub_tf is None:
-            self._dry.set_transforms(transforms, "tf2_relay", self.use == STATIC)
-        else:
-            self.sendTransform(transforms)
+        self.sendTransform(transforms)
 
     def _send_pose(self, transform: TransformStamped) -> None:
         self.count.update(messages=1)
@@ -446,8 +440,7 @@ class Target(TransformBroadcaster):
         message.pose.orientation = transform.transform.rotation
         moved, place = transform.transform.translation, message.pose.position
         place.x, place.y, place.z = moved.x, moved.y, moved.z
-        if self.pub_tf is not None:
-            self.pub_tf.publish(message)
+        self.pub_tf.publish(message)
 
 
 class Relaying:
@@ -455,36 +448,33 @@ class Relaying:
     Applies rules in a node.
 
     :param path: the file with the rules.
-    :param is_dry: publish nothing.
     :param stack: closes what receives transforms.
     :raises UsageError: the rules are wrong.
     """
 
-    def __init__(self, node: Node, path: Path, is_dry: bool, stack: ExitStack) -> None:
+    def __init__(self, node: Node, path: Path, stack: ExitStack) -> None:
         self._node = node
-        self._is_dry = is_dry
         self._stack = stack
         self._sources: dict[tuple[str, ...], Source] = {}
         self._targets: dict[tuple[str, str], Target] = {}  # by topic and use
-        self._dry: dict[str, BufferCore] = defaultdict(BufferCore)  # by topics
         self._relays: list[Relay] = []
         owners: dict[tuple[str, str], tuple[Relay, str]] = {}
         for rule in read_rules(path, node.resolve_topic_name):
             relay = Relay(rule, self._source(rule.source).buffer, owners)
             try:
                 uses = [POSE] if rule.is_pose else TOPICS
-                relay.targets = [self._target(rule, *one) for one in zip(rule.to, uses, strict=True)]
+                relay.targets = [self._target(*one) for one in zip(rule.to, uses, strict=True)]
             except RuntimeError as refusal:  # of rcl: above all, a topic has messages of another type
                 raise UsageError(f"{path}: {rule.label}: {refusal}") from None
             self._relays.append(relay)
         self._warned: set[str] = set()
         self._patience_s = time.monotonic() + PATIENCE_S
 
-    def run(self, seconds: float) -> None:
-        """Relay for this time, or until a signal."""
-        end_s = time.monotonic() + seconds
+    def run(self) -> NoReturn:
+        """Relay until a signal."""
         maintain_s = 0.0
-        while (now_s := time.monotonic()) < end_s:
+        while True:
+            now_s = time.monotonic()
             if now_s >= maintain_s:
                 self._maintain(now_s)
                 maintain_s = now_s + MAINTAIN_S
@@ -498,29 +488,19 @@ class Relaying:
                     relay.due_s = max(relay.due_s + relay.period_s, now_s)
                     clock_ns = self._node.get_clock().now().nanoseconds
                     relay.targets[0].send(relay.dynamic_transforms(now_s, clock_ns))
-            wake_s = min(now_s + LOOK_S, maintain_s, end_s, *(relay.due_s for relay in self._relays))
+            wake_s = min(now_s + LOOK_S, maintain_s, *(relay.due_s for relay in self._relays))
             time.sleep(max(wake_s - time.monotonic(), 0.0))
 
     def report(self) -> Iterator[str]:
-        """Describe in lines what was received and sent, or would be, and the trees if nothing was sent."""
+        """Describe in lines what was received and sent."""
         sources, targets = self._sources.values(), self._targets.values()
         for source in sources:
             source.look()
-        if self._is_dry:
-            trees = [(f"in, {source.name}", source.buffer) for source in sources]
-            trees += [(f"out, {topics}", buffer) for topics, buffer in self._dry.items()]
-            for name, buffer in trees:
-                yield f"{name}:"
-                yield from (f"  {line}" for line in buffer.tree().splitlines())
         counts = [(f"in, {source.name}", source.count) for source in sources]
         counts += [(f"out, {target.topic}", target.count) for target in targets]
         for name, count in counts:
             of_trees = f", {counted(count['transforms'], 'transform')}" if count["transforms"] else ""
             yield f"{name}: {counted(count['messages'], 'message')}{of_trees}"
-
-    def problems(self) -> list[str]:
-        """Get a text for each frame that a rule names, but that cannot be sent."""
-        return [text for relay in self._relays for text in relay.problems()]
 
     def _source(self, topics: tuple[str, ...]) -> Source:
         if topics not in self._sources:
@@ -529,14 +509,13 @@ class Relaying:
             self._sources[topics] = Source(topics, buffer, recording)
         return self._sources[topics]
 
-    def _target(self, rule: Rule, topic: str, use: str) -> Target:
+    def _target(self, topic: str, use: str) -> Target:
         if (topic, use) not in self._targets:
             durability = DurabilityPolicy.TRANSIENT_LOCAL if use == STATIC else DurabilityPolicy.VOLATILE
             qos = QoSProfile(depth=1 if use == STATIC else 100, durability=durability)
             kind = PoseStamped if use == POSE else TFMessage
-            publisher = None if self._is_dry else self._node.create_publisher(kind, topic, qos)
-            dry = BufferCore() if use == POSE else self._dry[" and ".join(rule.to)]
-            self._targets[topic, use] = Target(topic, use, publisher, dry)
+            publisher = self._node.create_publisher(kind, topic, qos)
+            self._targets[topic, use] = Target(topic, use, publisher)
         return self._targets[topic, use]
 
     def _maintain(self, now_s: float) -> None:
@@ -547,7 +526,8 @@ class Relaying:
                 statics[relay.targets[1]] += relay.static_transforms()
         for target, transforms in statics.items():
             target.send(transforms)
-        if not self._is_dry and now_s >= self._patience_s:
-            for problem in {*self.problems()} - self._warned:
+        if now_s >= self._patience_s:
+            problems = {problem for relay in self._relays for problem in relay.problems()}
+            for problem in problems - self._warned:
                 self._warned.add(problem)
                 self._node.get_logger().warning(printable(problem))

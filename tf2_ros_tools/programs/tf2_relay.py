@@ -5,11 +5,10 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from contextlib import ExitStack, suppress
-from math import inf
 from pathlib import Path
 
 from tf2_ros_tools.output import printable
-from tf2_ros_tools.program import SUCCESS, Parser, positive_number, run
+from tf2_ros_tools.program import SUCCESS, Parser, run
 
 __all__ = ["main"]
 
@@ -22,7 +21,6 @@ docs/programs/tf2_relay.md explains the rules."""
 
 EXAMPLE = """\
   tf2_relay relay.yaml
-  tf2_relay relay.yaml --dry-run
 
 where relay.yaml contains, for example:
   - {to: [/remote/tf, /remote/tf_static], frames: [map, base_link], collapse: true, rate: 5}"""
@@ -32,14 +30,6 @@ def parser() -> Parser:
     """Its command line."""
     made = Parser("tf2_relay", DESCRIPTION, EXAMPLE)
     made.add_argument("rules", metavar="FILE", type=Path, help="the YAML file with the rules")
-    made.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="send nothing; listen for a while, and print the trees that would be sent",
-    )
-    made.add_argument(
-        "-t", type=positive_number, metavar="S", default=5.0, help="duration of --dry-run; 5 s by default"
-    )
     return made
 
 
@@ -51,13 +41,10 @@ def relay(options: Namespace) -> int:
     from tf2_ros_tools.relay import Relaying
 
     with spun_node("tf2_relay", options) as node, ExitStack() as stack:
-        relaying = Relaying(node, options.rules, options.dry_run, stack)
-        if not options.dry_run:
-            node.get_logger().info(f"Relaying by the rules of {options.rules}")
+        relaying = Relaying(node, options.rules, stack)
+        node.get_logger().info(f"Relaying by the rules of {options.rules}")
         with suppress(KeyboardInterrupt):
-            relaying.run(options.t if options.dry_run else inf)
-        for problem in relaying.problems() if options.dry_run else ():
-            print(printable(problem), file=sys.stderr)
+            relaying.run()
         for line in relaying.report():
             print(printable(line))
     return SUCCESS

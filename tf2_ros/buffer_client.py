@@ -25,11 +25,11 @@ from rclpy.task import Future
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 from tf2_py import TimeoutException, TransformException
-from tf2_py._internal import class_name, counted, duration_ns, errors, frame_name, printable
+from tf2_py._internal import class_name, duration_ns, errors, frame_name, printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._arguments import require_node
-from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
+from tf2_ros._forking import refuse_inherited
 from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, hidden_node
 from tf2_ros._qos import lookup_qos
@@ -118,12 +118,6 @@ class GoalSender:
         """Cancel a goal, unless it has a result; from any thread."""
         if not pending.done():
             self._queue.put(partial(self._forget, pending))
-
-    def state(self) -> str:
-        """How many goals have no outcome yet, or why none can be sent."""
-        if is_inherited(self.process):
-            return FORKED
-        return "ended" if self._ended else counted(len(self._pending), "pending lookup")
 
     # All that follows happens in the thread.
 
@@ -274,8 +268,7 @@ class BufferClient(BufferInterface):
         weakref.finalize(self, self._tf2_goal_sender.spinner.stop, wait=False).atexit = False
 
     def __repr__(self) -> str:
-        sender = self._tf2_goal_sender
-        return f"<{class_name(type(self))}: action {printable(sender.name)}, {sender.state()}>"
+        return f"<{class_name(type(self))}: action {printable(self._tf2_goal_sender.name)}>"
 
     def destroy(self) -> None:
         """End the client; pending lookups raise a TimeoutException. May be called again."""

@@ -183,7 +183,6 @@ class TestWithoutServer:
         async def main():
             awaiting = asyncio.ensure_future(client.lookup_transform_async("map", "robot", LATEST))
             await asyncio.sleep(0)
-            assert repr(client).endswith("/nobody, 1 pending lookup>")
             timer.start()
             with pytest.raises(tf2_py.TimeoutException, match=text):
                 await asyncio.wait_for(awaiting, DEADLINE_S)
@@ -196,7 +195,6 @@ class TestWithoutServer:
         timer.join()
         until(lambda: not thread.is_alive())
         client.destroy()
-        assert repr(client).endswith("/nobody, ended>")
 
     def test_a_shutdown_that_wakes_nobody_ends_its_thread(self, tf2_ros, node):
         client = tf2_ros.BufferClient(node, "lookup")
@@ -249,7 +247,7 @@ class TestThreads:
         names = [("lookup", "/robot/lookup"), ("~/lookup", "/robot/asking/lookup"), ("old", "/new")]
         for given, expected in names:
             client = tf2_ros.BufferClient(node, given)
-            assert repr(client) == f"<tf2_ros.BufferClient: action {expected}, 0 pending lookups>"
+            assert repr(client) == f"<tf2_ros.BufferClient: action {expected}>"
             hidden = client.action_client._node.get_name()
             assert hidden.startswith("_")
             until(lambda hidden=hidden: hidden in node.get_node_names())

@@ -14,7 +14,7 @@ from tf2_ros_tools.listening import filled_buffer
 import math
 import re
 import time
-from collections import Counter, defaultdict, deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, FrameInfo, TransformException
 from tf2_ros import TransformBroadcaster
 from tf2_ros.records import Recording
-from tf2_ros_tools.output import counted, not_known, printable
+from tf2_ros_tools.output import not_known, printable
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import path_to_root
 from tf2_ros_tools.yaml_files import (
@@ -388,23 +388,12 @@ ALL_S = 0.01  # between two messages of a rule that sends every transform
 PATIENCE_S = 5.0  # until a warning about a frame that nobody has published
 
 
-class Source:
-    """The two topics that rules read, and the buffer that they fill."""
-
-    def __init__(self, topics: tuple[str, ...], buffer: BufferCore, recording: Recording) -> None:
-        self.name = " and ".join(topics)
-        self.buffer = buffer
-        self.count: Counter[str] = Counter()
-        self._recording = recording
-
-    def look(self) -> list[tuple[str, int]]:
-        """Count what has arrived since the last call; get the children and stamps of dynamic transforms."""
-        _ = "" in self.buffer  # as any read, it inserts and records what has arrived
-        records, names = self._recording.take(), self._recording.frames()
-        self.count.update(transforms=len(records))
-        self.count["messages"] = self._recording.messages
-        moving = records[(records["static"] == 0) & (records["refusals"] == 0)]
-        return [(names[child], stamp_ns) for child, stamp_ns in moving[["child", "stamp_ns"]].tolist()]
+def arrived_in(buffer: BufferCore, recording: Recording) -> list[tuple[str, int]]:
+    """Get the children and stamps of the dynamic transforms that have arrived since the last call."""
+    _ = "" in buffer  # as any read, it inserts and records what has arrived
+    records, names = recording.take(), recording.frames()
+    moving = records[(records["static"] == 0) & (records["refusals"] == 0)]
+    return [(names[child], stamp_ns) for child, stamp_ns in moving[["child", "stamp_ns"]].tolist()]
 
 
 class Target(TransformBroadcaster):
@@ -414,10 +403,8 @@ class Target(TransformBroadcaster):
     :param use: DYNAMIC, STATIC or POSE.
     """
 
-    def __init__(self, topic: str, use: str, publisher: Publisher) -> None:
-        self.topic = topic
+    def __init__(self, use: str, publisher: Publisher) -> None:
         self.use = use
-        self.count: Counter[str] = Counter()
         self.pub_tf = publisher
         self._latched: list[TransformStamped] = []
 
@@ -425,22 +412,20 @@ class Target(TransformBroadcaster):
         """Send these, unless they are none, or static ones that were sent before."""
         if self.use == POSE:
             for one in transforms:
-                self._send_pose(one)
-            return
-        if transforms == self._latched:
-            return
-        if self.use == STATIC:
-            self._latched = transforms
-        self.count.update(messages=1, transforms=len(transforms))
-        self.sendTransform(transforms)
+                self.pub_tf.publish(pose_of(one))
+        elif transforms != self._latched:
+            if self.use == STATIC:
+                self._latched = transforms
+            self.sendTransform(transforms)
 
-    def _send_pose(self, transform: TransformStamped) -> None:
-        self.count.update(messages=1)
-        message: Any = PoseStamped(header=transform.header)
-        message.pose.orientation = transform.transform.rotation
-        moved, place = transform.transform.translation, message.pose.position
-        place.x, place.y, place.z = moved.x, moved.y, moved.z
-        self.pub_tf.publish(message)
+
+def pose_of(transform: TransformStamped) -> PoseStamped:
+    """Make the message of a rule for a pose."""
+    message = PoseStamped(header=transform.header)
+    message.pose.orientation = transform.transform.rotation
+    moved, place = transform.transform.translation, message.pose.position
+    place.x, place.y, place.z = moved.x, moved.y, moved.z
+    return message
 
 
 class Relaying:
@@ -455,12 +440,12 @@ class Relaying:
     def __init__(self, node: Node, path: Path, stack: ExitStack) -> None:
         self._node = node
         self._stack = stack
-        self._sources: dict[tuple[str, ...], Source] = {}
+        self._sources: dict[tuple[str, ...], tuple[BufferCore, Recording]] = {}
         self._targets: dict[tuple[str, str], Target] = {}  # by topic and use
         self._relays: list[Relay] = []
         owners: dict[tuple[str, str], tuple[Relay, str]] = {}
         for rule in read_rules(path, node.resolve_topic_name):
-            relay = Relay(rule, self._source(rule.source).buffer, owners)
+            relay = Relay(rule, self._buffer(rule.source), owners)
             try:
                 uses = [POSE] if rule.is_pose else TOPICS
                 relay.targets = [self._target(*one) for one in zip(rule.to, uses, strict=True)]
@@ -478,10 +463,10 @@ class Relaying:
             if now_s >= maintain_s:
                 self._maintain(now_s)
                 maintain_s = now_s + MAINTAIN_S
-            for source in self._sources.values():
-                arrived = source.look()
+            for buffer, recording in self._sources.values():
+                arrived = arrived_in(buffer, recording)
                 for relay in self._relays:
-                    if relay.buffer is source.buffer:
+                    if relay.buffer is buffer:
                         relay.note(arrived)
             for relay in self._relays:
                 if now_s >= relay.due_s:
@@ -491,23 +476,12 @@ class Relaying:
             wake_s = min(now_s + LOOK_S, maintain_s, *(relay.due_s for relay in self._relays))
             time.sleep(max(wake_s - time.monotonic(), 0.0))
 
-    def report(self) -> Iterator[str]:
-        """Describe in lines what was received and sent."""
-        sources, targets = self._sources.values(), self._targets.values()
-        for source in sources:
-            source.look()
-        counts = [(f"in, {source.name}", source.count) for source in sources]
-        counts += [(f"out, {target.topic}", target.count) for target in targets]
-        for name, count in counts:
-            of_trees = f", {counted(count['transforms'], 'transform')}" if count["transforms"] else ""
-            yield f"{name}: {counted(count['messages'], 'message')}{of_trees}"
-
-    def _source(self, topics: tuple[str, ...]) -> Source:
+    def _buffer(self, topics: tuple[str, ...]) -> BufferCore:
         if topics not in self._sources:
             recording = Recording()
             buffer = self._stack.enter_context(filled_buffer(self._node, recording, topics=topics))
-            self._sources[topics] = Source(topics, buffer, recording)
-        return self._sources[topics]
+            self._sources[topics] = buffer, recording
+        return self._sources[topics][0]
 
     def _target(self, topic: str, use: str) -> Target:
         if (topic, use) not in self._targets:
@@ -515,7 +489,7 @@ class Relaying:
             qos = QoSProfile(depth=1 if use == STATIC else 100, durability=durability)
             kind = PoseStamped if use == POSE else TFMessage
             publisher = self._node.create_publisher(kind, topic, qos)
-            self._targets[topic, use] = Target(topic, use, publisher)
+            self._targets[topic, use] = Target(use, publisher)
         return self._targets[topic, use]
 
     def _maintain(self, now_s: float) -> None:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
+from typing import NoReturn
 
-from tf2_ros_tools.output import printable
 from tf2_ros_tools.program import SUCCESS, Parser, run
 
 __all__ = ["main"]
 
 DESCRIPTION = """\
 Send transforms on to other topics, until interrupted, by the rules in a YAML file: chosen frames, at a \
-lower rate, only what has moved, chains of frames as one transform, under other names, or as poses. In the \
-end, print how much was received and sent.
+lower rate, only what has moved, chains of frames as one transform, under other names, or as poses.
 
 docs/programs/tf2_relay.md explains the rules."""
 
@@ -33,8 +32,8 @@ def parser() -> Parser:
     return made
 
 
-def relay(options: Namespace) -> int:
-    """Relay until interrupted; return the exit status."""
+def relay(options: Namespace) -> NoReturn:
+    """Relay until interrupted."""
     from tf2_ros_tools.listening import spun_node
 
     # isort: split
@@ -43,11 +42,7 @@ def relay(options: Namespace) -> int:
     with spun_node("tf2_relay", options) as node, ExitStack() as stack:
         relaying = Relaying(node, options.rules, stack)
         node.get_logger().info(f"Relaying by the rules of {options.rules}")
-        with suppress(KeyboardInterrupt):
-            relaying.run()
-        for line in relaying.report():
-            print(printable(line))
-    return SUCCESS
+        relaying.run()
 
 
 def main(args: list[str] | None = None) -> int:

@@ -126,17 +126,6 @@ class TestPictures:
         with pytest.raises(RunError, match=r"install Graphviz.*a file that ends in \.gv does not need it"):
             run("tree", drive_mcap, "-o", tmp_path / "t.svg")
 
-    def test_all_frames_have_a_row(self, run, drive_mcap, tmp_path):
-        run("plot", drive_mcap, "-o", tmp_path / "p.svg")
-        texts = texts_of(tmp_path / "p.svg")
-        assert [text for text in texts if text in ("odom", "base", "camera", "lidar")] == [
-            "odom",
-            "lidar",
-            "camera",
-            "base",
-        ]
-        assert {"time in s", "100", "110"} <= set(texts)
-
     def test_a_picture_of_one_message_and_of_a_part_is_drawn(self, run, drive_mcap, tmp_path):
         mount = Sent(100 * S, "/tf_static", [Tf("base", "camera", 100 * S)])
         path = write_mcap(tmp_path / "mount.mcap", [mount])

@@ -365,14 +365,13 @@ def test_a_bar_counts_the_messages(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.parametrize(("module", "library"), [("tqdm.auto", "tqdm"), ("rosbags", "rosbags")])
-def test_a_missing_library_is_named_with_its_extra(module, library, tmp_path, monkeypatch):
+@pytest.mark.parametrize("module", ["tqdm.auto", "rosbags"])
+def test_a_missing_library_is_named_with_its_extra(module, tmp_path, monkeypatch):
     path = write_mcap(tmp_path / "run.mcap", DRIVE)
     monkeypatch.setitem(sys.modules, module, None)
-    advice = rf"{library} is not installed: pip install 'tf2-ros-cython\[bag\]'"
-    with pytest.raises(ModuleNotFoundError, match=advice) as raised:
+    advice = rf"{module.partition('.')[0]} is not installed: pip install 'tf2-ros-cython\[bag\]'"
+    with pytest.raises(ModuleNotFoundError, match=advice):
         bag.load(path)
-    assert raised.value.name == library
 
 
 def test_a_recording_is_closed_after_an_error_and_an_abandoned_iteration(tmp_path):

@@ -2,7 +2,6 @@
 
 import re
 import signal
-import sys
 from urllib.request import urlopen
 
 import numpy as np
@@ -142,12 +141,6 @@ def test_an_unknown_origin_is_refused(tmp_path):
     with pytest.raises(LookupException, match="nobody"):
         tf2_ros_tools.rerun.save(driving(), tmp_path / "buffer.rrd", origin="nobody")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_without_rerun_the_error_names_the_extra(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'tf2-ros-cython\[rerun\]'"):
-        tf2_ros_tools.rerun.save(driving(), tmp_path / "buffer.rrd")
 
 
 class Robot:

@@ -54,14 +54,8 @@ def buffer_name(name: str, node: Any = None) -> str:
         )
     if name != AUTO:
         return name
-    return f"domain-{_environment_domain() if node is None else node.context.get_domain_id()}"
-
-
-def _environment_domain() -> int:
-    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not text.isdecimal():
-        raise ValueError(f"ROS_DOMAIN_ID is not a number: {text!r}")
-    return int(text)
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0" if node is None else node.context.get_domain_id()
+    return f"domain-{int(domain)}"
 
 
 def is_wanted() -> bool:

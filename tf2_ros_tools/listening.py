@@ -12,7 +12,7 @@ from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 import rclpy
@@ -42,12 +42,11 @@ CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the program is to end
 
 
 @contextmanager
-def spun_node(name: str, options: Namespace, **node_options: Any) -> Iterator[Node]:
+def spun_node(name: str, options: Namespace) -> Iterator[Node]:
     """
     A node for a ``with`` statement. A thread spins it, so that it knows the simulated time.
 
     :param options: of the command line.
-    :param node_options: passed to ``rclpy.create_node``.
     :raises UsageError: the command line contains a name or a parameter that ROS refuses.
 
     The main thread must not wait inside rclpy, because no signal would reach it there.
@@ -55,7 +54,7 @@ def spun_node(name: str, options: Namespace, **node_options: Any) -> Iterator[No
     # Without the handlers of rclpy, which would shut the context down while the program uses it.
     rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = rclpy.create_node(name, **node_options)
+        node = rclpy.create_node(name)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         thread = threading.Thread(target=_spin, args=(executor,), daemon=True)

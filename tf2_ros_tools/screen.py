@@ -39,7 +39,7 @@ COLUMNS = (
     _Column("frame", lambda stream, _: stream.frame),
     _Column("Hz", lambda stream, _: "static" if stream.static else rate_text(stream), is_number=True),
     _Column("delay ms", _of_delay(lambda stream: stream.delay), is_number=True),
-    _Column("wrong", lambda _, kinds: _shortened(kinds)),
+    _Column("wrong", lambda _, kinds: ", ".join(dict.fromkeys(kinds))),
     _Column("parent", lambda stream, _: stream.parent),
     _Column("publisher", lambda stream, _: stream.publisher),
     _Column("max ms", _of_delay(lambda stream: stream.delay_max), is_number=True),
@@ -218,11 +218,6 @@ class _Screen(App[None]):
 def _cell(text: str, column: _Column, style: str = "") -> Text:
     # Not a str, because a name may look like markup.
     return Text(text, style=style, justify="right" if column.is_number else "left", overflow="fold")
-
-
-def _shortened(kinds: Sequence[str]) -> str:
-    unique = list(dict.fromkeys(kinds))
-    return f"{unique[0]} +{len(unique) - 1}" if len(unique) > 1 else "".join(unique)
 
 
 def _name_of(stream: Stream) -> tuple[str, str, int, bool]:

@@ -9,7 +9,7 @@ from graphlib import CycleError, TopologicalSorter
 from math import cos, hypot, inf, isfinite, sin
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 # Only the names, parents and numbers of joints are needed; for these, yourdfpy would add lxml and trimesh to
 # the dependencies, and urdf-parser-py lxml.
@@ -21,9 +21,6 @@ from numpy.typing import ArrayLike, NDArray
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.output import first_names, printable
 from tf2_ros_tools.serialised import EMPTY, tf_messages
-
-if TYPE_CHECKING:
-    from geometry_msgs.msg import TransformStamped
 
 __all__ = ["Joint", "Robot", "UrdfError", "load"]
 
@@ -86,12 +83,6 @@ class Robot:
         moving = sum(one.type != "fixed" for one in self.joints)
         joints = f"{moving} movable and {len(self.joints) - moving} fixed joints"
         return f"<tf2_ros_tools.urdf.Robot {self.name!r}: {joints}, root {self.root!r}>"
-
-    def static_transforms(self) -> "list[TransformStamped]":
-        """Get the transforms of the fixed joints, with the stamp 0."""
-        from tf2_ros.records import MessageSource, read_transforms
-
-        return read_transforms(fixed(self, ()), MessageSource("urdf"))
 
     def transforms(self, names: Sequence[str], positions: ArrayLike) -> tuple[list[Joint], Floats, Floats]:
         """

@@ -1,6 +1,5 @@
 """What is computed of received transforms: figures, chains, findings. Without a node."""
 
-import math
 import random
 import statistics
 from argparse import Namespace
@@ -372,29 +371,18 @@ def test_simulated_time_without_a_clock():
 
 
 def random_traffic(generator):
-    """
-    A few seconds of several publishers, in the order of arrival; each starts, and may end, at some time.
-
-    Some send only once, some several times in one moment; the clock may jump back.
-    """
-    mine, frames = [], FRAMES[1:]
+    """A few seconds of several publishers, in the order of arrival; the clock may jump back."""
+    mine = []
     for publisher in PUBLISHERS:
-        start = generator.choice([0, 0.2, generator.uniform(0, 2)])
-        for child in generator.sample(frames, 3):
-            how = {
-                "parent": generator.choice(FRAMES[:2]),
-                "publisher": publisher,
-                "static": generator.random() < 0.2,
-            }
-            refusals = generator.choice([[0], [0], [0, 8], [1]])
-            first, last = (start + generator.choice([0, generator.uniform(0, 0.6)]) for _ in range(2))
-            rate, last = generator.choice([(1, first), (5, 4), (20, 4), (20, 2), (20, last)])
-            times = [first + i / rate for i in range(1 + max(0, round((last - first) * rate)))]
-            if generator.random() < 0.3:
-                times = [math.floor(time * 10) / 10 for time in times]  # as with simulated time
-            for time in times:
-                how.update(delay=generator.uniform(0, 0.3), refusals=generator.choice(refusals))
-                mine.append(heard(time, child, **how))
+        start = generator.choice([0, generator.uniform(0, 2)])
+        for child in generator.sample(FRAMES[1:], 3):
+            how = {"parent": generator.choice(FRAMES[:2]), "publisher": publisher}
+            how["static"] = generator.random() < 0.2
+            end, rate = start + generator.choice([0.01, 0.5, 4]), generator.choice([1, 5, 20])
+            digits = generator.choice([1, 6])  # with one, as of simulated time
+            for time in np.arange(start, end, 1 / rate):
+                how.update(delay=generator.uniform(0, 0.3), refusals=generator.choice([0, 0, 8]))
+                mine.append(heard(round(time, digits), child, **how))
     mine = records(mine)
     if generator.random() < 0.3:
         mine["received_ns"][generator.randrange(len(mine)) :] -= round(generator.uniform(0.1, 3) * S)

@@ -50,10 +50,6 @@ class TestRobot:
                 expected(*state),
             )
 
-    def test_fixed_joints_are_static_transforms(self):
-        found = urdf.load(ARM).static_transforms()
-        same({one.child_frame_id: (one.header.frame_id, to_matrix(one)) for one in found}, FIXED)
-
     def test_joints_say_what_the_urdf_says(self):
         robot = urdf.load(ARM)
         by_name = {one.name: one for one in robot.joints}

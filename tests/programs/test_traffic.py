@@ -226,131 +226,124 @@ def expecting(frame="base", **what):
     return {"expected": {frame: Expectation(**what)}}
 
 
+def case(*lists, says=(), **how):
+    return lists, how, [says] if isinstance(says, str) else says
+
+
 # What is received, how it is judged, and what is reported: whole lines, or their beginnings.
 FINDINGS = {
-    "a healthy robot": (ROBOT, {}, []),
-    "two trees": (
-        (*ROBOT[:2], static(1, "lidar", "world")),
-        {},
-        ["roots: 2 unconnected trees: map (3 frames), world (2 frames)"],
+    "a healthy robot": case(*ROBOT),
+    "two trees": case(
+        *ROBOT[:2],
+        static(1, "lidar", "world"),
+        says="roots: 2 unconnected trees: map (3 frames), world (2 frames)",
     ),
-    "a loop": (
-        (steady("odom", "base"), steady("base", "odom"), steady("camera", "base")),
-        {},
-        ["loop: the frames base -> odom -> base form a loop"],
+    "a loop": case(
+        steady("odom", "base"),
+        steady("base", "odom"),
+        steady("camera", "base"),
+        says="loop: the frames base -> odom -> base form a loop",
     ),
-    "two parents in turn": (
-        (*ROBOT[:1], steady("base", "odom"), steady("base", "map", start=0.01)),
-        {},
-        ["parents: base has 2 parents in turn: map, odom"],
+    "two parents in turn": case(
+        *ROBOT[:1],
+        steady("base", "odom"),
+        steady("base", "map", start=0.01),
+        says="parents: base has 2 parents in turn: map, odom",
     ),
-    "another parent from now on": (
-        (*ROBOT[:1], steady("base", "odom", end=2), steady("base", "map", start=2)),
-        {},
-        [],
+    "another parent from now on": case(
+        *ROBOT[:1], steady("base", "odom", end=2), steady("base", "map", start=2)
     ),
-    "two publishers": (
-        (*ROBOT, steady("base", "odom", publisher="/other", start=0.005)),
-        {},
-        ["publishers: base is published by 2 publishers: /odometry, /other"],
+    "two publishers": case(
+        *ROBOT,
+        steady("base", "odom", publisher="/other", start=0.005),
+        says="publishers: base is published by 2 publishers: /odometry, /other",
     ),
-    "a restart": ((steady("base", end=2), steady("base", start=2.5, publisher="/other")), {}, []),
-    "two static publishers": (
-        (*ROBOT, static(1, "camera", "base", publisher="/other")),
-        {},
-        ["publishers: camera is published by 2 publishers: /odometry, /other"],
+    "a restart": case(steady("base", end=2), steady("base", start=2.5, publisher="/other")),
+    "two static publishers": case(
+        *ROBOT,
+        static(1, "camera", "base", publisher="/other"),
+        says="publishers: camera is published by 2 publishers: /odometry, /other",
     ),
-    "of which one has ended": (
-        (*ROBOT, static(1, "camera", "base", publisher="/other")),
-        {"alive": {0, 2}},
-        [],
+    "of which one has ended": case(*ROBOT, static(1, "camera", "base", publisher="/other"), alive={0, 2}),
+    "static and dynamic": case(
+        *ROBOT, steady("camera", "base"), says="mixed: camera is static by /odometry and dynamic by /odometry"
     ),
-    "static and dynamic": (
-        (*ROBOT, steady("camera", "base")),
-        {},
-        ["mixed: camera is static by /odometry and dynamic by /odometry"],
+    "refused": case(
+        *ROBOT,
+        static(1, "lidar", "base", refusals=16),
+        says="refused: 1 transform of lidar by /odometry is refused: the rotation is too short",
     ),
-    "refused": (
-        (*ROBOT, static(1, "lidar", "base", refusals=16)),
-        {},
-        ["refused: 1 transform of lidar by /odometry is refused: the rotation is too short"],
-    ),
-    "refused, so not in the tree": (
-        (
-            *ROBOT,
-            steady("odom", "odom", 20, publisher="/localiser", refusals=1),
-            steady("base", "world", refusals=8),
-            static(2, "camera", "lidar", refusals=8),
-        ),
-        {},
-        [
+    "refused, so not in the tree": case(
+        *ROBOT,
+        steady("odom", "odom", 20, publisher="/localiser", refusals=1),
+        steady("base", "world", refusals=8),
+        static(2, "camera", "lidar", refusals=8),
+        says=[
             "refused: 200 transforms of base",
             "refused: 1 transform of camera",
             "refused: 80 transforms of odom",
         ],
     ),
-    "no longer published": ((steady("odom", end=2),), {}, ["stale: odom was last received 2.02 s ago"]),
-    "a stamp that stands still": (
-        ([heard(time, "odom", delay=time) for time in np.arange(200) / 50],),
-        {},
-        ["stale: odom has had no newer stamp for 4 s"],
+    "no longer published": case(steady("odom", end=2), says="stale: odom was last received 2.02 s ago"),
+    "a stamp that stands still": case(
+        [heard(time, "odom", delay=time) for time in np.arange(200) / 50],
+        says="stale: odom has had no newer stamp for 4 s",
     ),
-    "a single transform": (([heard(0, "odom")],), {"now": 1000}, []),
-    "static frames do not get stale": (
-        (static(0, "camera", "map"), static(0.01, "camera", "map")),
-        {"now": 1000},
-        [],
+    "a single transform": case([heard(0, "odom")], now=1000),
+    "static frames do not get stale": case(
+        static(0, "camera", "map"), static(0.01, "camera", "map"), now=1000
     ),
-    "in the future": ((steady("odom", delay=-0.5),), {}, ["future: odom is stamped up to 0.5 s ahead"]),
-    "late": (
-        (steady("odom", delay=5),),
-        {},
-        ["delay: odom is on average 5 s old when it is received, more than 1 s"],
+    "in the future": case(steady("odom", delay=-0.5), says="future: odom is stamped up to 0.5 s ahead"),
+    "late": case(
+        steady("odom", delay=5), says="delay: odom is on average 5 s old when it is received, more than 1 s"
     ),
-    "late for a slow frame": ((steady("odom", rate=0.5, end=20, delay=7),), {"now": 20}, ["delay: odom"]),
-    "one is later than allowed": (
-        (steady("odom"), [heard(3, "odom", delay=0.5)]),
-        {"limits": Limits(max_delay=0.25)},
-        ["delay: odom is up to 0.5 s old when it is received, more than 0.25 s"],
+    "late for a slow frame": case(steady("odom", rate=0.5, end=20, delay=7), now=20, says="delay: odom"),
+    "one is later than allowed": case(
+        steady("odom"),
+        [heard(3, "odom", delay=0.5)],
+        limits=Limits(max_delay=0.25),
+        says="delay: odom is up to 0.5 s old when it is received, more than 0.25 s",
     ),
     **{
-        where: (
-            (*ROBOT[:1], steady("base", "odom", delay=delay), steady("camera", "base", delay=delay)),
-            {},
-            [CLOCKS.format(where)],
+        where: case(
+            *ROBOT[:1],
+            steady("base", "odom", delay=delay),
+            steady("camera", "base", delay=delay),
+            says=CLOCKS.format(where),
         )
         for where, delay in {
             "56.9 years behind": START_NS / S - 100,
             "56.9 years ahead of": 100 - START_NS / S,
         }.items()
     },
-    "two publishers ahead": (
-        (steady("odom", delay=-1), steady("odom", delay=-1, publisher="/other", start=0.01)),
-        {},
-        ["publishers: ", "future: odom by /odometry is stamped", "future: odom by /other is stamped"],
+    "two publishers ahead": case(
+        steady("odom", delay=-1),
+        steady("odom", delay=-1, publisher="/other", start=0.01),
+        says=["publishers: ", "future: odom by /odometry is stamped", "future: odom by /other is stamped"],
     ),
-    "a gap": (
-        (steady("odom", end=1), steady("odom", start=2)),
-        {},
-        ["gap: odom was not received for 1.02 s; its period is 0.02 s"],
+    "a gap": case(
+        steady("odom", end=1),
+        steady("odom", start=2),
+        says="gap: odom was not received for 1.02 s; its period is 0.02 s",
     ),
-    "bursts, as with simulated time": (([heard(0.1 * (i // 5), "odom") for i in range(200)],), {}, []),
-    "too low a rate": (
-        (steady("odom", rate=10),),
-        SLOW,
-        ["rate: odom is published at 10 Hz, less than 20 Hz"],
+    "bursts, as with simulated time": case([heard(0.1 * (i // 5), "odom") for i in range(200)]),
+    "too low a rate": case(
+        steady("odom", rate=10), **SLOW, says="rate: odom is published at 10 Hz, less than 20 Hz"
     ),
-    "the expected rate goes first": (
-        ROBOT,
-        {"limits": Limits(min_rate=40), **expecting("odom", min_rate=10)},
-        [],
+    "the expected rate goes first": case(
+        *ROBOT, limits=Limits(min_rate=40), **expecting("odom", min_rate=10)
     ),
-    "not as expected": (
-        ROBOT,
-        expecting(parent="map", min_rate=60, max_delay=0.005, static=True),
-        ["rate: base", "parent: base has the parent odom, not map", "delay: base", "static: base is dynamic"],
+    "not as expected": case(
+        *ROBOT,
+        **expecting(parent="map", min_rate=60, max_delay=0.005, static=True),
+        says=[
+            "rate: base",
+            "parent: base has the parent odom, not map",
+            "delay: base",
+            "static: base is dynamic",
+        ],
     ),
-    "missing": (ROBOT, expecting("world"), ["missing: world is expected, and nobody publishes it"]),
+    "missing": case(*ROBOT, **expecting("world"), says="missing: world is expected, and nobody publishes it"),
 }
 
 

@@ -5,23 +5,16 @@ from __future__ import annotations
 import json
 import os
 import sys
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.bag_tables import (
-    add_batch,
-    add_lookup,
-    add_recording,
-    batch,
-    heard_of,
-    lookup,
-)
 from tf2_ros_tools.output import counted, printable, readable_size, three_digits
 from tf2_ros_tools.program import (
+    FAILURE,
     SUCCESS,
     Parser,
     RunError,
@@ -29,12 +22,17 @@ from tf2_ros_tools.program import (
     add_output,
     add_plot_options,
     format_of,
+    nanoseconds,
+    positive_number,
     run,
     write_output,
 )
 
 if TYPE_CHECKING:
+    from argparse import _MutuallyExclusiveGroup
+
     from tf2_ros_tools.findings import Report
+    from tf2_ros_tools.loading import Heard, Topics
     from tf2_ros_tools.reading import Topic
     from tf2_ros_tools.streams import Stream
 
@@ -56,10 +54,28 @@ EXAMPLE = """\
   tf2_bag batch recordings/ --lookup map base_link --rate 10 --out tables"""
 
 
-# List the contents and the problems of a recording.
-
-
 S = 1_000_000_000
+
+
+def _topics_of(options: Namespace) -> Topics:
+    """Get the topics to read."""
+    from tf2_ros_tools.loading import TOPICS
+
+    return TOPICS if options.topics is None else dict(options.topics)
+
+
+def _heard_of(options: Namespace, at: str | None = None) -> Heard:
+    """
+    Read the transforms of the recording.
+
+    :param at: a topic whose stamps are read, too.
+    """
+    from tf2_ros_tools.loading import hear, wanted
+
+    return hear(options.file, wanted(_topics_of(options), options.start, options.end), at=at)
+
+
+# List the contents and the problems of a recording.
 
 
 def info(options: Namespace) -> int:
@@ -74,7 +90,7 @@ def info(options: Namespace) -> int:
         # First, because transforms that cannot be read end the command.
         print(f"{printable(options.file)}: {readable_size(size)}")
         print(*_contents(topics, *span_ns), sep="\n")
-    heard = heard_of(options)
+    heard = _heard_of(options)
     said = report(heard)
     if options.json:
         contents = {"file": options.file, "bytes": size, "topics": [*map(asdict, topics)]}
@@ -100,7 +116,7 @@ def check(options: Namespace) -> int:
 
     expected = expected_by(options)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
-    said = report(heard_of(options), limits, expected)
+    said = report(_heard_of(options), limits, expected)
     return conclude(options, said, _what(said), {"file": options.file})
 
 
@@ -128,6 +144,66 @@ def _size_of(path: str) -> int:
     return sum(os.path.getsize(name) for name in names if os.path.isfile(name))
 
 
+# Tables.
+
+
+def lookup(options: Namespace) -> int:
+    """Look up, and write a table; return the exit status."""
+    from tf2_ros_tools import tables
+
+    heard = _heard_of(options, options.at)
+    target, source = options.target, options.source
+    times_ns = options.times if options.at is None else heard.times_ns
+    if times_ns is None:
+        times_ns = tables.times_when(heard, target, source, options.rate)
+    table = tables.look_up_table(heard.buffer, target, source, times_ns)
+    if not table.valid.any():
+        raise RunError(tables.why_unanswered(heard.buffer, target, source, table.stamps_ns))
+    if options.output is None:
+        print(tables.as_csv(table).decode(), end="")
+    else:
+        write_output(options.output, tables.contents_of(table, format_of(options.output), options.file))
+        print(options.output)
+    missing = len(table) - int(table.valid.sum())
+    if missing:
+        left_out = ", which are left out" if options.output and format_of(options.output) == "tum" else ""
+        print(
+            f"{options.parser.prog}: no answer at {missing} of {len(table)} times{left_out}", file=sys.stderr
+        )
+    return SUCCESS
+
+
+def batch(options: Namespace) -> int:
+    """Make the tables of many recordings; return the exit status."""
+    from tf2_ros_tools.fleet import map_recordings
+
+    target, source = options.lookup
+    recordings = options.recordings if len(options.recordings) > 1 else options.recordings[0]
+    try:
+        result = map_recordings(
+            recordings,
+            target,
+            source,
+            options.out,
+            at=options.at,
+            rate=options.rate,
+            topics=_topics_of(options),
+            workers=options.workers,
+            scheduler=options.scheduler,
+        )
+    except KeyboardInterrupt:
+        print(f"{options.parser.prog}: interrupted; the same command does the rest", file=sys.stderr)
+        raise
+    for problem in result.failed.values():
+        print(f"{options.parser.prog}: {problem}", file=sys.stderr)
+    for recording, reason in result.unanswered.items():
+        print(f"{options.parser.prog}: {printable(recording)}: {reason}", file=sys.stderr)
+    lack = f", {len(result.unanswered)} without an answer" if result.unanswered else ""
+    print(f"{len(result.done)} done, {len(result.skipped)} done before, {len(result.failed)} failed{lack}")
+    print(result.findings)
+    return FAILURE if result.failed or result.unanswered else SUCCESS
+
+
 # Pictures.
 
 
@@ -141,7 +217,7 @@ def tree(options: Namespace) -> int:
 
     if options.output is not None:
         needs_graphviz("the tree as text")
-    heard = heard_of(options)
+    heard = _heard_of(options)
     if options.output is None:
         print(heard.buffer.tree())
         return SUCCESS
@@ -163,7 +239,7 @@ def plot(options: Namespace) -> int:
     from tf2_ros_tools.trajectory import path_picture
 
     refuse_plot(options)
-    heard = heard_of(options)
+    heard = _heard_of(options)
     said = report(heard)
     if said.begin is None or said.end is None:
         raise RunError(f"{options.file} has no transforms")
@@ -185,7 +261,7 @@ def view(options: Namespace) -> int:
     """Open the recording in rerun, or write a recording of rerun; return the exit status."""
     from tf2_ros_tools import rerun
 
-    heard = heard_of(options)
+    heard = _heard_of(options)
     if options.output is not None:
         rerun.save(heard.buffer, options.output)
         print(options.output)
@@ -216,7 +292,7 @@ def parser() -> Parser:
         "print the topics of a recording, the tree, the rate and delay of each frame, and the problems",
         "drive.mcap",
     )
-    add_recording(command)
+    _add_recording(command)
     _add_json(command)
     command = add(
         "check",
@@ -225,7 +301,7 @@ def parser() -> Parser:
         "drive.mcap --expect robot.yaml",
         "drive.mcap --min-rate 10 --ignore stale",
     )
-    add_recording(command)
+    _add_recording(command)
     _add_json(command)
     add_check_options(command)
     command = add(
@@ -237,8 +313,8 @@ def parser() -> Parser:
         "drive.mcap map lidar --at /points -o lidar.tum",
         "drive.mcap map base_link --times 1795210034.5 1795210035",
     )
-    add_recording(command)
-    add_lookup(command)
+    _add_recording(command)
+    _add_lookup(command)
     command = add(
         "tree",
         tree,
@@ -246,7 +322,7 @@ def parser() -> Parser:
         "drive.mcap",
         "drive.mcap -o tree.svg",
     )
-    add_recording(command)
+    _add_recording(command)
     add_output(command, "pdf", "svg", "png", "gv")
     command = add(
         "plot",
@@ -255,7 +331,7 @@ def parser() -> Parser:
         "drive.mcap odom base_link -o odometry.svg",
         "drive.mcap --path map base_link -o path.svg",
     )
-    add_recording(command)
+    _add_recording(command)
     add_plot_options(command, "the recording's name with .png, in this folder")
     command = add(
         "batch",
@@ -265,7 +341,7 @@ def parser() -> Parser:
         "recordings/ --lookup map base_link --rate 10 --out tables",
         "day1/*.mcap --lookup map lidar --at /points --out tables --workers 4",
     )
-    add_batch(command)
+    _add_batch(command)
     command = add(
         "view",
         view,
@@ -273,9 +349,81 @@ def parser() -> Parser:
         "drive.mcap",
         "drive.mcap -o drive.rrd",
     )
-    add_recording(command)
+    _add_recording(command)
     add_output(command, "rrd", more=", instead of opening the viewer")
     return made
+
+
+def _add_recording(made: Parser) -> None:
+    """Add the arguments for the recording, and for which of its transforms are read."""
+    made.add_argument("file", metavar="FILE", help="the recording")
+    _add_topics(made)
+    for name, summary in (
+        ("--start", "omit dynamic transforms that were recorded before this time"),
+        ("--end", "or after this time; both are log times, in seconds"),
+    ):
+        made.add_argument(name, type=nanoseconds, metavar="S", help=summary)
+
+
+def _add_topics(made: Parser) -> None:
+    """Add the option for the topics to read."""
+    made.add_argument(
+        "--topic",
+        action="append",
+        type=_topic,
+        metavar="NAME[=PREFIX]",
+        dest="topics",
+        help="read the transforms of this topic, and put PREFIX in front of its frame names; may be given "
+        "several times; by default, /tf and /tf_static are read",
+    )
+
+
+def _topic(text: str) -> tuple[str, str]:
+    name, _, prefix = text.partition("=")
+    if not name:
+        raise ArgumentTypeError(f"must begin with the name of a topic, not {text!r}")
+    return name, prefix
+
+
+def _add_lookup(made: Parser) -> None:
+    """Add the arguments of lookup, besides the recording."""
+    made.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
+    made.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
+    when = made.add_mutually_exclusive_group()
+    when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help="at these times, in seconds")
+    _add_when(when)
+    add_output(made, "csv", "tum", "parquet", more=", instead of printing CSV")
+
+
+def _add_batch(made: Parser) -> None:
+    """Add the arguments of batch."""
+    made.add_argument(
+        "recordings",
+        nargs="+",
+        metavar="RECORDING",
+        help="a recording, or a folder that is searched for them",
+    )
+    ends = ("TARGET", "SOURCE")
+    summary = "the pose of SOURCE in TARGET"
+    made.add_argument("--lookup", nargs=2, metavar=ends, type=_frame, required=True, help=summary)
+    _add_when(made.add_mutually_exclusive_group())
+    made.add_argument("--out", metavar="DIR", required=True, help="where the tables are written")
+    how = made.add_mutually_exclusive_group()
+    how.add_argument("--workers", type=int, metavar="N", help="processes; by default one per core")
+    how.add_argument(
+        "--scheduler", metavar="ADDRESS", help="the scheduler of a Dask cluster that does the work"
+    )
+    _add_topics(made)
+
+
+def _add_when(group: _MutuallyExclusiveGroup) -> None:
+    group.add_argument("--at", metavar="TOPIC", help="at the stamps of the messages of another topic")
+    summary = "at this rate, while all frames on the path have data"
+    group.add_argument("--rate", type=positive_number, metavar="HZ", help=summary)
+
+
+def _frame(name: str) -> str:
+    return name.removeprefix("/")
 
 
 def _add_json(made: Parser) -> None:

@@ -119,20 +119,13 @@ class TestKeys:
             terminal.press(ESCAPE)
             terminal.shows(lambda lines: NAMES[8] in names(lines))
 
-    @pytest.mark.parametrize("keys", ["q", CTRL_C, "/" + CTRL_C])
-    def test_it_quits(self, keys, talker):
-        with monitor((80, 24)) as terminal:
-            terminal.shows(names)
-            terminal.press(keys)
-            assert terminal.ended() == 0
-
-    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-    def test_a_signal_ends_it_and_the_terminal_is_as_before(self, how, talker):
+    @pytest.mark.parametrize("how", ["q", CTRL_C, "/" + CTRL_C, signal.SIGINT, signal.SIGTERM])
+    def test_it_ends_and_the_terminal_is_as_before(self, how, talker):
         with monitor((80, 24)) as terminal:
             before = termios.tcgetattr(terminal.process.child_fd)
             terminal.shows(names)
             assert termios.tcgetattr(terminal.process.child_fd) != before
-            terminal.process.kill(how)
+            terminal.press(how) if isinstance(how, str) else terminal.process.kill(how)
             assert terminal.ended() == 0
             assert "Traceback" not in terminal.process.before
             assert termios.tcgetattr(terminal.process.child_fd) == before

@@ -157,17 +157,3 @@ class TestMonitor:
             peer(*topic).send(("camera", HOSTILE, S, 1.0), static=True)
             terminal.shows(lambda lines: ESCAPED in "".join(lines))
             assert not any(line.startswith("ok: 1 frames") for line in terminal.lines)
-
-    def test_delays_are_those_of_simulated_time(self, peer):
-        talker = peer(*ALONE)
-        options = ("--json", "--interval", "0.2", "--ros-args", "-p", "use_sim_time:=true", *ALONE)
-        with running("tf2_monitor", *options) as process:
-
-            def is_known(report):
-                # Sent again, until it was discovered.
-                talker.set_clock(100)
-                talker.send(("map", "simulated", 97 * S, 0.0))
-                return frames(report).get("simulated", {}).get("delay")
-
-            delay = frames(first_report(process, is_known))["simulated"]["delay"]
-        assert delay == pytest.approx(3.0)

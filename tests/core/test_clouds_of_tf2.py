@@ -1,16 +1,18 @@
 """What tf2's Python, too, makes of clouds; test_tf2_sensor_msgs.py judges ours byte by byte."""
 
+import array
 import math
 
 import numpy as np
 import pytest
 from making import about_z, transform
-from sensor_msgs.msg import PointField
+from numpy.testing import assert_allclose
+from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 try:
     import tf2_sensor_msgs
-    from tf2_sensor_msgs.tf2_sensor_msgs import create_cloud, read_points
+    from tf2_sensor_msgs.tf2_sensor_msgs import _get_mat_from_quat, create_cloud, read_points
 except ModuleNotFoundError as missing:
     # The reference reads clouds with sensor_msgs_py, which not every environment has.
     if missing.name != "sensor_msgs_py":
@@ -101,3 +103,83 @@ def test_errors_are_those_of_tf2(t, floats):
     floats.width = 3  # and there are two points
     with pytest.raises(TypeError):
         tf2_sensor_msgs.do_transform_cloud(floats, t)
+
+
+FIELDS = [
+    PointField(name="x", offset=0, datatype=PointField.FLOAT32, count=1),
+    PointField(name="normal", offset=8, datatype=PointField.INT16, count=3),
+]
+DTYPE = np.dtype(
+    {
+        "names": ["x", "normal_0", "normal_1", "normal_2"],
+        "formats": ["<f4", "<i2", "<i2", "<i2"],
+        "offsets": [0, 8, 10, 12],
+        "itemsize": 16,
+    }
+)
+
+
+@pytest.fixture
+def points():
+    points = np.zeros(4, DTYPE)
+    points["x"] = [1.5, np.nan, 2.5, 3.5]
+    points["normal_1"] = [1, 2, 3, -4]
+    return points
+
+
+@pytest.fixture
+def read(points):
+    cloud = PointCloud2(height=2, width=2, fields=FIELDS, point_step=16, row_step=32)
+    cloud.data = array.array("B", points.tobytes())
+    return cloud
+
+
+class TestPoints:
+    """The helpers for points that programs take from tf2's module."""
+
+    @pytest.mark.parametrize(
+        ("options", "name", "values"),
+        [
+            ({}, "x", [1.5, np.nan, 2.5, 3.5]),
+            ({}, "normal_1", [1, 2, 3, -4]),
+            ({"field_names": ["normal_1"], "uvs": [3, 0]}, "normal_1", [-4, 1]),
+            ({"skip_nans": True}, "x", [1.5, 2.5, 3.5]),
+            ({"reshape_organized_cloud": True}, "normal_1", [[1, 2], [3, -4]]),
+        ],
+        ids=str,
+    )
+    @pytest.mark.parametrize("big", [False, True])
+    def test_points_are_read_as_chosen(self, read, points, options, name, values, big):
+        if big:
+            points = points.astype(DTYPE.newbyteorder(">"))
+            read.data, read.is_bigendian = array.array("B", points.tobytes()), True
+        got = read_points(read, **options)
+        assert got.dtype.names == tuple(options.get("field_names", DTYPE.names))
+        assert_allclose(got[name], values)
+
+    def test_what_is_no_cloud_or_not_in_it_is_refused(self, read):
+        for wrong in ((FIELDS,), (read, ["y"])):
+            with pytest.raises(AssertionError):
+                read_points(*wrong)
+        with pytest.raises(AssertionError):
+            create_cloud(Header(), FIELDS, np.zeros((2, 4)))
+
+    def test_a_cloud_is_made_of_an_array_of_its_fields_of_rows_or_of_columns(self, points, floats):
+        header = Header(frame_id="map")
+        made = create_cloud(header, FIELDS, points, 16)
+        assert (made.header, made.fields) == (header, FIELDS)
+        assert (made.height, made.width, made.point_step, made.row_step) == (1, 4, 16, 64)
+        assert read_points(made)["normal_1"].tolist() == [1, 2, 3, -4]
+        made = create_cloud(header, FIELDS, [(1.5, 1, 2, 3), (2.5, 4, 5, 6)])
+        assert (made.width, made.point_step) == (2, 14)
+        assert read_points(made)["normal_2"].tolist() == [3, 6]
+        made = create_cloud(header, floats.fields, np.arange(6, dtype=np.float32).reshape(2, 3))
+        assert np.frombuffer(made.data, np.float32).tolist() == [0, 1, 2, 3, 4, 5]
+
+    def test_a_quaternion_has_a_matrix(self):
+        matrix = _get_mat_from_quat(np.full(4, 0.5))
+        assert matrix.tolist() == [
+            [0, 0, 1],
+            [1, 0, 0],
+            [0, 1, 0],
+        ]

@@ -15,6 +15,7 @@ from geometry_msgs.msg import (
     Polygon,
     Pose,
     PoseWithCovariance,
+    PoseWithCovarianceStamped,
     Quaternion,
     TransformStamped,
     Vector3,
@@ -28,6 +29,13 @@ from numpy.testing import assert_allclose
 from random_messages import AWKWARD_TURNS, Maker, transforms, turns, vectors
 
 import tf2_geometry_msgs as tf2
+from tf2_geometry_msgs.tf2_geometry_msgs import (
+    _build_affine,
+    _decompose_affine,
+    _get_mat_from_quat,
+    _get_quat_from_mat,
+    _transform_to_affine,
+)
 
 ours = pytest.mark.ours
 
@@ -176,3 +184,42 @@ def test_objects_with_the_fields_will_do():
     assert type(got) is PointStamped
     assert (got.header.frame_id, got.header.stamp.sec, got.header.stamp.nanosec) == ("map", 7, 5)
     close(xyz(got.point), (-1, 1, 3))
+
+
+# The NumPy helpers that programs take from tf2's module, by private names and by accident.
+
+
+def wxyz(q):
+    return np.array([q[3], *q[:3]])
+
+
+@given(turns)
+def test_a_quaternion_and_its_matrix(q):
+    matrix = _get_mat_from_quat(wxyz(q))
+    assert_allclose(matrix, turn(q).as_matrix(), atol=1e-12)
+    back = _get_quat_from_mat(matrix)
+    assert_allclose(np.linalg.norm(back), 1)
+    assert back[0] >= 0
+    assert_allclose(_get_mat_from_quat(back), matrix, atol=1e-9)
+
+
+def test_no_quaternion_is_no_rotation_and_what_is_not_quite_one_has_a_nearest():
+    for q in ((0.0, 0.0, 0.0, 0.0), (1e-9, 0.0, 0.0, 0.0)):
+        assert np.array_equal(_get_mat_from_quat(np.array(q)), np.eye(3))
+    rotation = turn((0.1, 0.2, 0.3, 0.9))
+    got = _get_quat_from_mat(rotation.as_matrix() + 1e-3 * np.arange(9).reshape(3, 3))
+    assert_allclose(got, wxyz(rotation.as_quat()), atol=5e-3)
+    assert_allclose(np.linalg.norm(got), 1)
+
+
+def test_an_affine_matrix_is_built_and_taken_apart():
+    affine = _build_affine([0.5, 0.5, 0.5, 0.5], (1, 2, 3))
+    assert_allclose(affine, [[0, 0, 1, 1], [1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 0, 1]], atol=1e-15)
+    rotation, translation = _decompose_affine(affine)
+    assert_allclose(rotation, (0.5, 0.5, 0.5, 0.5))
+    assert translation.tolist() == [1, 2, 3]
+    assert np.array_equal(_build_affine(), np.eye(4))
+    assert _build_affine(translation=[7, 8, 9])[:3, 3].tolist() == [7, 8, 9]
+    assert_allclose(_transform_to_affine(transform("a", "b", 1, (1, 2, 3), (0.5, 0.5, 0.5, 0.5))), affine)
+    with pytest.raises(AttributeError):
+        _transform_to_affine(PoseWithCovarianceStamped())

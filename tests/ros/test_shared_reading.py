@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from making import S, at_ns, transform
 from processes import until
-from random_histories import FRAMES, TIMES_NS, apply, steps
+from random_histories import apply, steps
 from rclpy.duration import Duration
 from recorded_answers import CALLS, SCENARIOS, check_answer
 from repetitions import times
@@ -35,9 +35,9 @@ def test_answers_as_recorded(scenario):
         owner._self_check()
 
 
-def held(buffer, times_ns=TIMES_NS):
-    """All that it answers and counts, but for the waiters, which are its own."""
-    found = everything(buffer, FRAMES, times_ns)
+def held(buffer):
+    """All that it holds and counts, but for the waiters, which are its own."""
+    found = everything(buffer)
     found["statistics"].pop("waiters")
     return found
 
@@ -54,7 +54,7 @@ def test_after_every_step_it_holds_what_the_owner_does(before, after):
         assert reader.cache_time_ns == 10 * S
         for step in after:
             apply(owner, [step])
-            assert held(reader, TIMES_NS[:2]) == held(owner, TIMES_NS[:2])
+            assert held(reader) == held(owner)
             reader._self_check()
         late = Buffer(attach=owner._tf2_sharing.name)
         expected = held(owner)

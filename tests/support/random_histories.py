@@ -5,7 +5,6 @@ from making import transform
 
 NAMES = ("a", "b", "c", "d", "/e", "")
 FRAMES = ("a", "b", "c", "d", "e", "nowhere")
-TIMES_NS = (1, 4, 5, 9, 20)
 
 numbers = st.sampled_from([0.0, -0.0, 1.0, 0.1, -1e6, 1e-300, float("nan"), float("inf")])
 turns = st.sampled_from(

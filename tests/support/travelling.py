@@ -1,13 +1,10 @@
 """The ways in which a buffer travels, and what is the same afterwards."""
 
 import copy
-import itertools
 import pickle
+import re
 
-import yaml
-from making import about_z, at_ns, transform
-
-from tf2_py import TransformException
+from making import about_z, transform
 
 
 def filled(buffer):
@@ -52,51 +49,24 @@ WAYS = {
 }
 
 
-def outcome(call, *arguments):
-    """An answer with all of its bits, or the error."""
-    try:
-        return repr(call(*arguments))
-    except TransformException as error:
-        return type(error).__name__, str(error)
-
-
-def everything(buffer, frames, times_ns):
-    """What a buffer lists, and answers to every query about some frames at some times."""
-    found = {
-        "yaml": buffer.all_frames_as_yaml(),
-        "string": buffer.all_frames_as_string(),
-        "dot": buffer._allFramesAsDot(at_ns(max(times_ns))),
-        "frames": buffer.frames(),
-        "tree": buffer.tree(),
-        "names": buffer._getFrameStrings(),
-        "statistics": buffer.statistics(),
-        "cache time": buffer.cache_time_ns,
-    }
-    for target, source in itertools.product(frames, repeat=2):
-        found["latest", target, source] = outcome(buffer.get_latest_common_time, target, source)
-        for time_ns in (0, *times_ns):
-            time, key = at_ns(time_ns), (target, source, time_ns)
-            full = target, at_ns(times_ns[0]), source, time, frames[0]
-            found["lookup", key] = outcome(buffer.lookup_transform_core, target, source, time)
-            found["can", key] = buffer.can_transform_core(target, source, time)
-            found["full", key] = outcome(buffer.lookup_transform_full_core, *full)
-            found["chain", key] = outcome(buffer._chain, *full)
-    return found
-
-
 def held(buffer):
     """The samples of a buffer with all that belongs to them, and what is said of the frames in them."""
     histories, infos, state = buffer.histories(), buffer.frames(), buffer.__getstate__()
     names = sorted({name for one in histories.values() for name in (one.frame, *one.parents)})
     found = {
         "frames": {name: infos[name] for name in names},
-        "yaml": yaml.safe_load(buffer.all_frames_as_yaml()),
+        "yaml": sorted(re.split(r"\n(?=\S)", buffer.all_frames_as_yaml().rstrip())),  # in the order of names
         "settings": [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes")],
     }
     for name, one in histories.items():
         arrays = (one.stamps_ns, one.translations, one.rotations)
         found["history", name] = (one.static, one.parents.tolist(), *[array.tobytes() for array in arrays])
     return found
+
+
+def everything(buffer):
+    """The same, and all names and counts."""
+    return held(buffer) | {"names": buffer._getFrameStrings(), "statistics": buffer.statistics()}
 
 
 def check_copy(arrived, buffer):

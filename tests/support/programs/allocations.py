@@ -44,9 +44,9 @@ def variable(name, kind=ctypes.c_long):
 
 
 def seen(buffer, waits):
-    """All that the buffer answers and lists, and who waits; not how much memory it has."""
+    """All that the buffer holds and counts, and who waits; not how much memory it has."""
     buffer._self_check()
-    found = everything(buffer, FRAMES[:3], [2 * S, 7 * S // 2])
+    found = everything(buffer)
     del found["statistics"]["bytes"]
     return found, sorted(buffer._pending_waits()), [one.done() for one in waits if hasattr(one, "done")]
 

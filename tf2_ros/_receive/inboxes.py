@@ -10,14 +10,7 @@ from contextlib import suppress
 from typing import Protocol
 
 from tf2_ros._forking import LOCK, LiveObjects
-from tf2_ros._receive.inbox import (
-    Inbox,
-    begin_anew,
-    run_inboxes,
-    run_reports,
-    stop_inboxes,
-    take_handed,
-)
+from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes, take_handed
 from tf2_ros._wait.endings import call_logged
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s

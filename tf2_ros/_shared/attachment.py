@@ -19,7 +19,7 @@ from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import RingReader
 from tf2_ros._wait.callbacks import hand_over, queue_of
-from tf2_ros._wait.endings import Ending, call_logged
+from tf2_ros._wait.endings import call_logged
 
 
 def open_ring(name: str) -> RingReader:
@@ -54,10 +54,11 @@ class Attachment:
         self.name, self.reader = name, reader
         self.owner = read_description(reader.descriptor).process
         self._listeners: dict[int, Any] = {}  # kept alive, as by subscriptions; by their ids
-        self._buffer = weakref.ref(buffer)
+        reference = self._buffer = weakref.ref(buffer)
         self._process = os.getpid()
         self._has_ended = False
-        self.inbox = Inbox(reader, partial(_hand_over, self._buffer))
+        # Callbacks run in the queue of the buffer. No method of this, which would keep it alive.
+        self.inbox = Inbox(reader, lambda calls: hand_over(queue_of(reference()), calls))
         self.inbox.fill(buffer)
         self._thread = threading.Thread(
             target=reader.follow, args=(self.inbox,), name="tf2_ros ring", daemon=True
@@ -156,11 +157,6 @@ class Attachment:
     def describe(self) -> str:
         """Where transforms come from."""
         return f"the shared buffer {self.name!r} of process {self.owner}"
-
-
-def _hand_over(buffer: "weakref.ref[Any]", calls: list[Ending]) -> None:
-    # Puts these into the queue that runs the callbacks of the buffer.
-    hand_over(queue_of(buffer()), calls)
 
 
 def attach_listener(listener: Any, is_usual: bool) -> bool:

@@ -1,6 +1,7 @@
 """Pictures, drawn from records and arrays without a node, and read again."""
 
 import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -150,8 +151,9 @@ def row(name, times, delay=0.001, **how):
     return Row(stream(name, **how), times, np.full(len(times), delay))
 
 
-def texts_of(figure):
-    root = ElementTree.fromstring(file_of(figure, "svg"))
+def texts_of(drawn):
+    """The texts of a figure, or of a file of SVG."""
+    root = ElementTree.fromstring(drawn.read_bytes() if isinstance(drawn, Path) else file_of(drawn, "svg"))
     return ["".join(text.itertext()) for text in root.iter(f"{SVG}text")]
 
 

@@ -8,20 +8,19 @@ import re
 import signal
 import subprocess
 import sys
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from making import transform
 from making_bags import S, Sent, Tf, drive, scan, write_mcap
 from processes import DEADLINE_S, ended, needs_dot, running, until
+from test_pictures import texts_of
 
 from tf2_ros_tools.program import RunError
 from tf2_ros_tools.programs.tf2_bag import bag, parser
 
 pytestmark = pytest.mark.ours
 
-SVG = "{http://www.w3.org/2000/svg}"
 SCANS = [100 * S + i * S // 4 + 7 for i in range(12)]
 COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -173,11 +172,6 @@ class TestView:
         assert (status, out, err.count("\n")) == (1, "", 1), err
         assert err.startswith("tf2_bag view: the viewer of rerun did not open: there is no screen (neither ")
         assert err.endswith(" is set); -o FILE does not need a screen\n")
-
-
-def texts_of(path):
-    root = ElementTree.parse(path).getroot()
-    return ["".join(text.itertext()) for text in root.iter(f"{SVG}text")]
 
 
 WITHOUT_ROS = """

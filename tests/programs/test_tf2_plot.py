@@ -2,15 +2,14 @@
 
 import re
 import threading
-from xml.etree import ElementTree
 
 import pytest
 from making import S
 from processes import DEADLINE_S, broadcasting, ended, running
+from test_pictures import texts_of
 
 pytestmark = pytest.mark.ours
 
-SVG = "{http://www.w3.org/2000/svg}"
 LISTEN = ("-t", "4")
 # Without the robot of the other tests.
 ALONE = ("--ros-args", "-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")
@@ -20,11 +19,6 @@ ALONE = ("--ros-args", "-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alo
 def robot():
     with broadcasting() as process:
         yield process
-
-
-def texts_of(path):
-    root = ElementTree.parse(path).getroot()
-    return ["".join(text.itertext()) for text in root.iter(f"{SVG}text")]
 
 
 def test_all_frames_have_a_row(robot, tmp_path):

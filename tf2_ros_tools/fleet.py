@@ -23,7 +23,6 @@ from tf2_ros_tools.output import counted, printable, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError, needing
 from tf2_ros_tools.tables import (
     as_parquet,
-    check_rate,
     look_up_frames,
     times_when,
 )
@@ -113,8 +112,8 @@ class Request:
     def __post_init__(self) -> None:
         if self.at is not None and self.rate is not None:
             raise ValueError("at and rate exclude each other")
-        if self.rate is not None:
-            check_rate(self.rate)
+        if self.rate is not None and not 0.0 < self.rate < np.inf:
+            raise ValueError(f"rate: expected a number above 0 Hz, got {self.rate:g}")
         sources = [self.source] if isinstance(self.source, str) else self.source
         for source in sources:
             # An invalid name is invalid in every recording. An empty buffer checks only the first name.

@@ -111,12 +111,6 @@ def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -
     return np.concatenate(buffer.lookup_transforms(target, source, times, on_missing="nan"), axis=1)
 
 
-def check_rate(hz: float) -> None:
-    """Raise a ValueError if ``hz`` is not above 0 and finite."""
-    if not 0.0 < hz < np.inf:
-        raise ValueError(f"rate: expected a number above 0 Hz, got {hz:g}")
-
-
 def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> NDArray[np.int64]:
     """
     Get times at a rate, over the span in which all frames between two frames have data.
@@ -125,9 +119,8 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     :return: int64, shape (N,), nanoseconds, from the beginning of the span; empty without a span. If all
         transforms between the frames are static, the span is that of all frames of the buffer.
     :raises TransformException: the frames are unknown or not connected.
-    :raises ValueError: ``hz`` is not above 0 and finite, or there would be more than 50,000,000 times.
+    :raises ValueError: there would be more than 50,000,000 times.
     """
-    check_rate(hz)
     frames = buffer.frames()
     moving = [frames[name] for name in moving_on(frames, buffer.path(target, source))]
     dynamic = [(one.oldest_ns, one.newest_ns) for one in moving or frames.values()]
@@ -174,17 +167,6 @@ def why_unanswered(buffer: BufferCore, target: str, source: str, times_ns: NDArr
 
 
 # Write tables.
-
-
-def contents_of(table: Table, kind: str, file: str) -> bytes:
-    """
-    Write a table as ``csv``, ``tum`` or ``parquet``.
-
-    :param file: the recording's name.
-    """
-    if kind == "parquet":
-        return as_parquet({"": table}, file)
-    return as_tum(table) if kind == "tum" else as_csv(table)
 
 
 def as_csv(table: Table) -> bytes:

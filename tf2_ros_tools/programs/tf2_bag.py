@@ -159,17 +159,20 @@ def lookup(options: Namespace) -> int:
     table = tables.look_up_table(heard.buffer, target, source, times_ns)
     if not table.valid.any():
         raise RunError(tables.why_unanswered(heard.buffer, target, source, table.stamps_ns))
-    if options.output is None:
-        print(tables.as_csv(table).decode(), end="")
+    kind = "csv" if options.output is None else format_of(options.output)
+    if kind == "parquet":
+        contents = tables.as_parquet({"": table}, options.file)
     else:
-        write_output(options.output, tables.contents_of(table, format_of(options.output), options.file))
+        contents = tables.as_tum(table) if kind == "tum" else tables.as_csv(table)
+    if options.output is None:
+        print(contents.decode(), end="")
+    else:
+        write_output(options.output, contents)
         print(options.output)
     missing = len(table) - int(table.valid.sum())
     if missing:
-        left_out = ", which are left out" if options.output and format_of(options.output) == "tum" else ""
-        print(
-            f"{options.parser.prog}: no answer at {missing} of {len(table)} times{left_out}", file=sys.stderr
-        )
+        text = f"no answer at {missing} of {len(table)} times{', which are left out' * (kind == 'tum')}"
+        print(f"{options.parser.prog}: {text}", file=sys.stderr)
     return SUCCESS
 
 

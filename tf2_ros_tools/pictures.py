@@ -397,9 +397,6 @@ def _figures(row: Row) -> str:
 # For programs.
 
 
-NO_DOT = "install Graphviz, which has the program dot (Debian, Ubuntu: apt install graphviz)"
-
-
 def refuse_plot(options: Namespace) -> None:
     """Raise a UsageError for frames together with a path, and a RunError if matplotlib is not installed."""
     if options.path is not None and options.frames:
@@ -457,15 +454,15 @@ def drawn(dot: str, kind: str) -> bytes:
     Draw what DOT describes.
 
     :param kind: ``svg``, ``png`` or ``pdf``.
-    :raises FileNotFoundError: Graphviz's program ``dot`` is not installed.
-    :raises RunError: it failed; the text is its message.
+    :raises RunError: Graphviz's program ``dot`` is not installed or failed.
     """
     import graphviz
 
     try:
         picture: bytes = graphviz.pipe("dot", kind, dot.encode(), quiet=True)
-    except graphviz.ExecutableNotFound as lack:
-        raise FileNotFoundError(str(lack)) from None
+    except graphviz.ExecutableNotFound:
+        advice = "install Graphviz, which has the program dot (Debian, Ubuntu: apt install graphviz)"
+        raise RunError(f"no picture: {advice}; a file that ends in .gv does not need it") from None
     except graphviz.CalledProcessError as failure:
         said = (failure.stderr or b"").decode(errors="replace").strip()
         raise RunError(f"dot failed: {said or failure}") from None

@@ -107,5 +107,5 @@ def test_without_dot_there_is_the_description(robot, tmp_path):
     status, out, err = ended("view_frames", *LISTEN, "-o", "robot", cwd=tmp_path, env=environment)
     assert (status, out) == (1, "robot.gv\n")
     assert [path.name for path in tmp_path.iterdir()] == ["robot.gv"]
-    said = "view_frames: no picture, only robot.gv: install Graphviz"
+    said = "view_frames: no picture: install Graphviz"
     assert err.splitlines()[-1].startswith(said)

@@ -216,7 +216,7 @@ SHORTEST_S = 1.0  # of a picture; one message has no length
 def tree(options: Namespace) -> int:
     """Print the tree of frames, or draw it; return the exit status."""
     from tf2_ros_tools.findings import report
-    from tf2_ros_tools.pictures import NO_DOT, drawn, needs_graphviz, tree_dot
+    from tf2_ros_tools.pictures import drawn, needs_graphviz, tree_dot
 
     if options.output is not None:
         needs_graphviz("the tree as text")
@@ -227,10 +227,7 @@ def tree(options: Namespace) -> int:
     said = report(heard)
     dot = tree_dot(said.streams, said.findings, heard.buffer.frames(), said.end)
     kind = format_of(options.output)
-    try:
-        write_output(options.output, dot.encode() if kind == "gv" else drawn(dot, kind))
-    except FileNotFoundError:
-        raise RunError(f"no picture: {NO_DOT}; a file that ends in .gv does not need it") from None
+    write_output(options.output, dot.encode() if kind == "gv" else drawn(dot, kind))
     print(options.output)
     return SUCCESS
 

@@ -72,7 +72,7 @@ def view(options: Namespace) -> int:
 
     # isort: split
     from tf2_ros_tools.findings import Limits, line_of
-    from tf2_ros_tools.pictures import NO_DOT, drawn, needs_graphviz, tree_dot
+    from tf2_ros_tools.pictures import drawn, needs_graphviz, tree_dot
 
     is_drawn = options.output is not None or not options.text
     if is_drawn:
@@ -94,10 +94,7 @@ def view(options: Namespace) -> int:
         description, picture, kind = output_files(name)
         write_output(description, dot.encode())
         print(description)
-        try:
-            write_output(picture, drawn(dot, kind))
-        except FileNotFoundError:
-            raise RunError(f"no picture, only {description}: {NO_DOT}") from None
+        write_output(picture, drawn(dot, kind))
         print(picture)
     return SUCCESS
 

@@ -123,33 +123,26 @@ USE_A_TIME = (
 )
 
 
+TOO_MANY = "^x = .* does not fit into 64-bit nanoseconds"
+NOT_WHOLE = "^x: expected whole nanoseconds within 64 bits, got "
+PICOSECOND = "1970-01-01T00:00:00.000000000001"
+DATES = [np.datetime64(one) for one in ("2262-04-12", "1677-09-21", "3000", PICOSECOND)]
+USE_A_DURATION = r"^x: expected a duration or seconds, got .*: use Duration"
+NO_DURATIONS = [True, np.True_, None, "2", np.timedelta64(2, "s"), np.datetime64(2, "s"), Decimal(2)]
+DELTAS = [datetime.timedelta(2), Timedelta(2)]
+
+
 @pytest.mark.parametrize(
     ("convert", "error", "text", "wrong"),
     [
-        (time_ns, OverflowError, "^x = .* does not fit into 64-bit nanoseconds", [2**63, -(2**63) - 1]),
-        (time_ns, OverflowError, "^x = .* does not fit into 64-bit nanoseconds", [np.uint64(2**63)]),
-        (
-            time_ns,
-            OverflowError,
-            "^x: expected whole nanoseconds within 64 bits, got ",
-            map(np.datetime64, ("2262-04-12", "1677-09-21", "3000", "1970-01-01T00:00:00.000000000001")),
-        ),
+        (time_ns, OverflowError, TOO_MANY, [2**63, -(2**63) - 1, np.uint64(2**63)]),
+        (time_ns, OverflowError, NOT_WHOLE, DATES),
         (time_ns, ValueError, "^x is NaT", [np.datetime64("NaT", unit) for unit in ("ns", "s", "D")]),
         (time_ns, TypeError, "got datetime: use Time", [datetime.datetime(2024, 1, 1)]),
-        (
-            time_ns,
-            TypeError,
-            r"^x is a (T|t)imedelta: use Time\(seconds=",
-            [datetime.timedelta(2), Timedelta(2)],
-        ),
+        (time_ns, TypeError, r"^x is a (T|t)imedelta: use Time\(seconds=", DELTAS),
         (time_ns, TypeError, USE_A_TIME, [1.5, np.float32(1), True, np.True_, None]),
         (time_ns, TypeError, USE_A_TIME, [np.timedelta64(1, "s"), Decimal(1)]),
-        (
-            duration_ns,
-            TypeError,
-            r"^x: expected a duration or seconds, got .*: use Duration",
-            [True, np.True_, None, "2", np.timedelta64(2, "s"), np.datetime64(2, "s"), Decimal(2)],
-        ),
+        (duration_ns, TypeError, USE_A_DURATION, NO_DURATIONS),
         (duration_ns, ValueError, "^x is NaN", [math.nan, np.float32("nan")]),
         (duration_ns, TypeError, "^x: expected a duration, got a Time", [Time(seconds=2), TimeMsg(sec=2)]),
     ],

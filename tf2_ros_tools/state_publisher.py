@@ -8,7 +8,6 @@ from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -113,12 +112,9 @@ class StatePublisher:
         if not self._is_due(names, stamp_ns):
             return
         joints, translations, rotations = self._robot.transforms(names, [positions])
-        finite = np.isfinite(np.concatenate((translations, rotations), axis=-1)[0]).all(axis=-1)
-        if lost := [joints[i].name for i in np.flatnonzero(~finite)]:
-            self._log.warning(f"Ignoring positions that are not finite, of {first_names(lost)}", **SELDOM)
-        frames = [(joints[i].parent, joints[i].child) for i in np.flatnonzero(finite)]
-        if frames:
-            [message] = tf_messages(frames, [stamp_ns], translations[:, finite], rotations[:, finite])
+        if joints:
+            frames = [(one.parent, one.child) for one in joints]
+            [message] = tf_messages(frames, [stamp_ns], translations, rotations)
             self._transforms.publish(message)
 
     def _is_due(self, names: Sequence[str], stamp_ns: int) -> bool:

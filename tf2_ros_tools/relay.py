@@ -3,7 +3,7 @@ Send chosen transforms on to other topics, by rules: what the program tf2_relay 
 
 A ``Rule`` is read from YAML; docs/programs/tf2_relay.md explains its keys. A ``Relay`` applies a rule to a
 buffer: it chooses transforms, thins them out, and names them anew. ``Relaying`` runs all rules of a file in a
-node: it subscribes, publishes and counts.
+node: it subscribes and publishes.
 """
 
 # First, because its errors say in one line what is missing, or that another tf2_ros is imported.

@@ -23,7 +23,7 @@ from tf2_ros_tools.urdf import fixed, parse, unknown_mimics
 
 S = 1_000_000_000
 LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
-JUMP_NS = 1_000_000_000  # stamps go back further than this when a recording begins again, as in tf2_relay
+JUMP_NS = 1_000_000_000  # stamps go back further than this when a recording begins again
 SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
 
 

@@ -151,10 +151,10 @@ class TestPanes:
 
     def test_problems_without_a_row_are_scrolled(self, talker, broken):
         with monitor((80, 24)) as terminal:
-            terminal.shows(lambda lines: "transforms of broken_00 " in joined(lines) and names(lines))
+            terminal.shows(lambda lines: "1 transform of broken_00 " in joined(lines) and names(lines))
             assert "broken_29" not in joined(terminal.lines)
             terminal.press(2 * BACK_TAB + END)  # over the filter
-            terminal.shows(lambda lines: "transforms of broken_29 " in joined(lines))
+            terminal.shows(lambda lines: "1 transform of broken_29 " in joined(lines))
 
     def test_log_lines_are_written_at_the_end(self, talker):
         with monitor((80, 24)) as terminal:

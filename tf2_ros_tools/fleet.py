@@ -328,7 +328,7 @@ def _failed(recording: str, error: Exception) -> list[Row]:
 
 
 FINDINGS = "_findings.csv"  # programs that read folders ignore names that begin with _
-FIELDS = ("file", "kind", "frame", "text", "transforms", "rows", "valid", "span_s", "seconds")
+FIELDS: Sequence[str] = ("file", "kind", "frame", "text", "transforms", "rows", "valid", "span_s", "seconds")
 
 
 def _write_findings(out: str, rows: Sequence[Row]) -> str:

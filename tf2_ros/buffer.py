@@ -113,8 +113,9 @@ class Buffer(BufferCore, BufferInterface):
         # Few programs share a buffer; only they load the modules for it.
         if share is not None or attach is not None:
             require_support()
+        name, ring = "", None
         if attach is not None:
-            from tf2_ros._shared.attachment import Attachment, open_ring
+            from tf2_ros._shared.attachment import open_ring
             from tf2_ros._shared.owner import read_description
 
             name = buffer_name(attach, node)
@@ -122,7 +123,9 @@ class Buffer(BufferCore, BufferInterface):
             if cache_time is None:
                 cache_time = read_description(ring.descriptor).cache_time_ns / 1e9
         BufferCore.__init__(self, cache_time, max_frames=max_frames, max_bytes=max_bytes)
-        if attach is not None:
+        if ring is not None:
+            from tf2_ros._shared.attachment import Attachment
+
             Attachment(self, name, ring)
         if share is not None:
             from tf2_ros._shared.owner import Owner

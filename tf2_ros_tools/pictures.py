@@ -130,7 +130,8 @@ def _problems(findings: Sequence[Finding]) -> dict[str, list[str]]:
     """Get the lines that mark the edges of each frame, by the name of the frame."""
     problems: dict[str, list[str]] = {}
     for finding in findings:
-        for frame in finding.frames or (finding.frame,):
+        # What is about the whole tree names no frame, and has its place below the tree.
+        for frame in finding.frames or filter(None, (finding.frame,)):
             text = label(finding.text.removeprefix(f"{frame} "), LONGEST_FINDING)
             problems.setdefault(frame, []).extend(wrap(text, REASON_WIDTH))
     return problems

@@ -100,7 +100,7 @@ class TestTree:
         svg = drawn(
             [*ROBOT, *loop, stream("base", publisher="/intruder")],
             [
-                Finding("loop", "a", "the frames a -> b -> a form a loop", {"frames": ["a", "b"]}),
+                Finding("loop", "a", "the frames a -> b -> a form a loop", ("a", "b")),
                 Finding("publishers", "base", "base is published by 2 publishers: /intruder, /wheels"),
                 Finding("refused", "ghost", "3 transforms of ghost by /robot are refused: not a number"),
                 Finding("roots", "", "2 unconnected trees"),

@@ -2,13 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-# Imported first, because it explains what to install if the imports below fail.
-from tf2_py import BufferCore
-from tf2_ros_cython._ros import __version__ as __version__
-
-# isort: split
-
 from tf2_py import (
+    BufferCore,
     ConnectivityException,
     ExtrapolationException,
     InvalidArgumentException,
@@ -33,6 +28,7 @@ from tf2_ros.buffer_interface import (
     TypeException,
     convert,
 )
+from tf2_ros_cython._ros import __version__ as __version__
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import PointStamped as PointStamped

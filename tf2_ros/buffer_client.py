@@ -1,9 +1,6 @@
 """Look up transforms in the buffer of another process, through an action."""
 
-# Imported first, because it explains what to install if the imports below fail.
-from tf2_ros_cython import _requirement  # noqa: F401
-
-# isort: split
+import tf2_ros_cython._requirement  # noqa: F401
 
 import os
 import threading

@@ -1,9 +1,6 @@
 """Broadcast static transforms on /tf_static."""
 
-# Imported first, because it explains what to install if the imports below fail.
-from tf2_ros_cython import _requirement  # noqa: F401
-
-# isort: split
+import tf2_ros_cython._requirement  # noqa: F401
 
 import threading
 from collections.abc import Iterable

@@ -1,9 +1,6 @@
 """The module from which programs for tf2 import StaticTransformListener."""
 
-# Imported first, because it explains what to install if the imports below fail.
-from tf2_ros_cython import _requirement  # noqa: F401
-
-# isort: split
+import tf2_ros_cython._requirement  # noqa: F401
 
 from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, StaticTransformListener
 

@@ -6,10 +6,7 @@ buffer: it chooses transforms, thins them out, and names them anew. ``Relaying``
 node: it subscribes and publishes.
 """
 
-# First, because its errors say in one line what is missing, or that another tf2_ros is imported.
 from tf2_ros_tools.listening import filled_buffer
-
-# isort: split
 
 import math
 import re

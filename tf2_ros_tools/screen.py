@@ -1,5 +1,7 @@
 """The full-screen table of tf2_monitor: sorted, filtered and scrolled by keys, below the problems."""
 
+from tf2_ros_tools.listening import Report
+
 import asyncio
 import os
 import signal
@@ -17,7 +19,6 @@ from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Footer, Input, Static
 
 from tf2_ros_tools.findings import milliseconds, rate_text
-from tf2_ros_tools.listening import Report
 from tf2_ros_tools.output import counted, printable
 from tf2_ros_tools.streams import Stream
 

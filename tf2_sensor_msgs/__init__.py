@@ -1,9 +1,6 @@
 """Transform messages of sensor_msgs from frame to frame."""
 
-# First, because the imports below would fail without advice.
-from tf2_ros_cython import _requirement  # noqa: F401
-
-# isort: split
+import tf2_ros_cython._requirement  # noqa: F401
 
 from typing import TYPE_CHECKING
 

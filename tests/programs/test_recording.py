@@ -1,5 +1,7 @@
 """What a receiver notes of each transform, if it is asked to."""
 
+from tf2_ros_tools.listening import listening
+
 import numpy as np
 import pytest
 from making import S
@@ -7,7 +9,6 @@ from processes import until
 
 from tf2_ros.records import RECORD, Recording
 from tf2_ros_tools.findings import Limits
-from tf2_ros_tools.listening import listening
 
 pytestmark = pytest.mark.ours
 

@@ -95,7 +95,6 @@ def publish(options: Namespace) -> NoReturn:
     """Publish until interrupted."""
     from tf2_ros_tools.listening import spun_node, wait
 
-    # isort: split
     from tf2_ros import StaticTransformBroadcaster
 
     transforms = transforms_of(options)

@@ -32,7 +32,6 @@ def serve(options: Namespace) -> NoReturn:
     """Serve until interrupted."""
     from tf2_ros_tools.listening import spun_node, wait
 
-    # isort: split
     from tf2_ros import Buffer, BufferServer, TransformListener
 
     with spun_node("tf_buffer", options) as node:
@@ -46,10 +45,10 @@ def serve(options: Namespace) -> NoReturn:
 
 
 def _buffer_size(node: Node) -> Duration:
+    from tf2_ros_tools.listening import FOR_EVER
+
     from rcl_interfaces.msg import ParameterDescriptor
     from rclpy.duration import Duration
-
-    from tf2_ros_tools.listening import FOR_EVER
 
     description = ParameterDescriptor(
         description="how far each frame's history reaches back, in seconds", read_only=True

@@ -35,7 +35,6 @@ def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
     from tf2_ros_tools.listening import listening, spun_node
 
-    # isort: split
     from tf2_ros_tools.findings import Limits, conclude, expected_by
 
     expected = expected_by(options)

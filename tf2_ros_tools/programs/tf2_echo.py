@@ -91,7 +91,6 @@ def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
     from tf2_ros_tools.listening import filled_buffer, spun_node
 
-    # isort: split
     from rclpy.time import Time
 
     from tf2_py import TransformException

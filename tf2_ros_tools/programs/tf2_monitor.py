@@ -19,6 +19,7 @@ from tf2_ros_tools.program import SUCCESS, Parser, UsageError, positive_number, 
 
 if TYPE_CHECKING:
     from tf2_ros_tools.listening import Listening, Report
+
     from tf2_ros_tools.streams import Stream
 
 __all__ = ["main"]
@@ -60,7 +61,6 @@ def monitor(options: Namespace) -> int:
     """Report until interrupted; return the exit status."""
     from tf2_ros_tools.listening import listening, spun_node
 
-    # isort: split
     from tf2_ros_tools.findings import Limits
 
     ends = _ends(options.frames)

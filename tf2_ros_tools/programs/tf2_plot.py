@@ -52,7 +52,6 @@ def plot(options: Namespace) -> int:
     """Listen and plot; return the exit status."""
     from tf2_ros_tools.listening import FOR_EVER, listening, spun_node
 
-    # isort: split
     from rclpy.duration import Duration
 
     from tf2_ros_tools.findings import Limits

@@ -36,7 +36,6 @@ def relay(options: Namespace) -> NoReturn:
     """Relay until interrupted."""
     from tf2_ros_tools.listening import spun_node
 
-    # isort: split
     from tf2_ros_tools.relay import Relaying
 
     with spun_node("tf2_relay", options) as node, ExitStack() as stack:

@@ -57,7 +57,6 @@ def share(options: Namespace) -> NoReturn:
     """Share what is received until interrupted."""
     from tf2_ros_tools.listening import spun_node, wait
 
-    # isort: split
     from tf2_ros import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
 
     with spun_node("tf2_shared_buffer", options) as node:

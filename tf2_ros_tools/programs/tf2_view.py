@@ -80,7 +80,6 @@ def view(options: Namespace) -> int:
     """Listen, and send what arrives; return the exit status."""
     from tf2_ros_tools.listening import TOPICS, filled_buffer, spun_node
 
-    # isort: split
     from tf2_ros_tools.rerun import Live, ViewerError, open_viewer
 
     trails = [name.removeprefix("/") for name in options.trail]

@@ -70,7 +70,6 @@ def view(options: Namespace) -> int:
     """Listen, and print or draw the tree; return the exit status."""
     from tf2_ros_tools.listening import listening, spun_node
 
-    # isort: split
     from tf2_ros_tools.findings import Limits, line_of
     from tf2_ros_tools.pictures import drawn, needs_graphviz, tree_dot
 

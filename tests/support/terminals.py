@@ -1,6 +1,7 @@
 """A terminal for tests: a program in it, and what its screen shows."""
 
 import os
+import signal
 import sys
 import time
 
@@ -30,7 +31,11 @@ class Terminal:
         return self
 
     def __exit__(self, *_):
-        self.process.close(force=True)
+        # By itself, close() would wait for a killed process for a tenth of a second only.
+        if self.process.isalive():
+            self.process.kill(signal.SIGKILL)
+            self.process.wait()
+        self.process.close()
 
     @property
     def lines(self):

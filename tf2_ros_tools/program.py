@@ -1,7 +1,7 @@
 """
 Read command lines, print and exit in the same way for all programs.
 
-A program is a module of ``tf2_ros_tools.programs`` with a ``parser`` and a ``main``. It imports ROS, NumPy
+A program is a module of ``tf2_ros_tools.programs`` with a ``PARSER`` and a ``main``. It imports ROS, NumPy
 and other libraries after the command line has been read, so that help is fast.
 
 Exit statuses: 0 and 1 depend on the program, and 1 also means that its output could not be written; 2 is

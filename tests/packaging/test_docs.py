@@ -153,7 +153,7 @@ def test_the_commands_of_a_page_name_options_targets_and_extras_that_exist(page)
         match words:
             case [name, *arguments] if name in PROGRAMS and name != "tf2_which":
                 program = importlib.import_module(f"tf2_ros_tools.programs.{name}")
-                program.parser().read([name, *arguments])
+                program.PARSER.read([name, *arguments])
             case ["make", target, *_]:
                 assert re.search(rf"^[a-z ]*\b{target}\b[a-z ]*:", MAKEFILE, re.MULTILINE), words
             case ["pip", "install", *wanted]:

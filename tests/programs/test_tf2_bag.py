@@ -17,7 +17,7 @@ from processes import DEADLINE_S, ended, needs_dot, running, until
 from test_pictures import texts_of
 
 from tf2_ros_tools.program import RunError
-from tf2_ros_tools.programs.tf2_bag import bag, parser
+from tf2_ros_tools.programs.tf2_bag import PARSER, bag
 
 pytestmark = pytest.mark.ours
 
@@ -42,7 +42,7 @@ def run(capsys):
     """Run a command line in this process: exit status, standard output and errors."""
 
     def run(*arguments):
-        status = bag(parser().read(["tf2_bag", *map(str, arguments)]))
+        status = bag(PARSER.read(["tf2_bag", *map(str, arguments)]))
         return status, *capsys.readouterr()
 
     return run

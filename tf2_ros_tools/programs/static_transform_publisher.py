@@ -6,6 +6,7 @@ import secrets
 import sys
 from argparse import Namespace
 from collections.abc import Mapping
+from functools import partial
 from math import hypot, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -50,23 +51,20 @@ OLD_FORMS = {
 }
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser("static_transform_publisher", DESCRIPTION, EXAMPLE)
-    made.add_argument("--frame-id", metavar="FRAME_ID", help="the parent frame; required without --file")
-    made.add_argument(
-        "--child-frame-id", metavar="CHILD_FRAME_ID", help="the child frame; required without --file"
-    )
-    meanings = {
-        **{name: f"{name} of the translation" for name in TRANSLATION},
-        **{name: f"{name[1]} of the rotation, a quaternion" for name in QUATERNION},
-        **{name: f"turn about the fixed axis {axis}" for name, axis in zip(EULER, "xyz", strict=True)},
-    }
-    for name, meaning in meanings.items():
-        made.add_argument(f"--{name}", type=finite_number, help=meaning)
-    made.add_argument("--file", metavar="YAML", type=Path, help="publish all transforms of a file")
-    made.add_argument("old", metavar="VALUE", nargs="*", help="the old form; see above")
-    return made
+PARSER = Parser("static_transform_publisher", DESCRIPTION, EXAMPLE)
+PARSER.add_argument("--frame-id", metavar="FRAME_ID", help="the parent frame; required without --file")
+PARSER.add_argument(
+    "--child-frame-id", metavar="CHILD_FRAME_ID", help="the child frame; required without --file"
+)
+meanings = {
+    **{name: f"{name} of the translation" for name in TRANSLATION},
+    **{name: f"{name[1]} of the rotation, a quaternion" for name in QUATERNION},
+    **{name: f"turn about the fixed axis {axis}" for name, axis in zip(EULER, "xyz", strict=True)},
+}
+for name, meaning in meanings.items():
+    PARSER.add_argument(f"--{name}", type=finite_number, help=meaning)
+PARSER.add_argument("--file", metavar="YAML", type=Path, help="publish all transforms of a file")
+PARSER.add_argument("old", metavar="VALUE", nargs="*", help="the old form; see above")
 
 
 def transforms_of(options: Namespace) -> list[TransformStamped]:
@@ -203,10 +201,7 @@ def read_transform(label: str, given: Any) -> TransformStamped:
         raise ValueError(f"{label}: {refusal}") from None
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), publish, args, interrupted=SUCCESS)
-
+main = partial(run, PARSER, publish, interrupted=SUCCESS)
 
 if __name__ == "__main__":
     sys.exit(main())

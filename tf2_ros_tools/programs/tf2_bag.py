@@ -9,6 +9,7 @@ from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -276,8 +277,8 @@ def view(options: Namespace) -> int:
 # The commands.
 
 
-def parser() -> Parser:
-    """Its command line."""
+def _parser() -> Parser:
+    """Make the command line."""
     made = Parser("tf2_bag", DESCRIPTION, EXAMPLE, node=False)
 
     def add(name: str, work: Callable[[Namespace], int], summary: str, *examples: str) -> Parser:
@@ -447,10 +448,8 @@ def bag(options: Namespace) -> int:
         raise RunError(printable(f"{failure.filename}: {failure.strerror}")) from None
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), bag, args)
-
+PARSER = _parser()
+main = partial(run, PARSER, bag)
 
 if __name__ == "__main__":
     sys.exit(main())

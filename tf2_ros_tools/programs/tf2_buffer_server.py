@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, run
@@ -17,15 +18,13 @@ __all__ = ["main"]
 DEFAULT_BUFFER_SIZE_S = 120.0
 
 
-def parser() -> Parser:
-    """Its command line."""
-    return Parser(
-        "tf2_buffer_server",
-        "Receive transforms, and answer the lookups of other processes through the action tf2_buffer_server, "
-        "until interrupted. The parameter buffer_size sets how far each frame's history reaches back, in "
-        "seconds; 120 by default.",
-        "  tf2_buffer_server --ros-args -p buffer_size:=30.0",
-    )
+PARSER = Parser(
+    "tf2_buffer_server",
+    "Receive transforms, and answer the lookups of other processes through the action tf2_buffer_server, "
+    "until interrupted. The parameter buffer_size sets how far each frame's history reaches back, in "
+    "seconds; 120 by default.",
+    "  tf2_buffer_server --ros-args -p buffer_size:=30.0",
+)
 
 
 def serve(options: Namespace) -> NoReturn:
@@ -60,10 +59,7 @@ def _buffer_size(node: Node) -> Duration:
     return FOR_EVER if size >= FOR_EVER.nanoseconds * 1e-9 else Duration(seconds=size)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), serve, args, interrupted=SUCCESS)
-
+main = partial(run, PARSER, serve, interrupted=SUCCESS)
 
 if __name__ == "__main__":
     sys.exit(main())

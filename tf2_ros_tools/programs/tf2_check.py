@@ -2,6 +2,7 @@
 
 import sys
 from argparse import Namespace
+from functools import partial
 
 from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import Parser, add_check_options, positive_number, run
@@ -9,26 +10,23 @@ from tf2_ros_tools.program import Parser, add_check_options, positive_number, ru
 __all__ = ["main"]
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser(
-        "tf2_check",
-        "Listen to transforms for a while, and print a line for each problem: no transform at all, "
-        "unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
-        "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
-        "file of expectations. The exit status is 0 if there are no problems, otherwise 1.",
-        "  tf2_check -t 10 --expect robot.yaml",
-    )
-    made.add_argument(
-        "-t",
-        type=positive_number,
-        metavar="S",
-        default=5.0,
-        help="listen for S seconds; 5 by default, after which all publishers are discovered",
-    )
-    add_check_options(made)
-    made.add_argument("--json", action="store_true", help="print the result as one line of JSON")
-    return made
+PARSER = Parser(
+    "tf2_check",
+    "Listen to transforms for a while, and print a line for each problem: no transform at all, "
+    "unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
+    "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
+    "file of expectations. The exit status is 0 if there are no problems, otherwise 1.",
+    "  tf2_check -t 10 --expect robot.yaml",
+)
+PARSER.add_argument(
+    "-t",
+    type=positive_number,
+    metavar="S",
+    default=5.0,
+    help="listen for S seconds; 5 by default, after which all publishers are discovered",
+)
+add_check_options(PARSER)
+PARSER.add_argument("--json", action="store_true", help="print the result as one line of JSON")
 
 
 def check(options: Namespace) -> int:
@@ -46,10 +44,7 @@ def check(options: Namespace) -> int:
     return conclude(options, report, of_what, {"seconds": options.t})
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), check, args)
-
+main = partial(run, PARSER, check)
 
 if __name__ == "__main__":
     sys.exit(main())

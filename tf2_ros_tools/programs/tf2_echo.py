@@ -7,6 +7,7 @@ import sys
 import time
 from argparse import Namespace
 from contextlib import suppress
+from functools import partial
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
@@ -53,38 +54,35 @@ EXAMPLE = """\
   tf2_echo map base_link --json --once       one line, for programs to read"""
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser("tf2_echo", DESCRIPTION, EXAMPLE)
-    made.add_argument("target", metavar="TARGET", help="the frame to which data is transformed")
-    made.add_argument("source", metavar="SOURCE", help="the frame of the data")
-    made.add_argument(
-        "rate",
-        metavar="RATE",
-        nargs="?",
-        type=positive_number,
-        default=1.0,
-        help="prints per second; 1 by default",
-    )
-    made.add_argument("--once", action="store_true", help="exit after the first transform")
-    made.add_argument(
-        "--wait",
-        metavar="SECONDS",
-        type=non_negative_number,
-        help="exit with status 1 if there is no transform after this time; by default, wait forever",
-    )
-    made.add_argument(
-        "--json", action="store_true", help='print one JSON object per line; a failed lookup has an "error"'
-    )
-    made.add_argument(
-        "--precision",
-        metavar="DIGITS",
-        type=int,
-        choices=range(18),
-        default=DIGITS,
-        help="number of decimals without --json; 3 by default",
-    )
-    return made
+PARSER = Parser("tf2_echo", DESCRIPTION, EXAMPLE)
+PARSER.add_argument("target", metavar="TARGET", help="the frame to which data is transformed")
+PARSER.add_argument("source", metavar="SOURCE", help="the frame of the data")
+PARSER.add_argument(
+    "rate",
+    metavar="RATE",
+    nargs="?",
+    type=positive_number,
+    default=1.0,
+    help="prints per second; 1 by default",
+)
+PARSER.add_argument("--once", action="store_true", help="exit after the first transform")
+PARSER.add_argument(
+    "--wait",
+    metavar="SECONDS",
+    type=non_negative_number,
+    help="exit with status 1 if there is no transform after this time; by default, wait forever",
+)
+PARSER.add_argument(
+    "--json", action="store_true", help='print one JSON object per line; a failed lookup has an "error"'
+)
+PARSER.add_argument(
+    "--precision",
+    metavar="DIGITS",
+    type=int,
+    choices=range(18),
+    default=DIGITS,
+    help="number of decimals without --json; 3 by default",
+)
 
 
 def echo(options: Namespace) -> int:
@@ -202,10 +200,7 @@ def _fields(message: Any) -> dict[str, float]:
     return {name: getattr(message, name) for name in message.get_fields_and_field_types()}
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), echo, args)
-
+main = partial(run, PARSER, echo)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -27,34 +27,31 @@ __all__ = ["main"]
 INTERVAL_S = 10.0  # as in tf2's program
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser(
-        "tf2_monitor",
-        "Show who publishes each frame, how often, how old its transforms are when they are received, and "
-        "what is wrong, until interrupted. On a terminal, if the Python package textual is installed, this "
-        "is a table, updated every second, which keys sort and filter. Otherwise, a report in the format of "
-        "tf2's own program is printed every ten seconds.\n\n"
-        "With two frames: show the chain that connects them, and the age of the newest transform between "
-        "them.",
-        "  tf2_monitor map base_link --interval 5",
-    )
-    made.add_argument("frames", nargs="*", metavar="FRAME", help="two frames, to show the chain between them")
-    made.add_argument(
-        "--interval",
-        type=positive_number,
-        metavar="S",
-        help="print a report every S seconds instead of the table",
-    )
-    made.add_argument(
-        "--window",
-        type=positive_number,
-        metavar="S",
-        default=10.0,
-        help="compute the figures over the last S seconds; 10 by default",
-    )
-    made.add_argument("--json", action="store_true", help="print each report as one line of JSON")
-    return made
+PARSER = Parser(
+    "tf2_monitor",
+    "Show who publishes each frame, how often, how old its transforms are when they are received, and "
+    "what is wrong, until interrupted. On a terminal, if the Python package textual is installed, this "
+    "is a table, updated every second, which keys sort and filter. Otherwise, a report in the format of "
+    "tf2's own program is printed every ten seconds.\n\n"
+    "With two frames: show the chain that connects them, and the age of the newest transform between "
+    "them.",
+    "  tf2_monitor map base_link --interval 5",
+)
+PARSER.add_argument("frames", nargs="*", metavar="FRAME", help="two frames, to show the chain between them")
+PARSER.add_argument(
+    "--interval",
+    type=positive_number,
+    metavar="S",
+    help="print a report every S seconds instead of the table",
+)
+PARSER.add_argument(
+    "--window",
+    type=positive_number,
+    metavar="S",
+    default=10.0,
+    help="compute the figures over the last S seconds; 10 by default",
+)
+PARSER.add_argument("--json", action="store_true", help="print each report as one line of JSON")
 
 
 def monitor(options: Namespace) -> int:
@@ -142,10 +139,7 @@ def _delays(streams: Sequence[Stream], separator: str) -> str:
     return f"Average Delay: {mean:g}{separator}Max Delay: {most:g}"
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), monitor, args, interrupted=SUCCESS)
-
+main = partial(run, PARSER, monitor, interrupted=SUCCESS)
 
 if __name__ == "__main__":
     sys.exit(main())

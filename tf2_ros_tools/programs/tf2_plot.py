@@ -3,16 +3,10 @@
 import sys
 import time
 from argparse import Namespace
+from functools import partial
 
 from tf2_ros_tools.output import seconds
-from tf2_ros_tools.program import (
-    SUCCESS,
-    Parser,
-    RunError,
-    add_plot_options,
-    positive_number,
-    run,
-)
+from tf2_ros_tools.program import SUCCESS, Parser, RunError, add_plot_options, positive_number, run
 
 __all__ = ["main"]
 
@@ -34,18 +28,11 @@ EXAMPLE = """\
   tf2_plot --path map base_link -o path.svg"""
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser("tf2_plot", DESCRIPTION, EXAMPLE)
-    add_plot_options(made, "tf2_plot_DATE.png")
-    made.add_argument(
-        "-t",
-        type=positive_number,
-        metavar="S",
-        default=SECONDS,
-        help=f"plot S seconds; {SECONDS:g} by default",
-    )
-    return made
+PARSER = Parser("tf2_plot", DESCRIPTION, EXAMPLE)
+add_plot_options(PARSER, "tf2_plot_DATE.png")
+PARSER.add_argument(
+    "-t", type=positive_number, metavar="S", default=SECONDS, help=f"plot S seconds; {SECONDS:g} by default"
+)
 
 
 def plot(options: Namespace) -> int:
@@ -84,10 +71,7 @@ def plot(options: Namespace) -> int:
     return SUCCESS
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), plot, args)
-
+main = partial(run, PARSER, plot)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
@@ -25,11 +26,8 @@ where relay.yaml contains, for example:
   - {to: [/remote/tf, /remote/tf_static], frames: [map, base_link], collapse: true, rate: 5}"""
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser("tf2_relay", DESCRIPTION, EXAMPLE)
-    made.add_argument("rules", metavar="FILE", type=Path, help="the YAML file with the rules")
-    return made
+PARSER = Parser("tf2_relay", DESCRIPTION, EXAMPLE)
+PARSER.add_argument("rules", metavar="FILE", type=Path, help="the YAML file with the rules")
 
 
 def relay(options: Namespace) -> NoReturn:
@@ -44,10 +42,7 @@ def relay(options: Namespace) -> NoReturn:
         relaying.run()
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), relay, args, interrupted=SUCCESS)
-
+main = partial(run, PARSER, relay, interrupted=SUCCESS)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -5,16 +5,10 @@ from __future__ import annotations
 import os
 import sys
 from argparse import Namespace
+from functools import partial
 from typing import TYPE_CHECKING, NoReturn
 
-from tf2_ros_tools.program import (
-    SUCCESS,
-    Parser,
-    RunError,
-    UsageError,
-    non_negative_number,
-    run,
-)
+from tf2_ros_tools.program import SUCCESS, Parser, RunError, UsageError, non_negative_number, run
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -35,22 +29,19 @@ EXAMPLE = """\
   tf2_shared_buffer --name simulated --cache-time 30 --ros-args -p use_sim_time:=true"""
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser("tf2_shared_buffer", DESCRIPTION, EXAMPLE)
-    made.add_argument(
-        "--name",
-        metavar="NAME",
-        default="auto",
-        help="name of the shared buffer; by default auto, which stands for the ROS domain",
-    )
-    made.add_argument(
-        "--cache-time",
-        type=non_negative_number,
-        metavar="S",
-        help="how far each frame's history reaches back, in seconds; 10 by default",
-    )
-    return made
+PARSER = Parser("tf2_shared_buffer", DESCRIPTION, EXAMPLE)
+PARSER.add_argument(
+    "--name",
+    metavar="NAME",
+    default="auto",
+    help="name of the shared buffer; by default auto, which stands for the ROS domain",
+)
+PARSER.add_argument(
+    "--cache-time",
+    type=non_negative_number,
+    metavar="S",
+    help="how far each frame's history reaches back, in seconds; 10 by default",
+)
 
 
 def share(options: Namespace) -> NoReturn:
@@ -83,10 +74,7 @@ def _shared_buffer(name: str, cache_time: float | None, node: Node) -> Buffer:
         raise RunError(str(failure)) from None
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), share, args, interrupted=SUCCESS)
-
+main = partial(run, PARSER, share, interrupted=SUCCESS)
 
 if __name__ == "__main__":
     sys.exit(main())

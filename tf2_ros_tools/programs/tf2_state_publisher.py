@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
@@ -23,13 +24,10 @@ EXAMPLE = """\
   tf2_state_publisher robot.urdf --ros-args -p publish_frequency:=100.0 -p frame_prefix:=robot1/"""
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser("tf2_state_publisher", DESCRIPTION, EXAMPLE)
-    made.add_argument(
-        "file", nargs="?", type=Path, metavar="URDF", help="the URDF; by default, robot_description has it"
-    )
-    return made
+PARSER = Parser("tf2_state_publisher", DESCRIPTION, EXAMPLE)
+PARSER.add_argument(
+    "file", nargs="?", type=Path, metavar="URDF", help="the URDF; by default, robot_description has it"
+)
 
 
 def publish(options: Namespace) -> NoReturn:
@@ -52,10 +50,7 @@ def publish(options: Namespace) -> NoReturn:
         wait()
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), publish, args, interrupted=SUCCESS)
-
+main = partial(run, PARSER, publish, interrupted=SUCCESS)
 
 if __name__ == "__main__":
     sys.exit(main())

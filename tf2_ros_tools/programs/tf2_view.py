@@ -5,19 +5,12 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
 from tf2_ros_tools.output import not_known
-from tf2_ros_tools.program import (
-    SUCCESS,
-    Parser,
-    RunError,
-    ending_in,
-    positive_number,
-    run,
-    write_output,
-)
+from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, positive_number, run, write_output
 
 if TYPE_CHECKING:
     from tf2_ros_tools.rerun import Live
@@ -42,38 +35,33 @@ EXAMPLE = """\
   tf2_view -o live.rrd                into a file, which rerun live.rrd opens"""
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser("tf2_view", DESCRIPTION, EXAMPLE)
-    where = made.add_mutually_exclusive_group()
-    where.add_argument("--web", action="store_true", help="serve the viewer to browsers on this machine")
-    where.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        type=ending_in("rrd"),
-        help="write this .rrd file instead of opening the viewer",
-    )
-    made.add_argument(
-        "--trail",
-        nargs="+",
-        metavar="FRAME",
-        default=[],
-        help="draw the paths of these frames over the last 10 seconds",
-    )
-    made.add_argument(
-        "--origin",
-        metavar="FRAME",
-        help="the frame that does not move; by default the root of the largest tree",
-    )
-    made.add_argument(
-        "--axes",
-        type=positive_number,
-        metavar="M",
-        default=AXES_M,
-        help=f"the length of the axes in metres; {AXES_M:g} by default",
-    )
-    return made
+PARSER = Parser("tf2_view", DESCRIPTION, EXAMPLE)
+where = PARSER.add_mutually_exclusive_group()
+where.add_argument("--web", action="store_true", help="serve the viewer to browsers on this machine")
+where.add_argument(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=ending_in("rrd"),
+    help="write this .rrd file instead of opening the viewer",
+)
+PARSER.add_argument(
+    "--trail",
+    nargs="+",
+    metavar="FRAME",
+    default=[],
+    help="draw the paths of these frames over the last 10 seconds",
+)
+PARSER.add_argument(
+    "--origin", metavar="FRAME", help="the frame that does not move; by default the root of the largest tree"
+)
+PARSER.add_argument(
+    "--axes",
+    type=positive_number,
+    metavar="M",
+    default=AXES_M,
+    help=f"the length of the axes in metres; {AXES_M:g} by default",
+)
 
 
 def view(options: Namespace) -> int:
@@ -130,10 +118,7 @@ def _send(
         time.sleep(PERIOD_S)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), view, args, interrupted=SUCCESS)
-
+main = partial(run, PARSER, view, interrupted=SUCCESS)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,18 +3,11 @@
 import sys
 import time
 from argparse import Namespace
+from functools import partial
 from os.path import splitext
 
 from tf2_ros_tools.output import seconds
-from tf2_ros_tools.program import (
-    SUCCESS,
-    Parser,
-    RunError,
-    format_of,
-    non_negative_number,
-    run,
-    write_output,
-)
+from tf2_ros_tools.program import SUCCESS, Parser, RunError, format_of, non_negative_number, run, write_output
 
 __all__ = ["main", "output_files"]
 
@@ -34,29 +27,26 @@ EXAMPLE = """\
   view_frames --text              the tree in the terminal"""
 
 
-def parser() -> Parser:
-    """Its command line."""
-    made = Parser("view_frames", DESCRIPTION, EXAMPLE)
-    made.add_argument(
-        "-t",
-        "--wait-time",
-        type=non_negative_number,
-        metavar="S",
-        default=WAIT_S,
-        help=f"listen for S seconds, {WAIT_S:g} by default",
-    )
-    made.add_argument(
-        "-o",
-        "--output",
-        metavar="NAME",
-        help="write NAME.gv and NAME.pdf; if NAME ends in .pdf, .svg or .png, write that picture",
-    )
-    made.add_argument("--text", action="store_true", help="print the tree; write files only if -o names them")
-    made.add_argument("--tf_topic", metavar="TOPIC", default="/tf", help="the topic of dynamic transforms")
-    made.add_argument(
-        "--tf_static_topic", metavar="TOPIC", default="/tf_static", help="the topic of static transforms"
-    )
-    return made
+PARSER = Parser("view_frames", DESCRIPTION, EXAMPLE)
+PARSER.add_argument(
+    "-t",
+    "--wait-time",
+    type=non_negative_number,
+    metavar="S",
+    default=WAIT_S,
+    help=f"listen for S seconds, {WAIT_S:g} by default",
+)
+PARSER.add_argument(
+    "-o",
+    "--output",
+    metavar="NAME",
+    help="write NAME.gv and NAME.pdf; if NAME ends in .pdf, .svg or .png, write that picture",
+)
+PARSER.add_argument("--text", action="store_true", help="print the tree; write files only if -o names them")
+PARSER.add_argument("--tf_topic", metavar="TOPIC", default="/tf", help="the topic of dynamic transforms")
+PARSER.add_argument(
+    "--tf_static_topic", metavar="TOPIC", default="/tf_static", help="the topic of static transforms"
+)
 
 
 def output_files(name: str) -> tuple[str, str, str]:
@@ -98,10 +88,7 @@ def view(options: Namespace) -> int:
     return SUCCESS
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), view, args)
-
+main = partial(run, PARSER, view)
 
 if __name__ == "__main__":
     sys.exit(main())

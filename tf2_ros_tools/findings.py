@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -56,7 +56,7 @@ def expected_by(options: Namespace) -> dict[str, Expectation]:
 
     :raises RunError, UsageError: see :func:`read_yaml`; or something in it, or an ignored kind, is unknown.
     """
-    unknown = set(options.ignore) - KINDS.keys()
+    unknown = {*options.ignore} - {*KINDS}
     if unknown:
         raise UsageError(f"--ignore: {min(unknown)} is not one of {', '.join(KINDS)}")
     if options.expect is None:
@@ -76,28 +76,11 @@ def expected_by(options: Namespace) -> dict[str, Expectation]:
         raise UsageError(f"{options.expect}: {error}") from None
 
 
-# What may be wrong, in the order in which it is reported.
-KINDS = {
-    "nothing": "no transform was received",
-    "clock": "the clock jumped back, or simulated time has none",
-    "clocks": "stamps are not of the clock of their reception",
-    "roots": "the frames are more than one tree",
-    "loop": "frames are each other's ancestors",
-    "parents": "a frame has two parents in turn",
-    "publishers": "a frame has two publishers",
-    "mixed": "a frame is both static and dynamic",
-    "refused": "buffers refuse transforms of a frame",
-    "stale": "a frame is no longer published, or its stamps stand still",
-    "future": "stamps are in the future",
-    "gap": "a frame was not published for many of its periods",
-    "rate": "a frame is published less often than it must be",
-    "missing": "an expected frame is not published",
-    "parent": "a frame has another parent than expected",
-    "delay": "transforms are old when they are received",
-    "static": "a frame is static where a dynamic one is expected, or dynamic",
-    "malformed": "messages could not be read",
-    "lost": "transforms arrived faster than they could be recorded",
-}
+# The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
+KINDS = (
+    "nothing clock clocks roots loop parents publishers mixed refused stale future gap rate missing parent "
+    "delay static malformed lost"
+).split()
 
 
 YEAR_S = 365.25 * 24 * 3600.0
@@ -139,11 +122,8 @@ def find(
     *,
     refused: Sequence[Refused] = (),
     recorded: bool = False,
-    jump_back: float | None = None,
-    no_clock: bool = False,
     where: str = "",
-    malformed: int = 0,
-    lost: int = 0,
+    also: Iterable[Finding] = (),
 ) -> list[Finding]:
     """
     Find what is wrong.
@@ -154,25 +134,14 @@ def find(
     :param refused: as ``Streams.report`` returns them.
     :param recorded: the time of the report is the end of a recording. The rate of a frame is then computed
         over the time in which it was published.
-    :param jump_back: how far the clock has jumped back, in seconds; None: it has not.
-    :param no_clock: time is simulated, and has not begun.
     :param where: a phrase that names the topics, for a report that nothing was received.
-    :param malformed: how many messages could not be read.
-    :param lost: how many transforms could not be recorded.
+    :param also: what is wrong apart from the streams.
     """
-    if no_clock:
-        text = "use_sim_time is set, and no time was received on /clock, so nothing is judged"
-        return [Finding("clock", "", text)]
-    found = [*_in_the_tree(streams)]
-    if jump_back is not None:
-        what = "only what was received after that is judged"
-        text = f"the clock jumped back by {three_digits(jump_back)} s; {what}"
-        found.append(Finding("clock", "", text))
+    found = [*also, *_in_the_tree(streams)]
     found += _of_other_clocks(streams, "the log times" if recorded else "the clock of this program")
     if not streams:
         which = " that buffers accept" if refused else ""
-        text = f"no transform{which} was received{where and f' {where}'}"
-        found.append(Finding("nothing", "", text))
+        found.append(Finding("nothing", "", f"no transform{which} was received{where and f' {where}'}"))
     by_frame: dict[str, list[Stream]] = {}
     for stream in streams:
         by_frame.setdefault(stream.frame, []).append(stream)
@@ -196,14 +165,7 @@ def find(
         only = any(one.frame == frame for one in refused)
         lack = "all its transforms are refused" if only else "nobody publishes it"
         found.append(Finding("missing", frame, f"{frame} is expected, and {lack}"))
-    if malformed:
-        text = f"{counted(malformed, 'message')} could not be read"
-        found.append(Finding("malformed", "", text))
-    if lost:
-        text = f"{counted(lost, 'transform')} arrived too fast to be recorded"
-        found.append(Finding("lost", "", text))
-    order = list(KINDS)
-    return sorted(found, key=lambda one: (order.index(one.kind), one.frame))
+    return sorted(found, key=lambda one: (KINDS.index(one.kind), one.frame))
 
 
 def _in_the_tree(streams: Sequence[Stream]) -> Iterator[Finding]:
@@ -227,8 +189,7 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
     own = [one for one in own if not one.static or alive is None or one.publisher_id in alive]
     parents = sorted({one.parent for one in own})
     if len(parents) > 1:
-        text = f"{frame} has {len(parents)} parents in turn: {', '.join(parents)}"
-        yield Finding("parents", frame, text)
+        yield Finding("parents", frame, f"{frame} has {len(parents)} parents in turn: {', '.join(parents)}")
     by_kind = {
         static: {one.publisher_id: one.publisher for one in own if one.static == static}
         for static in (True, False)
@@ -328,8 +289,7 @@ def _rate_at_most(stream: Stream) -> float | None:
 
 def _as_expected(frame: str, newest: Stream, expected: Expectation) -> Iterator[Finding]:
     if expected.parent is not None and newest.parent != expected.parent:
-        text = f"{frame} has the parent {newest.parent}, not {expected.parent}"
-        yield Finding("parent", frame, text)
+        yield Finding("parent", frame, f"{frame} has the parent {newest.parent}, not {expected.parent}")
     if expected.static is not None and newest.static != expected.static:
         kinds = {True: "static", False: "dynamic"}
         text = f"{frame} is {kinds[newest.static]}, not {kinds[expected.static]}"

@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros import Buffer
 from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds
+from tf2_ros_tools.output import counted, three_digits
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import (
     Refused,
@@ -217,23 +218,29 @@ class Listening:
         alive = self._look_up_publishers()
         publishers = [self._names.get(gid) or f"{gid.hex()[:12]}..{gid.hex()[-8:]}" for gid in gids]
         streams, refused = self._streams.report(now_ns, self.frames(), publishers)
-        findings = find(
-            streams,
-            limits,
-            expectations,
-            {number for number, gid in enumerate(gids) if gid in alive},
-            refused=refused,
-            jump_back=self._streams.jump_back(now_ns),
-            no_clock=now_ns <= 0,
-            where=self.where,
-            malformed=self._recording.malformed,
-            lost=self._recording.lost,
-        )
+        if now_ns <= 0:
+            text = "use_sim_time is set, and no time was received on /clock, so nothing is judged"
+            findings = [Finding("clock", "", text)]
+        else:
+            alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
+            also, where = self._of_reception(now_ns), self.where
+            findings = find(streams, limits, expectations, alive_ids, refused=refused, where=where, also=also)
         chain = None if ends is None else self._chain(ends, streams, now_ns)
         if chain is not None and chain.frames is not None:
             streams = [one for one in streams if one.frame in chain.frames]
             findings = [one for one in findings if one.frame in ("", *chain.frames)]
         return Report(now_ns / S, streams, refused, findings, chain, self._recording.messages)
+
+    def _of_reception(self, now_ns: int) -> Iterator[Finding]:
+        """Find what is wrong with the clock and with what could not be accounted for."""
+        jump = self._streams.jump_back(now_ns)
+        if jump is not None:
+            text = f"the clock jumped back by {three_digits(jump)} s"
+            yield Finding("clock", "", f"{text}; only what was received after that is judged")
+        if count := self._recording.malformed:
+            yield Finding("malformed", "", f"{counted(count, 'message')} could not be read")
+        if count := self._recording.lost:
+            yield Finding("lost", "", f"{counted(count, 'transform')} arrived too fast to be recorded")
 
     def _look_up_publishers(self) -> set[bytes]:
         alive = set()

@@ -45,11 +45,7 @@ if TYPE_CHECKING:
     from tf2_ros.message_filter import MessageFilter as MessageFilter
     from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
     from tf2_ros.transform_broadcaster import TransformBroadcaster
-    from tf2_ros.transform_listener import (
-        DEFAULT_STATIC_TF_TOPIC,
-        DEFAULT_TF_TOPIC,
-        TransformListener,
-    )
+    from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
     from tf2_ros.transform_listener import StaticTransformListener as StaticTransformListener
 
 # What `import *` gives from tf2's package, and nothing more: a name of ours could hide one of a program's.

@@ -7,8 +7,5 @@ from sensor_msgs.msg import PointCloud2
 
 from tf2_ros.buffer_interface import PyKDLType
 
-# Typing's, as in tf2.
-MsgStamped = Union[  # noqa: UP007
-    PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, PointCloud2
-]
-TransformableObject = Union[MsgStamped, PyKDLType]  # noqa: UP007
+MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, PointCloud2]
+TransformableObject = Union[MsgStamped, PyKDLType]

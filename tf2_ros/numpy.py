@@ -403,15 +403,11 @@ def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
     shape = matrices.shape[:-2]
     flat = matrices.reshape(-1, 16)
     is_missing = np.isnan(flat).all(axis=1)
-    is_finite = np.isfinite(flat).all(axis=1)
-    is_last_row_right = (np.abs(flat[:, 12:] - (0, 0, 0, 1)) <= TOLERANCE).all(axis=1)
-    for is_right, reason in (
-        (is_finite, "a matrix must be finite"),
-        (is_last_row_right, "the last row of a matrix must be 0 0 0 1"),
-    ):
-        bad = np.flatnonzero(~(is_right | is_missing))
-        if bad.size:
-            raise ValueError(f"{_which('matrices', 'matrix', shape, bad[0])}: {reason}")
+    is_affine = np.isfinite(flat).all(axis=1) & (np.abs(flat[:, 12:] - (0, 0, 0, 1)) <= TOLERANCE).all(axis=1)
+    bad = np.flatnonzero(~(is_affine | is_missing))
+    if bad.size:
+        which = _which("matrices", "matrix", shape, bad[0])
+        raise ValueError(f"{which}: expected finite numbers and the last row 0 0 0 1")
     turns = flat.reshape(-1, 4, 4)[:, :3, :3].reshape(-1, 9)
     rotations, wrong, defect = rotations_from_matrices(turns, TOLERANCE)
     if wrong >= 0:

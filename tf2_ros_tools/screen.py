@@ -9,7 +9,6 @@ import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from tempfile import TemporaryFile
 
 from rich.text import Text
@@ -22,30 +21,23 @@ from tf2_ros_tools.findings import milliseconds, rate_text
 from tf2_ros_tools.output import counted, printable
 from tf2_ros_tools.streams import Stream
 
+Kinds = defaultdict[str, list[str]]  # of findings, by frame
+
 INTERVAL_S = 1.0  # between two updates
 
 
-@dataclass(frozen=True)
-class _Column:
-    title: str
-    text: Callable[[Stream, Sequence[str]], str]  # of a stream and the kinds of its frame's findings
-    is_number: bool = False
+COLUMNS = ("frame", "Hz", "delay ms", "wrong", "parent", "publisher", "max ms", "jitter ms")
+NUMBERS = {"Hz", "delay ms", "max ms", "jitter ms"}
 
 
-def _of_delay(get: Callable[[Stream], float | None]) -> Callable[[Stream, Sequence[str]], str]:
-    return lambda stream, _: "" if stream.static else milliseconds(get(stream))
+def _texts(stream: Stream, kinds: Sequence[str]) -> Iterator[str]:
+    """What the columns show of a stream; ``kinds`` are those of its frame's findings."""
+    rate = "static" if stream.static else rate_text(stream)
+    delay, most, jitter = map(milliseconds, (stream.delay, stream.delay_max, stream.jitter))
+    wrong = ", ".join(dict.fromkeys(kinds))
+    return map(printable, (stream.frame, rate, delay, wrong, stream.parent, stream.publisher, most, jitter))
 
 
-COLUMNS = (
-    _Column("frame", lambda stream, _: stream.frame),
-    _Column("Hz", lambda stream, _: "static" if stream.static else rate_text(stream), is_number=True),
-    _Column("delay ms", _of_delay(lambda stream: stream.delay), is_number=True),
-    _Column("wrong", lambda _, kinds: ", ".join(dict.fromkeys(kinds))),
-    _Column("parent", lambda stream, _: stream.parent),
-    _Column("publisher", lambda stream, _: stream.publisher),
-    _Column("max ms", _of_delay(lambda stream: stream.delay_max), is_number=True),
-    _Column("jitter ms", _of_delay(lambda stream: stream.jitter), is_number=True),
-)
 # The smallest value is shown first; unknown rates and delays come last.
 ORDERS: dict[str, Callable[[Stream, int], tuple[float, str]]] = {
     "trouble": lambda stream, problem_count: (-problem_count, stream.frame),
@@ -115,9 +107,8 @@ class _Screen(App[None]):
     def __init__(self, look: Callable[[], Report], source: str) -> None:
         super().__init__()
         self._look = look
+        self._report = look()
         self._source = source
-        self._report: Report | None = None
-        self._problems: defaultdict[str, list[str]] = defaultdict(list)  # kinds, by frame
         self._streams: list[Stream] = []  # a row for each
         self._order, self._reverse = "trouble", False
 
@@ -135,17 +126,14 @@ class _Screen(App[None]):
             loop.add_signal_handler(number, self.exit)
         table = self.query_one(DataTable)
         for column in COLUMNS:
-            table.add_column(_cell(column.title, column))
+            table.add_column(_cell(column, column))
         table.focus()
-        self._update()
+        self._show()
+        self.set_interval(INTERVAL_S, self._update)
 
     def _update(self) -> None:
         self._report = self._look()
-        self._problems = defaultdict(list)
-        for problem in self._report.findings:
-            self._problems[problem.frame].append(problem.kind)
         self._show()
-        self.set_timer(INTERVAL_S, self._update)
 
     # Keys.
 
@@ -175,11 +163,12 @@ class _Screen(App[None]):
 
     def _show(self) -> None:
         report = self._report
-        if report is None:
-            return
+        kinds: Kinds = defaultdict(list)
+        for finding in report.findings:
+            kinds[finding.frame].append(finding.kind)
         with self.batch_update():
             self.query_one("#summary", Static).update(Text(self._summary(report)))
-            self._fill(self._chosen(report.streams))
+            self._fill(self._chosen(report.streams, kinds), kinds)
             problems = Text("\n".join(printable(one.text) for one in report.findings))
             self.query_one("#problems", Static).update(problems)
             self.query_one(VerticalScroll).display = bool(problems)
@@ -191,15 +180,15 @@ class _Screen(App[None]):
         text = printable(f"{frames}, {found} {self._source}, {order}")
         return text if report.chain is None else f"{printable(report.chain.text)}\n{text}"
 
-    def _chosen(self, streams: Sequence[Stream]) -> list[Stream]:
+    def _chosen(self, streams: Sequence[Stream], kinds: Kinds) -> list[Stream]:
         """Filter and sort streams."""
         part, key = self.query_one(Input).value.lower(), ORDERS[self._order]
         found = [one for one in streams if part in f"{one.frame} {one.parent} {one.publisher}".lower()]
         found.sort(key=_name_of)  # in a report, the order of those of one frame varies
-        found.sort(key=lambda one: key(one, len(self._problems[one.frame])), reverse=self._reverse)
+        found.sort(key=lambda one: key(one, len(kinds[one.frame])), reverse=self._reverse)
         return found
 
-    def _fill(self, streams: list[Stream]) -> None:
+    def _fill(self, streams: list[Stream], kinds: Kinds) -> None:
         table = self.query_one(DataTable)
         # None: the first row, which stays highlighted.
         chosen = _name_of(self._streams[table.cursor_row]) if table.cursor_row > 0 else None
@@ -207,18 +196,17 @@ class _Screen(App[None]):
         table.clear()
         self._streams = streams
         for stream in streams:
-            kinds = self._problems[stream.frame]
-            texts = (printable(column.text(stream, kinds)) for column in COLUMNS)
-            style = "bold red" if kinds else ""
-            table.add_row(*(_cell(*pair, style) for pair in zip(texts, COLUMNS, strict=True)))
+            style = "bold red" if kinds[stream.frame] else ""
+            texts = zip(_texts(stream, kinds[stream.frame]), COLUMNS, strict=True)
+            table.add_row(*(_cell(text, column, style) for text, column in texts))
         place = next((row for row, one in enumerate(streams) if _name_of(one) == chosen), 0)
         table.move_cursor(row=place, scroll=False)
         table.call_after_refresh(table.scroll_to, x, y, animate=False)
 
 
-def _cell(text: str, column: _Column, style: str = "") -> Text:
+def _cell(text: str, column: str, style: str = "") -> Text:
     # Not a str, because a name may look like markup.
-    return Text(text, style=style, justify="right" if column.is_number else "left", overflow="fold")
+    return Text(text, style=style, justify="right" if column in NUMBERS else "left", overflow="fold")
 
 
 def _name_of(stream: Stream) -> tuple[str, str, int, bool]:

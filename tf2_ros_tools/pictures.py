@@ -30,6 +30,8 @@ S = 1_000_000_000
 
 Records = NDArray[np.void]
 
+# Colours that everyone can distinguish (M. Okabe and K. Ito, Color universal design, 2008), and grey.
+BLUE, ORANGE, GREEN, VERMILION, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#6E6E6E"
 LONGEST = 60  # characters of a name
 
 
@@ -42,13 +44,13 @@ def label(text: str, longest: int = LONGEST) -> str:
 # The tree of frames.
 
 
-# Colours that everyone can distinguish (M. Okabe and K. Ito, 2008); the styles also work without colour.
+# The styles also work without colour.
 STYLES = {
-    "dynamic": {"color": "#0072B2", "style": "solid", "penwidth": "1.6"},
-    "static": {"color": "#6E6E6E", "style": "dashed", "penwidth": "1.2"},
-    "stale": {"color": "#D55E00", "style": "dotted", "penwidth": "3"},
+    "dynamic": {"color": BLUE, "style": "solid", "penwidth": "1.6"},
+    "static": {"color": GREY, "style": "dashed", "penwidth": "1.2"},
+    "stale": {"color": VERMILION, "style": "dotted", "penwidth": "3"},
 }
-PROBLEM = {"color": "#D55E00", "fontcolor": "#A83E00", "penwidth": "3"}
+PROBLEM = {"color": VERMILION, "fontcolor": "#A83E00", "penwidth": "3"}
 GROUND = " "  # the last line of an edge's label, because Graphviz draws the edge just below it
 FONT = {"fontname": "Helvetica", "fontsize": "11"}
 LONGEST_FINDING = 120  # characters
@@ -88,11 +90,6 @@ def tree_dot(
         node_attr={**FONT, "shape": "box", "style": "rounded,filled", "fillcolor": "#F4F6F8"},
         edge_attr={**FONT, "fontsize": "10", "arrowsize": "0.7"},
     )
-    spans = {
-        name: (info.oldest_ns / S, info.newest_ns / S)
-        for name, info in infos.items()
-        if not info.static and info.oldest_ns is not None and info.newest_ns is not None
-    }
     problems = _problems(findings)
     stale = {finding.frame for finding in findings if finding.kind == "stale"}
     drawn = {name for one in streams for name in (one.frame, one.parent)}
@@ -106,13 +103,13 @@ def tree_dot(
     for stream in streams:
         kind = "static" if stream.static else "stale" if stream.frame in stale else "dynamic"
         reasons = problems.get(stream.frame, [])
-        span = spans.get(stream.frame)
-        facts = [*_facts(stream, span), *reasons]
+        facts, stamps = _facts(stream, infos.get(stream.frame))
+        facts += reasons
         dot.edge(
             ids[stream.parent],
             ids[stream.frame],
             _lines([*facts, GROUND], "\\n"),
-            tooltip=_lines([*facts, *_stamps(span)], "\\n"),
+            tooltip=_lines([*facts, *stamps], "\\n"),
             **{
                 **STYLES[kind],
                 **(PROBLEM if reasons else {}),
@@ -137,19 +134,16 @@ def _problems(findings: Sequence[Finding]) -> dict[str, list[str]]:
     return problems
 
 
-def _facts(stream: Stream, span: tuple[float, float] | None) -> Iterator[str]:
-    yield label(stream.publisher)
-    yield rate_label(stream)
+def _facts(stream: Stream, info: FrameInfo | None) -> tuple[list[str], list[str]]:
+    """Get the lines of an edge's label, and the stamps that only its tooltip shows."""
+    facts = [label(stream.publisher), rate_label(stream)]
     if stream.delay is not None:
-        yield delay_label(stream)
-    if span is not None and not stream.static:
-        yield f"buffer {span[1] - span[0]:.2f} s"
-
-
-def _stamps(span: tuple[float, float] | None) -> Iterator[str]:
-    if span is not None:
-        yield f"most recent transform: {span[1]:.6f}"
-        yield f"oldest transform: {span[0]:.6f}"
+        facts.append(delay_label(stream))
+    if stream.static or info is None or info.oldest_ns is None or info.newest_ns is None:
+        return facts, []
+    oldest, newest = info.oldest_ns / S, info.newest_ns / S
+    facts.append(f"buffer {newest - oldest:.2f} s")
+    return facts, [f"most recent transform: {newest:.6f}", f"oldest transform: {oldest:.6f}"]
 
 
 def _add_tree_legend(dot: Any, time: float | None) -> None:
@@ -176,9 +170,6 @@ def _lines(texts: Any, end: str) -> str:
 
 # Shared by all pictures made with matplotlib.
 
-
-# Colours that everyone can distinguish (M. Okabe and K. Ito, Color universal design, 2008), and grey.
-BLUE, ORANGE, GREEN, VERMILION, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#6E6E6E"
 
 DPI = 100
 _SETTINGS: Any = {
@@ -209,11 +200,8 @@ def file_of(figure: Any, kind: str) -> bytes:
 
     :param kind: ``png``, ``svg`` or ``pdf``.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
+    written = BytesIO()
     with style():
-        FigureCanvasAgg(figure)
-        written = BytesIO()
         figure.savefig(written, format=kind, dpi=DPI)
     return written.getvalue()
 
@@ -263,21 +251,6 @@ DELAYS = (0.38, 0.92)  # ... and the delays, from 0 to the maximum of the row
 SMALLEST = float(np.finfo(float).tiny)
 PLACES = 5000  # of the picture's width; one reception is drawn in each
 
-RECEIVED: Style = {"color": BLUE, "linewidth": 0.7, "label": "received"}
-DELAY: Style = {
-    "color": ORANGE,
-    "marker": ".",
-    "markersize": 2.5,
-    "linestyle": "",
-    "label": "delay, up to the maximum of its row",
-}
-STATIC: Style = {
-    "color": GREY,
-    "marker": "D",
-    "markersize": 5,
-    "linestyle": "",
-    "label": "static: received, and valid since",
-}
 GAP: Style = {"facecolor": VERMILION, "alpha": 0.3, "edgecolor": VERMILION, "hatch": "///"}
 NOT_YET: Style = {"facecolor": "#F0F0F0", "edgecolor": "#C4C4C4", "hatch": "..."}
 
@@ -364,18 +337,22 @@ def _draw_row(axes: Any, row: Row, bottom: int, begin: float, end: float) -> Non
     if since - begin > (0.0 if row.stream.static else row.gap):
         axes.broken_barh([(begin, since - begin)], (bottom, 1.0), **NOT_YET, label="not received yet")
     if row.stream.static:
-        axes.plot(times, np.full(len(times), bottom + 0.5), **STATIC)
+        middle = np.full(len(times), bottom + 0.5)
+        axes.plot(times, middle, "D", color=GREY, markersize=5, label="static: received, and valid since")
         # It is valid from the first reception on, without an end.
         axes.hlines(bottom + 0.5, since, end, color=GREY, linestyle="--")
         return
     low, high = (bottom + part for part in TICKS)
     step = (end - begin) / PLACES
-    axes.vlines(begin + step * np.unique(np.round((times - begin) / step)), low, high, **RECEIVED)
+    places = begin + step * np.unique(np.round((times - begin) / step))
+    axes.vlines(places, low, high, color=BLUE, linewidth=0.7, label="received")
     axes.broken_barh(_gaps(row, begin, end), (bottom, 1.0), **GAP, label="gap")
     if len(delays) and row.stream.delay is not None:
         least, most = min(0.0, float(delays.min())), max(0.0, float(delays.max()))
         low, high = (bottom + part for part in DELAYS)
-        axes.plot(times, low + (high - low) * (delays - least) / max(most - least, SMALLEST), **DELAY)
+        heights = low + (high - low) * (delays - least) / max(most - least, SMALLEST)
+        about = "delay, up to the maximum of its row"
+        axes.plot(times, heights, ".", color=ORANGE, markersize=2.5, label=about)
 
 
 def _gaps(row: Row, begin: float, end: float) -> list[tuple[float, float]]:

@@ -17,7 +17,6 @@ from typing import NoReturn
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
-from rclpy.duration import Duration
 from rclpy.exceptions import InvalidHandle, NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -38,7 +37,6 @@ from tf2_ros_tools.streams import (
 )
 
 S = 1_000_000_000
-FOR_EVER = Duration(seconds=2**31 - 1)  # the most that a message can say
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the program is to end
 
 
@@ -104,14 +102,14 @@ def filled_buffer(
     recording: Recording | None = None,
     *,
     topics: Sequence[str] = TOPICS,
-    cache_time: Duration | None = None,
+    cache_time: float | None = None,
 ) -> Iterator[Buffer]:
     """
     A buffer for a ``with`` statement. A listener fills it, and it follows the clock of the node.
 
     :param recording: records what arrives.
     :param topics: the topic of dynamic transforms and the topic of static transforms.
-    :param cache_time: how far the history of each frame reaches back. None: the default of buffers.
+    :param cache_time: how far each frame's history reaches back, in seconds. None: the default of buffers.
     :raises UsageError: the receiver, which recording needs, does not support this release of ROS 2.
     """
     buffer = Buffer(cache_time, node)
@@ -274,7 +272,7 @@ def listening(
     window_s: float | None = None,
     *,
     topics: tuple[str, str] = TOPICS,
-    cache_time: Duration | None = None,
+    cache_time: float | None = None,
 ) -> Iterator[Listening]:
     """
     Listen in a ``with`` statement.

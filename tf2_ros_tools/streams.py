@@ -10,11 +10,12 @@ batched.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tf2_py import FrameInfo
 from tf2_ros.records import RECORD, refusal_text
 from tf2_ros_tools.output import not_known
 
@@ -369,16 +370,7 @@ def _dynamic_of(records: Records, children: Sequence[int]) -> Records:
     return taken(records[np.isin(records["child"], children) & (records["static"] == 0)])
 
 
-class Below(Protocol):
-    """What a tree must know about a frame; both ``Stream`` and ``tf2_py.FrameInfo`` do."""
-
-    @property
-    def parent(self) -> str | None: ...
-    @property
-    def static(self) -> bool: ...
-
-
-Tree = Mapping[str, Below]  # by the names of the frames
+Tree = Mapping[str, Stream | FrameInfo]  # by the names of the frames
 
 
 def newest_streams(streams: Iterable[Stream]) -> dict[str, Stream]:

@@ -37,9 +37,7 @@ PARSER.add_argument(
 
 def plot(options: Namespace) -> int:
     """Listen and plot; return the exit status."""
-    from tf2_ros_tools.listening import FOR_EVER, listening, spun_node
-
-    from rclpy.duration import Duration
+    from tf2_ros_tools.listening import listening, spun_node
 
     from tf2_ros_tools.findings import Limits
     from tf2_ros_tools.pictures import heard_picture, refuse_plot, write_plot
@@ -47,11 +45,7 @@ def plot(options: Namespace) -> int:
 
     refuse_plot(options)
     heard_s = options.t + LEAD_S
-    cache_time = Duration(nanoseconds=round(min(2 * heard_s * S, FOR_EVER.nanoseconds)))
-    with (
-        spun_node("tf2_plot", options) as node,
-        listening(node, options.t, cache_time=cache_time) as heard,
-    ):
+    with spun_node("tf2_plot", options) as node, listening(node, options.t, cache_time=2 * heard_s) as heard:
         node.get_logger().info(f"Listening to tf data for {seconds(heard_s)}...")
         heard.listen(heard_s)
         records = heard.records()

@@ -73,10 +73,7 @@ def view(options: Namespace) -> int:
     trails = [name.removeprefix("/") for name in options.trail]
     origin = None if options.origin is None else options.origin.removeprefix("/")
     try:
-        with (
-            spun_node("tf2_view", options) as node,
-            filled_buffer(node) as buffer,
-        ):
+        with spun_node("tf2_view", options) as node, filled_buffer(node) as buffer:
 
             def check_names() -> None:
                 known = buffer.frames()

@@ -14,13 +14,7 @@ import numpy as np
 
 from tf2_ros_tools.output import counted, first_names, printable, three_digits
 from tf2_ros_tools.program import FAILURE, SUCCESS, UsageError
-from tf2_ros_tools.streams import (
-    Refused,
-    Stream,
-    Streams,
-    newest_streams,
-    path_to_root,
-)
+from tf2_ros_tools.streams import Refused, Stream, Streams, newest_streams, path_to_root
 from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, nonempty_text, read_keys, read_yaml
 
 if TYPE_CHECKING:

@@ -1,3 +1,1 @@
 """The programs: each module is one, with its command line and its work."""
-
-__all__: list[str] = []

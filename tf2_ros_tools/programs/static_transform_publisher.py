@@ -17,8 +17,6 @@ from tf2_ros_tools.yaml_files import Key, nonempty_text, number_in, read_keys, r
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
 
-__all__ = ["main"]
-
 FRAMES = ("frame_id", "child_frame_id")
 TRANSLATION = ("x", "y", "z")
 QUATERNION = ("qx", "qy", "qz", "qw")
@@ -45,10 +43,7 @@ where transforms.yaml uses the names of the options:
   - {frame_id: base_link, child_frame_id: lidar, z: 0.5, qx: 0.0, qy: 0.0, qz: 1.0, qw: 0.0}"""
 
 # The meaning of the values of the old form, by their number: with Euler angles, or with a quaternion.
-OLD_FORMS = {
-    8: (*TRANSLATION, *reversed(EULER), *FRAMES),
-    9: (*TRANSLATION, *QUATERNION, *FRAMES),
-}
+OLD_FORMS = {8: (*TRANSLATION, *reversed(EULER), *FRAMES), 9: (*TRANSLATION, *QUATERNION, *FRAMES)}
 
 
 PARSER = Parser("static_transform_publisher", DESCRIPTION, EXAMPLE)

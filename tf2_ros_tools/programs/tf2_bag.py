@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from tf2_ros_tools.reading import Topic
     from tf2_ros_tools.streams import Stream
 
-__all__ = ["main"]
-
 DESCRIPTION = """\
 Answer questions about recorded transforms, without ROS: what a recording contains, what is wrong with it, \
 and where a frame was at a given time.

@@ -7,8 +7,6 @@ from typing import Any, NoReturn
 
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, run
 
-__all__ = ["main"]
-
 DEFAULT_BUFFER_SIZE_S = 120.0
 
 

@@ -7,9 +7,6 @@ from functools import partial
 from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import Parser, add_check_options, positive_number, run
 
-__all__ = ["main"]
-
-
 PARSER = Parser(
     "tf2_check",
     "Listen to transforms for a while, and print a line for each problem: no transform at all, "

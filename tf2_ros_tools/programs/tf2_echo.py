@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from tf2_py import TransformException
     from tf2_ros import Buffer
 
-__all__ = ["main"]
-
 S = 1_000_000_000  # ns
 
 DIGITS = 3  # after the point, by default; a double has at most 17

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from tf2_ros_tools.streams import Stream
 
-__all__ = ["main"]
-
 INTERVAL_S = 10.0  # as in tf2's program
 
 

@@ -8,8 +8,6 @@ from functools import partial
 from tf2_ros_tools.output import seconds
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, add_plot_options, positive_number, run
 
-__all__ = ["main"]
-
 S = 1_000_000_000
 
 LEAD_S = 1.5  # for the discovery of publishers; what they send during this time is not drawn

@@ -11,8 +11,6 @@ from typing import NoReturn
 
 from tf2_ros_tools.program import SUCCESS, Parser, run
 
-__all__ = ["main"]
-
 DESCRIPTION = """\
 Send transforms on to other topics, until interrupted, by the rules in a YAML file: chosen frames, at a \
 lower rate, only what has moved, chains of frames as one transform, under other names, or as poses.

@@ -1,21 +1,12 @@
 """Share one buffer with all processes on a machine."""
 
-from __future__ import annotations
-
 import os
 import sys
 from argparse import Namespace
 from functools import partial
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, UsageError, non_negative_number, run
-
-if TYPE_CHECKING:
-    from rclpy.node import Node
-
-    from tf2_ros import Buffer
-
-__all__ = ["main"]
 
 DESCRIPTION = """\
 Receive transforms, and share the buffer that holds them with all processes of this user on this machine, \
@@ -46,32 +37,26 @@ PARSER.add_argument(
 
 def share(options: Namespace) -> NoReturn:
     """Share what is received until interrupted."""
-    from tf2_ros_tools.listening import spun_node, wait
+    from tf2_ros_tools.listening import TOPICS, spun_node, wait
 
-    from tf2_ros import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
+    from tf2_ros import Buffer, SharedBufferError, TransformListener
 
     with spun_node("tf2_shared_buffer", options) as node:
         domain = node.context.get_domain_id()
         name = f"domain-{domain}" if options.name == "auto" else options.name
-        buffer = _shared_buffer(name, options.cache_time, node)
+        try:
+            buffer = Buffer(options.cache_time, node, share=name)
+        except ValueError as refusal:
+            raise UsageError(str(refusal)) from None
+        except (SharedBufferError, NotImplementedError) as failure:  # the second is not on Linux
+            raise RunError(str(failure)) from None
         with TransformListener(buffer, node):
-            topics = " and ".join(map(node.resolve_topic_name, (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)))
+            topics = " and ".join(map(node.resolve_topic_name, TOPICS))
             node.get_logger().info(
                 f"Sharing {topics} of ROS domain {domain} as {name!r}: process {os.getpid()}, "
                 f"keeps {buffer.cache_time_ns / 1e9:g} s"
             )
             wait()
-
-
-def _shared_buffer(name: str, cache_time: float | None, node: Node) -> Buffer:
-    from tf2_ros import Buffer, SharedBufferError
-
-    try:
-        return Buffer(cache_time, node, share=name)
-    except ValueError as refusal:
-        raise UsageError(str(refusal)) from None
-    except (SharedBufferError, NotImplementedError) as failure:  # the second is not on Linux
-        raise RunError(str(failure)) from None
 
 
 main = partial(run, PARSER, share, interrupted=SUCCESS)

@@ -10,8 +10,6 @@ from typing import NoReturn
 
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, run
 
-__all__ = ["main"]
-
 DESCRIPTION = """\
 Publish the transforms of a robot, until interrupted: those of fixed joints on /tf_static, those of movable \
 joints on /tf for each message on joint_states. The parameters are those of robot_state_publisher: \

@@ -15,8 +15,6 @@ from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, positive
 if TYPE_CHECKING:
     from tf2_ros_tools.rerun import Live
 
-__all__ = ["main"]
-
 PERIOD_S = 0.1  # from one batch to the next
 CHECK_AFTER = 50  # batches, by which publishers are found
 AXES_M = 0.3

@@ -9,8 +9,6 @@ from os.path import splitext
 from tf2_ros_tools.output import seconds
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, format_of, non_negative_number, run, write_output
 
-__all__ = ["main", "output_files"]
-
 FORMATS = ("pdf", "svg", "png")
 WAIT_S = 5.0
 

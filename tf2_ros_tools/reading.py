@@ -3,13 +3,13 @@
 import errno
 import shutil
 import struct
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ RawMessage: TypeAlias = "tuple[Connection, int, Raw]"
 # A reader of rosbags, or a ForeignMcap, which has this part of its interface: `connections`, `start_time`,
 # `end_time` (after the last message), `message_count`, and `messages(connections, start, stop)`.
 Reader: TypeAlias = Any
+_Made = TypeVar("_Made")
 
 S = 1_000_000_000
 LAST_NS = (1 << 63) - 1  # log times are int64
@@ -162,13 +163,21 @@ class Recorded:
         for connection, log_ns, raw in messages:
             msgtype, encoding = connection.msgtype, _encoding(connection)
             if msgtype in foxglove.TYPES:
-                try:
-                    raw = foxglove.tf_message(msgtype, raw)
-                except ValueError as error:
-                    self.malformed(connection.topic, log_ns, error)
+                raw = self.of_foxglove(connection, log_ns, raw, foxglove.tf_message)
             elif encoding == "ros1":
                 raw = store.ros1_to_cdr(raw, TF_TYPES[0] if msgtype in TF_TYPES else msgtype)
             yield connection, log_ns, raw
+
+    def of_foxglove(
+        self, connection: "Connection", log_ns: int, raw: Raw, make: Callable[[Any], _Made]
+    ) -> _Made:
+        """Decode a message of Foxglove, and make something of it."""
+        try:
+            return make(self._reader.decoder(connection)(bytes(raw)))
+        except ModuleNotFoundError:
+            raise
+        except Exception as error:  # a damaged message, or a damaged definition of its type, raises any kind
+            self.malformed(connection.topic, log_ns, ValueError(f"not a {connection.msgtype}: {error}"))
 
     def checked(self, messages: Iterable[RawMessage]) -> Iterator[RawMessage]:
         """Yield messages of :meth:`raw`, and explain errors of the iteration."""
@@ -312,6 +321,8 @@ class ForeignMcap:
             for one in summary.channels.values()
         }
         self.connections = [*self._connections.values()]
+        self._schemas = {one.id: summary.schemas.get(one.schema_id) for one in summary.channels.values()}
+        self._decoders: dict[int, Callable[[bytes], Any]] = {}
 
     def messages(
         self, connections: "Collection[Connection]", start: int | None, stop: int | None
@@ -320,6 +331,17 @@ class ForeignMcap:
         topics = [one.topic for one in connections]
         for _, channel, message in self._mcap.iter_messages(topics, start, stop):
             yield self._connections[channel.id], message.log_time, message.data
+
+    def decoder(self, connection: "Connection") -> Callable[[bytes], Any]:
+        """Get the function that decodes the messages of a connection in protobuf."""
+        if connection.id not in self._decoders:
+            with needing("mcap_protobuf", "bag"):
+                from mcap_protobuf.decoder import DecoderFactory
+            decode = DecoderFactory().decoder_for(foxglove.ENCODING, self._schemas[connection.id])
+            if decode is None:
+                raise ValueError("the definition of its type is not one of protobuf")
+            self._decoders[connection.id] = decode
+        return self._decoders[connection.id]
 
     def _connection(self, channel: Any, schema: Any, count: int) -> "Connection":
         from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition
@@ -356,7 +378,8 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     if topic not in recorded.topics:
         raise BagError(f"{name}: this topic does not exist; the topics are {listed(recorded.topics)}")
     about = recorded.topics[topic]
-    if not foxglove.is_stamped(about.msgtype, about.encoding):
+    is_foxglove = foxglove.is_stamped(about.msgtype, about.encoding)
+    if not is_foxglove:
         try:
             stamped = all(map(_begins_with_header, recorded.connections([topic])))
         except Exception as error:  # the parsers define error classes only for some kinds of damage
@@ -365,7 +388,10 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
         if not stamped:
             raise BagError(f"{name}: {printable(about.msgtype)} does not begin with a {HEADER}")
     stamps: list[int] = []
-    for _, log_ns, raw in recorded.checked(recorded.raw([topic], convert=False)):
+    for connection, log_ns, raw in recorded.checked(recorded.raw([topic], convert=False)):
+        if is_foxglove:
+            stamps.append(recorded.of_foxglove(connection, log_ns, raw, foxglove.stamp_ns))
+            continue
         try:
             stamps.append(_stamp_ns(about, raw))
         except (ValueError, IndexError, struct.error) as error:
@@ -374,8 +400,6 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
 
 
 def _stamp_ns(about: Topic, raw: Raw) -> int:
-    if foxglove.is_stamped(about.msgtype, about.encoding):
-        return foxglove.stamp_ns(raw)
     # Four bytes come first: the encapsulation, whose second byte is odd for little-endian numbers; in ROS 1,
     # the `seq` of the header.
     order = "<" if about.encoding == "ros1" or raw[1] & 1 else ">"

@@ -3,13 +3,16 @@
 import math
 import re
 import shutil
-import struct
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
+from mcap_protobuf.schema import register_schema
 from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -157,15 +160,8 @@ def write_split(path, messages, storage="mcap", compression=None, parts=3):
     return path
 
 
-def write_mcap(
-    path, messages, compression="none", index=True, chunked=True, chunk_size=2000, topics=(), foxglove=None
-):
-    """
-    A bare .mcap, by the library mcap; small chunks, so that there are several.
-
-    :param foxglove: the encoding of messages of Foxglove, "protobuf", of which only Tf and scans are written
-        by themselves.
-    """
+def write_mcap(path, messages, compression="none", index=True, chunked=True, chunk_size=2000, topics=()):
+    """A bare .mcap, by the library mcap; small chunks, so that there are several."""
     writer = McapWriter(
         str(path),
         chunk_size=chunk_size,
@@ -177,59 +173,52 @@ def write_mcap(
         use_summary_offsets=index,
         use_chunking=chunked,
     )
-    writer.start("" if foxglove else "ros2", "tests")
+    writer.start("ros2", "tests")
     channels = {}
     for topic, msgtype in [*((one.topic, one.msgtype) for one in messages), *topics]:
-        if topic in channels:
-            continue
-        if foxglove:
-            schema = writer.register_schema(FOXGLOVE.get(msgtype, msgtype), foxglove, b"{}")
-        else:
+        if topic not in channels:
             text, _ = store().generate_msgdef(msgtype, ros_version=2)
             schema = writer.register_schema(msgtype, "ros2msg", text.encode())
-        channels[topic] = writer.register_channel(topic, foxglove or "cdr", schema)
+            channels[topic] = writer.register_channel(topic, "cdr", schema)
     for one in messages:
-        data = in_protobuf(one) if foxglove else raw(one)
-        writer.add_message(channels[one.topic], one.log_ns, data, one.log_ns)
+        writer.add_message(channels[one.topic], one.log_ns, raw(one), one.log_ns)
     writer.finish()
     return path
 
 
-FOXGLOVE = {TF: "foxglove.FrameTransforms", SCAN: "foxglove.LaserScan"}
+FOXGLOVE = {TF: FrameTransforms, "FrameTransform": FrameTransform, SCAN: LaserScan}
+
+
+def write_foxglove(path, messages, encoding="protobuf"):
+    """An .mcap as Foxglove's tools write it, of transforms and scans."""
+    writer = McapWriter(str(path), chunk_size=2000, compression=CompressionType.LZ4)
+    writer.start("", "tests")
+    channels = {}
+    for one in messages:
+        if one.topic not in channels:
+            schema = register_schema(writer, FOXGLOVE[one.msgtype])
+            channels[one.topic] = writer.register_channel(one.topic, encoding, schema)
+        made = one.content if isinstance(one.content, bytes) else in_protobuf(one).SerializeToString()
+        writer.add_message(channels[one.topic], one.log_ns, made, one.log_ns)
+    writer.finish()
+    return path
 
 
 def in_protobuf(sent):
-    if isinstance(sent.content, bytes):
-        return sent.content
     if sent.msgtype == SCAN:
         stamp = sent.content["header"].stamp
-        return _time(stamp.sec * S + stamp.nanosec)
-    # An unknown field of each wire type, as a later version may add them.
-    more = b"\x78\x01" + b"\x79" + bytes(8) + b"\x7a\x02hi" + b"\x7d" + bytes(4)
-    found = b""
+        return LaserScan(timestamp={"seconds": stamp.sec, "nanos": stamp.nanosec})
+    made = FrameTransforms()
     for tf in sent.content:
-        names = field(2, tf.parent.encode()) + field(3, tf.child.encode())
-        numbers = field(4, _doubles(*tf.xyz)) + field(5, _doubles(*tf.xyzw))
-        found += field(1, _time(tf.ns) + names + numbers + more)
-    return found
-
-
-def field(number, data):
-    return bytes([number << 3 | 2, len(data)]) + data
-
-
-def varint(number):
-    more = number >> 7
-    return bytes([number & 0x7F | 0x80]) + varint(more) if more else bytes([number])
-
-
-def _time(ns):
-    sec, nsec = divmod(ns, S)
-    return field(1, b"\x08" + varint(sec) + b"\x10" + varint(nsec))
-
-
-def _doubles(*numbers):
-    return b"".join(bytes([i << 3 | 1]) + struct.pack("<d", one) for i, one in enumerate(numbers, 1) if one)
+        seconds, nanos = divmod(tf.ns, S)
+        made.transforms.add(
+            timestamp={"seconds": seconds, "nanos": nanos},
+            parent_frame_id=tf.parent,
+            child_frame_id=tf.child,
+            translation=dict(zip("xyz", tf.xyz, strict=True)),
+            rotation=dict(zip("xyzw", tf.xyzw, strict=True)),
+        )
+    return made
 
 
 def write_db3(path, messages):
@@ -283,7 +272,7 @@ FORMATS = {
     "mcap-no-index": lambda at, m: write_mcap(at / "run.mcap", m, "zstd", index=False),
     "mcap-no-chunks": lambda at, m: write_mcap(at / "run.mcap", m, chunked=False),
     "mcap-plain": lambda at, m: write_mcap(at / "run.mcap", m, index=False, chunked=False),
-    "foxglove": lambda at, m: write_mcap(at / "run.mcap", m, "lz4", foxglove="protobuf"),
+    "foxglove": lambda at, m: write_foxglove(at / "run.mcap", m),
     "mcap-file": lambda at, m: packed(write_mcap(at / "run.mcap", m)),
     "db3": lambda at, m: write_db3(at / "run.db3", m),
     "db3-file": lambda at, m: packed(write_db3(at / "run.db3", m)),

@@ -54,6 +54,7 @@ EXAMPLE = """\
 
 
 S = 1_000_000_000
+JSON = "print one JSON object"  # the help of an option
 
 
 def _topics_of(options: Namespace) -> Topics:
@@ -292,7 +293,7 @@ def _parser() -> Parser:
         "drive.mcap",
     )
     _add_recording(command)
-    _add_json(command)
+    command.add_argument("--json", action="store_true", help=JSON)
     command = add(
         "check",
         check,
@@ -301,7 +302,7 @@ def _parser() -> Parser:
         "drive.mcap --min-rate 10 --ignore stale",
     )
     _add_recording(command)
-    _add_json(command)
+    command.add_argument("--json", action="store_true", help=JSON)
     add_check_options(command)
     command = add(
         "lookup",
@@ -313,7 +314,11 @@ def _parser() -> Parser:
         "drive.mcap map base_link --times 1795210034.5 1795210035",
     )
     _add_recording(command)
-    _add_lookup(command)
+    command.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
+    command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
+    when = _add_when(command)
+    when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help="at these times, in seconds")
+    add_output(command, "csv", "tum", "parquet", more=", instead of printing CSV")
     command = add(
         "tree",
         tree,
@@ -340,7 +345,17 @@ def _parser() -> Parser:
         "recordings/ --lookup map base_link --rate 10 --out tables",
         "day1/*.mcap --lookup map lidar --at /points --out tables --workers 4",
     )
-    _add_batch(command)
+    summary = "a recording, or a folder that is searched for them"
+    command.add_argument("recordings", nargs="+", metavar="RECORDING", help=summary)
+    ends, summary = ("TARGET", "SOURCE"), "the pose of SOURCE in TARGET"
+    command.add_argument("--lookup", nargs=2, metavar=ends, type=_frame, required=True, help=summary)
+    _add_when(command)
+    command.add_argument("--out", metavar="DIR", required=True, help="where the tables are written")
+    how = command.add_mutually_exclusive_group()
+    how.add_argument("--workers", type=int, metavar="N", help="processes; by default one per core")
+    summary = "the scheduler of a Dask cluster that does the work"
+    how.add_argument("--scheduler", metavar="ADDRESS", help=summary)
+    _add_topics(command)
     command = add(
         "view",
         view,
@@ -384,49 +399,17 @@ def _topic(text: str) -> tuple[str, str]:
     return name, prefix
 
 
-def _add_lookup(made: Parser) -> None:
-    """Add the arguments of lookup, besides the recording."""
-    made.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
-    made.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
-    when = made.add_mutually_exclusive_group()
-    when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help="at these times, in seconds")
-    _add_when(when)
-    add_output(made, "csv", "tum", "parquet", more=", instead of printing CSV")
-
-
-def _add_batch(made: Parser) -> None:
-    """Add the arguments of batch."""
-    made.add_argument(
-        "recordings",
-        nargs="+",
-        metavar="RECORDING",
-        help="a recording, or a folder that is searched for them",
-    )
-    ends = ("TARGET", "SOURCE")
-    summary = "the pose of SOURCE in TARGET"
-    made.add_argument("--lookup", nargs=2, metavar=ends, type=_frame, required=True, help=summary)
-    _add_when(made.add_mutually_exclusive_group())
-    made.add_argument("--out", metavar="DIR", required=True, help="where the tables are written")
-    how = made.add_mutually_exclusive_group()
-    how.add_argument("--workers", type=int, metavar="N", help="processes; by default one per core")
-    how.add_argument(
-        "--scheduler", metavar="ADDRESS", help="the scheduler of a Dask cluster that does the work"
-    )
-    _add_topics(made)
-
-
-def _add_when(group: _MutuallyExclusiveGroup) -> None:
+def _add_when(made: Parser) -> _MutuallyExclusiveGroup:
+    """Add the options for the times of lookups."""
+    group = made.add_mutually_exclusive_group()
     group.add_argument("--at", metavar="TOPIC", help="at the stamps of the messages of another topic")
     summary = "at this rate, while all frames on the path have data"
     group.add_argument("--rate", type=positive_number, metavar="HZ", help=summary)
+    return group
 
 
 def _frame(name: str) -> str:
     return name.removeprefix("/")
-
-
-def _add_json(made: Parser) -> None:
-    made.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def bag(options: Namespace) -> int:

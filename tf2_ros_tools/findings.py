@@ -14,7 +14,7 @@ import numpy as np
 
 from tf2_ros_tools.output import counted, first_names, printable, three_digits
 from tf2_ros_tools.program import FAILURE, SUCCESS, UsageError
-from tf2_ros_tools.streams import Refused, Stream, Streams, newest_streams, path_to_root
+from tf2_ros_tools.streams import Refused, Stream, Streams, newest_streams, path_to_root, without_delays
 from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, nonempty_text, read_keys, read_yaml
 
 if TYPE_CHECKING:
@@ -349,11 +349,6 @@ def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Exp
         found.insert(0, Finding("stale", "", text))
     begin, end = int(received.min()) / S, int(received.max()) / S
     return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
-
-
-def without_delays(stream: Stream) -> Stream:
-    """The same, with unknown delays."""
-    return replace(stream, delay=None, delay_max=None, delay_min=None, jitter=None)
 
 
 # As text.

@@ -9,8 +9,8 @@ batched.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,34 +29,6 @@ NOTHING = np.iinfo(np.int64).min
 
 Records = NDArray[np.void]
 Mask = NDArray[np.bool_]
-
-
-class _Tally(NamedTuple):
-    """The transforms of one stream over some time, or those of it that every buffer refuses."""
-
-    child: int  # ids, as in the records
-    parent: int
-    publisher: int
-    static: bool
-    refused: bool
-    size: int  # how many
-    first_ns: int  # when its first transform was received
-    last_ns: int
-    gap_ns: int  # the longest time between two transforms
-    advanced_ns: int  # when the newest stamp was first received
-    delay: float  # their mean, in seconds
-    jitter: float  # their standard deviation
-    least: float
-    most: float
-    refusals: int  # why every buffer refuses some of them, see refusal_text
-
-    @property
-    def key(self) -> tuple[int, ...]:
-        """Which transforms are counted together."""
-        return self[:5]
-
-
-Tallies = Mapping[tuple[int, ...], _Tally]  # by their keys
 
 
 @dataclass(frozen=True)
@@ -165,28 +137,17 @@ class Streams:
         :param frames: names, indexed by the ids in the records.
         :param publishers: names, indexed likewise.
         """
-
-        def origin(one: _Tally) -> tuple[str, str, str, int, bool]:
-            return frames[one.child], frames[one.parent], publishers[one.publisher], one.publisher, one.static
-
         records = self.kept(now_ns)
-        total = recent = _tallies(records)
+        total = recent = _figures(records, now_ns, frames, publishers)
         if self._window_ns is not None:
-            recent = _tallies(records[records["received_ns"] >= now_ns - self._window_ns])
-        by_frame: dict[int, list[_Tally]] = {}
-        for one in total.values():
-            if not one.refused:
-                by_frame.setdefault(one.child, []).append(one)
-        streams = [
-            _stream(origin(one), one, recent.get(one.key), now_ns)
-            for own in by_frame.values()
-            for one in _current(own, recent)
-        ]
+            inside = records["received_ns"] >= now_ns - self._window_ns
+            recent = _figures(records[inside], now_ns, frames, publishers)
+        by_frame: dict[str, list[Stream]] = {}
+        for key, one in total[0].items():
+            by_frame.setdefault(one.frame, []).append(_in_window(one, recent[0].get(key)))
+        streams = [one for own in by_frame.values() for one in _current(own)]
         # A static transform is refused by whoever subscribes later, too.
-        shown = [recent.get(one.key, one) for one in total.values() if one.static or one.key in recent]
-        refused = [
-            Refused(*origin(one), one.size, refusal_text(one.refusals)) for one in shown if one.refused
-        ]
+        refused = [recent[1].get(key, one) for key, one in total[1].items() if one.static or key in recent[1]]
         return (
             sorted(streams, key=lambda one: (one.frame, one.silence)),
             sorted(refused, key=lambda one: (one.frame, one.publisher, one.parent, one.static)),
@@ -286,83 +247,72 @@ def _first_newest(stamps: NDArray[np.int64], starts: NDArray[np.intp]) -> NDArra
     return found
 
 
-def _tallies(records: Records) -> Tallies:
-    """Compute the figures of each key, in the order of the keys."""
+def _figures(
+    records: Records, now_ns: int, frames: Sequence[str], publishers: Sequence[str]
+) -> tuple[dict[int, Stream], dict[int, Refused]]:
+    """Compute the figures of each key, in the order of the keys, over all of these records."""
+    streams: dict[int, Stream] = {}
+    refused: dict[int, Refused] = {}
     if not len(records):
-        return {}
+        return streams, refused
     order, starts, ends = _grouped(records)
     ordered, counts = records[order], ends - starts
-    received = ordered["received_ns"]
+    received, heads = ordered["received_ns"], ordered[starts]
+    begins, lasts = received[starts], received[ends - 1]
+    spans, advanced = lasts - begins, received[_first_newest(ordered["stamp_ns"], starts)]
     intervals = np.diff(received, prepend=received[:1])
     intervals[starts] = 0
+    gaps = np.maximum.reduceat(intervals, starts)
+    # Without the longest interval, because a gap among a few intervals would hide itself.
+    periods = np.where(counts > 2, (spans - gaps) / np.maximum(counts - 2, 1), spans) / S
     delays = (received - ordered["stamp_ns"]) / S
     means = np.add.reduceat(delays, starts) / counts
     squares = np.add.reduceat((delays - np.repeat(means, counts)) ** 2, starts)
-    firsts = ordered[starts]
-    columns = (
-        firsts["child"],
-        firsts["parent"],
-        firsts["publisher"],
-        firsts["static"] != 0,
-        firsts["refusals"] != 0,
+    most, least = np.maximum.reduceat(delays, starts), np.minimum.reduceat(delays, starts)
+    moving, unknown = heads["static"] == 0, np.array(None)
+    columns: tuple[Any, ...] = (  # the fields of Stream, from count on
         counts,
-        received[starts],
-        received[ends - 1],
-        np.maximum.reduceat(intervals, starts),
-        received[_first_newest(ordered["stamp_ns"], starts)],
-        means,
-        np.sqrt(squares / counts),
-        np.minimum.reduceat(delays, starts),
-        np.maximum.reduceat(delays, starts),
-        np.bitwise_or.reduceat(ordered["refusals"], starts),
+        np.where(spans > 0, (counts - 1) * S / np.maximum(spans, 1), unknown),
+        *(np.where(moving, one, unknown) for one in (means, most, least, np.sqrt(squares / counts))),
+        gaps / S,
+        *((now_ns - one) / S for one in (begins, lasts, advanced)),
+        np.where(counts > 1, periods, unknown),
     )
+    keys, refusals = _keys(heads).tolist(), np.bitwise_or.reduceat(ordered["refusals"], starts).tolist()
+    ids = heads[["child", "parent", "publisher", "static"]].tolist()
     rows = zip(*(column.tolist() for column in columns), strict=True)
-    return {one.key: one for one in map(_Tally._make, rows)}
+    for key, (child, parent, number, static), why, row in zip(keys, ids, refusals, rows, strict=True):
+        origin = (frames[child], frames[parent], publishers[number], number, static != 0)
+        if why:
+            refused[key] = Refused(*origin, row[0], refusal_text(why))
+        else:
+            streams[key] = Stream(*origin, *row)
+    return streams, refused
 
 
-def _current(own: Sequence[_Tally], recent: Tallies) -> list[_Tally]:
+def _in_window(total: Stream, recent: Stream | None) -> Stream:
+    """Join the figures of a stream in the window with those that reach beyond it."""
+    if recent is None:
+        return replace(without_delays(total), count=0, rate=None, gap=0.0, first=0.0)
+    period = recent.period if recent.count >= 3 else total.period
+    return replace(recent, silence=total.silence, stalled=total.stalled, period=period)
+
+
+def without_delays(stream: Stream) -> Stream:
+    """The same, with unknown delays."""
+    return replace(stream, delay=None, delay_max=None, delay_min=None, jitter=None)
+
+
+def _current(own: Sequence[Stream]) -> list[Stream]:
     """Choose the streams of a frame that no later one has replaced."""
-    by_age = sorted(own, key=lambda one: one.last_ns)
-    static = {one.publisher: one for one in by_age if one.static}
+    by_age = sorted(own, key=lambda one: one.silence, reverse=True)
+    static = {one.publisher_id: one for one in by_age if one.static}
     moving = [one for one in by_age if not one.static]
+    shown = [one for one in moving if one.count > 0]
     # A stream that ended before another began was replaced, by a restart or by another parent.
-    newest_ns = max((recent[one.key].first_ns for one in moving if one.key in recent), default=0)
-    current = [
-        one
-        for one in moving
-        if one.key in recent and (one.last_ns > newest_ns or recent[one.key].first_ns == newest_ns)
-    ]
+    newest = min((one.first for one in shown), default=0.0)
+    current = [one for one in shown if one.silence < newest or one.first == newest]
     return [*static.values(), *current] or moving[-1:]
-
-
-def _stream(
-    origin: tuple[str, str, str, int, bool], total: _Tally, recent: _Tally | None, now_ns: int
-) -> Stream:
-    own = total._replace(size=0, first_ns=now_ns, last_ns=now_ns, gap_ns=0) if recent is None else recent
-    timed = own.size > 0 and not own.static
-    span_ns = own.last_ns - own.first_ns
-    return Stream(
-        *origin,
-        count=own.size,
-        rate=(own.size - 1) * S / span_ns if span_ns > 0 else None,
-        delay=own.delay if timed else None,
-        delay_max=own.most if timed else None,
-        delay_min=own.least if timed else None,
-        jitter=own.jitter if timed else None,
-        gap=own.gap_ns / S,
-        first=(now_ns - own.first_ns) / S,
-        silence=(now_ns - total.last_ns) / S,
-        stalled=(now_ns - total.advanced_ns) / S,
-        period=_period(own if own.size >= 3 else total),
-    )
-
-
-def _period(tally: _Tally) -> float | None:
-    if tally.size < 2:
-        return None
-    span_ns = tally.last_ns - tally.first_ns
-    # Without the longest interval, because a gap among a few intervals would hide itself.
-    return span_ns / S if tally.size == 2 else (span_ns - tally.gap_ns) / (tally.size - 2) / S
 
 
 def _dynamic_of(records: Records, children: Sequence[int]) -> Records:

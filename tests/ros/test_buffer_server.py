@@ -51,6 +51,14 @@ class GoalClient:
         # The usual queue of ten would lose answers that are sent all at once.
         self.client = ActionClient(node, LookupTransform, "lookup", **lookup_qos())
         until(self.client.server_is_ready)
+        until(self._is_answered)
+
+    def _is_answered(self):
+        """Whether an empty goal is answered: the middleware loses answers to clients not known yet."""
+        answered = threading.Event()
+        sent = self._request(self.client.send_goal_async, LookupTransform.Goal())
+        sent.add_done_callback(lambda _: sent.result().add_done_callback(lambda _: answered.set()))
+        return answered.wait(1)
 
     def send(self, target="map", source="robot", ns=S, timeout=LONG, fixed=None, target_ns=0):
         goal = LookupTransform.Goal(target_frame=target, source_frame=source, timeout=timeout.to_msg())

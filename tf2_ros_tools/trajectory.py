@@ -47,7 +47,6 @@ LINES: list[dict[str, Any]] = [
 ARROWS = 12  # along the path
 ARROWS_WIDE = 12.0  # the width of the axes, in arrows
 MANY = 4000  # points of a line; a line with more is an image, because its file would be too large
-PIECE = 100_000  # rotations that are matrices at a time
 
 
 def path_picture(
@@ -88,7 +87,8 @@ def path_picture(
     if not len(known):
         raise RunError(why_unanswered(buffer, target, source, stamps))
     rpy = np.full((len(poses), 3), np.nan)
-    rpy[known] = rpy_of(poses[known, 3:])
+    turns = rpy_from_matrices(to_matrix((poses[known, :3], poses[known, 3:])))
+    rpy[known] = np.unwrap(turns, axis=0)  # without jumps by whole turns
     shown = slice(known[0], known[-1] + 1)
     return trajectory_figure(target, source, times_ns[shown] / S, poses[shown, :3], rpy[shown])
 
@@ -104,13 +104,6 @@ def gaps_on(
         begins.append(stamps[wide])
         ends.append(stamps[wide + 1])
     return np.concatenate(begins), np.concatenate(ends)
-
-
-def rpy_of(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the roll, pitch and yaw of N rotations x y z w without jumps by whole turns, shape (N, 3)."""
-    pieces = np.array_split(rotations, len(rotations) // PIECE + 1)
-    found = [rpy_from_matrices(to_matrix((np.zeros((len(one), 3)), one))) for one in pieces]
-    return np.unwrap(np.concatenate(found), axis=0)
 
 
 def trajectory_figure(

@@ -7,6 +7,7 @@ import threading
 import weakref
 
 import pytest
+from forking import in_a_child
 from making import at, translation
 from processes import DEADLINE_S, errors_so_far, until
 from rclpy.duration import Duration
@@ -106,6 +107,28 @@ class TestTrouble:
         assert list(node.subscriptions) == []
         # Fewer: a thread of an earlier test may have ended meanwhile.
         until(lambda: threading.active_count() <= before)
+
+    def test_no_python_runs_while_the_inboxes_are_locked(self):
+        """A finalizer might, and take the lock again."""
+        from tf2_ros._receive.inbox import Inbox
+        from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
+
+        class Handle:
+            __enter__ = __exit__ = lambda *_: None
+
+            @property
+            def pointer(self):
+                return topic.taken()[0]  # takes the lock
+
+        topic, source = TopicArrivals(), Subscriptions()
+        inbox = Inbox(source, print)
+
+        def subscribe():
+            with pytest.raises(RuntimeError, match="does not report arrivals"):
+                source.subscribe(topic, Handle(), "/tf", False, 1)
+
+        assert in_a_child(subscribe) == 0
+        inbox.close()
 
 
 # The ignored one is of lark, which rclpy imports with its first node.

@@ -221,6 +221,7 @@ cdef class Subscriptions(Source):
         :raises RuntimeError: the middleware does not report arrivals.
         """
         cdef Arrivals* arrivals = &topic._arrivals
+        cdef uintptr_t address = handle.pointer     # runs Python, which must not happen with the lock
         handle.__enter__()
         topic._handle = handle
         self._topics.append(topic)
@@ -232,7 +233,7 @@ cdef class Subscriptions(Source):
         arrivals.is_static = is_static
         arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
         arrivals.inbox = self.inbox
-        arrivals.subscription = <const rcl_subscription_t*><uintptr_t>handle.pointer
+        arrivals.subscription = <const rcl_subscription_t*>address
         arrivals.following = self._subscribed.first
         self._subscribed.first = arrivals
         inboxes_unlock()

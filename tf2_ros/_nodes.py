@@ -180,14 +180,14 @@ class WaitContexts:
 _NOTHING_KNOWN = WaitContexts()
 
 
-def note_filler(node: object, buffer: object, queue: object = None) -> None:
+def note_filler(node: Any, buffer: object, queue: object = None) -> None:
     """
     Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.
 
     :param queue: the CallbackQueue of a listener's node; not of anything else.
     """
     contexts = getattr(buffer, "_tf2_wait_contexts", None)
-    if isinstance(node, Node) and isinstance(contexts, WaitContexts):
+    if issubclass(type(node), Node) and isinstance(contexts, WaitContexts):
         context = node.context
         with LOCK:
             others = (one for one in contexts.known if one is not context and not context_was_shut_down(one))
@@ -223,8 +223,8 @@ class Shutdown:
         return all(context_was_shut_down(one) for one in self._contexts.known or (self._default,))
 
 
-def node_has_ended(node: object) -> bool:
+def node_has_ended(node: Any) -> bool:
     """Whether a node receives nothing any more, because it was destroyed or its context was shut down."""
-    if not isinstance(node, Node):
-        return False  # of a program's own kind
+    if not issubclass(type(node), Node):
+        return False  # of a program's own kind, or a mock
     return not handle_exists(node.handle) or context_was_shut_down(node.context)

@@ -138,7 +138,6 @@ class TransformListener:
         self._tf2_process = os.getpid()
         self.node = hidden_node("transform_listener_impl", self) if node is None else node
         self._tf2_owns_node = node is None
-        keep_in_children(self.node)
         self.group = ListenerGroup()
         # Static transforms come last, and are taken first, because others may need them.
         topics = [
@@ -150,8 +149,9 @@ class TransformListener:
             topic.is_own = _is_method_of(TransformListener, self, topic.method)
         self._tf2_buffer = buffer
         try:
-            if isinstance(self.node, Node) and problem() is None:
-                self._tf2_queue = callback_queue(self.node)
+            if issubclass(type(self.node), Node):  # isinstance believes a Mock(spec=Node)
+                keep_in_children(self.node)
+                self._tf2_queue = callback_queue(self.node) if problem() is None else None
             given = [one for one in (qos, static_qos, recording) if one is not None]
             if not self.__attach(bool(static_only or prefix or given)):
                 self._tf2_listen_itself()
@@ -252,13 +252,13 @@ class TransformListener:
 
     def _tf2_direct_buffer(self) -> BufferCore | None:
         """The buffer; None if user code would handle what is received or inserted."""
-        buffer, node = self._tf2_buffer, self.node
-        if not isinstance(buffer, BufferCore) or not isinstance(node, Node):
+        buffer = self._tf2_buffer
+        if not isinstance(buffer, BufferCore):
             return None
         is_direct = (
             all(topic.is_own for topic in self._tf2_topics)
             and all(_is_method_of(BufferCore, buffer, name) for name in SETTERS)
-            and _is_method_of(Node, node, "create_subscription")  # it may make some of its own kind
+            and _is_method_of(Node, self.node, "create_subscription")  # it may make some of its own kind
         )
         return buffer if is_direct else None
 

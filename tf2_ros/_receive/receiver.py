@@ -202,7 +202,7 @@ def note_listener(listener: Any) -> None:
     _listeners.add(listener)
     # A subclass that does not call __init__ may not have a node yet.
     note_filler(getattr(listener, "node", None), buffer, listener._tf2_queue)
-    if isinstance(buffer, BufferCore):
+    if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
         BufferCore._ask_for_silence(buffer, _silence)
     sharing = getattr(buffer, "_tf2_sharing", None)
     if sharing is not None:

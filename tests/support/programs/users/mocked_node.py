@@ -1,8 +1,9 @@
 """Unit tests of a program that give it a mock in the place of a node."""
 
-from unittest.mock import MagicMock
+from unittest.mock import MagicMock, Mock
 
 from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
 
 import tf2_ros
 
@@ -15,3 +16,9 @@ listener = tf2_ros.TransformListener(tf2_ros.Buffer(node=node), MagicMock())
 listener.callback(MagicMock(transforms=[]))
 listener.unregister()
 print("listener of a mock:", type(listener).__name__)
+
+buffer = MagicMock(spec=tf2_ros.Buffer)
+listener = tf2_ros.TransformListener(buffer, Mock(spec=Node))
+listener.callback(MagicMock(transforms=["a transform"]))
+listener.unregister()
+print("inserted:", buffer.set_transform.call_args.args)

@@ -285,7 +285,7 @@ class TransformListener:
         try:
             for topic in self._tf2_topics:
                 self.__subscribe(topic)
-            if not needs_executor:
+            if not needs_executor and all(topic.subscription for topic in self._tf2_topics):
                 self._tf2_receiver = Receiver(self, queue)
         finally:
             self.group.hides_all = False
@@ -311,7 +311,8 @@ class TransformListener:
 
 def _is_method_of(kind: type, one: object, name: str) -> bool:
     """Whether an object's method is that of a class, and no other code."""
-    return bool(getattr(one, name) == getattr(kind, name).__get__(one))
+    method = getattr(one, name)
+    return getattr(method, "__func__", None) is getattr(kind, name) and method.__self__ is one
 
 
 def _valid_prefix(prefix: str) -> str:

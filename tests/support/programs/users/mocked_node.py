@@ -1,7 +1,8 @@
 """Unit tests of a program that give it a mock in the place of a node."""
 
-from unittest.mock import MagicMock, Mock
+from unittest.mock import MagicMock, Mock, patch
 
+import rclpy
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 
@@ -22,3 +23,11 @@ listener = tf2_ros.TransformListener(buffer, Mock(spec=Node))
 listener.callback(MagicMock(transforms=["a transform"]))
 listener.unregister()
 print("inserted:", buffer.set_transform.call_args.args)
+
+rclpy.init()
+node = rclpy.create_node("patched")
+with patch("rclpy.node.Node.create_subscription") as create_subscription:
+    listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
+    listener.unregister()
+print("subscriptions:", create_subscription.call_count)
+rclpy.shutdown()

@@ -22,19 +22,12 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from tf2_py import TransformException
 from tf2_ros import Buffer
 from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds
 from tf2_ros_tools.output import counted, three_digits
 from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.streams import (
-    Refused,
-    Stream,
-    Streams,
-    chain_between,
-    moving_on,
-    newest_streams,
-    unknown_ends,
-)
+from tf2_ros_tools.streams import Refused, Stream, Streams, moving_on
 
 S = 1_000_000_000
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the program is to end
@@ -223,7 +216,7 @@ class Listening:
             alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
             also, where = self._of_reception(now_ns), self.where
             findings = find(streams, limits, expectations, alive_ids, refused=refused, where=where, also=also)
-        chain = None if ends is None else self._chain(ends, streams, now_ns)
+        chain = None if ends is None else self._chain(ends, now_ns)
         if chain is not None and chain.frames is not None:
             streams = [one for one in streams if one.frame in chain.frames]
             findings = [one for one in findings if one.frame in ("", *chain.frames)]
@@ -251,13 +244,12 @@ class Listening:
                     self._names[gid] = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
         return alive
 
-    def _chain(self, ends: tuple[str, str], streams: Sequence[Stream], now_ns: int) -> Chain:
-        newest = newest_streams(streams)
-        frames = chain_between(newest, *ends)
-        if frames is None:
-            text = "; ".join(unknown_ends(streams, ends)) or f"{ends[0]} and {ends[1]} are not connected"
-            return Chain(ends, None, None, text)
-        children = [self.frames().index(name) for name in moving_on(newest, frames)]
+    def _chain(self, ends: tuple[str, str], now_ns: int) -> Chain:
+        try:
+            frames = self.buffer.path(*reversed(ends))  # as printed, from the first to the second
+        except TransformException as reason:
+            return Chain(ends, None, None, str(reason))
+        children = [self.frames().index(name) for name in moving_on(self.buffer.frames(), frames)]
         delay = self._streams.net_delay(children, now_ns)
         text = "no net delay"
         if delay is not None:

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py import BufferCore, History
+from tf2_py import BufferCore, History, TransformException
 from tf2_ros_tools.output import write_whole
 from tf2_ros_tools.reading import needing
-from tf2_ros_tools.streams import chain_between, moving_on, path_to_root
+from tf2_ros_tools.streams import moving_on, path_to_root
 from tf2_ros_tools.tables import look_up
 
 if TYPE_CHECKING:
@@ -190,7 +190,9 @@ class Live:
 
     def _send_trail(self, name: str, tree: Mapping[str, Any], samples: Mapping[str, History]) -> None:
         top = self._top or name
-        stamps = [samples[one].stamps_ns for one in moving_on(tree, chain_between(tree, top, name) or [])]
+        stamps: list[NDArray[np.int64]] = []
+        with suppress(TransformException):  # not connected yet
+            stamps = [samples[one].stamps_ns for one in moving_on(tree, self._buffer.path(top, name))]
         if not stamps:
             return
         stamps_ns = np.unique(np.concatenate(stamps))

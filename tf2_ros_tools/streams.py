@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from tf2_py import FrameInfo
 from tf2_ros.records import RECORD, refusal_text
-from tf2_ros_tools.output import not_known
 
 S = 1_000_000_000
 ID_BITS = 20  # of each of the three ids of a stream; a Recording assigns no larger ones
@@ -340,22 +339,6 @@ def path_to_root(newest: Tree, frame: str) -> list[str]:
         frame = parent
         path[frame] = None
     return list(path)
-
-
-def chain_between(newest: Tree, a: str, b: str) -> list[str] | None:
-    """The frames from ``a`` to ``b``, both included, by their lowest common ancestor; None: not connected."""
-    up, down = path_to_root(newest, a), path_to_root(newest, b)
-    above = set(down)
-    common = next((frame for frame in up if frame in above), None)
-    if common is None:
-        return None
-    return [*up[: up.index(common) + 1], *reversed(down[: down.index(common)])]
-
-
-def unknown_ends(newest: Iterable[Stream], ends: Iterable[str]) -> list[str]:
-    """A text for each of these frames that occurs in no stream."""
-    known = {name for one in newest for name in (one.frame, one.parent)}
-    return [not_known(name, known) for name in ends if name not in known]
 
 
 def moving_on(newest: Tree, chain: Sequence[str]) -> list[str]:

@@ -28,11 +28,9 @@ from tf2_ros_tools.pictures import (
 from tf2_ros_tools.program import RunError
 from tf2_ros_tools.streams import (
     Stream,
-    chain_between,
     moving_on,
     newest_streams,
     stamps_on,
-    unknown_ends,
 )
 from tf2_ros_tools.tables import look_up, why_unanswered
 
@@ -64,23 +62,18 @@ def path_picture(
     :raises RunError: there is no path.
     """
     target, source = (name.removeprefix("/") for name in ends)
-    unknown = unknown_ends(streams, (target, source))
-    if unknown:
-        raise RunError("; ".join(unknown))
+    try:
+        chain = buffer.path(target, source)
+    except TransformException as reason:
+        raise RunError(str(reason)) from None
     newest = newest_streams(streams)
-    chain = chain_between(newest, target, source)
-    if chain is None:
-        raise RunError(f"{target} and {source} are not connected")
     stamps = stamps_on(records, frames, newest, chain)
     if not len(stamps):
         raise RunError(f"nothing moves between {target} and {source}")
     begins, ends_ns = gaps_on(records, frames, newest, chain)
     # Where a frame has a gap, a pose is only interpolated. One time inside each is enough to break lines.
     times_ns = np.union1d(stamps, begins + (ends_ns - begins) // 2)
-    try:
-        poses = look_up(buffer, target, source, times_ns)
-    except TransformException as reason:
-        raise RunError(str(reason)) from None
+    poses = look_up(buffer, target, source, times_ns)
     before = np.searchsorted(np.sort(begins), times_ns)
     poses[before > np.searchsorted(np.sort(ends_ns), times_ns, "right")] = np.nan
     known = np.flatnonzero(~np.isnan(poses[:, 0]))

@@ -246,7 +246,7 @@ class Listening:
 
     def _chain(self, ends: tuple[str, str], now_ns: int) -> Chain:
         try:
-            frames = self.buffer.path(*reversed(ends))  # as printed, from the first to the second
+            frames = self.buffer.path(ends[1], ends[0])  # as printed, from the first to the second
         except TransformException as reason:
             return Chain(ends, None, None, str(reason))
         children = [self.frames().index(name) for name in moving_on(self.buffer.frames(), frames)]

@@ -252,11 +252,10 @@ class TransformListener:
 
     def _tf2_direct_buffer(self) -> BufferCore | None:
         """The buffer; None if user code would handle what is received or inserted."""
-        buffer = self._tf2_buffer
-        if not isinstance(buffer, BufferCore):
-            return None
+        buffer: Any = self._tf2_buffer
         is_direct = (
-            all(topic.is_own for topic in self._tf2_topics)
+            isinstance(buffer, BufferCore)
+            and all(topic.is_own for topic in self._tf2_topics)
             and all(_is_method_of(BufferCore, buffer, name) for name in SETTERS)
             and _is_method_of(Node, self.node, "create_subscription")  # it may make some of its own kind
         )

@@ -71,10 +71,10 @@ def expected_by(options: Namespace) -> dict[str, Expectation]:
 
 
 # The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
-KINDS = (
+KINDS = tuple(
     "nothing clock clocks roots loop parents publishers mixed refused stale future gap rate missing parent "
-    "delay static malformed lost"
-).split()
+    "delay static malformed lost".split()
+)
 
 
 YEAR_S = 365.25 * 24 * 3600.0

@@ -278,7 +278,7 @@ def _figures(
         np.where(counts > 1, periods, unknown),
     )
     keys, refusals = _keys(heads).tolist(), np.bitwise_or.reduceat(ordered["refusals"], starts).tolist()
-    ids = heads[["child", "parent", "publisher", "static"]].tolist()
+    ids: list[tuple[int, int, int, int]] = heads[["child", "parent", "publisher", "static"]].tolist()
     rows = zip(*(column.tolist() for column in columns), strict=True)
     for key, (child, parent, number, static), why, row in zip(keys, ids, refusals, rows, strict=True):
         origin = (frames[child], frames[parent], publishers[number], number, static != 0)

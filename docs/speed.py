@@ -19,7 +19,7 @@ LOOKUPS = {
 CONTESTANTS = {
     ("ours", "buffer"): "tf2-ros-cython",
     ("tf2_ros", "buffer"): "Jazzy's tf2_ros, Python",
-    ("tf2", "(ROS 1): core"): "ROS 1's tf2, called from C++",
+    ("tf2", "C++: core"): "Jazzy's tf2, called from C++",
 }
 COLORS = ("#1a7f37", "#888888", "#c4c4c4")
 

@@ -32,8 +32,9 @@ def commands():
 
 @pytest.mark.parametrize(("command", "lines"), commands())
 def test_a_command_prints_what_its_transcript_shows(command, lines, folder, monkeypatch, peer, capfd):
-    if command.startswith("tf2_bag view"):
-        pytest.importorskip("rerun")
+    for begin, library in (("tf2_bag view", "rerun"), ("tf2_bag batch nothing", "pyarrow")):
+        if command.startswith(begin):
+            pytest.importorskip(library)
     monkeypatch.chdir(folder)
     sent = [line.split() for line in lines if line.startswith(">")]
     status = next((int(line[2:]) for line in lines if line.startswith("? ")), 0)

@@ -73,8 +73,8 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
 
         Where the awaiting coroutine is cancelled or closed, Python raises at the ``yield``, and what would
         have woken it is removed. The future itself is not cancelled: it waits on as long as something refers
-        to it. Usually only the coroutine did, so its waiter ends with it, as the engine refers to the future
-        weakly (``notify``).
+        to it. Usually only the coroutine and the traceback of the cancellation do, and its waiter ends with
+        them, because the engine refers to the future weakly (``notify``).
         """
         if self.is_dead():
             raise RuntimeError(f"{self!r}: create the future after the fork")

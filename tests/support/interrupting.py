@@ -4,9 +4,10 @@ import linecache
 import sys
 from contextlib import contextmanager
 
-from paths import ROOT
+import tf2_py
+import tf2_ros
 
-PACKAGES = tuple(str(ROOT / name) for name in ("tf2_py", "tf2_ros"))
+PACKAGES = (*tf2_py.__path__, *tf2_ros.__path__)  # installed, they are not beside the tests
 
 
 class Interrupt(BaseException):

@@ -1,8 +1,8 @@
 """Draws the pictures in docs/images of the robot of examples/demo.py: `make pictures`, in two minutes.
 
-Each is what a program draws, or shows on a terminal or in a browser, while that robot drives. The one in a
-browser needs chromium and the extra test-all; without them, it stays as it is. The bar chart of lookups is
-drawn of the results of `make bench`.
+Each is what a program draws, or shows on a terminal, while that robot drives. The bar chart of lookups is
+drawn of the results of `make bench`. The one of the viewer, demo-view.png, is a screenshot made by hand of
+`tf2_view --web --trail base_link`.
 """
 
 import contextlib
@@ -17,7 +17,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 
 import pexpect
@@ -33,7 +32,7 @@ DEMO = ROOT / "examples" / "demo.py"
 ROBOT = [sys.executable, DEMO, "broadcast"]  # ends by itself after 18 s
 FAULTS = [sys.executable, ROOT / "tests" / "support" / "programs" / "broadcasting.py", "faults"]
 IMAGES = ROOT / "docs" / "images"
-sys.path[:0] = [str(DEMO.parent), str(ROOT / "tests" / "support")]
+sys.path.insert(0, str(DEMO.parent))
 
 import demo  # noqa: E402
 import speed  # noqa: E402
@@ -53,8 +52,6 @@ def main() -> None:
     draw("demo-path.png", "tf2_plot", "--path", "map", "camera", "-t", "8", "-o", stopped=True)
     draw("demo-heard.png", "tf2_plot", "-t", "8", "-o", stopped=True)
     with_robot(show_monitor)
-    if shutil.which("chromium") and find_spec("rerun") and find_spec("tornado"):
-        with_robot(show_view)
 
 
 def draw(
@@ -101,34 +98,6 @@ def show_monitor(_robot: subprocess.Popen) -> None:
     console.save_svg(
         str(IMAGES / "demo-monitor.svg"), title="tf2_monitor map camera", code_format=WITHOUT_FONTS
     )
-
-
-def show_view(_robot: subprocess.Popen) -> None:
-    """What tf2_view shows in a browser after the robot's first circle."""
-    import numpy as np
-    from browsing import picture_when
-    from matplotlib.image import imsave
-
-    from tf2_ros_tools.rerun import TRAIL_COLOR
-
-    trail = [TRAIL_COLOR >> bits & 255 for bits in (24, 16, 8)]
-    # The circle takes 8 s. The robot ends after 18, and stays where it is.
-    end = time.monotonic() + 20.0
-
-    def is_complete(picture: np.ndarray) -> bool:
-        is_trail = np.abs(picture.astype(int) - trail).max(axis=2) < 20
-        return time.monotonic() > end and np.count_nonzero(is_trail) > 500
-
-    command = [*_command("tf2_view"), "--web", "--trail", "base_link"]
-    view = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    try:
-        page = view.stderr.readline().rpartition(" ")[2].strip()
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-            picture = picture_when(f"{page}&renderer=webgl", is_complete, Path(folder))
-        imsave(IMAGES / "demo-view.png", picture[37:460])  # without the bar above
-    finally:
-        view.send_signal(signal.SIGINT)
-        view.wait()
 
 
 def with_robot(run: Callable[[subprocess.Popen], None], robot: Sequence[str | Path] = ROBOT) -> None:

@@ -180,6 +180,13 @@ class TestEnd:
         until(lambda: threads() <= before[0] and files() <= before[1])
         assert capfd.readouterr().err == ""
 
+    def test_an_executor_that_has_just_met_an_event_handler_does_not_wait_for_it(self, listener, node):
+        """If another thread destroys the subscription then, the executor would raise InvalidHandle."""
+        met = [one for one in node.waitables if one.callback_group is listener.group]
+        assert met
+        listener.unregister()
+        assert not any(map(listener.group.can_execute, met))
+
     def test_one_subscription_may_be_destroyed_alone(self, buffer, listener, node, peer):
         publisher = peer()
         publisher.send(("map", "robot", 1 * S, 1))

@@ -45,7 +45,7 @@ class Topic:
         self.attribute, self.method, self.name, self.qos = attribute, method, name, qos
         self.is_static = is_static
         self.is_own = True  # whether the method is TransformListener's, so that `arrivals` counts all
-        self.subscription: Subscription | None = None  # of rclpy's class or a subclass
+        self.subscription: Any = None  # of rclpy's class or a subclass
         self.context: Any = None  # of the subscription
         self.arrivals = TopicArrivals()
 
@@ -57,8 +57,7 @@ class Topic:
 
     def has(self, entity: object) -> bool:
         """Whether an entity of executors is its subscription, or an event of that."""
-        subscription: Any = self.subscription
-        return entity is subscription or entity in subscription.event_handlers
+        return entity is self.subscription or entity in self.subscription.event_handlers
 
     def describe(self) -> str:
         """Describe its name, how many messages there were, and when the last one was."""
@@ -77,12 +76,12 @@ class ListenerGroup(ReentrantCallbackGroup):
     """
 
     hides_all = False  # while a listener subscribes
-    taken: Sequence[Topic] = ()  # whose subscriptions and their events executors skip; never changed itself
+    hidden: Sequence[Topic] = ()  # whose subscriptions and their events executors skip
 
     # rclpy declares its own as Literal[True].
     def can_execute(self, entity: Any) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Whether an executor may wait for an entity of the group now."""
-        return not self.hides_all and not any(topic.has(entity) for topic in self.taken)
+        return not self.hides_all and not any(topic.has(entity) for topic in self.hidden)
 
 
 class Receiver:
@@ -101,17 +100,19 @@ class Receiver:
         self._context = listener.node.context
         self._queue = queue
         self._process = os.getpid()
+        # The destroyed ones remain hidden: an executor that has just met the event handler of one, and may
+        # wait for it, raises InvalidHandle.
+        self._taken = self._group.hidden = listener._tf2_topics  # never changed themselves
+        self._group.hides_all = False
         clock = getattr(listener.buffer, "clock", None)
         handle = clock.handle if isinstance(clock, ROSClock) else None
         self._source = Subscriptions(listener._tf2_recording, handle, listener._tf2_prefix)
         self.inbox = Inbox(self._source, partial(hand_over, queue))
         self.inbox.inform(queue)
-        self._group.taken = listener._tf2_topics
-        self._group.hides_all = False
         queue.receivers.add(self)
         try:
-            for topic in self._group.taken:
-                subscription: Any = topic.subscription
+            for topic in self._taken:
+                subscription = topic.subscription
                 subscription.destroy = partial(self._destroy, topic)  # the node calls this
                 self._source.subscribe(
                     topic.arrivals,
@@ -131,14 +132,14 @@ class Receiver:
     def topics(self) -> Sequence[Topic]:
         """The topics whose messages it takes now."""
         is_dead = is_inherited(self._process) or context_was_shut_down(self._context)
-        return () if is_dead else self._group.taken
+        return () if is_dead else self._taken
 
     def redirect(self, buffer: BufferCore | None) -> None:
         """Fill this buffer from now on; None: user code handles transforms, so leave all to executors."""
         self.inbox.catch_up()  # what arrived before goes into the buffer of before
         if buffer is None:
             self._leave_to_executors()
-        elif self._group.taken:
+        elif self._taken:
             self.inbox.fill(buffer)
 
     def leave_sets(self) -> None:
@@ -152,7 +153,7 @@ class Receiver:
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
         if not is_inherited(self._process):
-            self._group.taken = ()
+            self._taken = ()
             self.inbox.close()
 
     def __del__(self) -> None:
@@ -170,13 +171,13 @@ class Receiver:
         """End with the context; log publishers that do not fit."""
         if context_was_shut_down(self._context):
             self.stop()
-        for topic in self._group.taken:
-            subscription: Any = topic.subscription
-            for handler in subscription.event_handlers:
+        for topic in self._taken:
+            for handler in topic.subscription.event_handlers:
                 report_event(handler)
 
     def _leave_to_executors(self) -> None:
         self.stop()
+        self._group.hidden = ()
         executor = self._queue.executor()
         if executor is not None:
             wake(executor)
@@ -186,11 +187,10 @@ class Receiver:
         if is_inherited(self._process):
             return
         self._source.unsubscribe(topic.arrivals)
-        self._group.taken = [one for one in self._group.taken if one is not topic]
-        if not self._group.taken:
+        self._taken = [one for one in self._taken if one is not topic]
+        if not self._taken:
             self.stop()
-        subscription: Any = topic.subscription
-        Subscription.destroy(subscription)
+        Subscription.destroy(topic.subscription)
 
 
 _listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener

@@ -47,7 +47,6 @@ OF_SOURCES = {
     "packaging/test_docs.py": "builds the project, and reads the names in its sources",
     "packaging/test_docs_site.py": "builds the site of the checkout",
     "packaging/test_examples.py": "reads the imports of the sources",
-    "packaging/test_free_threaded.py": "builds the project",
     "packaging/test_layout.py": "reads the imports of the sources",
     "packaging/test_messages_packaging.py": "builds the project",
     "packaging/test_packaging.py": "builds the project",

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import textwrap
 from contextlib import suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -108,13 +109,15 @@ def test_other_objects_and_transforms_are_type_errors_that_name_what_is_wanted(c
     wanted = (
         f"expected a (geometry|nav|sensor)_msgs/{cls.__name__.removesuffix('Stamped').removesuffix('32')}"
     )
+    headless = [t.transform, SimpleNamespace(transform=t.transform)] * (cls in STAMPED)
     for arguments, text in (
-        *[((wrong, t), wanted) for wrong in (None, 5, "text", [], ..., Header())],
+        *[((wrong, t), wanted) for wrong in (None, 5, "text", [], ..., Header(), SimpleNamespace())],
         *[((message, wrong), "geometry_msgs/TransformStamped") for wrong in (None, 5, Pose(), Vector3())],
-        *[((message, t.transform), "a geometry_msgs/TransformStamped.*got Transform")] * (cls in STAMPED),
+        *[((message, wrong), "a geometry_msgs/TransformStamped.*got") for wrong in headless],
     ):
-        with pytest.raises(TypeError, match=text):
+        with pytest.raises(TypeError, match=text) as raised:
             function(*arguments)
+        assert isinstance(raised.value, AttributeError)  # which programs of tf2 catch
 
 
 @every_type

@@ -108,6 +108,9 @@ def test_the_result_becomes_the_type_asked_for(tf2_ros, buffer, spots):
     assert buffer.transform(spot, "map").xyz == [101.0, 102.0, 103.0]
     got = buffer.transform(spot, "map", new_type=PointStamped)
     assert type(got) is PointStamped and got.point.y == 102.0
+    del spot.header
+    with pytest.raises(AttributeError, match="header"):
+        buffer.transform(spot, "map")
     tf2_ros.TransformRegistration().add(PoseStamped, lambda pose, t: "own")
     assert buffer.transform(stamped(PoseStamped(), 2), "map") == "own"
 

@@ -1,7 +1,7 @@
 /*
- * Owns the clocks of a test's program: they can be set, and sleeping until a time of theirs follows.
+ * Owns the time of day of a test's program: it can be set, and sleeping until a time of day follows.
  *
- * Loaded with LD_PRELOAD. The program sets the variables below, by ctypes. CLOCK_BOOTTIME stays as it is.
+ * Loaded with LD_PRELOAD. The program sets the variable below, by ctypes. The other clocks stay as they are.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -16,21 +16,10 @@
 #define NS 1000000000L
 
 volatile long wall_offset_ns;       /* added to the time of day */
-volatile long steady_offset_ns;     /* added to the steady clock */
 
 static long offset_of(clockid_t clock)
 {
-    switch (clock) {
-    case CLOCK_REALTIME:
-    case CLOCK_REALTIME_COARSE:
-        return wall_offset_ns;
-    case CLOCK_MONOTONIC:
-    case CLOCK_MONOTONIC_RAW:
-    case CLOCK_MONOTONIC_COARSE:
-        return steady_offset_ns;
-    default:
-        return 0;
-    }
+    return clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE ? wall_offset_ns : 0;
 }
 
 static struct timespec moved(const struct timespec *time, long ns)
@@ -101,7 +90,7 @@ DEFINE_NEXT(sem_clockwait)
 int pthread_cond_timedwait(pthread_cond_t *condition, pthread_mutex_t *mutex, const struct timespec *until)
 {
     /* Which clock the condition is of cannot be asked; since it started, no machine has run for 20 years. */
-    struct timespec real = moved(until, -(until->tv_sec > 20L * 366 * 86400 ? wall_offset_ns : steady_offset_ns));
+    struct timespec real = moved(until, until->tv_sec > 20L * 366 * 86400 ? -wall_offset_ns : 0);
     return NEXT(pthread_cond_timedwait)(condition, mutex, &real);
 }
 

@@ -1,8 +1,7 @@
 """
-Waits in every way while a clock is set: `clocks.py CLOCK SECONDS TIMEOUT`, with `interposed/clocks.c` loaded.
+Waits in every way while the time of day is set: `clocks.py SECONDS TIMEOUT`, with `interposed/clocks.c`.
 
-CLOCK is `wall` or `steady`. For each way it prints a line of JSON: how long it lasted by a clock that nobody
-sets, how much processor time it took, and what came of it.
+For each way it prints a line of JSON: how long it lasted, how much processor time it took, and what came of it.
 """
 
 import asyncio
@@ -25,10 +24,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 
 from tf2_ros import Buffer, MessageFilter, TransformBroadcaster, TransformException, TransformListener
-
-
-def true_s():
-    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 class Step:
@@ -98,13 +93,13 @@ WAYS = [blocking, can, awaiting, in_an_executor, filtering]
 
 
 def tell(what, begin, cpu, outcome):
-    lasted = {"what": what, "s": true_s() - begin, "cpu_s": time.process_time() - cpu, "outcome": outcome}
-    print(json.dumps(lasted), flush=True)
+    lasted = {"s": time.monotonic() - begin, "cpu_s": time.process_time() - cpu}
+    print(json.dumps({"what": what, **lasted, "outcome": outcome}), flush=True)
 
 
 def wait(way, clock, ns, timeout_s, insert):
     buffer = Buffer()
-    begin, cpu = true_s(), time.process_time()
+    begin, cpu = time.monotonic(), time.process_time()
     with Step(buffer, clock, ns, insert) as step:
         try:
             outcome = way(buffer, timeout_s)
@@ -124,7 +119,7 @@ def receive(clock, ns, timeout_s):
     listener = TransformListener(buffer, node)
     sender = TransformBroadcaster(node)
     for seconds in (1, 2):
-        begin, cpu = true_s(), time.process_time()
+        begin, cpu = time.monotonic(), time.process_time()
 
         def is_received(seconds=seconds):
             sender.sendTransform(transform("map", "base", seconds))
@@ -133,7 +128,7 @@ def receive(clock, ns, timeout_s):
         until(is_received, executor)
         tell(f"receives {seconds}", begin, cpu, True)
         clock.value += ns
-    begin, cpu = true_s(), time.process_time()
+    begin, cpu = time.monotonic(), time.process_time()
     future = buffer.wait_for_transform_async("map", "nobody", 1 * S, timeout=timeout_s)
     while not future.done():
         executor.spin_once(timeout_sec=timeout_s)
@@ -145,8 +140,8 @@ def receive(clock, ns, timeout_s):
 
 
 def main():
-    name, seconds, timeout_s = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
-    clock = ctypes.c_long.in_dll(ctypes.CDLL(None), f"{name}_offset_ns")
+    seconds, timeout_s = map(float, sys.argv[1:])
+    clock = ctypes.c_long.in_dll(ctypes.CDLL(None), "wall_offset_ns")
     ns = round(seconds * S)
     rclpy.init()
     # Until the end: where one is destroyed after the time of day was set back, rclpy may crash.
@@ -155,8 +150,7 @@ def main():
     for insert in (False, True):
         for way in WAYS:
             wait(way, clock, ns, timeout_s, insert)
-    if name == "wall":
-        receive(clock, ns, timeout_s)
+    receive(clock, ns, timeout_s)
     rclpy.shutdown()
     del node
 

@@ -1,7 +1,7 @@
 """
 Waits in every way while the time of day is set: `clocks.py SECONDS TIMEOUT`, with `interposed/clocks.c`.
 
-For each way it prints a line of JSON: how long it lasted, how much processor time it took, and what came of it.
+For each way it prints a line of JSON: how long it lasted, how much processor time it took, and the outcome.
 """
 
 import asyncio

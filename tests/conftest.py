@@ -63,7 +63,7 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("tests")
 
 # Helpers that assert.
-pytest.register_assert_rewrite("pages", "recorded_answers", "sharing")
+pytest.register_assert_rewrite("model_pair", "pages", "recorded_answers", "sharing")
 
 
 def pytest_addoption(parser):

@@ -43,20 +43,12 @@ REASONS = (
 )
 
 
-def suspicion(time, edge):
-    """What is added where the time asked for is of 1970, and the samples are of this century."""
-    year = 365 * 86400 * 10**9
-    if 0 < time < year and edge > 30 * year:
-        return ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
-    return ""
-
-
 class ModelError(Exception):
     """What a lookup raises: the name of tf2's class, and the text, or one of several."""
 
     def __init__(self, kind, *texts):
         super().__init__(texts[0])
-        self.kind, self.text, self.texts = kind, texts[0], texts
+        self.kind, self.texts = kind, texts
 
 
 class Policy(NamedTuple):
@@ -71,11 +63,20 @@ TF2 = Policy()
 
 
 class Gap(Exception):
-    """A frame has no data at a time."""
+    """A frame has no data at a time: the text of tf2, and what is said after it."""
 
-    def __init__(self, frame, text, addition):
-        super().__init__(frame, text, addition)
-        self.frame, self.text, self.addition = frame, text, addition
+    def __init__(self, text, addition):
+        super().__init__(text, addition)
+        self.text, self.addition = text, addition
+
+
+def gap(name, time, sample, text, where):
+    """That of a frame without data at a time, which a sample is next to."""
+    addition = f"{seconds(abs(time - sample[0]))} s are missing {where} sample of {name} in {sample[1]}"
+    year = 365 * 86400 * 10**9
+    if 0 < time < year and sample[0] > 30 * year:
+        addition += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
+    return Gap(f"extrapolation {text}", addition)
 
 
 def interpolated(older, newer, ns):
@@ -130,36 +131,22 @@ class Frame:
         samples = self.samples
         if not samples:
             text = "" if time == NEWEST else f" at time {seconds(time)}"
-            raise Gap(name, f"extrapolation{text}", f"no sample of {name} is held")
-        last = samples[-1]
+            raise Gap(f"extrapolation{text}", f"no sample of {name} is held")
+        first, last = samples[0], samples[-1]
         if self.static or time in (NEWEST, last[0]):
             return (last[1], last[2:])
-        first = samples[0]
         if len(samples) == 1:
-            raise Gap(
-                name,
-                f"extrapolation at time {seconds(time)}, but only time {seconds(last[0])} is in the buffer",
-                f"{seconds(abs(time - last[0]))} s are missing beside the one sample of {name} in {last[1]}"
-                + suspicion(time, last[0]),
-            )
+            tf2s = f"at time {seconds(time)}, but only time {seconds(last[0])} is in the buffer"
+            raise gap(name, time, last, tf2s, "beside the one")
         if time == first[0]:
             return (first[1], first[2:])
+        requested = f"Requested time {seconds(time)} but the"
         if time > last[0]:
-            raise Gap(
-                name,
-                f"extrapolation into the future.  Requested time {seconds(time)} "
-                f"but the latest data is at time {seconds(last[0])}",
-                f"{seconds(time - last[0])} s are missing after the newest sample of {name} in {last[1]}"
-                + suspicion(time, last[0]),
-            )
+            tf2s = f"into the future.  {requested} latest data is at time {seconds(last[0])}"
+            raise gap(name, time, last, tf2s, "after the newest")
         if time < first[0]:
-            raise Gap(
-                name,
-                f"extrapolation into the past.  Requested time {seconds(time)} "
-                f"but the earliest data is at time {seconds(first[0])}",
-                f"{seconds(first[0] - time)} s are missing before the oldest sample of {name} in {first[1]}"
-                + suspicion(time, first[0]),
-            )
+            tf2s = f"into the past.  {requested} earliest data is at time {seconds(first[0])}"
+            raise gap(name, time, first, tf2s, "before the oldest")
         older = [sample for sample in samples if sample[0] <= time][-1]
         newer = [sample for sample in samples if sample[0] > time][0]
         if older[1] == newer[1]:
@@ -388,7 +375,7 @@ class Model(Listings):
         try:
             return self._latest(target, source)
         except ModelError as error:
-            raise ModelError("TransformException", error.text) from None
+            raise ModelError("TransformException", *error.texts) from None
 
     def _latest(self, target, source):
         """tf2's getLatestCommonTime: it follows the newest sample of each frame."""

@@ -6,8 +6,9 @@ import math
 import re
 
 import yaml
+from making import S, at_ns, rotation, transform, translation
 from paths import TESTS
-from ros_optional import Duration, Time, TransformStamped
+from ros_optional import Duration
 
 RECORDINGS = TESTS / "core" / "conformance" / "buffer_core.jsonl.gz"
 # What programs look for in an error's text; the rest of it is ours.
@@ -29,50 +30,31 @@ def number(recorded):
     return math.nan if recorded == "nan" else recorded
 
 
-def at(ns):
-    return Time(nanoseconds=ns)
-
-
-def message(parent, child, sec, nanosec, translation, rotation):
-    m = TransformStamped()
-    m.header.frame_id, m.child_frame_id = parent, child
-    m.header.stamp.sec, m.header.stamp.nanosec = sec, nanosec
-    t, q = m.transform.translation, m.transform.rotation
-    t.x, t.y, t.z = map(number, translation)
-    q.x, q.y, q.z, q.w = map(number, rotation)
-    return m
-
-
 def unpacked(m):
-    t, q = m.transform.translation, m.transform.rotation
-    stamp = m.header.stamp
-    return [
-        stamp.sec,
-        stamp.nanosec,
-        m.header.frame_id,
-        m.child_frame_id,
-        [t.x, t.y, t.z],
-        [q.x, q.y, q.z, q.w],
-    ]
+    stamp, header = m.header.stamp, m.header
+    names = [header.frame_id, m.child_frame_id]
+    return [stamp.sec, stamp.nanosec, *names, [*translation(m)], [*rotation(m)]]
 
 
-def insert(buffer, static, authority, *fields):
-    (buffer.set_transform_static if static else buffer.set_transform)(message(*fields), authority)
+def insert(buffer, static, authority, parent, child, sec, nanosec, xyz, xyzw):
+    xyz, xyzw = map(number, xyz), map(number, xyzw)
+    message = transform(parent, child, xyz=xyz, xyzw=xyzw, ns=sec * S + nanosec)
+    (buffer.set_transform_static if static else buffer.set_transform)(message, authority)
 
 
 def full(target, target_ns, source, source_ns, fixed):
-    return target, at(target_ns), source, at(source_ns), fixed
+    return target, at_ns(target_ns), source, at_ns(source_ns), fixed
 
 
 # What the operations of the recordings are of a buffer.
 CALLS = {
     "set": insert,
-    "lookup": lambda b, target, source, ns: unpacked(b.lookup_transform_core(target, source, at(ns))),
+    "lookup": lambda b, target, source, ns: unpacked(b.lookup_transform_core(target, source, at_ns(ns))),
     "lookup_full": lambda b, *args: unpacked(b.lookup_transform_full_core(*full(*args))),
-    "can": lambda b, target, source, ns: list(b.can_transform_core(target, source, at(ns))),
+    "can": lambda b, target, source, ns: list(b.can_transform_core(target, source, at_ns(ns))),
     "can_full": lambda b, *args: list(b.can_transform_full_core(*full(*args))),
     "latest": lambda b, *args: b.get_latest_common_time(*args).nanoseconds,
-    "dot": lambda b, ns: b._allFramesAsDot(at(ns)),
+    "dot": lambda b, ns: b._allFramesAsDot(at_ns(ns)),
     "frames": lambda b: sorted(b._getFrameStrings()),
     "exists": lambda b, name: bool(b._frameExists(name)),
     "yaml": lambda b: b.all_frames_as_yaml(),

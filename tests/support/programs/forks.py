@@ -13,7 +13,6 @@ import os
 import sys
 import threading
 import time
-import traceback
 
 import numpy as np
 import rclpy
@@ -23,7 +22,7 @@ from rclpy.time import Time
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), os.pardir))
 
-from forking import CHILD_S, status_of
+from forking import fork, status_of
 from making import at, transform
 
 import tf2_ros
@@ -150,37 +149,11 @@ def keep_doing(work):
         work()
 
 
-class Child:
-    """A child of `os.fork()`."""
-
-    def __init__(self, work):
-        self.pid = os.fork()
-        if self.pid:
-            return
-        try:
-            work()
-        except BaseException:
-            traceback.print_exc()
-            os._exit(1)
-        os._exit(0)
-
-    def status(self):
-        return status_of(self.pid)
-
-
-class MultiprocessingChild:
-    """A child of multiprocessing."""
-
-    def __init__(self, work):
-        self.process = multiprocessing.get_context("fork").Process(target=work)
-        self.process.start()
-
-    def status(self):
-        self.process.join(CHILD_S)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
-        return self.process.exitcode
+def multiprocess(work):
+    """A child of multiprocessing; its process id."""
+    child = multiprocessing.get_context("fork").Process(target=work)
+    child.start()
+    return child.pid
 
 
 def main(what, count):
@@ -188,16 +161,16 @@ def main(what, count):
     while parent.buffer.statistics()["taken"] < 100:
         time.sleep(0.01)
     parent.make_busy()
-    kind = MultiprocessingChild if what == "have_a_node" else Child
+    begin = multiprocess if what == "have_a_node" else fork
     work = getattr(parent, what)
     children, statuses = [], []
     for _ in range(count):
-        children.append(kind(work))
+        children.append(begin(work))
         if len(children) == AT_ONCE:
-            statuses.append(children.pop(0).status())
+            statuses.append(status_of(children.pop(0)))
             if statuses[-1] != 0:
                 break
-    statuses += [child.status() for child in children]
+    statuses += map(status_of, children)
     taken = parent.buffer.statistics()["taken"]
     while parent.buffer.statistics()["taken"] < taken + 100:
         time.sleep(0.01)

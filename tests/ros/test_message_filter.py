@@ -19,7 +19,7 @@ from processes import DEADLINE_S, until
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning import EXECUTOR, run_in_threads, spinning
+from spinning import EXECUTOR, at_once, spinning
 from std_msgs.msg import Header
 
 from tf2_ros._wait.callbacks import callback_queue
@@ -224,7 +224,7 @@ def test_threads_that_add_and_insert_lose_nothing(tf2_ros, node):
             buffer.set_transform(transform("map", "lidar", ns=S + 1000 * i), "me")
             buffer.set_transform(transform("odom", "map", ns=S + 1000 * i), "me")
 
-    run_in_threads(*(partial(add, mine) for mine in messages), insert_all)
+    at_once(*(partial(add, mine) for mine in messages), insert_all)
     filter.close()
     assert passed == Counter(id(message) for mine in messages for message in mine)
     assert filter.statistics()["passed"] == 2 * count
@@ -513,7 +513,7 @@ class TestIterating:
                 filter.add(point(f"1.{i:09}@map"))
             filter.close()
 
-        run_in_threads(add_all, *(partial(asyncio.run, take(own)) for own in got))
+        at_once(add_all, *(partial(asyncio.run, take(own)) for own in got))
         assert sorted(sum(got, [])) == list(range(count))
 
     @pytest.mark.parametrize("how", ["shutdown", "destroy_node"])

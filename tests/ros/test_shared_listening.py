@@ -12,8 +12,8 @@ from processes import DEADLINE_S, program, until
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from sharing import at_once, new_name, ring_threads
-from spinning import spinning
+from sharing import new_name, ring_threads
+from spinning import at_once, spinning
 
 from tf2_ros import Buffer, SharedBufferError, TransformListener
 from tf2_ros._shared.naming import segment_path

@@ -18,7 +18,8 @@ from paths import PROGRAMS
 from processes import PROMPT_S, until
 from rclpy.duration import Duration
 from repetitions import times
-from sharing import Owner, at_once, is_sound, links, new_name, pair, ring_threads
+from sharing import Owner, is_sound, links, new_name, pair, ring_threads
+from spinning import at_once
 
 from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._shared.naming import segment_path

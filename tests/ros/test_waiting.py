@@ -16,7 +16,7 @@ from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.task import Task
 from rclpy.time import Time
-from spinning import run_in_threads, spinning
+from spinning import at_once, spinning
 
 LATEST = Time()
 SHORT = Duration(seconds=0.05)
@@ -282,7 +282,7 @@ def test_no_insert_is_lost_between_the_lookup_and_the_wait(buffer):
             start.wait()
             futures.append(wait(buffer, at(1 + i)))
 
-    run_in_threads(inserting, waiting)
+    at_once(inserting, waiting)
     assert [stamp_ns(future.result()) for future in futures] == [(1 + i) * 10**9 for i in range(rounds)]
 
 
@@ -291,10 +291,10 @@ def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
     """All at once, many times: a future ends once, and its callback is called once."""
 
     def play(i):
-        start, calls = threading.Barrier(2), []
+        calls = []
         future = wait(buffer, at(1 + i), timeout=Duration(nanoseconds=100_000))
         future.add_done_callback(calls.append)
-        run_in_threads(lambda: (start.wait(), insert(buffer, 1 + i)), lambda: (start.wait(), future.cancel()))
+        at_once(lambda: insert(buffer, 1 + i), future.cancel)
         until(lambda: calls)
         assert calls == [future]
         assert future.done() or future.cancelled()

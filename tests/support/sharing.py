@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import threading
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from unittest.mock import patch
 
@@ -34,13 +33,6 @@ def pair(*arguments, **options):
         yield shared, reader
     finally:
         shared._tf2_sharing.close()
-
-
-def at_once(*calls):
-    """Have a thread for each of these begin it at the same moment; what they return, in order."""
-    start = threading.Barrier(len(calls))
-    with ThreadPoolExecutor(len(calls)) as pool:
-        return list(pool.map(lambda call: (start.wait(), call())[1], calls))
 
 
 def ring_threads():

@@ -93,9 +93,19 @@ def shut_down_at_sleep(queue):
     until(lambda: not context.ok())
 
 
-def run_in_threads(*calls):
-    """Run each in a thread, with many switches between them, until all have returned."""
-    threads = [threading.Thread(target=call, daemon=True) for call in calls]
+def at_once(*calls):
+    """
+    Have a thread for each of these begin it at the same moment, and switch often between them.
+
+    :return: what they return, in order.
+    """
+    start, results = threading.Barrier(len(calls)), {}
+
+    def run(index):
+        start.wait()
+        results[index] = calls[index]()
+
+    threads = [threading.Thread(target=run, args=(index,), daemon=True) for index in range(len(calls))]
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     try:
@@ -105,4 +115,5 @@ def run_in_threads(*calls):
             thread.join(DEADLINE_S)
     finally:
         sys.setswitchinterval(interval)
-    assert not any(thread.is_alive() for thread in threads), "one is stranded"
+    assert len(results) == len(calls), "one is stranded, or has raised"
+    return [results[index] for index in range(len(calls))]

@@ -1,22 +1,66 @@
 """A signal handler that raises at a random moment, as Ctrl-C does, leaves nothing that hangs."""
 
 import asyncio
+import linecache
 import signal
 import subprocess
+import sys
 import threading
+from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from interrupting import interrupted
 from making import at, transform
 from processes import DEADLINE_S, start, until
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
 from spinning import spinning
 
+import tf2_py
+import tf2_ros
+
 pytestmark = pytest.mark.ours
 
 AT = Time(seconds=3)
+PACKAGES = (*tf2_py.__path__, *tf2_ros.__path__)  # installed, they are not beside the tests
+
+
+class Interrupt(BaseException):
+    """What the handler raises."""
+
+
+def _raise():
+    raise Interrupt
+
+
+@contextmanager
+def interrupted(line, handler=_raise):
+    """Call a handler once, before the line with this number, from 1, of those that the packages run."""
+    count = SimpleNamespace(left=line, reached=False)
+
+    def trace(frame, event, _):
+        code = frame.f_code
+        if not code.co_filename.startswith(PACKAGES):
+            return None
+        # A `with` is traced a second time before its end, where no signal is handled.
+        text = linecache.getline(code.co_filename, frame.f_lineno)
+        if event == "line" and not text.lstrip().startswith("with "):
+            count.left -= 1
+            if count.left == 0:
+                count.reached = True
+                sys.settrace(None)
+                handler()
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        yield count
+    except Interrupt:
+        pass
+    finally:
+        sys.settrace(before)
 
 
 @pytest.mark.parametrize("how", [[], ["switch"], ["collector", "finalizer"]], ids=lambda how: "-".join(how))

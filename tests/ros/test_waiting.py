@@ -327,7 +327,7 @@ class TestShutdown:
         assert buffer.statistics()["waiters"] == 0
 
     def test_a_signal_that_shuts_the_context_down_ends_it(self):
-        program = start("awaits.py", stdout=subprocess.PIPE)
+        program = start("blocked.py", "await", stdout=subprocess.PIPE)
         assert program.stdout.readline() == "waiting\n"
         program.send_signal(signal.SIGTERM)
         text, _ = program.communicate(timeout=DEADLINE_S)

@@ -11,8 +11,8 @@ from tf2_ros_tools.listening import filled_buffer
 import math
 import re
 import time
-from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +26,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, FrameInfo, TransformException
 from tf2_ros import TransformBroadcaster
-from tf2_ros.records import Recording
 from tf2_ros_tools.output import not_known, printable
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import path_to_root
@@ -42,9 +41,6 @@ from tf2_ros_tools.yaml_files import (
 
 S = 1_000_000_000
 LATEST = 0  # asks a buffer for the newest time at which it has everything that a lookup needs
-ALL = "all"
-ALL_RATE = math.inf  # of a rule that sends every transform
-MOST_WAITING = 1000  # stamps of a chain, for which a part of it is not known yet
 TOPICS = DYNAMIC, STATIC = "/tf", "/tf_static"
 POSE = "PoseStamped"
 
@@ -103,10 +99,6 @@ def _names(read: Callable[[Any], str | None], count: int | None = None) -> Calla
     return read_names
 
 
-def _rate(value: Any) -> float | None:
-    return ALL_RATE if value == ALL else number_in(0.0001, 1000.0)(value)
-
-
 def _new_names(value: Any) -> dict[str | None, str | None] | None:
     if not isinstance(value, dict):
         return None
@@ -125,7 +117,7 @@ _KEYS = {
     "name": Key("a text", nonempty_text),
     "from": Key(_TWO_TOPICS, _names(_topic, 2)),
     "to": Key(_TWO_TOPICS, _names(_topic, 2), is_required=True),
-    "rate": Key(f"a number of Hz from 0.0001 to 1000, or {ALL}", _rate),
+    "rate": Key("a number of Hz from 0.0001 to 1000", number_in(0.0001, 1000.0)),
     "threshold": Key("a mapping", lambda value: value),
     "prefix": Key("a text", nonempty_text),
     "rename": Key("a mapping from names of frames to different new names", _new_names),
@@ -191,11 +183,7 @@ class Link(NamedTuple):
 
     parent: str
     child: str
-    moving: tuple[str, ...]  # the frames on its path that are not static
-
-    @property
-    def is_static(self) -> bool:
-        return not self.moving
+    is_static: bool  # as all frames on its path
 
 
 def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
@@ -211,7 +199,7 @@ def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
 
     def link(parent: str, child: str) -> Link:
         between = {*above[parent]} ^ {*above[child]}
-        return Link(parent, child, tuple(one for one in between if not frames[one].static))
+        return Link(parent, child, all(frames[one].static for one in between))
 
     if rule.is_pose:
         return [link(*rule.frames)] if {*rule.frames} <= frames.keys() else []
@@ -233,9 +221,8 @@ def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
 
 @dataclass
 class _State:
-    """What was sent of a link, and what waits."""
+    """What was sent of a link."""
 
-    waiting_ns: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_WAITING))
     newest_ns: int | None = None  # of what was last sent or withheld
     sent: TransformStamped | None = None
     sent_s: float = 0.0  # of the monotonic clock
@@ -256,20 +243,13 @@ class Relay:
         self.rule = rule
         self.buffer = buffer
         self.targets: list[Target] = []  # for dynamic and static transforms, or for poses
-        self.period_s = ALL_S if rule.rate == ALL_RATE else 1.0 / rule.rate
+        self.period_s = 1.0 / rule.rate
         self.due_s = 0.0  # of the monotonic clock
         self._owners = owners
         self._tree: dict[str, tuple[str | None, bool]] = {}
         self._links: list[Link] = []
         self._conflicts: list[str] = []
         self._states: defaultdict[str, _State] = defaultdict(_State)  # by child
-        self._arrived_ns: defaultdict[str, list[int]] = defaultdict(list)  # by child
-
-    def note(self, arrived: Iterable[tuple[str, int]]) -> None:
-        """Note the children and stamps of dynamic transforms, if the rule sends every one."""
-        if self.rule.rate == ALL_RATE:
-            for frame, stamp_ns in arrived:
-                self._arrived_ns[frame].append(stamp_ns)
 
     def static_transforms(self) -> list[TransformStamped]:
         """All static transforms that the rule sends."""
@@ -278,7 +258,7 @@ class Relay:
 
     def dynamic_transforms(self, now_s: float, clock_ns: int) -> list[TransformStamped]:
         """
-        Get the new transforms that receivers need; of each frame, the oldest first.
+        Get the new transforms that receivers need, and the last ones at rest of frames that begin to move.
 
         :param now_s: the time of the monotonic clock.
         :param clock_ns: the time of the node's clock.
@@ -288,11 +268,8 @@ class Relay:
             if link.is_static and not self.rule.is_pose:
                 continue
             state = self._states[link.child]
-            for hop in link.moving:
-                state.waiting_ns.extend(self._arrived_ns.get(hop, ()))
-            for transform in self._new(link, state, clock_ns):
+            if (transform := self._new(link, state, clock_ns)) is not None:
                 needed += self._needed(transform, state, now_s)
-        self._arrived_ns.clear()
         return [self._named(one) for one in needed]
 
     def problems(self) -> list[str]:
@@ -301,11 +278,11 @@ class Relay:
         unknown = [name for name in dict.fromkeys(named) if name not in self._tree]
         return [f"{self.rule.label}: {not_known(name, self._tree)}" for name in unknown] + self._conflicts
 
-    def _look_up(self, link: Link, stamp_ns: int = LATEST) -> TransformStamped | None:
+    def _look_up(self, link: Link) -> TransformStamped | None:
         try:
-            return self.buffer.lookup_transform_core(link.parent, link.child, stamp_ns)
+            return self.buffer.lookup_transform_core(link.parent, link.child, LATEST)
         except TransformException:
-            return None  # a chain has no common time yet, or is none any more; or the stamp was forgotten
+            return None  # a chain has no common time yet, or is none any more
 
     def _present_links(self) -> list[Link]:
         frames = self.buffer.frames()
@@ -325,24 +302,17 @@ class Relay:
                     )
         return self._links
 
-    def _new(self, link: Link, state: _State, clock_ns: int) -> list[TransformStamped]:
-        """Get the newest transform of a link if it is new, after those that the rule has to send before."""
+    def _new(self, link: Link, state: _State, clock_ns: int) -> TransformStamped | None:
+        """Get the newest transform of a link, unless it is known."""
         newest = self._look_up(link)
         if newest is None:
-            return []
+            return None
         if link.is_static:  # a pose of frames that do not move
             newest.header.stamp.sec, newest.header.stamp.nanosec = divmod(clock_ns, S)
-        newest_ns = _stamp_ns(newest)
-        if state.newest_ns is not None and newest_ns < state.newest_ns:
-            # Simulated time went back, which cleared the buffer.
-            state.waiting_ns.clear()
-            state.withheld = None
-        # Of a chain, a part may have arrived before the others: it waits.
-        stamps_ns = {newest_ns, *(one for one in state.waiting_ns if one < newest_ns)} - {state.newest_ns}
-        state.waiting_ns = deque((one for one in state.waiting_ns if one > newest_ns), MOST_WAITING)
-        state.newest_ns = newest_ns
-        found = [newest if one == newest_ns else self._look_up(link, one) for one in sorted(stamps_ns)]
-        return [one for one in found if one is not None]
+        before_ns, state.newest_ns = state.newest_ns, _stamp_ns(newest)
+        if before_ns is not None and state.newest_ns < before_ns:
+            state.withheld = None  # simulated time went back, which cleared the buffer
+        return None if state.newest_ns == before_ns else newest
 
     def _needed(self, transform: TransformStamped, state: _State, now_s: float) -> Iterator[TransformStamped]:
         limits = self.rule.threshold
@@ -380,17 +350,7 @@ def _difference(one: Any, other: Any) -> tuple[float, float]:
 
 
 MAINTAIN_S = 0.5  # between two looks at static transforms
-LOOK_S = 0.05  # between two looks at what has arrived, at most
-ALL_S = 0.01  # between two messages of a rule that sends every transform
 PATIENCE_S = 5.0  # until a warning about a frame that nobody has published
-
-
-def arrived_in(buffer: BufferCore, recording: Recording) -> list[tuple[str, int]]:
-    """Get the children and stamps of the dynamic transforms that have arrived since the last call."""
-    _ = "" in buffer  # as any read, it inserts and records what has arrived
-    records, names = recording.take(), recording.frames()
-    moving = records[(records["static"] == 0) & (records["refusals"] == 0)]
-    return [(names[child], stamp_ns) for child, stamp_ns in moving[["child", "stamp_ns"]].tolist()]
 
 
 class Target(TransformBroadcaster):
@@ -437,7 +397,7 @@ class Relaying:
     def __init__(self, node: Node, path: Path, stack: ExitStack) -> None:
         self._node = node
         self._stack = stack
-        self._sources: dict[tuple[str, ...], tuple[BufferCore, Recording]] = {}
+        self._sources: dict[tuple[str, ...], BufferCore] = {}
         self._targets: dict[tuple[str, str], Target] = {}  # by topic and use
         self._relays: list[Relay] = []
         owners: dict[tuple[str, str], tuple[Relay, str]] = {}
@@ -460,25 +420,18 @@ class Relaying:
             if now_s >= maintain_s:
                 self._maintain(now_s)
                 maintain_s = now_s + MAINTAIN_S
-            for buffer, recording in self._sources.values():
-                arrived = arrived_in(buffer, recording)
-                for relay in self._relays:
-                    if relay.buffer is buffer:
-                        relay.note(arrived)
             for relay in self._relays:
                 if now_s >= relay.due_s:
                     relay.due_s = max(relay.due_s + relay.period_s, now_s)
                     clock_ns = self._node.get_clock().now().nanoseconds
                     relay.targets[0].send(relay.dynamic_transforms(now_s, clock_ns))
-            wake_s = min(now_s + LOOK_S, maintain_s, *(relay.due_s for relay in self._relays))
+            wake_s = min(maintain_s, *(relay.due_s for relay in self._relays))
             time.sleep(max(wake_s - time.monotonic(), 0.0))
 
     def _buffer(self, topics: tuple[str, ...]) -> BufferCore:
         if topics not in self._sources:
-            recording = Recording()
-            buffer = self._stack.enter_context(filled_buffer(self._node, recording, topics=topics))
-            self._sources[topics] = buffer, recording
-        return self._sources[topics][0]
+            self._sources[topics] = self._stack.enter_context(filled_buffer(self._node, topics=topics))
+        return self._sources[topics]
 
     def _target(self, topic: str, use: str) -> Target:
         if (topic, use) not in self._targets:

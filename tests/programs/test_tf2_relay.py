@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.relay import ALL_RATE, Relay, Rule, Threshold, read_rules
+from tf2_ros_tools.relay import Relay, Rule, Threshold, read_rules
 
 pytestmark = pytest.mark.ours
 
@@ -132,38 +132,17 @@ def test_receivers_look_up_what_the_robot_would(tree):
         assert len(receiver.frames()) <= len(frames) + 1
 
 
-class TestRates:
-    @pytest.mark.parametrize(
-        ("keys", "script"),
-        [
-            # Of each look: what has arrived, frames with their stamps, and what is sent.
-            ({}, ["base1 base3 base2: base3", ": ", "base4: base4", "clear base1: base1"]),
-            # Late transforms, too.
-            (
-                {"rate": ALL_RATE},
-                ["base3 base1 base2: base1 base2 base3", "base9 base5: base5 base9", "base7: base7"],
-            ),
-            # A chain, for each stamp of its parts at which all of it is known.
-            (
-                {"rate": ALL_RATE, "frames": ("map", "hand"), "collapse": True},
-                ["base1 hand2 hand3 base4: hand2 hand3", "hand5 base5 hand6: hand4 hand5"],
-            ),
-        ],
-    )
-    def test_what_is_sent_of_what_arrives(self, keys, script):
-        buffer, parents = BufferCore(), {"base": "map", "hand": "base"}
-        relay = Relay(rule(**keys), buffer, {})
-        for now_s, step in enumerate(script):
-            arrived, _, expected = step.partition(":")
-            for word in arrived.split():
-                if word == "clear":  # because simulated time went back
-                    buffer.clear()
-                    continue
-                child, ns = word[:-1], int(word[-1]) * S
-                buffer.set_transform(transform(parents[child], child, ns=ns), "test")
-                relay.note([(child, ns)])
-            found = relay.dynamic_transforms(float(now_s), 0)
-            assert [f"{one.child_frame_id}{stamp_ns(one) // S}" for one in found] == expected.split(), step
+def test_the_newest_transform_is_sent_once():
+    buffer = BufferCore()
+    relay = Relay(rule(), buffer, {})
+
+    def sent_after(*seconds):
+        buffer.set_transforms([transform("map", "base", one) for one in seconds], "test")
+        return [stamp_ns(one) // S for one in relay.dynamic_transforms(0.0, 0)]
+
+    assert [sent_after(1, 3, 2), sent_after(), sent_after(4)] == [[3], [], [4]]
+    buffer.clear()  # because simulated time went back
+    assert sent_after(1) == [1]
 
 
 class TestThreshold:

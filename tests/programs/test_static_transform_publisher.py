@@ -72,7 +72,7 @@ def test_what_a_command_line_asks_for_is_published(line, node, executor, tmp_pat
     [
         (
             "- {frame_id: 5, child_frame_id: b}",
-            "transform 1: 'frame_id': expected a text (quote what looks like a number), got 5",
+            "transform 1: 'frame_id': expected a text, got 5",
         ),
         ("- {frame_id: a}", "transform 1: 'child_frame_id': expected a text"),
         (

@@ -5,7 +5,6 @@ from __future__ import annotations
 import secrets
 import sys
 from argparse import Namespace
-from collections.abc import Mapping
 from functools import partial
 from math import hypot, inf
 from pathlib import Path
@@ -75,11 +74,11 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
         if options.file is not None:
             return read_file(options.file)
         if not options.old:
-            return [transform_of(given)]
+            return [transform_of("the command line", given)]
         names = OLD_FORMS.get(len(options.old))
         if names is None:
             raise UsageError(f"there are {len(options.old)} values without options; the old form has 8 or 9")
-        return [read_transform("the old form", dict(zip(names, options.old, strict=True)))]
+        return [transform_of("the old form", dict(zip(names, options.old, strict=True)))]
     except ValueError as refusal:
         raise UsageError(str(refusal)) from None
 
@@ -125,38 +124,7 @@ def _summary(options: Namespace, transforms: list[TransformStamped]) -> str:
 # Read static transforms as users write them.
 
 
-def transform_of(given: Mapping[str, Any]) -> TransformStamped:
-    """
-    Make a transform from what a user gave.
-
-    :param given: names and floats, by FRAMES and NUMBERS.
-    :raises ValueError: a name is missing, or two fields contradict each other.
-    """
-    from geometry_msgs.msg import TransformStamped
-
-    frame, child = (given.get(name, "") for name in FRAMES)
-    if not frame or not child:
-        raise ValueError("frame_id and child_frame_id must be given, and must not be empty")
-    if frame == child:
-        raise ValueError(f"frame_id and child_frame_id must differ, both are {frame!r}")
-    rotation = tuple(given.get(name, float(name == "qw")) for name in QUATERNION)
-    if given.keys() & set(EULER):
-        from tf2_ros_tools.urdf import quaternion_from_rpy
-
-        if given.keys() & set(QUATERNION):
-            raise ValueError("a rotation is a quaternion or Euler angles; both were given")
-        rotation = quaternion_from_rpy(*(given.get(name, 0.0) for name in EULER))
-    if not 0.0 < hypot(*rotation) < inf:
-        raise ValueError(f"a quaternion must have a finite length above 0; this one is {rotation}")
-    made = TransformStamped(child_frame_id=child)
-    made.header.frame_id = frame
-    t, q = made.transform.translation, made.transform.rotation
-    t.x, t.y, t.z = (given.get(name, 0.0) for name in TRANSLATION)
-    q.x, q.y, q.z, q.w = rotation
-    return made
-
-
-_FRAME = Key("a text (quote what looks like a number)", nonempty_text, is_required=True)
+_FRAME = Key("a text", nonempty_text, is_required=True)
 _NUMBER = Key("a finite number", number_in(-sys.float_info.max, sys.float_info.max))
 KEYS = {**dict.fromkeys(FRAMES, _FRAME), **dict.fromkeys(NUMBERS, _NUMBER)}
 
@@ -171,7 +139,7 @@ def read_file(path: Path) -> list[TransformStamped]:
     from tf2_ros_tools.urdf import one_in_a_loop
 
     entries = enumerate(read_list(path, "--file", "transforms"), start=1)
-    transforms = [read_transform(f"{path}: transform {place}", entry) for place, entry in entries]
+    transforms = [transform_of(f"{path}: transform {place}", entry) for place, entry in entries]
     parents: dict[str, str] = {}
     for one in transforms:
         if one.child_frame_id in parents:
@@ -182,18 +150,34 @@ def read_file(path: Path) -> list[TransformStamped]:
     return transforms
 
 
-def read_transform(label: str, given: Any) -> TransformStamped:
+def transform_of(label: str, given: Any) -> TransformStamped:
     """
-    Read a mapping with the names of FRAMES and NUMBERS.
+    Make a transform from a mapping with the names of FRAMES and NUMBERS.
 
     :param label: what it is, for errors.
     :raises ValueError: its contents are wrong.
     """
+    from geometry_msgs.msg import TransformStamped
+
     read = read_keys(label, given, KEYS)
-    try:
-        return transform_of(read)
-    except ValueError as refusal:
-        raise ValueError(f"{label}: {refusal}") from None
+    frame, child = (read[name] for name in FRAMES)
+    if frame == child:
+        raise ValueError(f"{label}: frame_id and child_frame_id must differ, both are {frame!r}")
+    rotation = tuple(read.get(name, float(name == "qw")) for name in QUATERNION)
+    if read.keys() & set(EULER):
+        from tf2_ros_tools.urdf import quaternion_from_rpy
+
+        if read.keys() & set(QUATERNION):
+            raise ValueError(f"{label}: a rotation is a quaternion or Euler angles; both were given")
+        rotation = quaternion_from_rpy(*(read.get(name, 0.0) for name in EULER))
+    if not 0.0 < hypot(*rotation) < inf:
+        raise ValueError(f"{label}: a quaternion must have a finite length above 0; this one is {rotation}")
+    made = TransformStamped(child_frame_id=child)
+    made.header.frame_id = frame
+    t, q = made.transform.translation, made.transform.rotation
+    t.x, t.y, t.z = (read.get(name, 0.0) for name in TRANSLATION)
+    q.x, q.y, q.z, q.w = rotation
+    return made
 
 
 main = partial(run, PARSER, publish, interrupted=SUCCESS)

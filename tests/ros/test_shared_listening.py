@@ -13,9 +13,9 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sharing import new_name, ring_threads
-from spinning import at_once, spinning
+from spinning import at_once
 
-from tf2_ros import Buffer, SharedBufferError, TransformListener
+from tf2_ros import Buffer, TransformListener
 from tf2_ros._shared.naming import segment_path
 
 pytestmark = pytest.mark.ours
@@ -86,16 +86,6 @@ def test_a_program_as_it_is_uses_the_shared_buffer(shared, node, peer, capfd):
     assert not listener.receives
 
 
-def test_the_program_keeps_the_listener_by_its_node(shared, node, peer):
-    shared()
-    buffer = Buffer()
-    TransformListener(buffer, node)
-    gc.collect()
-    waiting = buffer.wait_for_transform_async("map", "robot", Time())
-    arrive(peer(), buffer, "robot", ("map", "robot", 1 * S, 1))
-    assert until(waiting.done)
-
-
 def test_the_end_of_the_owner_goes_unnoticed_by_waits(shared, node, peer, capfd):
     shared()
     buffer = Buffer()
@@ -113,16 +103,6 @@ def test_the_end_of_the_owner_goes_unnoticed_by_waits(shared, node, peer, capfd)
     assert buffer.can_transform("map", "robot", at_ns(1 * S)) and buffer.can_transform("map", "mount", Time())
     # It takes a moment until the sender knows of the new subscription.
     assert until(lambda: sender.send(("map", "robot", 9 * S, 2)) or waiting.done())
-
-
-def test_another_buffer_for_the_listener_is_filled(shared, node, peer):
-    shared()
-    first, second = Buffer(), Buffer()
-    listener = TransformListener(first, node)
-    listener.buffer = second
-    assert not is_attached(listener)
-    sender = peer()
-    until(lambda: sender.send(("map", "robot", 1 * S, 1)) or knows(second, "robot")())
 
 
 def test_threads_that_attach_listeners_of_a_buffer_attach_it_once(shared, node):
@@ -270,38 +250,3 @@ def executor_came_back(executor, timeout_s):
     begun = time.monotonic()
     executor.spin_once(timeout_sec=timeout_s)
     return time.monotonic() - begun < timeout_s * 0.9
-
-
-def test_callbacks_run_in_the_executor_that_spins_the_node(shared, node, executor, peer):
-    shared()
-    buffer = Buffer()
-    TransformListener(buffer, node)
-    threads = []
-    future = buffer.wait_for_transform_async("map", "robot", at_ns(4 * S))
-    future.add_done_callback(lambda _: threads.append(threading.current_thread().name))
-
-    async def awaits():
-        await buffer.lookup_transform_async("map", "robot", at_ns(4 * S))
-        threads.append(threading.current_thread().name)
-
-    with spinning(executor):
-        task = executor.create_task(awaits)
-        arrive(peer(), buffer, "robot", ("map", "robot", 3 * S, 1), ("map", "robot", 5 * S, 1))
-        assert until(task.done) and until(future.done)
-    assert len(threads) == 2 and not {"tf2_ros ring", "tf2_ros reports"} & set(threads)
-
-
-def test_a_listener_on_a_buffer_that_is_attached_by_name_subscribes_to_nothing(
-    shared, node, peer, monkeypatch
-):
-    name = shared()
-    monkeypatch.delenv("TF2_SHARED_BUFFER")
-    buffer = Buffer(attach=name)
-    listener = TransformListener(buffer, node)
-    second = TransformListener(buffer, node)
-    assert listener.tf_sub is None and second.tf_sub is None
-    waiting = buffer.wait_for_transform_async("map", "robot", Time())
-    arrive(peer(), buffer, "robot", ("map", "robot", 1 * S, 1))
-    assert until(waiting.done)
-    with pytest.raises(SharedBufferError):
-        Buffer(attach="nobody-has-this")

@@ -29,8 +29,7 @@ pytestmark = pytest.mark.ours
 FIRST_NS = 1000 * S
 LATER = at_ns(10**6 * S)  # what an owner never inserts
 KILLS = times(5, 25)
-STEP = 1 << 16  # as in ring.pyx
-RING_AT = STEP
+RING_AT = 1 << 16  # as in ring.pyx
 
 
 def insert_later(buffer):
@@ -100,45 +99,13 @@ def test_a_reader_of_an_owner_that_is_stopped_neither_hangs_nor_breaks():
             reader._tf2_attachment.close()
 
 
-def test_the_next_owner_of_the_name_fills_the_same_buffers():
-    name = new_name()
-    reader = None
-    for round_ in range(1, 4):
-        with Owner(name=name) as owner:
-            owner.tell("insert", round_ * S, 0)
-            reader = reader or Buffer(attach=name)
-            waiting = reader.wait_for_transform_async("map", "f4", at_ns(round_ * S))
-            assert until(waiting.done)
-            assert reader._tf2_attachment.owner == owner.process.pid
-            reader._self_check()
-
-
 def test_a_child_that_outlives_an_owner_does_not_keep_the_name():
-    code = (
-        "import os, sys; from tf2_ros import Buffer\n"
-        "shared = Buffer(share=sys.argv[1])\n"
-        "if os.fork() == 0:\n"
-        "    print(os.getpid(), flush=True); sys.stdin.readline(); os._exit(0)\n"
-        "sys.stdin.readline()"
-    )
-    name = new_name()
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    child = None
-    try:
-        child = int(process.stdout.readline())
-        reader = Buffer(attach=name)
-        process.kill()
-        process.wait()
+    with Owner() as owner:
+        owner.tell("fork")
+        reader = Buffer(attach=owner.name)
+        owner.process.kill()
         until(lambda: not reader._tf2_attachment.is_attached)
-        Buffer(share=name)._tf2_sharing.close()
-    finally:
-        process.kill()
-        if child is not None:
-            os.kill(child, signal.SIGKILL)
-        process.communicate()
-        segment_path(name).unlink(missing_ok=True)
+        Buffer(share=owner.name)._tf2_sharing.close()
 
 
 def test_a_second_owner_is_refused_with_the_first_ones_process():

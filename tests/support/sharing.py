@@ -80,15 +80,14 @@ def small_ring():
 class Owner:
     """A process of `programs/shares.py`, for a `with` statement, which kills it in the end."""
 
-    def __init__(self, name=None, *words, **popen):
+    def __init__(self, name=None):
         self.name = name or new_name()
         self.path = segment_path(self.name)
         self.process = subprocess.Popen(
-            [sys.executable, str(PROGRAMS / "shares.py"), self.name, *words],
+            [sys.executable, str(PROGRAMS / "shares.py"), self.name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            **popen,
         )
 
     def __enter__(self):

@@ -2,11 +2,10 @@
 Shares a buffer, whose name is the first argument, and says so; then obeys its standard input:
 
 `insert NS FIRST_NS`: the links of `sharing.py` of this time. `run S`: insert for so long, as fast as it can,
-in a thread. `laps N`: insert as fast as it can until the ring was written so often; the answer is how many
-were inserted.
+in a thread. `fork`: have a child that ends with the standard input.
 
-With `small` for the second argument, the ring is the smallest. With `children` for a name, each line is the
-name of a buffer, for which it forks an owner, which inserts as fast as it can; the next line has it killed.
+With `children` for a name, each line is the name of a buffer, for which it forks an owner, which inserts as
+fast as it can; the next line has it killed.
 """
 
 import os
@@ -14,14 +13,13 @@ import signal
 import sys
 import threading
 import time
-from contextlib import nullcontext
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from making import S
 from rclpy.duration import Duration
-from sharing import LINKS, links, small_ring
+from sharing import links
 
 from tf2_ros import Buffer
 
@@ -37,16 +35,6 @@ def run(buffer, seconds):
         if count % 97 == 0:
             # Late, in the middle of the history.
             buffer.set_transforms(links(ns - S // 4 + 1, FIRST_NS), "shares")
-
-
-def laps(buffer, megabytes):
-    # 1 MiB is the least that a ring has, which /dev/shm of a test may give.
-    count, ns = 0, FIRST_NS
-    while count * 600 < megabytes << 20:
-        ns += S // 1000
-        count += LINKS
-        buffer.set_transforms(links(ns, FIRST_NS), "shares")
-    return count
 
 
 def children():
@@ -73,8 +61,7 @@ def main():
         print("ready", flush=True)
         children()
         return
-    with small_ring() if "small" in sys.argv[2:] else nullcontext():
-        buffer = Buffer(Duration(seconds=0.5), share=sys.argv[1])
+    buffer = Buffer(Duration(seconds=0.5), share=sys.argv[1])
     print("shared", os.getpid(), flush=True)
     for line in sys.stdin:
         match line.split():
@@ -82,9 +69,10 @@ def main():
                 buffer.set_transforms(links(int(ns), int(first_ns)), "shares")
             case ["run", seconds]:
                 threading.Thread(target=run, args=(buffer, float(seconds)), daemon=True).start()
-            case ["laps", megabytes]:
-                print(laps(buffer, int(megabytes)), flush=True)
-                continue
+            case ["fork"]:
+                if os.fork() == 0:
+                    sys.stdin.read()
+                    os._exit(0)
         print("done", time.monotonic_ns(), flush=True)
 
 

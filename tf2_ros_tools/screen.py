@@ -8,7 +8,6 @@ import signal
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from tempfile import TemporaryFile
 
 from rich.text import Text
@@ -24,7 +23,6 @@ from tf2_ros_tools.streams import Stream
 Kinds = defaultdict[str, list[str]]  # of findings, by frame
 
 INTERVAL_S = 1.0  # between two updates
-
 
 COLUMNS = ("frame", "Hz", "delay ms", "wrong", "parent", "publisher", "max ms", "jitter ms")
 NUMBERS = {"Hz", "delay ms", "max ms", "jitter ms"}
@@ -56,31 +54,20 @@ def show_screen(look: Callable[[], Report], source: str) -> int:
     :param look: makes a report of the present state.
     :param source: the topics and the ROS domain, as a phrase.
     """
-    with _terminal_for_textual():
-        screen = _Screen(look, source)
-        screen.run(mouse=False)  # so that the terminal itself selects text
-        return screen.return_code or 0
-
-
-@contextmanager
-def _terminal_for_textual() -> Iterator[None]:
-    """
-    Let Textual draw on standard output, and write log lines, which C code writes, only at the end.
-
-    Textual draws on ``sys.__stderr__``, which may be a file.
-    """
-    error_output, log_output = sys.__stderr__, os.dup(2)
-    with os.fdopen(os.dup(1), "w", encoding="utf-8") as terminal, TemporaryFile() as log:
-        sys.__stderr__ = terminal  # type: ignore[misc]
+    # Textual draws on sys.__stderr__, which may be a file. What C code writes to standard error, such as log
+    # lines, would disturb the screen, so it follows at the end.
+    sys.__stderr__ = sys.__stdout__  # type: ignore[misc]
+    error_output = os.dup(2)
+    with TemporaryFile() as log:
         os.dup2(log.fileno(), 2)
         try:
-            yield
+            screen = _Screen(look, source)
+            screen.run(mouse=False)  # so that the terminal itself selects text
         finally:
-            os.dup2(log_output, 2)
-            os.close(log_output)
-            sys.__stderr__ = error_output  # type: ignore[misc]
+            os.dup2(error_output, 2)
             log.seek(0)
-            os.write(2, log.read())  # such as a traceback by Textual
+            os.write(2, log.read())
+    return screen.return_code or 0
 
 
 class _Screen(App[None]):

@@ -7,7 +7,6 @@ from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any
 
-SIZES = ("bytes", "kB", "MB", "GB", "TB")
 MOST_NAMES = 5  # in a list
 
 
@@ -23,23 +22,9 @@ def three_digits(number: float) -> str:
     return f"{number:.0f}" if abs(number) >= 100.0 else f"{number:.3g}"
 
 
-def counted(number: int, what: str) -> str:
-    """Format a count: ``1 frame``, ``2 frames``."""
+def counted(number: float, what: str) -> str:
+    """Format a number and its unit: ``1 frame``, ``2 frames``, ``2.5 seconds``."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
-def seconds(number: float) -> str:
-    """Format a time: ``1 second``, ``2.5 seconds``."""
-    return f"{number:g} second{'' if number == 1 else 's'}"
-
-
-def readable_size(size: float) -> str:
-    """Format a number of bytes: ``12 bytes``, ``1.23 MB``."""
-    unit, *larger = SIZES
-    while size >= 1000 and larger:
-        size /= 1000
-        unit = larger.pop(0)
-    return f"{size:.3g} {unit}"
 
 
 def first_names(names: Sequence[str]) -> str:

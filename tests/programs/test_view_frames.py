@@ -82,7 +82,7 @@ class TestRobot:
     def test_both_files_show_the_robot(self, robot, tmp_path):
         status, out, err = ended("view_frames", *LISTEN, "-o", "robot.svg", cwd=tmp_path)
         assert (status, out) == (0, "robot.gv\nrobot.svg\n")
-        assert "Listening to tf data for 4 seconds..." in err
+        assert "Listening to tf data for 4.0 seconds..." in err
         assert "digraph" in (tmp_path / "robot.gv").read_text()
         nodes, edges = frames((tmp_path / "robot.svg").read_bytes())
         assert nodes == ROBOT

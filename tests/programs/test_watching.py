@@ -141,7 +141,7 @@ class TestMonitor:
         with running("tf2_monitor", "--interval", "1", "--ros-args", *ALONE) as process:
             lines = [process.stdout.readline() for _ in range(12)]
         assert "".join(lines[:-1]) == (
-            "Gathering data on all frames for 1 second...\n\n\n\n"
+            "Gathering data on all frames for 1.0 second...\n\n\n\n"
             "RESULTS: for all Frames\n\nFrames:\n\nAll Broadcasters:\n\nProblems:\n"
         )
         silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"

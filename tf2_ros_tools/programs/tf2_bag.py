@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import counted, printable, readable_size, three_digits
+from tf2_ros_tools.output import counted, printable, three_digits
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,
@@ -88,7 +88,7 @@ def info(options: Namespace) -> int:
         size, span_ns = _size_of(options.file), (recorded.start_ns, recorded.end_ns)
     if not options.json:
         # First, because transforms that cannot be read end the command.
-        print(f"{printable(options.file)}: {readable_size(size)}")
+        print(f"{printable(options.file)}: {size:,} bytes")
         print(*_contents(topics, *span_ns), sep="\n")
     heard = _heard_of(options)
     said = report(heard)

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
-from tf2_ros_tools.output import printable, seconds
+from tf2_ros_tools.output import counted, printable
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, positive_number, run
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def _print_reports(heard: Listening, look: Callable[[], Report], options: Namesp
     interval_s = INTERVAL_S if options.interval is None else options.interval
     if not options.json:
         what = " -> ".join(options.frames) or "all frames"
-        print(f"Gathering data on {printable(what)} for {seconds(interval_s)}...")
+        print(f"Gathering data on {printable(what)} for {counted(interval_s, 'second')}...")
     due = time.monotonic() + interval_s
     while True:
         heard.listen(due - time.monotonic())

@@ -5,7 +5,7 @@ import time
 from argparse import Namespace
 from functools import partial
 
-from tf2_ros_tools.output import seconds
+from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, add_plot_options, positive_number, run
 
 S = 1_000_000_000
@@ -44,7 +44,7 @@ def plot(options: Namespace) -> int:
     refuse_plot(options)
     heard_s = options.t + LEAD_S
     with spun_node("tf2_plot", options) as node, listening(node, options.t, cache_time=2 * heard_s) as heard:
-        node.get_logger().info(f"Listening to tf data for {seconds(heard_s)}...")
+        node.get_logger().info(f"Listening to tf data for {counted(heard_s, 'second')}...")
         heard.listen(heard_s)
         records = heard.records()
         if not len(records):

@@ -6,7 +6,7 @@ from argparse import Namespace
 from functools import partial
 from os.path import splitext
 
-from tf2_ros_tools.output import seconds
+from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, format_of, non_negative_number, run, write_output
 
 FORMATS = ("pdf", "svg", "png")
@@ -66,7 +66,7 @@ def view(options: Namespace) -> int:
         needs_graphviz("--text")
     topics = (options.tf_topic, options.tf_static_topic)
     with spun_node("view_frames", options) as node, listening(node, topics=topics) as heard:
-        node.get_logger().info(f"Listening to tf data for {seconds(options.wait_time)}...")
+        node.get_logger().info(f"Listening to tf data for {counted(options.wait_time, 'second')}...")
         heard.listen(options.wait_time)
         report = heard.report(Limits())
         if not heard.frames():

@@ -14,8 +14,10 @@ from processes import DEADLINE_S, errors_so_far, until
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
+from sharing import new_name
 from spinning import EXECUTOR, spinning
 
+from tf2_ros import MessageFilter
 from tf2_ros._wait import callbacks
 from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
 
@@ -47,7 +49,7 @@ def wait(buffer, *callbacks, **how):
     return future
 
 
-def fail(_):
+def fail(*_):
     raise ValueError("mine")
 
 
@@ -55,27 +57,50 @@ def known(buffer):
     until(lambda: buffer.can_transform("map", "robot", Time(seconds=1)))
 
 
+# What waits, what ends the wait, what its node is, and which thread runs the callbacks.
+PLACES = [
+    ("future filter changes", "insert", "spun", HERE),
+    ("future filter changes", "insert", "unspun", HERE),
+    ("future changes", "insert", "absent", HERE),
+    ("future filter changes", "add", "spun", HERE),
+    ("future", "cancel", "spun", HERE),
+    ("future filter changes", "receive", "spun", EXECUTOR),
+    ("future filter changes", "share", "spun", EXECUTOR),
+    ("future filter", "timeout", "spun", EXECUTOR),
+    ("future filter", "timeout", "unspun", DEADLINES),
+    ("future", "timeout", "absent", DEADLINES),
+    ("future", "timeout", "destroyed", DEADLINES),
+    ("future", "timeout", "shut down", DEADLINES),
+]
+
+
 class TestPlaces:
-    """What ends the wait, whether its node is spun, and which thread runs the callbacks."""
+    def begin(self, kind, buffer, node, callbacks, timeout, at_end):
+        """Wait, until the end of the test at the latest."""
+        if kind == "future":
+            return wait(buffer, *callbacks, timeout=timeout)
+        if kind == "changes":
+            for callback in callbacks:
+                at_end.callback(buffer.on_change("map", "robot", callback).cancel)
+            return None
+        filter = at_end.enter_context(
+            MessageFilter(None, buffer, "map", 1, node=node, buffer_timeout=timeout)
+        )
+        for callback in callbacks:
+            filter.registerCallback(callback)
+            filter.registerFailureCallback(callback)
+        filter.add(transform("robot", "hand", 1))
+        return None
 
     @pytest.mark.parametrize(
-        ("end", "node_is", "place"),
-        [
-            ("insert", "absent", HERE),
-            ("insert", "unspun", HERE),
-            ("insert", "spun", HERE),
-            ("cancel", "spun", HERE),
-            ("add", "spun", HERE),
-            ("receive", "spun", EXECUTOR),
-            ("timeout", "spun", EXECUTOR),
-            ("timeout", "unspun", DEADLINES),
-            ("timeout", "absent", DEADLINES),
-        ],
+        ("kind", "end", "node_is", "place"),
+        [(kind, *row) for kinds, *row in PLACES for kind in kinds.split()],
     )
     def test_each_has_its_thread_also_if_a_callback_raises(
-        self, tf2_ros, node, peer, names, note, end, node_is, place
+        self, tf2_ros, ros, node, peer, names, note, capfd, kind, end, node_is, place
     ):
-        buffer = tf2_ros.Buffer()
+        robot, owner = transform("map", "robot", 1), tf2_ros.Buffer(share=new_name())
+        buffer = tf2_ros.Buffer(attach=owner._tf2_sharing.name if end == "share" else None)
         with ExitStack() as at_end, warnings.catch_warnings(record=True) as warned:
             if node_is != "absent":
                 at_end.callback(tf2_ros.TransformListener(buffer, node).unregister)
@@ -84,35 +109,28 @@ class TestPlaces:
                 executor.add_node(node)
                 at_end.enter_context(spinning(executor))
             if end == "add":
-                buffer.set_transform(transform("map", "robot", 1), "me")
-                future = wait(buffer, note)
-            else:
-                future = wait(buffer, fail, note, timeout=0.05 if end == "timeout" else None)
+                buffer.set_transform(robot, "me")
+            callbacks = [note] if (kind, end) == ("future", "add") else [fail, note]
+            future = self.begin(kind, buffer, node, callbacks, 0.05 if end == "timeout" else None, at_end)
+            if node_is == "destroyed":
+                node.destroy_node()
+            if node_is == "shut down":
+                ros.shutdown()
             if end == "insert":
-                buffer.set_transform(transform("map", "robot", 1), "me")
+                buffer.set_transform(robot, "me")
             elif end == "cancel":
                 future.cancel()
             elif end == "receive":
                 peer().send(("map", "robot", 10**9, 1))
+            elif end == "share":
+                owner.set_transform(robot, "owner")
             if place == HERE:
                 assert names == [HERE]
             until(lambda: names)
         assert names == [place]
-        assert [str(one.message) for one in warned if "mine" in str(one.message)] == (
-            [] if end == "add" else ["Unhandled exception in done callback: mine"]
-        )
-        assert future.cancelled() == (end == "cancel")
-        assert (future.exception() is not None) == (end == "timeout")
-
-    def test_spinning_another_node_until_such_a_future_is_complete(self, ros, tf2_ros, node, new_node, names):
-        """With the program's own insert, as in tests of node classes that nobody spins."""
-        buffer, other = tf2_ros.Buffer(), new_node("other")
-        listener = tf2_ros.TransformListener(buffer, node)
-        future = wait(buffer, names.append)
-        other.create_timer(0.01, lambda: buffer.set_transform(transform("map", "robot", 1), "me"))
-        ros.spin_until_future_complete(other, future, timeout_sec=DEADLINE_S)
-        assert names == [future]
-        listener.unregister()
+        # What one of a future or a subscription raises is a warning, what one of a filter raises is logged.
+        said = [one for one in warned if str(one.message) == "Unhandled exception in done callback: mine"]
+        assert len(said) + errors_so_far().count("ValueError: mine") == len(callbacks) - 1
 
     def test_while_nobody_spins_they_wait_and_one_warning_says_so(
         self, tf2_ros, node, peer, names, note, monkeypatch, capfd
@@ -191,23 +209,6 @@ class TestEndOfTheNode:
         assert not buffer._tf2_kept
         context.try_shutdown()
 
-    @pytest.mark.parametrize("end", ["destroyed", "shut down"])
-    def test_a_timeout_ends_a_wait_whose_listener_an_executor_served(self, tf2_ros, ros, names, note, end):
-        class Logging(tf2_ros.Buffer):
-            def set_transform(self, *arguments):
-                super().set_transform(*arguments)
-
-        context = ros.Context()
-        context.init(domain_id=ros.get_default_context().get_domain_id())
-        node, buffer = ros.create_node("served", context=context), Logging()
-        listener = tf2_ros.TransformListener(buffer, node)
-        future = wait(buffer, note, timeout=0.1)
-        node.destroy_node() if end == "destroyed" else context.shutdown()
-        until(lambda: names)
-        assert isinstance(future.exception(), tf2_ros.TimeoutException)
-        listener.unregister()
-        context.try_shutdown()
-
     def test_calls_that_are_put_afterwards_are_dropped(self, new_node, note, names):
         node = new_node("dropped")
         queue = CallbackQueue(node)
@@ -240,24 +241,6 @@ class TestExecutors:
             until(lambda: len(order) == 100)
         assert order == list(range(100))
 
-    def test_none_runs_beside_a_callback_of_the_node(self, queue, node):
-        executor, begun, go_on, order = SingleThreadedExecutor(), threading.Event(), threading.Event(), []
-
-        def work():
-            timer.cancel()
-            begun.set()
-            go_on.wait(DEADLINE_S)
-            order.append("callback ends")
-
-        timer = node.create_timer(0.0, work)
-        executor.add_node(node)
-        with spinning(executor):
-            assert begun.wait(DEADLINE_S)
-            queue.put(lambda: order.append("call"))
-            go_on.set()
-            until(lambda: len(order) == 2)
-        assert order == ["callback ends", "call"]
-
     def test_an_events_executor_polls(self, queue, note, names, node):
         """A thread that wakes it from outside may hang: it waits for no guard condition."""
         executor = pytest.importorskip("rclpy.experimental").EventsExecutor()
@@ -277,27 +260,23 @@ class TestExecutors:
         executor.shutdown()
 
 
-class TestRaisingCalls:
-    def test_what_one_raises_is_logged_and_the_rest_are_run(self, queue, note, names, executor):
-        queue.put(lambda: 1 / 0)
-        queue.put(note)
-        until(lambda: names, executor)
-        until(lambda: "ZeroDivisionError" in errors_so_far())
+def test_what_calls_raise_is_logged_and_what_ends_a_program_ends_the_spin_of_the_main_thread(
+    queue, note, names, node, capfd
+):
+    def put_all():
+        for call in (lambda: 1 / 0, sys.exit, note):
+            queue.put(call)
 
-    def test_what_ends_a_program_ends_the_spin_of_the_main_thread(self, queue, note, names, executor):
-        queue.put(sys.exit)
-        queue.put(note)
-        with pytest.raises(SystemExit):
-            until(lambda: False, executor)
-        until(lambda: names, executor)
-
-    def test_in_another_thread_it_is_logged(self, queue, note, names, node):
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        queue.put(sys.exit)
-        queue.put(note)
-        with spinning(executor):
-            until(lambda: names)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    put_all()
+    with pytest.raises(SystemExit):
+        until(lambda: False, executor)
+    assert "ZeroDivisionError" in errors_so_far()
+    until(lambda: names, executor)
+    put_all()
+    with spinning(executor):
+        until(lambda: len(names) == 2)
 
 
 def test_threads_signal_handlers_and_finalizers_may_put_and_each_call_is_run_once(queue, executor):

@@ -2,14 +2,11 @@
 
 import asyncio
 import gc
-import threading
 import weakref
 
 import pytest
 from making import S, stamp_ns, transform
 from processes import until
-from rclpy.executors import SingleThreadedExecutor
-from spinning import EXECUTOR, spinning
 
 pytestmark = pytest.mark.ours
 
@@ -140,26 +137,6 @@ class TestCallbacks:
         insert(buffer, 4)
         assert seen == [1, 2, 3]
         assert buffer.statistics()["waiters"] == 0
-
-    def test_a_listeners_arrive_in_its_executor(self, tf2_ros, node, peer):
-        buffer, seen = tf2_ros.Buffer(), []
-        listener = tf2_ros.TransformListener(buffer, node)
-        threads = set()
-        subscription = buffer.on_change(
-            "map",
-            "base",
-            lambda one: (threads.add(threading.current_thread().name), seen.append(stamp_ns(one) / S)),
-        )
-        executor, other = SingleThreadedExecutor(), peer()
-        executor.add_node(node)
-        with spinning(executor):
-            for second in (1, 2, 3):
-                other.send(("map", "base", second * S, 1.0))
-                until(lambda second=second: seen and seen[-1] == second)
-        assert seen == [1, 2, 3]
-        assert threads == {EXECUTOR}
-        subscription.cancel()
-        listener.unregister()
 
     def test_an_executor_does_other_work_after_one_that_is_slower_than_the_changes(
         self, tf2_ros, node, executor, peer

@@ -5,7 +5,6 @@ import gc
 import sys
 import threading
 from collections import Counter
-from contextlib import ExitStack
 from decimal import Decimal
 from functools import partial
 from types import SimpleNamespace
@@ -19,7 +18,7 @@ from processes import DEADLINE_S, until
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning import EXECUTOR, at_once, spinning
+from spinning import at_once, spinning
 from std_msgs.msg import Header
 
 from tf2_ros._wait.callbacks import callback_queue
@@ -315,49 +314,7 @@ class TestInput:
 
 
 class TestCallbacks:
-    """In which thread they run, and what happens if they raise."""
-
-    @pytest.mark.parametrize(
-        ("what", "spun", "place"),
-        [
-            ("insert", True, "MainThread"),
-            ("add", True, "MainThread"),
-            ("no frame", True, "MainThread"),
-            ("receive", True, EXECUTOR),
-            ("timeout", True, EXECUTOR),
-            ("timeout", False, "tf2_ros deadlines"),
-        ],
-    )
-    def test_each_has_its_thread_and_what_one_raises_is_logged(
-        self, tf2_ros, make, node, peer, capfd, what, spun, place
-    ):
-        script, names, executor = make(buffer_timeout=0.05 if what == "timeout" else None), [], None
-
-        def fail(*_):
-            raise RuntimeError("mine")
-
-        for callback in (fail, lambda *_: names.append(threading.current_thread().name)):
-            script.filter.registerCallback(callback)
-            script.filter.registerFailureCallback(callback)
-        with ExitStack() as at_end:
-            if what == "receive":
-                at_end.callback(tf2_ros.TransformListener(script.buffer).unregister)
-            if spun:
-                executor = SingleThreadedExecutor()
-                executor.add_node(node)
-                at_end.enter_context(spinning(executor))
-            if what == "add":
-                insert(script.buffer)
-            for _ in range(2):
-                script.filter.add(point("1@" if what == "no frame" else "1"))
-            if what == "insert":
-                insert(script.buffer)
-            if what == "receive":
-                peer().send(("map", "lidar", S, 1))
-            until(lambda: len(names) == 2)
-        assert names == [place] * 2
-        assert capfd.readouterr().err.count("RuntimeError: mine") == 2
-        assert len(taken(script.passed)) + len(taken(script.dropped)) == 2
+    """When they run, and what happens if they raise."""
 
     @pytest.mark.parametrize("kind", EXECUTORS)
     def test_what_a_listener_receives_passes_in_the_executor_of_the_filters_node(

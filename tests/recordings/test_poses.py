@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from making import about_z
 from making_bags import (
     FORMATS,
     S,
@@ -14,7 +15,6 @@ from making_bags import (
     header,
     in_protobuf,
     store,
-    turn,
     write_foxglove,
     write_mcap,
 )
@@ -36,7 +36,7 @@ def posed(ns, x, topic, msgtype, frame="map", child="base", ros=2):
     def make(name, *fields, **named):
         return types[f"{name.replace('/', '/msg/')}"](*fields, **named)
 
-    point, rotation = make("geometry_msgs/Point", x, 2.0, 3.0), make("geometry_msgs/Quaternion", *turn(x))
+    point, rotation = make("geometry_msgs/Point", x, 2.0, 3.0), make("geometry_msgs/Quaternion", *about_z(x))
     pose, covariance = make("geometry_msgs/Pose", point, rotation), np.zeros(36)
     if msgtype != STAMPED:
         pose = make("geometry_msgs/PoseWithCovariance", pose, covariance)
@@ -58,7 +58,7 @@ def series(topic, msgtype, **how):
 def check(buffer, target, source):
     translations, rotations = buffer.lookup_transforms(target, source, STAMPS)
     np.testing.assert_allclose(translations, [(i / 10, 2, 3) for i in range(20)], atol=1e-15)
-    np.testing.assert_allclose(rotations, [turn(i / 10) for i in range(20)], atol=1e-15)
+    np.testing.assert_allclose(rotations, [about_z(i / 10) for i in range(20)], atol=1e-15)
 
 
 class TestPoses:

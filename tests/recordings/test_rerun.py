@@ -6,7 +6,8 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from making_bags import S, Sent, Tf, raw, turn
+from making import about_z
+from making_bags import S, Sent, Tf, raw
 from numpy.testing import assert_allclose
 from processes import DEADLINE_S, broadcasting, ended, running, until
 
@@ -36,10 +37,10 @@ def driving(count=20):
     for i in range(count):
         ns = BEGIN + i * S // 10
         moving += [
-            Tf("map", "odom", ns, (0.1 * i, 0.0, 0.0), turn(0.02 * i)),
-            Tf("odom", "base", ns + 7, (1.0, 0.1 * i, 0.0), turn(-0.1 * i)),
+            Tf("map", "odom", ns, (0.1 * i, 0.0, 0.0), about_z(0.02 * i)),
+            Tf("odom", "base", ns + 7, (1.0, 0.1 * i, 0.0), about_z(-0.1 * i)),
         ]
-    return buffer_of(moving, [Tf("base", "camera", 0, (0.3, 0.0, 0.5), turn(0.1))])
+    return buffer_of(moving, [Tf("base", "camera", 0, (0.3, 0.0, 0.5), about_z(0.1))])
 
 
 class Logged:

@@ -10,6 +10,7 @@ import numpy as np
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
+from making import S, about_z
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from mcap_protobuf.schema import register_schema
@@ -18,7 +19,6 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from zstandard import ZstdCompressor
 
-S = 1_000_000_000
 TF = "tf2_msgs/msg/TFMessage"
 TF_OF_OLD = "tf/msg/tfMessage"
 STRING = "std_msgs/msg/String"
@@ -47,23 +47,19 @@ class Sent(NamedTuple):
 def drive(count=20, *, begin_ns=100 * S, prefix="", frame_prefix="", step_ns=S // 10):
     """Messages of a robot that drives in a circle: map -> odom -> base -> (static) camera, and a lidar."""
     f = frame_prefix
-    static = [Tf(f + "base", f + "camera", begin_ns, (0.3, 0.0, 0.5), turn(0.1))]
+    static = [Tf(f + "base", f + "camera", begin_ns, (0.3, 0.0, 0.5), about_z(0.1))]
     messages = [Sent(begin_ns, f"{prefix}/tf_static", static)]
     for i in range(count):
         ns = begin_ns + i * step_ns
         pose = (math.cos(i / 10), math.sin(i / 10), 0.0)
         moving = [
-            Tf(f + "map", f + "odom", ns, (0.01 * i, 0.0, 0.0), turn(0.001 * i)),
-            Tf(f + "odom", f + "base", ns, pose, turn(i / 10)),
+            Tf(f + "map", f + "odom", ns, (0.01 * i, 0.0, 0.0), about_z(0.001 * i)),
+            Tf(f + "odom", f + "base", ns, pose, about_z(i / 10)),
         ]
         messages.append(Sent(ns + 1_000_000, f"{prefix}/tf", moving))
     lidar = [Tf(f + "base", f + "lidar", begin_ns, (0.0, 0.1, 0.7))]
     messages.append(Sent(begin_ns + count * step_ns, f"{prefix}/tf_static", lidar))
     return messages
-
-
-def turn(angle):
-    return (0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2))
 
 
 @cache

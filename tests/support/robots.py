@@ -1,7 +1,7 @@
 """A URDF with a joint of each type, its joint states, and what they mean, computed with matrices by SciPy."""
 
 import numpy as np
-from making_bags import S, Sent, store
+from making_bags import S, Sent, header
 from scipy.spatial.transform import Rotation
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -90,13 +90,8 @@ def random_states(count, seed=1):
 
 def joint_state(ns, names, positions, log_ns=None, topic="/joint_states", ros=2):
     """A recorded joint state."""
-    types = store(ros).types
-    seq = {} if ros == 2 else {"seq": 7}
-    header = types["std_msgs/msg/Header"](
-        stamp=types["builtin_interfaces/msg/Time"](*divmod(ns, S)), frame_id="", **seq
-    )
     fields = {
-        "header": header,
+        "header": header(ns, "", ros),
         "name": list(names),
         "position": np.array(positions, np.float64),
         "velocity": np.zeros(len(names)),

@@ -9,7 +9,6 @@
 #include <pthread.h>
 #include <semaphore.h>
 #include <sys/syscall.h>
-#include <sys/time.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -45,25 +44,6 @@ int clock_gettime(clockid_t clock, struct timespec *now)
         return -1;
     *now = moved(now, offset_of(clock));
     return 0;
-}
-
-int gettimeofday(struct timeval *restrict now, void *restrict zone)
-{
-    struct timespec time;
-    (void)zone;
-    clock_gettime(CLOCK_REALTIME, &time);
-    now->tv_sec = time.tv_sec;
-    now->tv_usec = time.tv_nsec / 1000;
-    return 0;
-}
-
-time_t time(time_t *out)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_REALTIME, &now);
-    if (out)
-        *out = now.tv_sec;
-    return now.tv_sec;
 }
 
 int clock_nanosleep(clockid_t clock, int flags, const struct timespec *until, struct timespec *left)

@@ -50,7 +50,9 @@ os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
 os.environ.pop("TF2_SHARED_BUFFER", None)  # listeners would not subscribe
 # For the tests' own programs.
-os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    filter(None, [str(ROOT), str(SUPPORT), os.environ.get("PYTHONPATH", "")])
+)
 
 
 # A busy machine takes its time.

@@ -65,7 +65,7 @@ def interrupted(line, handler=_raise):
 
 @pytest.mark.parametrize("how", [[], ["switch"], ["collector", "finalizer"]], ids=lambda how: "-".join(how))
 def test_chance_finds_nothing_that_hangs(how):
-    """For minutes by hand: ``python tests/support/programs/interrupted.py 600``."""
+    """For minutes by hand: ``PYTHONPATH=tests/support python tests/support/programs/interrupted.py 600``."""
     program = start("interrupted.py", "3", *how, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     output, _ = program.communicate(timeout=8 * DEADLINE_S)
     assert program.returncode == 0, output

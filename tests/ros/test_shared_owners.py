@@ -14,7 +14,6 @@ from functools import partial
 
 import pytest
 from making import S, at_ns
-from paths import PROGRAMS
 from processes import PROMPT_S, until
 from rclpy.duration import Duration
 from repetitions import times
@@ -250,7 +249,6 @@ def test_a_malformed_message_in_shared_memory_is_counted_and_the_rest_is_read():
 def test_memory_that_ends():
     # A small /dev/shm, in a mount namespace of its own.
     code = (
-        "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from making import S, transform\n"
         "from processes import until\n"
         "from tf2_ros import Buffer\n"
@@ -269,7 +267,7 @@ def test_memory_that_ends():
     )
     command = 'mount -t tmpfs -o size=2m tmpfs /dev/shm || exit 77; exec "$@"'
     ended = subprocess.run(
-        ["unshare", "-m", "sh", "-c", command, "sh", sys.executable, "-c", code, str(PROGRAMS.parent)],
+        ["unshare", "-m", "sh", "-c", command, "sh", sys.executable, "-c", code],
         text=True,
         capture_output=True,
         timeout=60,

@@ -17,12 +17,8 @@ import sys
 import threading
 import warnings
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 from making import S, about_z, transform
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message

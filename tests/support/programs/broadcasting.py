@@ -10,7 +10,7 @@ import signal
 import sys
 
 import rclpy
-from geometry_msgs.msg import TransformStamped
+from making import transform
 from rclpy.duration import Duration
 from rclpy.signals import SignalHandlerOptions
 
@@ -31,11 +31,7 @@ def main(faults):
     second = TransformBroadcaster(other) if faults else None
 
     def made(parent, child, ahead=NOT_AHEAD):
-        transform = TransformStamped()
-        transform.header.frame_id, transform.child_frame_id = parent, child
-        transform.header.stamp = (node.get_clock().now() + ahead).to_msg()
-        transform.transform.rotation.w = 1.0
-        return transform
+        return transform(parent, child, ns=(node.get_clock().now() + ahead).nanoseconds)
 
     def faulty(period):
         yield made("odom" if period % 2 else "map", "two_parents")

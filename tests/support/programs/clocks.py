@@ -11,9 +11,6 @@ import os
 import sys
 import threading
 import time
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import rclpy
 from geometry_msgs.msg import PointStamped

@@ -10,14 +10,13 @@ import sys
 import threading
 
 import rclpy
-from geometry_msgs.msg import TransformStamped
+from making import S, transform
 from rclpy.duration import Duration
 from rclpy.time import Time
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer, TransformListener
 
-S = 10**9
 LATEST, AT_1 = Time(), Time(seconds=1)
 
 
@@ -75,12 +74,10 @@ missed = dict.fromkeys(READS, 0)
 for reads in [READS] * rounds + [["can_transform"] * lookups]:
     buffer = listener.buffer = Buffer()
     for published, read in enumerate(reads, 1):
-        transform = TransformStamped(child_frame_id=f"frame{published}")
-        transform.header.frame_id, transform.header.stamp.sec = "map", 1
-        transform.transform.translation.x = 5.0
-        publisher.publish(TFMessage(transforms=[transform]))
+        child = f"frame{published}"
+        publisher.publish(TFMessage(transforms=[transform("map", child, 1, (5, 0, 0))]))
         try:
-            missed[read] += not READS[read](buffer, transform.child_frame_id)
+            missed[read] += not READS[read](buffer, child)
         except Exception:
             missed[read] += 1
 print({read: count for read, count in missed.items() if count}, flush=True)

@@ -5,19 +5,13 @@ import json
 import sys
 
 import rclpy
-from geometry_msgs.msg import TransformStamped
+from making import transform
 from rclpy.duration import Duration
 from rclpy.time import Time
 
 import tf2_ros
 
 SHORT = Duration(seconds=0.01)
-
-
-def transform(child, seconds):
-    made = TransformStamped(child_frame_id=child)
-    made.header.frame_id, made.header.stamp.sec, made.transform.rotation.w = "map", seconds, 1.0
-    return made
 
 
 def failing(look_up, *arguments, **others):
@@ -39,10 +33,10 @@ def use(buffer, listener, client, waiting):
     buffer.on_change("map", "robot", lambda change: seen.append(tf2_ros.format_transform(change)))
     future = buffer.wait_for_transform_async("map", "robot", Time())
     future.add_done_callback(seen.append)
-    waiting.add(transform("robot", 1))
+    waiting.add(transform("map", "robot", 1))
     for seconds in (1, 2):
-        buffer.set_transform(transform("robot", seconds), "me")
-    buffer.set_transform_static(transform("camera", 0), "me")
+        buffer.set_transform(transform("map", "robot", seconds), "me")
+    buffer.set_transform_static(transform("map", "camera"), "me")
     failing(buffer.lookup_transform, "map", "robots", Time())
     failing(buffer.lookup_transform, "map", "robot", Time(seconds=9), SHORT)
     failing(buffer.lookup_transform, "map", "robot", "now")
@@ -53,7 +47,7 @@ def use(buffer, listener, client, waiting):
     buffer.lookup_transforms("map", "robot", [10**9])
     buffer.can_transform("map", "nowhere", Time(), SHORT, return_debug_tuple=True)
     buffer.get_latest_common_time("map", "robot")
-    buffer.set_transform(transform("map", 1), "me")  # logs that this is refused
+    buffer.set_transform(transform("map", "map", 1), "me")  # logs that this is refused
     str((buffer.frames(), buffer.histories(), buffer.all_frames_as_yaml(), buffer.statistics()))
     repr((buffer, listener, client, waiting, future))
     asyncio.run(follow(buffer))

@@ -16,14 +16,11 @@ import time
 
 import numpy as np
 import rclpy
+from forking import fork, status_of
+from making import at, transform
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
-
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), os.pardir))
-
-from forking import fork, status_of
-from making import at, transform
 
 import tf2_ros
 

@@ -4,7 +4,7 @@ import multiprocessing
 import sys
 
 import rclpy
-from geometry_msgs.msg import TransformStamped
+from making import transform
 from rclpy.duration import Duration
 from rclpy.time import Time
 
@@ -16,9 +16,7 @@ def listen():
     node = rclpy.create_node("forked")
     buffer = tf2_ros.Buffer(node=node)
     with tf2_ros.TransformListener(buffer, node):
-        transform = TransformStamped(child_frame_id="robot")
-        transform.header.frame_id = "map"
-        tf2_ros.StaticTransformBroadcaster(node).sendTransform(transform)
+        tf2_ros.StaticTransformBroadcaster(node).sendTransform(transform("map", "robot"))
         print(buffer.can_transform("map", "robot", Time(), Duration(seconds=10)), flush=True)
     rclpy.shutdown()
 

@@ -6,7 +6,6 @@ Signals that raise at random moments in waits, filters, listeners and a client; 
 
 import faulthandler
 import gc
-import os
 import random
 import signal
 import sys
@@ -16,11 +15,8 @@ from contextlib import suppress
 
 import rclpy
 from geometry_msgs.msg import PointStamped
-from rclpy.time import Time
-
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), os.pardir))
-
 from making import transform
+from rclpy.time import Time
 
 from tf2_ros import Buffer, BufferClient, MessageFilter, TransformException, TransformListener
 from tf2_ros._forking import LOCK

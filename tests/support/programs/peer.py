@@ -6,23 +6,14 @@ import threading
 import time
 
 import rclpy
-from geometry_msgs.msg import TransformStamped
+from making import transform
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster
 
-S = 1_000_000_000
 DEADLINE_S = 60.0
-
-
-def make(parent, child, ns, x):
-    transform = TransformStamped()
-    transform.header.frame_id, transform.child_frame_id = parent, child
-    transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(ns, S)
-    transform.transform.translation.x = float(x)
-    return transform
 
 
 class Peer:
@@ -49,7 +40,8 @@ class Peer:
         broadcaster = self.static if static else self.dynamic
         if subscribed:
             self.wait_for_subscribers(broadcaster.pub_tf)
-        broadcaster.sendTransform([make(*transform) for transform in transforms])
+        made = [transform(parent, child, xyz=(x, 0, 0), ns=ns) for parent, child, ns, x in transforms]
+        broadcaster.sendTransform(made)
 
     def do_matched(self, count):
         self.wait_for_subscribers(self.dynamic.pub_tf, count)

@@ -13,9 +13,6 @@ import signal
 import sys
 import threading
 import time
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from making import S
 from rclpy.duration import Duration

@@ -200,6 +200,26 @@ def node(new_node):
 
 
 @pytest.fixture
+def buffer(tf2_ros):
+    return tf2_ros.Buffer()
+
+
+@pytest.fixture
+def listener(tf2_ros, buffer, node):
+    listener = tf2_ros.TransformListener(buffer, node)
+    yield listener
+    listener.unregister()
+
+
+@pytest.fixture(params=["inbox", pytest.param("executor", marks=pytest.mark.ours)])
+def inserter(request, monkeypatch):
+    """What inserts the transforms of a listener: its inbox, or the executor that spins the node."""
+    if request.param == "executor":
+        monkeypatch.setattr("tf2_ros.transform_listener.problem", lambda: "it is new")
+    return request.param
+
+
+@pytest.fixture
 def executor(ros, node):
     """An executor that holds `node`; see `until`."""
     from rclpy.executors import SingleThreadedExecutor

@@ -23,11 +23,6 @@ ENDED = r"The context was shut down, which ended the wait for the transform afte
 
 
 @pytest.fixture
-def buffer(tf2_ros):
-    return tf2_ros.Buffer()
-
-
-@pytest.fixture
 def later():
     """Does something in another thread as soon as the condition holds."""
     threads = []

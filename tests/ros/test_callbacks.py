@@ -53,10 +53,6 @@ def fail(*_):
     raise ValueError("mine")
 
 
-def known(buffer):
-    until(lambda: buffer.can_transform("map", "robot", Time(seconds=1)))
-
-
 # What waits, what ends the wait, what its node is, and which thread runs the callbacks.
 PLACES = [
     ("future filter changes", "insert", "spun", HERE),
@@ -133,14 +129,12 @@ class TestPlaces:
         assert len(said) + errors_so_far().count("ValueError: mine") == len(callbacks) - 1
 
     def test_while_nobody_spins_they_wait_and_one_warning_says_so(
-        self, tf2_ros, node, peer, names, note, monkeypatch, capfd
+        self, buffer, listener, node, peer, names, note, monkeypatch, capfd
     ):
         monkeypatch.setattr(callbacks, "WARN_S", 0.5)
-        buffer, publisher = tf2_ros.Buffer(), peer()
-        listener = tf2_ros.TransformListener(buffer, node)
         future = wait(buffer, note)
-        publisher.send(("map", "robot", 10**9, 1))
-        known(buffer)
+        peer().send(("map", "robot", 10**9, 1))
+        until(lambda: buffer.can_transform("map", "robot", Time(seconds=1)))
         until(lambda: "nobody spins the node [/" in errors_so_far())
         future.expire()  # as its timeout would
         assert (names, future.done(), repr(future)) == ([], False, "<TransformFuture: queued>")
@@ -150,22 +144,19 @@ class TestPlaces:
         assert future.result().child_frame_id == "robot"
         callback_queue(node)._tf2_check()
         assert capfd.readouterr().err.count("nobody spins") == 1
-        listener.unregister()
         executor.shutdown()
 
-    def test_of_two_listeners_that_which_received_it_runs_them(self, tf2_ros, new_node, peer, names):
-        buffer, ended, spun = tf2_ros.Buffer(), new_node("ended"), new_node("spun")
-        listeners = [tf2_ros.TransformListener(buffer, node) for node in (spun, ended)]
+    def test_of_two_listeners_that_which_received_it_runs_them(
+        self, tf2_ros, buffer, listener, executor, new_node, peer, names
+    ):
+        ended = new_node("ended")
+        later = tf2_ros.TransformListener(buffer, ended)
         ended.destroy_node()
         future = wait(buffer, names.append)
         peer().send(("map", "robot", 10**9, 1))
-        executor = SingleThreadedExecutor()
-        executor.add_node(spun)
         until(lambda: names == [future], executor)
         assert future.exception() is None
-        for listener in listeners:
-            listener.unregister()
-        executor.shutdown()
+        later.unregister()
 
 
 class TestEndOfTheNode:
@@ -308,8 +299,8 @@ def test_threads_signal_handlers_and_finalizers_may_put_and_each_call_is_run_onc
 
 
 class TestBadInput:
-    def test_a_loop_that_was_closed_while_it_awaited(self, tf2_ros):
-        buffer, loop = tf2_ros.Buffer(), asyncio.new_event_loop()
+    def test_a_loop_that_was_closed_while_it_awaited(self, buffer):
+        loop = asyncio.new_event_loop()
         future = wait(buffer)
         task = loop.create_task(await_it(future))
         loop.run_until_complete(asyncio.sleep(0))
@@ -318,8 +309,7 @@ class TestBadInput:
         buffer.set_transform(transform("map", "robot", 1), "me")
         assert future.result().child_frame_id == "robot"
 
-    def test_a_node_that_was_destroyed(self, tf2_ros, new_node):
-        node, buffer = new_node("destroyed"), tf2_ros.Buffer()
+    def test_a_node_that_was_destroyed(self, tf2_ros, node, buffer):
         node.destroy_node()
         for use in (
             lambda: callback_queue(node),

@@ -20,16 +20,6 @@ LONG_S = 60.0  # a wait that nothing but a transform ends
 QUIET_S = 0.3  # a wait that nothing ends
 
 
-@pytest.fixture
-def buffer(tf2_ros):
-    return tf2_ros.Buffer()
-
-
-@pytest.fixture
-def listener(tf2_ros, buffer, node):
-    return tf2_ros.TransformListener(buffer, node)
-
-
 @pytest.fixture(params=[SingleThreadedExecutor, MultiThreadedExecutor])
 def any_executor(request, ros, node):
     executor = request.param()

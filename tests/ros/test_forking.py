@@ -20,11 +20,6 @@ LATEST = Time()
 DEAD = "dead in this forked process"
 
 
-@pytest.fixture
-def buffer(tf2_ros):
-    return tf2_ros.Buffer()
-
-
 @pytest.mark.parametrize(("what", "count"), [("use", 20), ("drop", 40), ("have_a_node", 1)])
 def test_children_of_a_process_whose_every_thread_is_busy(what, count):
     """In an insert, a vector lookup, a listing, a wait, a callback, the receiver and an executor."""

@@ -23,17 +23,6 @@ S = 10**9
 LATEST = Time()
 
 
-@pytest.fixture
-def buffer(tf2_ros):
-    return tf2_ros.Buffer()
-
-
-@pytest.fixture
-def listener(tf2_ros, buffer, node):
-    with tf2_ros.TransformListener(buffer, node) as listener:
-        yield listener
-
-
 def taken(listener):
     """How many messages of dynamic transforms were taken."""
     return listener._tf2_topics[0].arrivals.taken()[0]

@@ -109,10 +109,6 @@ def point(seconds):
 class TestEachLine:
     """A handler that raises before any of the lines that an insert runs ends only that insert."""
 
-    @pytest.fixture
-    def buffer(self, tf2_ros):
-        return tf2_ros.Buffer()
-
     def rounds(self, buffer):
         """
         Yield a second, and a function that inserts the transform of that second, until no line is left.

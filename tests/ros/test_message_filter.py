@@ -386,10 +386,6 @@ class TestCallbacks:
 
 class TestIterating:
     @pytest.fixture
-    def buffer(self, tf2_ros):
-        return tf2_ros.Buffer()
-
-    @pytest.fixture
     def filter(self, tf2_ros, node, buffer):
         with tf2_ros.MessageFilter(None, buffer, "map", 0, node=node) as filter:
             yield filter

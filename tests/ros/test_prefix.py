@@ -11,14 +11,6 @@ pytestmark = pytest.mark.ours
 LATEST = at(0)
 
 
-@pytest.fixture(params=["inbox", "executor"])
-def inserter(request, monkeypatch):
-    """What inserts the transforms of a listener."""
-    if request.param == "executor":
-        monkeypatch.setattr("tf2_ros.transform_listener.problem", lambda: "it is new")
-    return request.param
-
-
 def test_names_are_as_in_a_message_that_was_written_with_the_prefix(tf2_ros, node, executor, peer, inserter):
     """Names of all lengths, a leading slash, and several transforms in one message."""
     names = ["b", "/slash", "n" * 700, "ü", "a b", "//two", "/", ""]

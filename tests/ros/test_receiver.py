@@ -21,19 +21,6 @@ S = 10**9
 LATEST = Time()
 
 
-@pytest.fixture
-def buffer(tf2_ros):
-    return tf2_ros.Buffer()
-
-
-@pytest.fixture
-def listener(tf2_ros, buffer, node):
-    listener = tf2_ros.TransformListener(buffer, node)
-    assert listener.receives
-    yield listener
-    listener.unregister()
-
-
 def knows(buffer, child, parent="map", time=LATEST):
     return lambda: buffer.can_transform(parent, child, time)
 

@@ -10,7 +10,7 @@ from rclpy.time import Time
 
 from tf2_py import TransformException
 
-pytestmark = pytest.mark.ours
+pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("inserter")]
 
 S = 10**9
 LATEST = Time()
@@ -18,23 +18,10 @@ ONE_MESSAGE = re.compile(r": 1 message, last \d+\.\d+ s ago")
 NOTHING = "nothing has been received on /tf and on /tf_static"
 
 
-@pytest.fixture(autouse=True, params=["inbox", "executor"])
-def inserter(request, monkeypatch):
-    """What inserts the transforms of a listener: its inbox, or the executor that spins the node."""
-    if request.param == "executor":
-        monkeypatch.setattr("tf2_ros.transform_listener.problem", lambda: "it is new")
-    return request.param
-
-
 @pytest.fixture(autouse=True)
 def slow_machine(monkeypatch):
     """No topic falls silent between two steps of a test."""
     monkeypatch.setattr("tf2_ros._receive.receiver.SILENT_S", 1000)
-
-
-@pytest.fixture
-def buffer(tf2_ros):
-    return tf2_ros.Buffer()
 
 
 def error(buffer, target="map", source="robot", time=LATEST):

@@ -20,6 +20,8 @@ from spinning import shut_down_at_sleep
 from tf2_msgs.msg import TFMessage
 from tf2_ros._wait.callbacks import callback_queue
 
+pytestmark = pytest.mark.usefixtures("inserter")
+
 S = 10**9
 LATEST = Time()
 OF_ITS_OWN = re.compile("__|_tf2_|_[A-Z]")  # names that a program would not use
@@ -30,19 +32,6 @@ OF_THE_CORE = {
     *("all_frames_as_yaml", "all_frames_as_string", "_allFramesAsDot", "_chain", "_frameExists"),
     "_getFrameStrings",
 }
-
-
-@pytest.fixture(autouse=True, params=["inbox", pytest.param("executor", marks=pytest.mark.ours)])
-def inserter(request, monkeypatch):
-    """What inserts the transforms of a listener: its inbox, or the executor that spins the node."""
-    if request.param == "executor":
-        monkeypatch.setattr("tf2_ros.transform_listener.problem", lambda: "it is new")
-    return request.param
-
-
-@pytest.fixture
-def buffer(tf2_ros):
-    return tf2_ros.Buffer()
 
 
 def using_every_name(kind, *attributes):

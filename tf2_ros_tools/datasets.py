@@ -85,9 +85,7 @@ class Dataset:
 
     def where(self, mask: ArrayLike) -> Dataset:
         """Get the rows for which a mask of bools, shape (N,), is true."""
-        chosen = np.asarray(mask)
-        if chosen.dtype != np.bool_ or chosen.shape != (len(self),):
-            raise ValueError(f"mask: expected {len(self)} bools, got {chosen.dtype} of shape {chosen.shape}")
+        chosen = np.asarray(mask).astype(np.bool_, casting="no")  # not indices
         return replace(self, **{name: getattr(self, name)[chosen] for name in ROWS})
 
     def save(self, path: str | PathLike[str]) -> None:

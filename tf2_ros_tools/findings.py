@@ -6,14 +6,14 @@ import json
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tf2_ros_tools.output import counted, first_names, printable, three_digits
-from tf2_ros_tools.program import FAILURE, SUCCESS, UsageError
+from tf2_ros_tools.program import FAILURE, KINDS, SUCCESS, UsageError
 from tf2_ros_tools.streams import Refused, Stream, Streams, newest_streams, path_to_root, without_delays
 from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, nonempty_text, read_keys, read_yaml
 
@@ -39,20 +39,16 @@ _KEYS = {
     "max_delay": NOT_NEGATIVE,
     "max_future": NOT_NEGATIVE,
 }
-assert set(_KEYS) == {field.name for field in fields(Expectation)}
 
 
 def expected_by(options: Namespace) -> dict[str, Expectation]:
     """
-    Read the options of a check: get the expectations by the names of their frames, and look at ``--ignore``.
+    Read the expectations of a check, by the names of their frames.
 
     The file of ``--expect`` contains ``{"frames": {name: {field of Expectation: value}}}``.
 
-    :raises RunError, UsageError: see :func:`read_yaml`; or something in it, or an ignored kind, is unknown.
+    :raises RunError, UsageError: see :func:`read_yaml`; or something in it is unknown.
     """
-    unknown = {*options.ignore} - {*KINDS}
-    if unknown:
-        raise UsageError(f"--ignore: {min(unknown)} is not one of {', '.join(KINDS)}")
     if options.expect is None:
         return {}
     document = read_yaml(options.expect, "--expect")
@@ -68,13 +64,6 @@ def expected_by(options: Namespace) -> dict[str, Expectation]:
         }
     except ValueError as error:
         raise UsageError(f"{options.expect}: {error}") from None
-
-
-# The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
-KINDS = tuple(
-    "nothing clock clocks roots loop parents publishers mixed refused stale future gap rate missing parent "
-    "delay static malformed lost".split()
-)
 
 
 YEAR_S = 365.25 * 24 * 3600.0
@@ -100,7 +89,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Finding:
-    """A problem: one of :data:`KINDS`, with a sentence."""
+    """A problem: one of :data:`tf2_ros_tools.program.KINDS`, with a sentence."""
 
     kind: str
     frame: str  # or "", where it is about several

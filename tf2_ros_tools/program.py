@@ -259,6 +259,13 @@ def write_output(path: str, data: bytes) -> None:
 # Options that several programs have.
 
 
+# The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
+KINDS = tuple(
+    "nothing clock clocks roots loop parents publishers mixed refused stale future gap rate missing parent "
+    "delay static malformed lost".split()
+)
+
+
 def add_check_options(made: ArgumentParser) -> None:
     """Add the options for expectations, limits and ignored kinds."""
     made.add_argument(
@@ -274,6 +281,7 @@ def add_check_options(made: ArgumentParser) -> None:
     made.add_argument(
         "--ignore",
         action="append",
+        choices=KINDS,
         metavar="KIND",
         default=[],
         help="do not report this kind, the first word of a line; may be given several times",

@@ -181,10 +181,9 @@ def batch(options: Namespace) -> int:
     from tf2_ros_tools.fleet import map_recordings
 
     target, source = options.lookup
-    recordings = options.recordings if len(options.recordings) > 1 else options.recordings[0]
     try:
         result = map_recordings(
-            recordings,
+            options.recordings,
             target,
             source,
             options.out,

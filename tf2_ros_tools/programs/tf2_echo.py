@@ -33,7 +33,6 @@ S = 1_000_000_000  # ns
 
 DIGITS = 3  # after the point, by default; a double has at most 17
 REPORT_S = 1.0  # between two log lines about a transform that is not available yet
-LONGEST_S = 365 * 86400.0  # of a wait
 
 DESCRIPTION = """\
 Print the transform that maps data from the frame SOURCE to the frame TARGET, RATE times a second. \
@@ -92,7 +91,7 @@ def echo(options: Namespace) -> int:
     from tf2_py import TransformException
 
     text_of = _json if options.json else _text
-    period_s = min(1.0 / options.rate, LONGEST_S)
+    period_s = 1.0 / options.rate
     with spun_node("tf2_echo", options) as node, filled_buffer(node) as buffer:
         transform = _first(node, buffer, options)
         if transform is None:

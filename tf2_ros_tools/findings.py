@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import inf
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,17 +42,16 @@ _KEYS = {
 }
 
 
-def expected_by(options: Namespace) -> dict[str, Expectation]:
+def expected_by(path: Path | None) -> dict[str, Expectation]:
     """
     Read the expectations of a check, by the names of their frames.
 
-    The file of ``--expect`` contains ``{"frames": {name: {field of Expectation: value}}}``.
-
+    :param path: the file of ``--expect``: ``{"frames": {name: {field of Expectation: value}}}``.
     :raises RunError, UsageError: see :func:`read_yaml`; or something in it is unknown.
     """
-    if options.expect is None:
+    if path is None:
         return {}
-    document = read_yaml(options.expect, "--expect")
+    document = read_yaml(path, "--expect")
     try:
         if not isinstance(document, dict) or set(document) != {"frames"}:
             raise ValueError("expected one key, 'frames'")
@@ -63,7 +63,7 @@ def expected_by(options: Namespace) -> dict[str, Expectation]:
             for name, given in frames.items()
         }
     except ValueError as error:
-        raise UsageError(f"{options.expect}: {error}") from None
+        raise UsageError(f"{path}: {error}") from None
 
 
 YEAR_S = 365.25 * 24 * 3600.0

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from decimal import Decimal
 from io import TextIOWrapper
 from os.path import splitext
+from pathlib import Path
 from textwrap import fill
 from types import FrameType
 from typing import Any, NoReturn
@@ -268,9 +269,8 @@ KINDS = tuple(
 
 def add_check_options(made: ArgumentParser) -> None:
     """Add the options for expectations, limits and ignored kinds."""
-    made.add_argument(
-        "--expect", metavar="FILE", help="compare the frames with the expectations in this YAML file"
-    )
+    summary = "compare the frames with the expectations in this YAML file"
+    made.add_argument("--expect", metavar="FILE", type=Path, help=summary)
     made.add_argument("--min-rate", type=positive_number, metavar="HZ", help="minimum rate of dynamic frames")
     made.add_argument(
         "--max-delay",

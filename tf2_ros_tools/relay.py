@@ -243,7 +243,6 @@ class Relay:
         self.rule = rule
         self.buffer = buffer
         self.targets: list[Target] = []  # for dynamic and static transforms, or for poses
-        self.period_s = 1.0 / rule.rate
         self.due_s = 0.0  # of the monotonic clock
         self._owners = owners
         self._tree: dict[str, tuple[str | None, bool]] = {}
@@ -422,7 +421,7 @@ class Relaying:
                 maintain_s = now_s + MAINTAIN_S
             for relay in self._relays:
                 if now_s >= relay.due_s:
-                    relay.due_s = max(relay.due_s + relay.period_s, now_s)
+                    relay.due_s = max(relay.due_s + 1.0 / relay.rule.rate, now_s)
                     clock_ns = self._node.get_clock().now().nanoseconds
                     relay.targets[0].send(relay.dynamic_transforms(now_s, clock_ns))
             wake_s = min(maintain_s, *(relay.due_s for relay in self._relays))

@@ -23,7 +23,6 @@ ID_BITS = 20  # of each of the three ids of a stream; a Recording assigns no lar
 JUMP_BACK_NS = S  # by at least this much; the same as for a buffer
 SETTLING_NS = S // 2
 TAIL = 10  # records of each stream that are kept beyond the window
-PIECES = 64  # batches that are kept before they are joined
 NOTHING = np.iinfo(np.int64).min
 
 Records = NDArray[np.void]
@@ -93,7 +92,7 @@ class Streams:
 
     def __init__(self, window_s: float | None = None) -> None:
         self._window_ns = None if window_s is None else round(window_s * S)
-        self._pieces = [np.zeros(0, RECORD)]
+        self._records = np.zeros(0, RECORD)
         self._settled_ns: dict[int, int] = {}  # when the first half second of each publisher ends
         self._last_ns: int | None = None  # when the last record was received
         self._jump: tuple[int, int] | None = None  # of the clock, the last one back: from when to when
@@ -110,8 +109,8 @@ class Streams:
             # As a buffer, which is cleared, keep only static transforms.
             start = jumps[-1]
             self._jump = int(previous[start]), int(received[start])
-            before = np.concatenate((*self._pieces, records[:start]))
-            self._pieces = [before[before["static"] != 0]]
+            before = np.concatenate((self._records, records[:start]))
+            self._records = before[before["static"] != 0]
             # Publishers that were received before the jump are discovered.
             publishers = np.unique(before["publisher"]).tolist()
             self._settled_ns = dict.fromkeys((*self._settled_ns, *publishers), NOTHING)
@@ -120,9 +119,8 @@ class Streams:
             if publisher not in self._settled_ns:
                 first = np.argmax(records["publisher"] == publisher)
                 self._settled_ns[publisher] = int(records["received_ns"][first]) + SETTLING_NS
-        self._pieces.append(records)
-        if len(self._pieces) >= PIECES:
-            self.kept(self._last_ns)
+        self._records = np.concatenate((self._records, records))
+        self.kept(self._last_ns)
 
     def report(
         self, now_ns: int, frames: Sequence[str], publishers: Sequence[str]
@@ -189,14 +187,15 @@ class Streams:
         return float(((oldest - lasts / 2) * lasts).sum() / lasts.sum()), float(oldest.max())
 
     def kept(self, now_ns: int) -> Records:
-        """Join the records that reports at this time, or later, need, in the order of arrival."""
-        records = np.concatenate(self._pieces)
+        """Get the records that reports at this time, or later, need; drop the others."""
+        records = self._records
         needed = self._is_settled(records)
         if self._window_ns is not None:
             places = np.flatnonzero(needed)
             needed[places] = _is_needed(records[places], now_ns - self._window_ns)
-        self._pieces = [records if needed.all() else records[needed]]
-        return self._pieces[0]
+        if not needed.all():
+            self._records = records[needed]
+        return self._records
 
     def _is_settled(self, records: Records) -> Mask:
         """Which records count: the last one of each stream, and those after a first half second."""

@@ -192,7 +192,7 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     :raises FileNotFoundError: the file does not exist.
     :raises UrdfError: it is not a URDF, or does not describe a tree.
     """
-    if isinstance(source, str) and source.lstrip(BEFORE).startswith("<"):
+    if isinstance(source, str) and source.lstrip().startswith("<"):
         robot = parse(source, prefix)
     else:
         try:
@@ -204,13 +204,10 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     return robot
 
 
-BEFORE = "\ufeff \t\r\n"  # what may be in front of the text
-
-
 def parse(text: str | bytes, prefix: str = "") -> Robot:
     """Read the text of a URDF; see :func:`load`."""
     try:
-        root = ElementTree.fromstring(text.lstrip(BEFORE) if isinstance(text, str) else text)
+        root = ElementTree.fromstring(text.lstrip() if isinstance(text, str) else text)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         # Without a declaration of its prefix, xacro is not XML either.
         raise UrdfError(NOT_EXPANDED if "unbound prefix" in str(error) else f"not XML: {error}") from None

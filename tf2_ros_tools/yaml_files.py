@@ -10,7 +10,7 @@ from tf2_ros_tools.program import RunError, UsageError
 LAST_S = 2**31 - 1  # the last stamp that a message can hold
 
 
-def read_yaml(path: str | Path, reader: str) -> Any:
+def read_yaml(path: Path, reader: str) -> Any:
     """
     Read a YAML file.
 

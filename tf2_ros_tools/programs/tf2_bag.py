@@ -114,7 +114,7 @@ def check(options: Namespace) -> int:
     """Print the problems of a recording; return the exit status."""
     from tf2_ros_tools.findings import LIMITS, conclude, expected_by, report
 
-    expected = expected_by(options)
+    expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
     said = report(_heard_of(options), limits, expected)
     return conclude(options, said, _what(said), {"file": options.file})

@@ -32,7 +32,7 @@ def check(options: Namespace) -> int:
 
     from tf2_ros_tools.findings import Limits, conclude, expected_by
 
-    expected = expected_by(options)
+    expected = expected_by(options.expect)
     limits = Limits(min_rate=options.min_rate, max_delay=options.max_delay)
     with spun_node("tf2_check", options) as node, listening(node) as heard:
         heard.listen(options.t)

@@ -1,20 +1,20 @@
 """A signal handler that raises at a random moment, as Ctrl-C does, leaves nothing that hangs."""
 
 import asyncio
+import itertools
 import linecache
 import signal
 import subprocess
 import sys
 import threading
 from contextlib import contextmanager
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import PointStamped
 from making import at, transform
 from processes import DEADLINE_S, start, until
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.time import Time
 from spinning import spinning
 
 import tf2_py
@@ -22,7 +22,6 @@ import tf2_ros
 
 pytestmark = pytest.mark.ours
 
-AT = Time(seconds=3)
 PACKAGES = (*tf2_py.__path__, *tf2_ros.__path__)  # installed, they are not beside the tests
 
 
@@ -63,6 +62,23 @@ def interrupted(line, handler=_raise):
         sys.settrace(before)
 
 
+def each_line():
+    """Yield 1, 2, … and `interrupted` with that line, until a block under it has fewer lines."""
+    counts = []
+
+    @contextmanager
+    def begin(line, *handler):
+        with interrupted(line, *handler) as count:
+            counts.append(count)
+            yield count
+
+    for line in itertools.count(1):
+        yield line, partial(begin, line)
+        if not counts[-1].reached:
+            break
+    assert line > 1, "nothing was interrupted"
+
+
 @pytest.mark.parametrize("how", [[], ["switch"], ["collector", "finalizer"]], ids=lambda how: "-".join(how))
 def test_chance_finds_nothing_that_hangs(how):
     """For minutes by hand: ``PYTHONPATH=tests/support python tests/support/programs/interrupted.py 600``."""
@@ -79,27 +95,6 @@ def test_a_program_ends_after_ctrl_c_while_threads_wait():
     program.wait(DEADLINE_S)
 
 
-def test_awaits_that_are_cancelled_leave_nothing_on_the_future(tf2_ros):
-    buffer = tf2_ros.Buffer()
-
-    async def main():
-        future = buffer.wait_for_transform_async("map", "base", AT)
-
-        async def one():
-            return await future
-
-        for _ in range(100):
-            task = asyncio.ensure_future(one())
-            await asyncio.sleep(0)
-            task.cancel()
-            with pytest.raises(asyncio.CancelledError):
-                await task
-        assert future.done_callbacks == []
-        future.cancel()
-
-    asyncio.run(main())
-
-
 def point(seconds):
     message = PointStamped()
     message.header.frame_id, message.header.stamp = "robot", at(seconds).to_msg()
@@ -107,27 +102,7 @@ def point(seconds):
 
 
 class TestEachLine:
-    """A handler that raises before any of the lines that an insert runs ends only that insert."""
-
-    def rounds(self, buffer):
-        """
-        Yield a second, and a function that inserts the transform of that second, until no line is left.
-
-        The insert of each round is interrupted one line later than the one before.
-        """
-        self.reached = True
-        second = 0
-        while self.reached:
-            second += 1
-
-            def insert(second=second):
-                message = transform("map", "robot", second)
-                with interrupted(second) as count:
-                    buffer.set_transform(message, "x")
-                self.reached = count.reached
-
-            yield second, insert
-        assert second > 1, "nothing was interrupted"
+    """A handler that raises before any of the lines of an insert, or of an addition, ends only that one."""
 
     def test_ending_a_future_and_following_changes_run_no_line_of_python(self, buffer):
         called, changes = [], []
@@ -144,19 +119,18 @@ class TestEachLine:
 
     def test_a_task_of_asyncio_goes_on(self, buffer):
         async def main():
-            for second, insert in self.rounds(buffer):
+            for second, interrupting in each_line():
                 task = asyncio.ensure_future(buffer.lookup_transform_async("map", "robot", at(second)))
                 await asyncio.sleep(0)
-                insert()
+                with interrupting():
+                    buffer.set_transform(transform("map", "robot", second), "x")
                 await asyncio.wait_for(task, DEADLINE_S)
 
         asyncio.run(main())
 
-    def test_a_task_of_an_executor_goes_on(self, buffer, node):
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
+    def test_a_task_of_an_executor_goes_on(self, buffer, executor):
         with spinning(executor):
-            for second, insert in self.rounds(buffer):
+            for second, interrupting in each_line():
                 began = threading.Event()
 
                 async def follow(second=second, began=began):
@@ -166,61 +140,42 @@ class TestEachLine:
 
                 task = executor.create_task(follow)
                 assert began.wait(DEADLINE_S)
-                insert()
+                with interrupting():
+                    buffer.set_transform(transform("map", "robot", second), "x")
                 until(task.done)
 
     @pytest.mark.parametrize("frames", ["map", ("map", "base")])
-    def test_a_filter_passes_its_message(self, buffer, tf2_ros, node, frames):
-        executor, passed = SingleThreadedExecutor(), []
-        executor.add_node(node)
+    def test_a_filter_passes_its_message(self, buffer, tf2_ros, node, executor, frames):
+        passed = []
         buffer.set_transform_static(transform("map", "base"), "x")
         with tf2_ros.MessageFilter(None, buffer, frames, 10, node=node) as filter, spinning(executor):
             filter.registerCallback(lambda message: passed.append(message.header.stamp.sec))
-            for second, insert in self.rounds(buffer):
+            for second, interrupting in each_line():
                 filter.add(point(second))
-                insert()
+                with interrupting():
+                    buffer.set_transform(transform("map", "robot", second), "x")
                 until(lambda second=second: passed == [second])
                 passed.clear()
             assert filter.statistics()["received"] == filter.statistics()["passed"] == second
 
-    def test_an_interrupted_add_leaves_no_message(self, buffer, tf2_ros, node):
-        with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as filter:
-            line, reached = 0, True
-            while reached:
-                line += 1
-                with interrupted(line) as count:
+    @pytest.mark.parametrize("closes", [False, True])
+    def test_an_addition_that_is_interrupted_or_closed_leaves_no_message(self, buffer, tf2_ros, node, closes):
+        for _, interrupting in each_line():
+            with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as filter:
+                with interrupting(*[filter.close] * closes) as count:
+                    filter.add(point(1))
+                assert filter.statistics()["waiting"] == (0 if count.reached else 1)
+
+    def test_a_handler_may_insert_what_is_being_added_to_a_filter(self, tf2_ros, node, executor):
+        buffer, passed = tf2_ros.Buffer(cache_time=1e6), []
+        with tf2_ros.MessageFilter(None, buffer, ("map", "base"), 0, node=node) as filter:
+            filter.registerCallback(lambda message: passed.append(message.header.stamp.sec))
+            buffer.set_transform_static(transform("map", "base"), "x")
+            for line, interrupting in each_line():
+                message = transform("map", "robot", line)
+                with interrupting(lambda message=message: buffer.set_transform(message, "x")):
                     filter.add(point(line))
-                reached = count.reached
-                assert filter.statistics()["waiting"] == (0 if reached else 1)
-            assert line > 1, "nothing was interrupted"
-
-
-def test_a_filter_may_be_closed_at_each_line_of_an_add(tf2_ros, node):
-    buffer, line, reached = tf2_ros.Buffer(), 0, True
-    while reached:
-        line += 1
-        with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as filter:
-            with interrupted(line, filter.close) as count:
-                filter.add(point(1))
-            reached = count.reached
-            assert filter.statistics()["waiting"] == (0 if reached else 1)
-    assert line > 1, "nothing was interrupted"
-
-
-def test_a_signal_handler_may_insert_what_is_being_added_to_a_filter(tf2_ros, node, executor):
-    buffer, passed = tf2_ros.Buffer(cache_time=1e6), []
-    with tf2_ros.MessageFilter(None, buffer, ("map", "base"), 0, node=node) as filter:
-        filter.registerCallback(lambda message: passed.append(message.header.stamp.sec))
-        buffer.set_transform_static(transform("map", "base"), "x")
-        line = 0
-        while line is not None:
-            line += 1
-            message = transform("map", "robot", line)
-            with interrupted(line, lambda message=message: buffer.set_transform(message, "x")) as count:
-                filter.add(point(line))
-            buffer.set_transform(message, "x")
-            until(lambda line=line: passed == [line], executor)
-            passed.clear()
-            if not count.reached:
-                break
-        assert line > 10
+                buffer.set_transform(message, "x")
+                until(lambda line=line: passed == [line], executor)
+                passed.clear()
+            assert line > 10

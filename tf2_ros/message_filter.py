@@ -6,7 +6,7 @@ import itertools
 import os
 import time
 import weakref
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import Enum
@@ -180,7 +180,7 @@ class MessageFilter(Generic[_Message]):
             raise ValueError(f"queue_size: expected 0 or more, got {queue_size}")
         self._queue_size = queue_size
         self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
-        self._waiting: dict[QueuedMessage, None] = {}  # the oldest first
+        self._waiting: OrderedDict[QueuedMessage, None] = OrderedDict()  # the oldest first
         # How many have ended in which way.
         self._ended: dict[str, int] = dict.fromkeys((PASSED, CLEARED, *FilterFailureReason), 0)
         self._dropped_in_a_row = 0

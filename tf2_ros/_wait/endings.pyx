@@ -49,7 +49,7 @@ cdef class Ending:
     cdef State _state
     cdef object _result, _error
     cdef public object wait     # for what it lacks, with the buffer; None: for nothing of a buffer
-    cdef public dict kept       # the owner's references to what nothing else may refer to
+    cdef public object kept     # a dict: the owner's references to what nothing else may refer to
     cdef readonly object queue  # the CallbackQueue that must call it; None: of what received the transform
 
     def __cinit__(self, *_, **__):
@@ -320,8 +320,8 @@ cdef class QueuedMessage(Ending):
         return 0
 
 
-def first_key(dict mapping):
-    """The first key of a dict, or None, in one step."""
+def first_key(mapping):
+    """The first key of an OrderedDict, or None, in one step; a dict would pass over all removed ones."""
     for key in mapping:
         return key
     return None

@@ -36,7 +36,7 @@ class Topic:
     :param attribute: of the listener, for the subscription.
     :param method: of the listener, that is called with each message if an executor takes it.
     :param name: to subscribe to; from then on, that of the subscription.
-    :param qos: what the program has chosen, or None.
+    :param qos: None: the usual one of dynamic or static transforms.
     """
 
     def __init__(

@@ -137,12 +137,16 @@ class TestEndOfTheWait:
         seconds, refused = refusal(CALLS["lookup_transform"], buffer, LONG)
         assert re.fullmatch(ENDED, refused) and seconds < PROMPT_S
 
-    @pytest.mark.parametrize("link", ["node", "listener", "past listener", "listener of a node of its own"])
+    @pytest.mark.parametrize(
+        "link", ["node", "listener", "past one", "assigned one", "its own node"]
+    )
     def test_after_the_shutdown_of_what_fills_it_nothing_is_waited_for(self, ros, tf2_ros, node, link):
         buffer = tf2_ros.Buffer(node=node if link == "node" else None)
         if link != "node":
-            listener = tf2_ros.TransformListener(buffer, None if link.endswith("own") else node)
-            if link.startswith("past"):
+            first = tf2_ros.Buffer() if link == "assigned one" else buffer
+            listener = tf2_ros.TransformListener(first, None if link == "its own node" else node)
+            listener.buffer = buffer
+            if link == "past one":
                 listener.unregister()
                 del listener
         insert(buffer, 1)
@@ -176,22 +180,6 @@ class TestEndOfTheWait:
         assert re.fullmatch(ENDED, refusal(CALLS["can_transform"], buffer, LONG)[1])
         listener.unregister()
 
-    def test_a_listener_that_gets_another_buffer_ties_that_to_its_context(self, ros, node, tf2_ros):
-        buffer = tf2_ros.Buffer()
-        listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
-        listener.buffer = buffer
-        ros.shutdown()
-        assert re.fullmatch(ENDED, refusal(CALLS["lookup_transform"], buffer, LONG)[1])
-
-    def test_its_node_may_be_of_another_class_without_a_context(self, tf2_ros, node):
-        class Other:
-            create_service = node.create_service
-            get_clock = node.get_clock
-
-        buffer = tf2_ros.Buffer(node=Other())
-        assert not buffer.can_transform("map", "robot", LATEST, SHORT)
-        node.destroy_service(buffer.srv)
-
     def test_ctrl_c_ends_it(self):
         program = start("blocked.py", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         assert program.stdout.readline() == "waiting\n"
@@ -201,13 +189,6 @@ class TestEndOfTheWait:
 
 
 class TestNode:
-    def test_the_cache_time_may_be_the_first_argument(self, tf2_ros, node):
-        buffer = tf2_ros.Buffer(Duration(seconds=2), node)
-        assert buffer.clock is node.get_clock()
-        insert(buffer, 1, 4, 5)
-        assert not buffer.can_transform("map", "robot", at(1))
-        assert buffer.can_transform("map", "robot", at(4))
-
     @pytest.mark.ours
     @pytest.mark.parametrize("with_node", [False, True])
     def test_a_dropped_buffer_is_freed_at_once(self, tf2_ros, node, with_node):

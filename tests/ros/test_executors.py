@@ -182,18 +182,6 @@ class TestSpinOnce:
 
 
 class TestCallbacksOfFutures:
-    def test_they_have_run_when_spinning_for_the_future_ends(self, ros, buffer, listener, node, peer):
-        publisher = peer()
-        for n in range(1, 21):
-            called = []
-            future = buffer.wait_for_transform_async("map", "robot", at(n))
-            future.add_done_callback(called.append)
-            sender = threading.Thread(target=lambda n=n: publisher.send(("map", "robot", n * S, 1)))
-            sender.start()
-            ros.spin_until_future_complete(node, future, timeout_sec=DEADLINE_S)
-            assert called == [future]
-            sender.join()
-
     def test_one_transform_completes_futures_in_the_order_in_which_they_were_made(self, buffer):
         order = []
         buffer.set_transform(transform("odom", "robot", 2), "me")

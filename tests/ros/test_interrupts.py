@@ -3,7 +3,6 @@
 import asyncio
 import itertools
 import linecache
-import signal
 import subprocess
 import sys
 import threading
@@ -86,13 +85,6 @@ def test_chance_finds_nothing_that_hangs(how):
     output, _ = program.communicate(timeout=8 * DEADLINE_S)
     assert program.returncode == 0, output
     assert "[]" in output
-
-
-def test_a_program_ends_after_ctrl_c_while_threads_wait():
-    program = start("waits_in_two_threads.py", stdout=subprocess.PIPE)
-    assert program.stdout.readline() == "ready\n"
-    program.send_signal(signal.SIGINT)
-    program.wait(DEADLINE_S)
 
 
 def point(seconds):

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from making import S, at, transform
 from processes import DEADLINE_S, until
 from rclpy.duration import Duration, Infinite
-from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning import at_once, spinning
 from std_msgs.msg import Header
@@ -24,8 +23,6 @@ from std_msgs.msg import Header
 from tf2_ros._wait.callbacks import callback_queue
 
 pytestmark = pytest.mark.ours
-
-EXECUTORS = [SingleThreadedExecutor, MultiThreadedExecutor]
 
 
 def point(word="1"):
@@ -316,12 +313,10 @@ class TestInput:
 class TestCallbacks:
     """When they run, and what happens if they raise."""
 
-    @pytest.mark.parametrize("kind", EXECUTORS)
     def test_what_a_listener_receives_passes_in_the_executor_of_the_filters_node(
-        self, tf2_ros, make, node, peer, kind
+        self, tf2_ros, make, executor, peer
     ):
-        script, executor, sender, names = make(queue_size=100), kind(), peer(), []
-        executor.add_node(node)
+        script, sender, names = make(queue_size=100), peer(), []
         script.filter.registerCallback(lambda _: names.append(threading.current_thread().name))
         listener = tf2_ros.TransformListener(script.buffer)  # whose node another executor spins
         for i in range(100):
@@ -399,16 +394,6 @@ class TestIterating:
             if len(seen) == count:
                 break
         return seen
-
-    def test_a_task_of_an_executor(self, filter, buffer, executor):
-        task = executor.create_task(self.seconds, filter, 3)
-        for second in "123":
-            filter.add(point(second))
-        executor.spin_once(timeout_sec=1)
-        for second in (1, 2, 3):
-            insert(buffer, second, x=10 * second)
-        until(task.done, executor)
-        assert task.result() == [(1, 10.0), (2, 20.0), (3, 30.0)]
 
     def test_asyncio_without_an_executor_whoever_inserts(self, tf2_ros, filter, buffer, peer):
         """Nobody spins the node: an iteration is no callback. Nor does anybody refer to the task."""

@@ -13,7 +13,6 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/syscall.h>
-#include <sys/types.h>
 #include <unistd.h>
 
 enum { NOBODY, OURS };
@@ -117,23 +116,9 @@ void *realloc(void *old, size_t size)
     return block;
 }
 
-void *memalign(size_t alignment, size_t size)
-{
-    return fails(CALLER) ? NULL : born(__libc_memalign(alignment, size));
-}
-
 void *aligned_alloc(size_t alignment, size_t size)
 {
     return fails(CALLER) ? NULL : born(__libc_memalign(alignment, size));
-}
-
-int posix_memalign(void **out, size_t alignment, size_t size)
-{
-    void *block = fails(CALLER) ? NULL : born(__libc_memalign(alignment, size));
-    if (!block)
-        return ENOMEM;
-    *out = block;
-    return 0;
 }
 
 void free(void *block)
@@ -143,36 +128,7 @@ void free(void *block)
     __libc_free(block);
 }
 
-static void *map(void *caller, void *at, size_t size, int protection, int flags, int file, off_t start)
-{
-    if (fails(caller))
-        return MAP_FAILED;
-    return (void *)syscall(SYS_mmap, at, size, protection, flags, file, start);
-}
-
-void *mmap(void *at, size_t size, int protection, int flags, int file, off_t start)
-{
-    return map(CALLER, at, size, protection, flags, file, start);
-}
-
 void *mmap64(void *at, size_t size, int protection, int flags, int file, off64_t start)
 {
-    return map(CALLER, at, size, protection, flags, file, start);
-}
-
-static int reserve(void *caller, int file, off_t start, off_t size)
-{
-    if (fails(caller))
-        return ENOSPC;
-    return syscall(SYS_fallocate, file, 0, start, size) ? errno : 0;
-}
-
-int posix_fallocate(int file, off_t start, off_t size)
-{
-    return reserve(CALLER, file, start, size);
-}
-
-int posix_fallocate64(int file, off64_t start, off64_t size)
-{
-    return reserve(CALLER, file, start, size);
+    return fails(CALLER) ? MAP_FAILED : (void *)syscall(SYS_mmap, at, size, protection, flags, file, start);
 }

@@ -137,9 +137,7 @@ class TestEndOfTheWait:
         seconds, refused = refusal(CALLS["lookup_transform"], buffer, LONG)
         assert re.fullmatch(ENDED, refused) and seconds < PROMPT_S
 
-    @pytest.mark.parametrize(
-        "link", ["node", "listener", "past one", "assigned one", "its own node"]
-    )
+    @pytest.mark.parametrize("link", ["node", "listener", "past one", "assigned one", "its own node"])
     def test_after_the_shutdown_of_what_fills_it_nothing_is_waited_for(self, ros, tf2_ros, node, link):
         buffer = tf2_ros.Buffer(node=node if link == "node" else None)
         if link != "node":

@@ -36,65 +36,48 @@ def actions(buffer):
     message = transform("map", "odom", 1.25)
     duck = types.SimpleNamespace(header=message.header, child_frame_id="duck", transform=message.transform)
     data = serialize_message(TFMessage(transforms=[message]))
-    return {
-        "set_transform": lambda: buffer.set_transform(message, "x"),
-        "set_transform of a duck": lambda: buffer.set_transform(duck, "x"),
-        "set_transform_static": lambda: buffer.set_transform_static(transform("odom", "plate"), "x"),
-        "set_transforms": lambda: buffer.set_transforms([message, message], "x"),
-        "set_transforms_cdr": lambda: buffer.set_transforms_cdr(data, "x"),
-        "lookup_transform_core": lambda: buffer.lookup_transform_core("map", "base", at(1)),
-        "lookup_transform_full_core": lambda: buffer.lookup_transform_full_core(
-            "map", at(1), "base", at(1), "odom"
-        ),
-        "can_transform_core": lambda: buffer.can_transform_core("map", "base", at(5)),
-        "get_latest_common_time": lambda: buffer.get_latest_common_time("map", "base"),
-        "lookupVelocityCore": lambda: buffer.lookupVelocityCore("base", "map", at(1), Duration(seconds=0)),
-        "all_frames_as_yaml": buffer.all_frames_as_yaml,
-        "_chain": lambda: buffer._chain("map", at(1), "base", at(1), "odom"),
-        "_getFrameStrings": buffer._getFrameStrings,
-        "_pending_waits": lambda: (buffer._wait("map", "base", at(5)), buffer._pending_waits()),
-        "statistics": buffer.statistics,
-        "__reduce__ of pickle": lambda: pickle.loads(pickle.dumps(buffer)),
-    }
+    second, interval = at(1), Duration(seconds=0)
+    return [
+        lambda: buffer.set_transform(message, "x"),
+        lambda: buffer.set_transform(duck, "x"),
+        lambda: buffer.set_transform_static(transform("odom", "plate"), "x"),
+        lambda: buffer.set_transforms([message, message], "x"),
+        lambda: buffer.set_transforms_cdr(data, "x"),
+        lambda: buffer.lookup_transform_core("map", "base", second),
+        lambda: buffer.lookup_transform_full_core("map", second, "base", second, "odom"),
+        lambda: buffer.can_transform_core("map", "base", at(5)),
+        lambda: buffer.get_latest_common_time("map", "base"),
+        lambda: buffer.lookupVelocityCore("base", "map", second, interval),
+        lambda: buffer._chain("map", second, "base", second, "odom"),
+        lambda: (buffer._wait("map", "base", at(5)), buffer._pending_waits()),
+        lambda: pickle.loads(pickle.dumps(buffer)),
+        buffer.all_frames_as_yaml,
+        buffer._getFrameStrings,
+        buffer.statistics,
+    ]
 
 
 def failures(buffer):
-    data = b"\0\1\0\0" + b"\xff" * 40
-    return {
-        "lookup_transform_core of no frame": raising(buffer.lookup_transform_core, "map", "nowhere", at(1)),
-        "lookup_transform_core of no time": raising(buffer.lookup_transform_core, "map", "base", at(5)),
-        "lookup_transform_core of no text": raising(buffer.lookup_transform_core, "map", b"base", at(5)),
-        "set_transforms of no transform": raising(buffer.set_transforms, [transform("a", "b"), 1], "x"),
-        "__setstate__ of no state": raising(
-            buffer.__setstate__, buffer.__getstate__() | {"parent_names": ["NO_PARENT"] * 9}
-        ),
-        "set_transforms_cdr of no message": raising(buffer.set_transforms_cdr, data, "x"),
-    }
+    spoiled = buffer.__getstate__() | {"parent_names": ["NO_PARENT"] * 9}
+    return [
+        raising(buffer.lookup_transform_core, "map", "nowhere", at(1)),
+        raising(buffer.lookup_transform_core, "map", "base", at(5)),
+        raising(buffer.lookup_transform_core, "map", b"base", at(5)),
+        raising(buffer.set_transforms, [transform("a", "b"), 1], "x"),
+        raising(buffer.set_transforms_cdr, b"\0\1\0\0" + b"\xff" * 40, "x"),
+        raising(buffer.__setstate__, spoiled),
+    ]
 
 
 @pytest.mark.parametrize("calls", [actions, failures])
 def test_calls_and_errors_leave_nothing_behind(buffer, calls):
-    for call in calls(buffer).values():
+    for call in calls(buffer):
         assert_nothing_is_left(call, times=10_000)
 
 
 def resident_bytes():
     with open("/proc/self/statm") as statm:
         return int(statm.read().split()[1]) * 4096
-
-
-def test_buffers_give_their_memory_back(tf2_py):
-    def live_and_die():
-        buffer = tf2_py.BufferCore(Duration(seconds=10))
-        for i in range(20):
-            buffer.set_transforms([transform(f"p{i}", f"c{i}", ns=s * 1000) for s in range(1, 500)], "x")
-
-    live_and_die()
-    before = resident_bytes()
-    for _ in range(20):
-        live_and_die()
-    # Each buffer holds 20 x 500 samples, 720 kB.
-    assert resident_bytes() - before < 2_000_000
 
 
 def peak_bytes_of(action):

@@ -9,7 +9,6 @@ from repetitions import times
 from ros_optional import Duration
 
 from tf2_py import BufferCore
-from tf2_py._internal import is_invalid_name
 
 pytestmark = pytest.mark.ours
 
@@ -170,8 +169,3 @@ def test_names_of_any_kind_lie_apart(kind):
     assert all(buffer._frameExists(name) for name in names)
     assert not any(buffer._frameExists(name + "y") for name in names[:-1])
     assert buffer._getFrameStrings() == [names[0], "map", *names[1:]]
-
-
-def test_a_name_is_invalid_if_it_is_empty_or_begins_with_a_slash():
-    assert all(map(is_invalid_name, ("", "/", "/map")))
-    assert not any(map(is_invalid_name, ("map", "a/b", "\ud800")))

@@ -54,42 +54,34 @@ class Subclass(Vector3):
     """A message class of a program's own."""
 
 
-class WithExtraSlot:
-    __slots__ = ("x", "y", "z", "extra")
+def with_slots(names, **attributes):
+    """A class of x, y, z, whose slots and attributes are these."""
 
-    def __init__(self):
-        self.x = self.y = self.z = 0.0
-        self.extra = []
+    def make(self):
+        for name in ("x", "y", "z"):
+            setattr(self, name, 0.0)
 
-
-class WithDict:
-    def __init__(self):
-        self.x = self.y = self.z = 0.0
+    return type("Odd", (), {"__slots__": names, "__init__": make} | attributes)
 
 
-class WithProperties:
-    __slots__ = ("_x", "_y", "_z")
-
-    def __init__(self):
-        self._x = self._y = self._z = 0.0
-
-    x = property(lambda self: self._x + 1.0)
-    y = property(lambda self: self._y)
-    z = property(lambda self: self._z)
+def one_more(slot):
+    """A property whose value is not that of its slot."""
+    return property(lambda self: getattr(self, slot) + 1.0, lambda self, value: setattr(self, slot, value))
 
 
-class WithNew:
-    __slots__ = ("x", "y", "z")
+OTHER_CLASSES = {
+    "a subclass": Subclass,
+    "another slot": with_slots(("x", "y", "z", "extra")),
+    "a __dict__": with_slots(("x", "y", "z", "__dict__")),
+    "properties": with_slots(("_x", "_y", "_z"), x=one_more("_x"), y=one_more("_y"), z=one_more("_z")),
+    "a __new__": with_slots(("x", "y", "z"), __new__=lambda cls: object.__new__(cls)),
+}
 
-    def __new__(cls):
-        made = super().__new__(cls)
-        made.x = made.y = made.z = 0.0
-        return made
 
-
-@pytest.mark.parametrize("cls", [Subclass, WithExtraSlot, WithDict, WithProperties, WithNew])
+@pytest.mark.parametrize("cls", OTHER_CLASSES.values(), ids=OTHER_CLASSES)
 def test_classes_that_look_otherwise_go_through_their_attributes(layout, cls):
     assert not layout(cls, ("x", "y", "z")).by_slot
+    assert layout(with_slots(("x", "y", "z")), ("x", "y", "z")).by_slot
 
 
 def test_subclasses_of_the_message_classes_are_read(buffer):

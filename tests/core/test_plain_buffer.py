@@ -109,8 +109,11 @@ class TestWaits:
 
     @pytest.mark.parametrize("timeout", [0.05, SimpleNamespace(sec=0, nanosec=50_000_000)])
     def test_one_in_vain_says_how_long_it_was(self, buffer, tf2_ros, timeout):
+        begin = time.monotonic()
         with pytest.raises(tf2_ros.ExtrapolationException, match=r"\. Waited 0\.05 s$"):
             buffer.lookup_transform("base_link", "camera", 30 * S, timeout)
+        assert time.monotonic() - begin >= 0.05
+        assert repr(buffer).endswith(", 0 waiters>")
         can, reason = buffer.can_transform(
             "base_link", "camera", 30 * S, timeout=timeout, return_debug_tuple=True
         )
@@ -123,6 +126,7 @@ class TestWaits:
         with pytest.raises(KeyboardInterrupt):
             buffer.lookup_transform("base_link", "lidar", 0, timeout=60.0)
         assert time.monotonic() - begin < 30.0
+        assert repr(buffer).endswith(", 0 waiters>")
         thread.join()
 
 

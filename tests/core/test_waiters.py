@@ -114,28 +114,6 @@ def test_waits_are_made_by_buffers_alone(buffer):
     cls.__new__(cls)  # and dropping it does no harm
 
 
-class TestBlocking:
-    @pytest.mark.parametrize("timeout_ns", [0, 1, 300_000, 250_000_000])
-    def test_a_timeout_is_kept(self, buffer, timeout_ns):
-        wait = buffer._wait("map", "odom", at(1))
-        began = time.monotonic_ns()
-        assert not wait.wait_for(timeout_ns, always)
-        assert time.monotonic_ns() - began >= timeout_ns
-        assert buffer.statistics()["waiters"] == 0
-
-    def test_the_end_of_the_context_ends_it(self, buffer):
-        looks = iter([True, True, False])
-        assert not buffer._wait("map", "odom", at(1)).wait_for(60 * S, lambda: next(looks))
-
-    def test_what_is_raised_meanwhile_ends_it(self, buffer):
-        def interrupted():
-            raise KeyboardInterrupt
-
-        with pytest.raises(KeyboardInterrupt):
-            buffer._wait("map", "odom", at(1)).wait_for(60 * S, interrupted)
-        assert buffer.statistics()["waiters"] == 0
-
-
 def test_inserts_and_registrations_interleave_in_threads(buffer):
     # Each reader waits for every stamp before it comes; one lost wake-up would let it sleep to its deadline.
     seconds = 2000
@@ -161,30 +139,21 @@ def test_inserts_and_registrations_interleave_in_threads(buffer):
     assert buffer.statistics()["waiters"] == 0
 
 
-class TestFollowingChanges:
-    """Waits for another answer than the latest one; test_waiters_random.py has random inserts."""
-
-    def test_what_does_not_touch_the_path_is_not_looked_at(self, buffer):
-        buffer.set_transform(transform("map", "base", 1), "x")
-        answers = []
-        present = buffer._wait("map", "base", at(0))
-        wait = buffer._wait("map", "base", at(0), notify=answers.append, after=present)
-        for tick in range(100):
-            buffer.set_transform(transform("base", "arm", 2 + tick), "x")
-        assert answers == []
-        assert buffer._pending_waits() == [wait.lacks()]
-        assert wait.lacks() == (
-            "waits for the transform from frame [base] to frame [map] at the latest common time: "
-            "the answer is the one that it has"
-        )
-
-    def test_a_cancelled_wait_hands_on_what_it_was_to_differ_from(self, buffer):
-        buffer.set_transform(transform("map", "base", 1), "x")
-        first = buffer._wait("map", "base", at(0), notify=print)
-        second = buffer._wait("map", "base", at(0), notify=print, after=first)
-        second.cancel()
-        third = buffer._wait("map", "base", at(0), notify=print, after=second)
-        assert (second.answer, third.answer) == (None, None)
+def test_what_does_not_touch_the_path_of_a_wait_for_changes_is_not_looked_at(buffer):
+    buffer.set_transform(transform("map", "base", 1), "x")
+    answers = []
+    present = buffer._wait("map", "base", at(0))
+    wait = buffer._wait("map", "base", at(0), notify=answers.append, after=present)
+    for tick in range(100):
+        buffer.set_transform(transform("base", "arm", 2 + tick), "x")
+    assert answers == []
+    assert buffer._pending_waits() == [wait.lacks()]
+    assert wait.lacks() == (
+        "waits for the transform from frame [base] to frame [map] at the latest common time: "
+        "the answer is the one that it has"
+    )
+    wait.cancel()  # it hands on what it was to differ from
+    assert buffer._wait("map", "base", at(0), notify=print, after=wait).answer is None
 
 
 START = "waits for the transform from frame "

@@ -38,7 +38,6 @@ NODES = [name for name in PROGRAMS if name != "tf2_bag"]
 def folder(tmp_path, monkeypatch):
     """The current folder, with the files that the command lines name."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
     write_mcap(tmp_path / "drive.mcap", drive(100))
     (tmp_path / "relay.yaml").write_text("- {to: [/relay/tf, /relay/tf_static]}")
     (tmp_path / "robot.urdf").write_text("<robot name='robot'><link name='base'/></robot>")

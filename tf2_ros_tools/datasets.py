@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from tf2_py import LookupException
 from tf2_ros_tools.fleet import Recordings, map_recordings
 from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs
-from tf2_ros_tools.output import counted, printable, write_whole
-from tf2_ros_tools.reading import BagError, needing
+from tf2_ros_tools.output import counted, printable, require, write_whole
+from tf2_ros_tools.reading import BagError
 from tf2_ros_tools.tables import POSE
 
 if TYPE_CHECKING:
@@ -163,9 +163,10 @@ def dataset(
     names = list(frames)
     if out is None and (workers is not None or scheduler is not None):
         raise ValueError("workers and scheduler need a folder for the tables, out")
-    with needing("pyarrow", "fleet"):
-        import pyarrow
-        from pyarrow import parquet
+    require("pyarrow", "fleet")
+    import pyarrow
+    from pyarrow import parquet
+
     with TemporaryDirectory(prefix="tf2-ros-cython-") as folder:
         result = map_recordings(
             recordings,

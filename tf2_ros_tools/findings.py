@@ -47,11 +47,11 @@ def expected_by(path: Path | None) -> dict[str, Expectation]:
     Read the expectations of a check, by the names of their frames.
 
     :param path: the file of ``--expect``: ``{"frames": {name: {field of Expectation: value}}}``.
-    :raises RunError, UsageError: see :func:`read_yaml`; or something in it is unknown.
+    :raises MissingLibraryError, UsageError: see :func:`read_yaml`; or something in it is unknown.
     """
     if path is None:
         return {}
-    document = read_yaml(path, "--expect")
+    document = read_yaml(path)
     try:
         if not isinstance(document, dict) or set(document) != {"frames"}:
             raise ValueError("expected one key, 'frames'")

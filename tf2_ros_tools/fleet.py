@@ -19,8 +19,8 @@ import numpy as np
 from tf2_py import BufferCore, LookupException, TransformException
 from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
-from tf2_ros_tools.output import counted, printable, write_whole
-from tf2_ros_tools.reading import SUFFIXES, BagError, needing
+from tf2_ros_tools.output import counted, printable, require, write_whole
+from tf2_ros_tools.reading import SUFFIXES, BagError
 from tf2_ros_tools.tables import (
     as_parquet,
     look_up_frames,
@@ -182,8 +182,9 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
 
 def done_before(request: Request, recording: str, table: str) -> list[Row] | None:
     """Get the findings of an earlier run with the same request, unless the recording has changed since."""
-    with needing("pyarrow", "fleet"):
-        from pyarrow import ArrowException, parquet
+    require("pyarrow", "fleet")
+    from pyarrow import ArrowException, parquet
+
     try:
         with open(table, "rb") as file:
             content = json.loads((parquet.read_metadata(file).metadata or {})[KEY])
@@ -230,9 +231,9 @@ def outcomes(
     :raises ModuleNotFoundError: a library is not installed in this process or in a worker.
     """
     if scheduler is None and workers is None and len(tables) > 1:
-        with needing("dask", "fleet"):
-            import dask  # noqa: F401
-            from dask.system import CPU_COUNT  # knows the limits of a container
+        require("dask", "fleet")
+        from dask.system import CPU_COUNT  # knows the limits of a container
+
         workers = int(CPU_COUNT)
     count = min(workers or 1, len(tables))
     if scheduler is None and count < 2:
@@ -242,8 +243,9 @@ def outcomes(
             except Exception as error:
                 yield recording, _failed(recording, error)
         return
-    with needing("distributed", "fleet"):
-        from distributed import Client
+    require("distributed", "fleet")
+    from distributed import Client
+
     if isinstance(scheduler, Client):
         yield from _on_cluster(request, tables, scheduler)
         return
@@ -260,11 +262,11 @@ def local_workers(count: int) -> "Iterator[Client]":
     other users can reach the loopback interface, connecting requires a key that only this process and its
     children have.
     """
-    with needing("distributed", "fleet"):
-        import dask
-        from distributed import Client, LocalCluster
-    with needing("cryptography", "fleet"):
-        import cryptography  # noqa: F401  # Dask's own error would not name the extra
+    require("distributed", "fleet")
+    import dask
+    from distributed import Client, LocalCluster
+
+    require("cryptography", "fleet")  # Dask's own error would not name the extra
 
     settings = {
         # If a recording kills its worker, Dask must not suspect recordings that wait for the same worker.

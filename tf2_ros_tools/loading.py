@@ -25,7 +25,7 @@ from tf2_ros_tools.converting import (
     Source,
     converted,
 )
-from tf2_ros_tools.output import first_names, printable
+from tf2_ros_tools.output import first_names, printable, require
 from tf2_ros_tools.reading import (
     TF_TYPES,
     BagError,
@@ -33,7 +33,6 @@ from tf2_ros_tools.reading import (
     Recorded,
     is_static,
     listed,
-    needing,
     open_recording,
     stamps_of,
     typestore,
@@ -420,8 +419,9 @@ def progress_bar(
 
     :param progress: whether to show it. None: only if standard error is a terminal, after one second.
     """
-    with needing("tqdm", "bag"):
-        from tqdm.auto import tqdm
+    require("tqdm", "bag")
+    from tqdm.auto import tqdm
+
     # For tqdm, disable=None disables the bar unless standard error is a terminal.
     disable, delay = (None, BAR_AFTER_S) if progress is None else (not progress, 0.0)
     with tqdm(total=total, desc=name, unit=unit, delay=delay, disable=disable) as bar:

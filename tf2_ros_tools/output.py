@@ -1,10 +1,11 @@
-"""Format texts and angles, and write files, in the same way for all tools."""
+"""Format texts and angles, write files, and find libraries, in the same way for all tools."""
 
 import os
 import uuid
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
+from importlib.util import find_spec
 from typing import Any
 
 MOST_NAMES = 5  # in a list
@@ -56,6 +57,17 @@ def rpy_from_matrices(matrices: Any) -> Any:
     pitch = -np.arcsin(np.clip(m[..., 2, 0], -1.0, 1.0))
     yaw = np.where(pole, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
     return np.stack([roll, pitch, yaw], axis=-1)
+
+
+class MissingLibraryError(ModuleNotFoundError):
+    """A library is not installed; the text says how to install it."""
+
+
+def require(library: str, extra: str) -> None:
+    """Raise a MissingLibraryError unless a library is installed, which an extra of this project installs."""
+    if find_spec(library) is None:
+        text = f"{library} is not installed: pip install 'tf2-ros-cython[{extra}]'"
+        raise MissingLibraryError(text, name=library)
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | memoryview) -> None:

@@ -11,7 +11,6 @@ from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime, timezone
-from importlib.util import find_spec
 from io import BytesIO
 from textwrap import wrap
 from types import MappingProxyType
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 
 from tf2_py import FrameInfo
 from tf2_ros_tools.findings import Finding, Limits, delay_label, longest_interval, rate_label
-from tf2_ros_tools.output import not_known, printable
+from tf2_ros_tools.output import not_known, printable, require
 from tf2_ros_tools.program import RunError, UsageError, format_of, write_output
 from tf2_ros_tools.streams import Stream, taken
 
@@ -376,22 +375,10 @@ def _figures(row: Row) -> str:
 
 
 def refuse_plot(options: Namespace) -> None:
-    """Raise a UsageError for frames together with a path, and a RunError if matplotlib is not installed."""
+    """Raise a UsageError for frames together with a path, and an error if matplotlib is not installed."""
     if options.path is not None and options.frames:
         raise UsageError("frames or --path, not both")
-    if find_spec("matplotlib") is None:
-        raise RunError("pictures need the Python package matplotlib: pip install 'tf2-ros-cython[plot]'")
-
-
-def needs_graphviz(without: str) -> None:
-    """
-    Raise a RunError if the Python package graphviz is not installed.
-
-    :param without: what works without it.
-    """
-    if find_spec("graphviz") is None:
-        advice = "pip install 'tf2-ros-cython[cli]'"
-        raise RunError(f"pictures need the Python package graphviz: {advice}; {without} does not")
+    require("matplotlib", "plot")
 
 
 def heard_picture(

@@ -23,7 +23,7 @@ from textwrap import fill
 from types import FrameType
 from typing import Any, NoReturn
 
-from tf2_ros_tools.output import write_whole
+from tf2_ros_tools.output import MissingLibraryError, write_whole
 
 SUCCESS = 0
 FAILURE = 1
@@ -166,14 +166,14 @@ def run(
         return work(options)
     except KeyboardInterrupt:
         return interrupted
+    except UsageError as refusal:
+        parser.error(str(refusal))
+    except (RunError, MissingLibraryError) as failure:
+        parser.exit(FAILURE, f"{parser.prog}: {' '.join(str(failure).split())}\n")
     except ImportError as lack:
         # The error of this project's tf2_ros says what it needs, but another tf2_ros may have been imported.
         reason = " ".join(str(lack).split())
         parser.exit(FAILURE, f"{parser.prog}: {reason}; tf2_which shows which tf2_ros is imported\n")
-    except UsageError as refusal:
-        parser.error(str(refusal))
-    except RunError as failure:
-        parser.exit(FAILURE, f"{parser.prog}: {' '.join(str(failure).split())}\n")
     except OSError as failure:
         # From writing the output; the work itself handles all other files. What is left of the output would
         # fail again when Python ends.

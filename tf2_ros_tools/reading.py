@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros_tools import foxglove
-from tf2_ros_tools.output import printable
+from tf2_ros_tools.output import printable, require
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -75,18 +75,6 @@ def _tool_of(file: Path) -> str:
 def listed(names: Iterable[str]) -> str:
     """List names in one line, each once; ``none`` if there are none."""
     return ", ".join(printable(name) for name in sorted(set(names))) or "none"
-
-
-@contextmanager
-def needing(library: str, extra: str) -> Iterator[None]:
-    """In a ``with`` statement around an import: if the library is missing, raise what to install."""
-    try:
-        yield
-    except ModuleNotFoundError as missing:
-        if (missing.name or "").partition(".")[0] != library:
-            raise
-        text = f"{library} is not installed: pip install 'tf2-ros-cython[{extra}]'"
-        raise ModuleNotFoundError(text, name=library) from missing
 
 
 @dataclass(frozen=True)
@@ -223,8 +211,7 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
     :raises BagError: the file is not a recording, or is broken.
     :raises ModuleNotFoundError: rosbags is not installed.
     """
-    with needing("rosbags", "bag"):
-        import rosbags  # noqa: F401
+    require("rosbags", "bag")
     source = Path(path)
     name = str(path)
     if not source.exists():
@@ -273,8 +260,8 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
 @contextmanager
 def _unpacked(path: Path) -> Iterator[Path]:
     """Decompress a file into a copy that exists during a ``with`` statement."""
-    with needing("zstandard", "bag"):
-        from zstandard import ZstdDecompressor
+    require("zstandard", "bag")
+    from zstandard import ZstdDecompressor
 
     with TemporaryDirectory(prefix="tf2-ros-cython-") as folder:
         copy = Path(folder, path.stem)
@@ -306,8 +293,9 @@ class ForeignMcap:
     """Reads an .mcap of another recorder than ROS 2's, such as Foxglove's, with the library mcap."""
 
     def __init__(self, path: Path, stack: ExitStack) -> None:
-        with needing("mcap", "bag"):
-            from mcap.reader import make_reader
+        require("mcap", "bag")
+        from mcap.reader import make_reader
+
         self._mcap = make_reader(stack.enter_context(open(path, "rb")), validate_crcs=True)
         summary = self._mcap.get_summary()
         if summary is None or summary.statistics is None:
@@ -335,8 +323,9 @@ class ForeignMcap:
     def decoder(self, connection: "Connection") -> Callable[[bytes], Any]:
         """Get the function that decodes the messages of a connection in protobuf."""
         if connection.id not in self._decoders:
-            with needing("mcap_protobuf", "bag"):
-                from mcap_protobuf.decoder import DecoderFactory
+            require("mcap_protobuf", "bag")
+            from mcap_protobuf.decoder import DecoderFactory
+
             decode = DecoderFactory().decoder_for(foxglove.ENCODING, self._schemas[connection.id])
             if decode is None:
                 raise ValueError("the definition of its type is not one of protobuf")

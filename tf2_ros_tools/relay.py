@@ -141,7 +141,7 @@ def read_rules(path: Path, resolve: Callable[[str], str]) -> list[Rule]:
     :param resolve: gives the full name of a topic.
     :raises UsageError: it cannot be read, or something in it is wrong; the text names the rule and the key.
     """
-    document = read_list(path, "tf2_relay", "rules")
+    document = read_list(path, "rules")
     try:
         rules = [_rule(f"rule {number}", given, resolve) for number, given in enumerate(document, start=1)]
         sources = {topic for rule in rules for topic in rule.source}

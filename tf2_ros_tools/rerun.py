@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import BufferCore, History, TransformException
-from tf2_ros_tools.output import write_whole
-from tf2_ros_tools.reading import needing
+from tf2_ros_tools.output import require, write_whole
 from tf2_ros_tools.streams import moving_on, path_to_root
 from tf2_ros_tools.tables import look_up
 
@@ -313,8 +312,9 @@ def _check_ended(status: int, said: str) -> None:
 
 
 def _rerun() -> Any:
-    with needing("rerun", "rerun"):
-        import rerun
+    require("rerun", "rerun")
+    import rerun
+
     return rerun
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import BufferCore, TransformException
-from tf2_ros_tools.reading import needing
+from tf2_ros_tools.output import require
 from tf2_ros_tools.streams import moving_on, stamps_on, taken
 
 if TYPE_CHECKING:
@@ -200,9 +200,10 @@ def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None
     :param metadata: is added to the metadata of the file.
     :raises ModuleNotFoundError: pyarrow is not installed.
     """
-    with needing("pyarrow", "fleet"):
-        import pyarrow
-        from pyarrow import parquet
+    require("pyarrow", "fleet")
+    import pyarrow
+    from pyarrow import parquet
+
     stamps = next(iter(tables.values())).stamps_ns
     name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(stamps))
     columns: dict[str, Any] = {"file": name, "stamp": stamps}

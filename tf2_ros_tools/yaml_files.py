@@ -5,24 +5,22 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tf2_ros_tools.program import RunError, UsageError
+from tf2_ros_tools.output import require
+from tf2_ros_tools.program import UsageError
 
 LAST_S = 2**31 - 1  # the last stamp that a message can hold
 
 
-def read_yaml(path: Path, reader: str) -> Any:
+def read_yaml(path: Path) -> Any:
     """
     Read a YAML file.
 
-    :param reader: what needs PyYAML for it, for the error.
-    :raises RunError: PyYAML is not installed.
+    :raises MissingLibraryError: PyYAML is not installed.
     :raises UsageError: the file cannot be read, or is not YAML.
     """
-    try:
-        import yaml
-    except ModuleNotFoundError:
-        advice = "pip install 'tf2-ros-cython[cli]'"
-        raise RunError(f"{reader} needs the Python package PyYAML: {advice}") from None
+    require("yaml", "cli")
+    import yaml
+
     try:
         with open(path, encoding="utf-8") as file:
             return yaml.safe_load(file)
@@ -32,14 +30,14 @@ def read_yaml(path: Path, reader: str) -> Any:
         raise UsageError(f"{path} is not YAML: {refusal}") from None
 
 
-def read_list(path: Path, reader: str, what: str) -> list[Any]:
+def read_list(path: Path, what: str) -> list[Any]:
     """
     Read a YAML file that contains a list.
 
     :param what: what the list contains, for the error.
-    :raises RunError, UsageError: see :func:`read_yaml`; or it does not contain a list with entries.
+    :raises MissingLibraryError, UsageError: see :func:`read_yaml`; or it contains no list with entries.
     """
-    entries = read_yaml(path, reader)
+    entries = read_yaml(path)
     if not isinstance(entries, list) or not entries:
         raise UsageError(f"{path} must contain a list of {what}")
     return entries

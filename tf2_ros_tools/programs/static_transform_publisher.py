@@ -138,7 +138,7 @@ def read_file(path: Path) -> list[TransformStamped]:
     """
     from tf2_ros_tools.urdf import one_in_a_loop
 
-    entries = enumerate(read_list(path, "--file", "transforms"), start=1)
+    entries = enumerate(read_list(path, "transforms"), start=1)
     transforms = [transform_of(f"{path}: transform {place}", entry) for place, entry in entries]
     parents: dict[str, str] = {}
     for one in transforms:

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import counted, printable, three_digits
+from tf2_ros_tools.output import counted, printable, require, three_digits
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,
@@ -215,10 +215,10 @@ SHORTEST_S = 1.0  # of a picture; one message has no length
 def tree(options: Namespace) -> int:
     """Print the tree of frames, or draw it; return the exit status."""
     from tf2_ros_tools.findings import report
-    from tf2_ros_tools.pictures import drawn, needs_graphviz, tree_dot
+    from tf2_ros_tools.pictures import drawn, tree_dot
 
     if options.output is not None:
-        needs_graphviz("the tree as text")
+        require("graphviz", "cli")
     heard = _heard_of(options)
     if options.output is None:
         print(heard.buffer.tree())
@@ -413,14 +413,13 @@ def _frame(name: str) -> str:
 
 def bag(options: Namespace) -> int:
     """Do what the command says; return the exit status."""
-    import tf2_ros_tools.loading  # noqa: F401  # where tf2_ros is another one's, `run` says so
     from tf2_py import TransformException
 
     try:
         status: int = options.work(options)
         return status
-    except (ValueError, TransformException, ModuleNotFoundError) as failure:
-        # Of a recording, of frames or numbers that do not fit it, or of a library whose extra the text names.
+    except (ValueError, TransformException) as failure:
+        # Of a recording, or of frames or numbers that do not fit it.
         raise RunError(str(failure)) from None
     except OSError as failure:
         if failure.filename is None:

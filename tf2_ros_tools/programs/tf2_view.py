@@ -92,8 +92,6 @@ def view(options: Namespace) -> int:
                 if page is not None:
                     node.get_logger().info(f"The viewer is at {page}")
                 _send(live, check_names, viewer)
-    except ModuleNotFoundError as lack:
-        raise RunError(str(lack)) from None
     except ViewerError as failure:
         advice = "" if options.web else "; --web and -o FILE do not need a screen"
         raise RunError(f"{failure}{advice}") from None

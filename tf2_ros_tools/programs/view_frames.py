@@ -6,7 +6,7 @@ from argparse import Namespace
 from functools import partial
 from os.path import splitext
 
-from tf2_ros_tools.output import counted
+from tf2_ros_tools.output import counted, require
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, format_of, non_negative_number, run, write_output
 
 FORMATS = ("pdf", "svg", "png")
@@ -59,11 +59,11 @@ def view(options: Namespace) -> int:
     from tf2_ros_tools.listening import listening, spun_node
 
     from tf2_ros_tools.findings import Limits, line_of
-    from tf2_ros_tools.pictures import drawn, needs_graphviz, tree_dot
+    from tf2_ros_tools.pictures import drawn, tree_dot
 
     is_drawn = options.output is not None or not options.text
     if is_drawn:
-        needs_graphviz("--text")
+        require("graphviz", "cli")
     topics = (options.tf_topic, options.tf_static_topic)
     with spun_node("view_frames", options) as node, listening(node, topics=topics) as heard:
         node.get_logger().info(f"Listening to tf data for {counted(options.wait_time, 'second')}...")

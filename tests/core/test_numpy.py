@@ -1,6 +1,7 @@
 """Messages as matrices, arrays, rotations of SciPy and data frames, judged by SciPy."""
 
 import math
+import re
 import subprocess
 import sys
 from functools import partial
@@ -107,17 +108,14 @@ def header():
     return transform("map", "base", 7.25).header
 
 
-class TestHeaders:
-    def test_a_child_frame_makes_a_stamped_transform(self):
-        got = from_matrix(np.eye(4), header=header(), child_frame_id="base")
-        assert got == transform("map", "base", 7.25)
-
-    @pytest.mark.parametrize("cls", [TransformStamped, PoseStamped])
-    def test_the_header_is_a_copy(self, cls):
-        given = header()
-        got = from_matrix(np.eye(4), cls, header=given)
-        given.stamp.sec, given.frame_id = 99, "other"
-        assert got.header == header()
+@pytest.mark.parametrize("cls", [TransformStamped, PoseStamped])
+def test_a_message_has_a_copy_of_the_header_and_the_child_frame(cls):
+    given = header()
+    got = from_matrix(np.eye(4), cls, header=given)
+    given.stamp.sec, given.frame_id = 99, "other"
+    assert got.header == header()
+    made = from_matrix(np.eye(4), header=header(), child_frame_id="base")
+    assert made == transform("map", "base", 7.25)
 
 
 pairs = st.lists(st.tuples(vectors, turns), max_size=5).map(
@@ -196,38 +194,30 @@ class TestSciPy:
         assert (done.returncode, done.stdout) == (0, "False False\n"), done.stderr
 
 
-def columns_of_three():
-    translations = np.arange(9.0).reshape(3, 3)
-    rotations = np.array([(0.0, 0.0, 0.0, 2.0), (0.5, -0.5, 0.5, -0.5), (math.nan,) * 4])
-    translations[2] = math.nan
-    return to_columns((translations, rotations), [S, 2 * S, 3 * S])
-
-
 class TestDataFrames:
-    def test_the_columns_hold_times_translations_and_rotations(self):
-        got = columns_of_three()
+    def test_the_columns_hold_times_translations_and_rotations_and_pandas_takes_them(self):
+        translations = np.arange(9.0).reshape(3, 3)
+        rotations = np.array([(0.0, 0.0, 0.0, 2.0), (0.5, -0.5, 0.5, -0.5), (math.nan,) * 4])
+        translations[2] = math.nan
+        got = to_columns((translations, rotations), [S, 2 * S, 3 * S])
         assert list(got) == ["stamp_ns", "x", "y", "z", "qx", "qy", "qz", "qw"]
         assert [column.dtype for column in got.values()] == [np.int64] + [np.float64] * 7
         assert got["stamp_ns"].tolist() == [S, 2 * S, 3 * S]
-        rows = np.array([got[name] for name in ("x", "y", "z", "qx", "qy", "qz", "qw")]).T
+        rows = np.array([*got.values()][1:]).T
         assert rows[:2].tolist() == [[0, 1, 2, 0, 0, 0, 1], [3, 4, 5, 0.5, -0.5, 0.5, -0.5]]
         assert np.isnan(rows[2]).all()
-
-    def test_pandas_takes_them(self):
         pandas = pytest.importorskip("pandas")
-        frame = pandas.DataFrame(columns_of_three())
+        frame = pandas.DataFrame(got)
         assert frame.shape == (3, 8) and len(frame.dropna()) == 2
         assert pandas.to_datetime(frame.stamp_ns)[1] == pandas.Timestamp(2 * S)
 
     def test_stamped_messages_have_times_of_their_own(self):
         t = transform("map", "base", 7.25, (1, 2, 3), (0.5, 0.5, 0.5, 0.5))
-        got = to_columns(iter([t, PoseStamped(header=t.header, pose=pose_of(t))]))
-        assert got["stamp_ns"].tolist() == [7_250_000_000] * 2
-        assert got["y"].tolist() == [2, 2] and got["qw"].tolist() == [0.5, 0.5]
-
-    def test_a_tuple_of_two_messages_is_no_pair_of_arrays(self):
-        msgs = transform("map", "base", 1), transform("map", "base", 2)
-        assert to_columns(msgs)["stamp_ns"].tolist() == [S, 2 * S]
+        # A tuple of two messages is no pair of arrays.
+        for messages in (iter([t, PoseStamped(header=t.header, pose=pose_of(t))]), (t, t)):
+            got = to_columns(messages)
+            assert got["stamp_ns"].tolist() == [7_250_000_000] * 2
+            assert got["y"].tolist() == [2, 2] and got["qw"].tolist() == [0.5, 0.5]
 
     def test_times_may_be_datetime64(self):
         pair = [[0, 0, 0]], [[0, 0, 0, 1]]
@@ -253,77 +243,67 @@ def fourth(*diagonal):
     return np.stack([EYE, np.full((4, 4), math.nan), EYE, np.diag(diagonal)])
 
 
-PAIR, NOT_FINITE = (np.zeros((1, 3)), np.ones((1, 4))), (math.nan, 0, 0, 1)
-# The error, what its text says, and which calls raise it.
-REFUSED = [
-    (TypeError, r"dtype: expected numpy\.float64 or", partial(to_matrix, ONE, dtype=np.float16)),
-    (TypeError, r"dtype: expected numpy\.float64 or", partial(to_matrix, ONE, dtype=">f4")),
-    *[
-        (TypeError, NO_MESSAGE, partial(call, wrong))
-        for wrong in (None, "text", Twist(), [Transform()])
-        for call in (to_matrix, lambda message: to_arrays([message]))
+PAIR = np.zeros((1, 3)), np.ones((1, 4))
+# What the error is, and the calls that raise it.
+REFUSED = {
+    r"TypeError: dtype: expected numpy\.float64 or": [
+        partial(to_matrix, ONE, dtype=dtype) for dtype in (np.float16, ">f4")
     ],
-    (TypeError, NO_MESSAGE, partial(to_rotation, 5)),
+    f"TypeError: {NO_MESSAGE}": [
+        *[partial(to_matrix, wrong) for wrong in (None, "text", Twist(), [Transform()])],
+        *[partial(to_arrays, [wrong]) for wrong in (None, "text", Twist(), [Transform()])],
+        partial(to_rotation, 5),
+    ],
     # Of another message only the type is named.
-    (TypeError, "Pose, got Twist$", partial(to_matrix, Twist())),
-    (TypeError, "got ndarray$", partial(to_matrix, EYE)),
-    (TypeError, r"\(translations, rotations\), got a tuple of 1", partial(to_matrix, (np.zeros((2, 3)),))),
-    (TypeError, r"\(translations, rotations\), got a tuple of 0", partial(to_matrix, ())),
-    *[
-        (ValueError, r"shapes \(N, 3\) and \(N, 4\), got \(", partial(to_matrix, (np.ones(v), np.ones(q))))
+    "TypeError: .*Pose, got Twist$": [partial(to_matrix, Twist())],
+    "TypeError: .*got ndarray$": [partial(to_matrix, EYE)],
+    r"TypeError: .*\(translations, rotations\), got a tuple of [01]": [
+        partial(to_matrix, wrong) for wrong in ((), (np.zeros((2, 3)),))
+    ],
+    r"ValueError: .*shapes \(N, 3\) and \(N, 4\), got \(": [
+        partial(to_matrix, (np.ones(v), np.ones(q)))
         for v, q in (((2, 3), (3, 4)), ((2, 4), (2, 3)), ((2, 3), (4,)), ((3,), (2, 4)), ((), ()))
     ],
-    *[
-        (
-            ValueError,
-            r"^rotations\[1, 2\] must have a finite length",
-            partial(to_matrix, rotated(*wrong)),
-        )
-        for wrong in ((0, 0, 0, 0), NOT_FINITE, (0, math.inf, 0, 0))
+    r"ValueError: rotations\[1, 2\] must have a finite length": [
+        partial(to_matrix, rotated(*wrong))
+        for wrong in ((0, 0, 0, 0), (math.nan, 0, 0, 1), (0, math.inf, 0, 0))
     ],
-    (ValueError, "^the rotation must have a finite length", partial(to_matrix, (np.zeros(3), np.zeros(4)))),
-    (ValueError, "rotation of message 0", partial(to_matrix, SHORT)),
-    (ValueError, "rotation of message 1", partial(to_arrays, [Transform(), SHORT])),
-    (ValueError, r"^matrices\[3\]: .*R R.T is off by 3$", partial(to_arrays, fourth(2, 2, 2, 1))),
-    (ValueError, r"^matrices\[3\]: .*is off by 0.0002$", partial(to_arrays, fourth(1, 1, 1 + 1e-4, 1))),
-    (ValueError, r"^matrices\[3\]: .*reflection", partial(to_arrays, fourth(1, 1, -1, 1))),
-    (ValueError, r"^matrices\[3\]: .*last row", partial(to_arrays, fourth(1, 1, 1, 2))),
-    (ValueError, r"^matrices\[3\]: .*finite", partial(to_arrays, fourth(1, 1, 1, math.nan))),
-    *[
-        (ValueError, r"shape \(4, 4\)", partial(to_arrays, np.zeros(shape)))
-        for shape in ((4,), (0,), (3, 4), (4, 4, 3))
+    "ValueError: the rotation must have a finite length": [partial(to_matrix, (np.zeros(3), np.zeros(4)))],
+    "ValueError: .*rotation of message 0": [partial(to_matrix, SHORT)],
+    "ValueError: .*rotation of message 1": [partial(to_arrays, [Transform(), SHORT])],
+    r"ValueError: matrices\[3\]: .*R R.T is off by 3$": [partial(to_arrays, fourth(2, 2, 2, 1))],
+    r"ValueError: matrices\[3\]: .*is off by 0.0002$": [partial(to_arrays, fourth(1, 1, 1 + 1e-4, 1))],
+    r"ValueError: matrices\[3\]: .*reflection": [partial(to_arrays, fourth(1, 1, -1, 1))],
+    r"ValueError: matrices\[3\]: .*last row": [partial(to_arrays, fourth(1, 1, 1, 2))],
+    r"ValueError: matrices\[3\]: .*finite": [partial(to_arrays, fourth(1, 1, 1, math.nan))],
+    r"ValueError: .*shape \(4, 4\)": [
+        partial(to_arrays, np.zeros(shape)) for shape in ((4,), (0,), (3, 4), (4, 4, 3))
     ],
-    (ValueError, "matrix: expected", partial(from_matrix, None)),
-    (TypeError, "matrix: expected", partial(from_matrix, [["a"] * 4] * 4)),
-    *[
-        (TypeError, "numbers: they are complex$", partial(call, EYE * 1j))
-        for call in (from_matrix, to_arrays, to_rotation)
+    "(Type|Value)Error: matrix: expected": [partial(from_matrix, wrong) for wrong in (None, [["a"] * 4] * 4)],
+    "TypeError: .*numbers: they are complex$": [
+        partial(call, EYE * 1j) for call in (from_matrix, to_arrays, to_rotation)
     ],
-    (ValueError, r"got \(3, 4, 4\); to_arrays takes many", partial(from_matrix, np.stack([EYE] * 3))),
-    *[
-        (TypeError, "has no header", partial(from_matrix, EYE, *cls, header=header()))
-        for cls in ([], [Transform], [Pose])
+    r"ValueError: .*got \(3, 4, 4\); to_arrays takes many": [partial(from_matrix, np.stack([EYE] * 3))],
+    "TypeError: .*has no header": [
+        partial(from_matrix, EYE, *cls, header=header()) for cls in ([], [Transform], [Pose])
     ],
-    *[
-        (
-            TypeError,
-            f"{cls.__name__} has no child_",
-            partial(from_matrix, EYE, cls, child_frame_id="b"),
-        )
-        for cls in (Transform, Pose, PoseStamped)
+    "TypeError: .*(Transform|Pose|PoseStamped) has no child_": [
+        partial(from_matrix, EYE, cls, child_frame_id="b") for cls in (Transform, Pose, PoseStamped)
     ],
-    (ValueError, "holds one rotation, not 3: as_quat", partial(from_rotation, Rotation.identity(3))),
-    (ValueError, "finite", partial(from_rotation, to_rotation([math.nan] * 4))),
-    (AttributeError, "Transform' object has no attribute 'header'", partial(to_columns, [Transform()])),
-    (TypeError, "pass the times", partial(to_columns, PAIR)),
-    (TypeError, "pass no times", partial(to_columns, [ONE], [1])),
-    (TypeError, "pass no times", partial(to_columns, (ONE, ONE), [1, 2])),
-    (ValueError, "2 times, but rotations of shape", partial(to_columns, PAIR, [1, 2])),
-    (ValueError, "2 times, but rotations of shape", partial(to_columns, (np.zeros(3), np.ones(4)), [1, 2])),
-]
+    "ValueError: .*holds one rotation, not 3: as_quat": [partial(from_rotation, Rotation.identity(3))],
+    "ValueError: .*finite": [partial(from_rotation, to_rotation([math.nan] * 4))],
+    "AttributeError: 'Transform' object has no attribute 'header'": [partial(to_columns, [Transform()])],
+    "TypeError: .*pass the times": [partial(to_columns, PAIR)],
+    "TypeError: .*pass no times": [partial(to_columns, [ONE], [1]), partial(to_columns, (ONE, ONE), [1, 2])],
+    "ValueError: .*2 times, but rotations of shape": [
+        partial(to_columns, pair, [1, 2]) for pair in (PAIR, (np.zeros(3), np.ones(4)))
+    ],
+}
 
 
-@pytest.mark.parametrize(("error", "text", "call"), REFUSED)
-def test_what_is_refused_is_named(error, text, call):
-    with pytest.raises(error, match=text):
-        call()
+@pytest.mark.parametrize("error", REFUSED)
+def test_what_is_refused_is_named(error):
+    for call in REFUSED[error]:
+        with pytest.raises((TypeError, ValueError, AttributeError)) as raised:
+            call()
+        assert re.match(error, f"{raised.type.__name__}: {raised.value}"), raised.value

@@ -113,7 +113,6 @@ class TestWaits:
         with pytest.raises(tf2_ros.ExtrapolationException, match=r"\. Waited 0\.05 s$"):
             buffer.lookup_transform("base_link", "camera", 30 * S, timeout)
         assert time.monotonic() - begin >= 0.05
-        assert repr(buffer).endswith(", 0 waiters>")
         can, reason = buffer.can_transform(
             "base_link", "camera", 30 * S, timeout=timeout, return_debug_tuple=True
         )
@@ -126,7 +125,6 @@ class TestWaits:
         with pytest.raises(KeyboardInterrupt):
             buffer.lookup_transform("base_link", "lidar", 0, timeout=60.0)
         assert time.monotonic() - begin < 30.0
-        assert repr(buffer).endswith(", 0 waiters>")
         thread.join()
 
 

@@ -114,6 +114,17 @@ def test_waits_are_made_by_buffers_alone(buffer):
     cls.__new__(cls)  # and dropping it does no harm
 
 
+def test_a_blocking_wait_that_ended_waits_no_more(buffer):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    waits = [buffer._wait("map", "odom", at(1)) for _ in range(2)]
+    assert not waits[0].wait_for(1, always)
+    with pytest.raises(KeyboardInterrupt):
+        waits[1].wait_for(60 * S, interrupted)
+    assert buffer.statistics()["waiters"] == 0
+
+
 def test_inserts_and_registrations_interleave_in_threads(buffer):
     # Each reader waits for every stamp before it comes; one lost wake-up would let it sleep to its deadline.
     seconds = 2000

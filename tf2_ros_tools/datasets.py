@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -183,8 +182,6 @@ def dataset(
         )
         written = {**result.done, **result.skipped}
         tables = {path: parquet.read_table(written[path]) for path in sorted(written)}
-        with open(result.findings, newline="", encoding="utf-8") as file:
-            found = [*csv.DictReader(file)]
     if not tables:
         path, problem = next(iter(result.failed.items()))
         raise BagError(problem if path in problem else f"{printable(path)}: {problem}")
@@ -210,6 +207,6 @@ def dataset(
     )
     for i, name in enumerate(names):
         if len(made) and not made.valid[:, i].any():
-            row = (row["text"] for row in found if (row["kind"], row["frame"]) == ("lookup", printable(name)))
-            raise LookupException(next(row, f"{name!r} has no pose at any stamp of {at}"))
+            reason = next(iter(result.unanswered.values()))
+            raise LookupException(f"{name!r} has no pose at any stamp of {at}: {reason}")
     return made

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from tf2_py import FrameInfo
 from tf2_ros_tools.findings import Finding, Limits, delay_label, longest_interval, rate_label
-from tf2_ros_tools.output import not_known, printable, require
-from tf2_ros_tools.program import RunError, UsageError, format_of, write_output
+from tf2_ros_tools.output import not_known, printable, require, write_whole
+from tf2_ros_tools.program import RunError, UsageError, format_of
 from tf2_ros_tools.streams import Stream, taken
 
 S = 1_000_000_000
@@ -411,7 +411,7 @@ def heard_picture(
 
 def write_plot(name: str, figure: Any) -> None:
     """Write a matplotlib figure in the format that the extension of the file means."""
-    write_output(name, file_of(figure, format_of(name)))
+    write_whole(name, file_of(figure, format_of(name)))
 
 
 def drawn(dot: str, kind: str) -> bytes:

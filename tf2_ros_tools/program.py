@@ -23,7 +23,7 @@ from textwrap import fill
 from types import FrameType
 from typing import Any, NoReturn
 
-from tf2_ros_tools.output import MissingLibraryError, write_whole
+from tf2_ros_tools.output import MissingLibraryError, printable
 
 SUCCESS = 0
 FAILURE = 1
@@ -148,8 +148,8 @@ def run(
     """
     Run a program. This must be the last call of a process.
 
-    :param work: gets the options and returns the exit status. It may raise UsageError or RunError, and
-        imports what it needs.
+    :param work: gets the options and returns the exit status. It may raise UsageError, RunError or
+        OSError, and imports what it needs.
     :param arguments: the command line, including the name of the program. None: that of this process.
     :param interrupted: the exit status after Ctrl-C; SUCCESS for a program that usually ends this way.
     :return: the exit status.
@@ -175,8 +175,9 @@ def run(
         reason = " ".join(str(lack).split())
         parser.exit(FAILURE, f"{parser.prog}: {reason}; tf2_which shows which tf2_ros is imported\n")
     except OSError as failure:
-        # From writing the output; the work itself handles all other files. What is left of the output would
-        # fail again when Python ends.
+        if failure.filename is not None:
+            parser.exit(FAILURE, printable(f"{parser.prog}: {failure.filename}: {failure.strerror}") + "\n")
+        # From writing to standard output. What is left of it would fail again when Python ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(failure, BrokenPipeError):  # a reader who leaves has seen enough
             parser.exit(FAILURE, f"{parser.prog}: {failure.strerror or failure}\n")
@@ -243,18 +244,6 @@ def listed_endings(*formats: str) -> str:
     """List extensions in a text."""
     *others, last = (f".{one}" for one in formats)
     return f"{', '.join(others)} or {last}" if others else last
-
-
-def write_output(path: str, data: bytes) -> None:
-    """
-    Write a file in one step: anybody who opens it gets either the old or the complete new contents.
-
-    :raises RunError: the file cannot be written; the old contents remain.
-    """
-    try:
-        write_whole(path, data)
-    except OSError as failure:
-        raise RunError(f"cannot write {path}: {failure.strerror}") from None
 
 
 # Options that several programs have.

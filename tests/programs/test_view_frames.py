@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import pytest
 from processes import broadcasting, ended, needs_dot
 
-from tf2_ros_tools.program import write_output
+from tf2_ros_tools.output import write_whole
 from tf2_ros_tools.programs.view_frames import output_files
 
 pytestmark = pytest.mark.ours
@@ -61,7 +61,7 @@ def test_files_are_named_after_the_output(output, files):
 class TestWriting:
     def test_a_link_stays_one(self, tmp_path):
         (tmp_path / "link").symlink_to(tmp_path / "file")
-        write_output(str(tmp_path / "link"), b"text")
+        write_whole(str(tmp_path / "link"), b"text")
         assert (tmp_path / "link").is_symlink()
         assert (tmp_path / "file").read_bytes() == b"text"
 
@@ -70,7 +70,7 @@ class TestWriting:
         os.mkfifo(pipe)
         reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
         try:
-            write_output(str(pipe), b"text")
+            write_whole(str(pipe), b"text")
             assert os.read(reader, 100) == b"text"
         finally:
             os.close(reader)

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import counted, printable, require, three_digits
+from tf2_ros_tools.output import counted, printable, require, three_digits, write_whole
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,
@@ -26,7 +26,6 @@ from tf2_ros_tools.program import (
     nanoseconds,
     positive_number,
     run,
-    write_output,
 )
 
 if TYPE_CHECKING:
@@ -167,7 +166,7 @@ def lookup(options: Namespace) -> int:
     if options.output is None:
         print(contents.decode(), end="")
     else:
-        write_output(options.output, contents)
+        write_whole(options.output, contents)
         print(options.output)
     missing = len(table) - int(table.valid.sum())
     if missing:
@@ -226,7 +225,7 @@ def tree(options: Namespace) -> int:
     said = report(heard)
     dot = tree_dot(said.streams, said.findings, heard.buffer.frames(), said.end)
     kind = format_of(options.output)
-    write_output(options.output, dot.encode() if kind == "gv" else drawn(dot, kind))
+    write_whole(options.output, dot.encode() if kind == "gv" else drawn(dot, kind))
     print(options.output)
     return SUCCESS
 
@@ -421,10 +420,6 @@ def bag(options: Namespace) -> int:
     except (ValueError, TransformException) as failure:
         # Of a recording, or of frames or numbers that do not fit it.
         raise RunError(str(failure)) from None
-    except OSError as failure:
-        if failure.filename is None:
-            raise  # the output could not be written
-        raise RunError(printable(f"{failure.filename}: {failure.strerror}")) from None
 
 
 PARSER = _parser()

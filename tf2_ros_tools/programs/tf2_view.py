@@ -9,8 +9,8 @@ from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import not_known
-from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, positive_number, run, write_output
+from tf2_ros_tools.output import not_known, write_whole
+from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, positive_number, run
 
 if TYPE_CHECKING:
     from tf2_ros_tools.rerun import Live
@@ -84,7 +84,7 @@ def view(options: Namespace) -> int:
 
             live = Live(buffer, origin=origin, trails=trails, axes=options.axes)
             if options.output is not None:
-                write_output(options.output, b"")  # rerun would raise its own error
+                write_whole(options.output, b"")  # rerun would raise its own error
                 live.recording.save(options.output)
                 node.get_logger().info(f"Writing {options.output} until interrupted")
                 _send(live, check_names)

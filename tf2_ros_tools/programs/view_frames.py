@@ -6,8 +6,8 @@ from argparse import Namespace
 from functools import partial
 from os.path import splitext
 
-from tf2_ros_tools.output import counted, require
-from tf2_ros_tools.program import SUCCESS, Parser, RunError, format_of, non_negative_number, run, write_output
+from tf2_ros_tools.output import counted, require, write_whole
+from tf2_ros_tools.program import SUCCESS, Parser, RunError, format_of, non_negative_number, run
 
 FORMATS = ("pdf", "svg", "png")
 WAIT_S = 5.0
@@ -79,9 +79,9 @@ def view(options: Namespace) -> int:
     if is_drawn:
         name = options.output or time.strftime("frames_%Y-%m-%d_%H.%M.%S")
         description, picture, kind = output_files(name)
-        write_output(description, dot.encode())
+        write_whole(description, dot.encode())
         print(description)
-        write_output(picture, drawn(dot, kind))
+        write_whole(picture, drawn(dot, kind))
         print(picture)
     return SUCCESS
 

@@ -42,7 +42,6 @@ NOT_HERE = {
     "tests/ros/test_shared_owners.py::test_a_truncated_file_breaks_nothing": "damages what the build checks",
     "tests/core/test_inserting.py::TestLogging::test_many_messages_share_the_lines_of_a_second": "a slow "
     "build does not finish within a second",
-    "tests/core/test_pinned.py::test_memory_that_was_read_is_given_back": "freed memory is kept",
 }
 # Tests that start threads, or fork while threads exist, and call the extensions in them.
 THREADED = """

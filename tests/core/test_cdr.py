@@ -30,14 +30,6 @@ MESSAGES = [
 ]
 
 
-def test_the_encoder_of_these_tests_agrees_with_ros(buffer):
-    # Not byte for byte: what ROS leaves in the padding is arbitrary.
-    message = TFMessage(transforms=MESSAGES)
-    assert deserialize_message(encode(MESSAGES), TFMessage) == message
-    assert len(encode(MESSAGES)) == len(serialize_message(message))
-    assert buffer.set_transforms_cdr(serialize_message(message), "x") == 2
-
-
 @pytest.mark.parametrize("order", "<>")
 @pytest.mark.parametrize("wrap", [bytes, bytearray, memoryview])
 def test_both_byte_orders_of_any_bytes_like_object_are_read(buffer, order, wrap):
@@ -52,11 +44,8 @@ GOOD = encode(MESSAGES)
 AT_COUNT, AT_NAME = 4, 16  # byte offsets of the count and of the first frame_id's length
 
 MALFORMED = {
-    "nothing": b"",
-    "half a header": b"\0\1",
     "another representation": b"\0\7" + GOOD[2:],
     "parameter list": b"\0\3" + GOOD[2:],
-    "no count": GOOD[:6],
     "a huge count": GOOD[:AT_COUNT] + b"\xff\xff\xff\xff" + GOOD[8:],
     "a count above what is there": GOOD[:AT_COUNT] + struct.pack("<I", 4) + GOOD[8:],
     "a count below what is there": GOOD[:AT_COUNT] + struct.pack("<I", 2) + GOOD[8:],
@@ -67,6 +56,7 @@ MALFORMED = {
     "an overlong UTF-8 form": GOOD.replace(b"map\0", b"\xc0\xafp\0"),
     "a surrogate in UTF-8": GOOD.replace(b"map\0", b"\xed\xa0\x80\0"),
     "bytes behind the end": GOOD + b"\0",
+    **{f"the first {size} bytes": GOOD[:size] for size in range(len(GOOD))},
 }
 
 
@@ -76,14 +66,6 @@ def test_malformed_data_raises_and_changes_nothing(buffer, data):
         buffer.set_transforms_cdr(data, "x")
     statistics = buffer.statistics()
     assert (statistics["frames"], statistics["samples"], statistics["malformed_messages"]) == (0, 0, 1)
-
-
-def test_every_truncation_is_malformed(buffer):
-    for size in range(len(GOOD)):
-        with pytest.raises(ValueError):
-            buffer.set_transforms_cdr(GOOD[:size], "x")
-    assert buffer.statistics()["frames"] == 0
-    assert buffer.statistics()["malformed_messages"] == len(GOOD)
 
 
 @settings(max_examples=500, deadline=None)
@@ -198,9 +180,5 @@ ODD = {
 def test_what_ros_must_decide_is_left_to_ros(change):
     odd = transform("map", "odom", 1.5, (1, 2, 3))
     change(odd)
-    assert serialize_transforms([MESSAGES[0], odd]) is None
-
-
-def test_other_objects_are_left_to_ros():
-    for other in (None, object(), Subclass(), MESSAGES[0].header):
+    for other in (odd, None, Subclass(), odd.header):
         assert serialize_transforms([MESSAGES[0], other]) is None

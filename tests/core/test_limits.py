@@ -126,12 +126,12 @@ class TestMemory:
         assert max(per_sample) <= 110
 
 
-@pytest.mark.parametrize("spread", ["bursts", "squares"])
-def test_every_place_of_a_long_history_is_found(spread):
-    stamps = {
-        "bursts": [1000 * (i // 50) + i % 50 + 1 for i in range(1000)],
-        "squares": [i * i + 1 for i in range(1000)],
-    }[spread]
+BURSTS = [1000 * (i // 50) + i % 50 + 1 for i in range(1000)]
+SQUARES = [i * i + 1 for i in range(1000)]
+
+
+@pytest.mark.parametrize("stamps", [BURSTS, SQUARES], ids=["bursts", "squares"])
+def test_every_place_of_a_long_history_is_found(stamps):
     buffer = BufferCore(Duration(seconds=10))
     for i, stamp in enumerate(stamps):
         buffer.set_transform(transform(f"parent {i}", "odom", ns=stamp), "x")

@@ -118,23 +118,3 @@ def test_a_full_buffer_takes_a_sample_while_it_is_read(ns):
     assert len(state["stamps"]) == 80
     assert buffer.can_transform_core("map", "odom", at_ns(ns))[0]
     buffer._self_check()
-
-
-def test_memory_that_was_read_is_given_back():
-    def resident():
-        with open("/proc/self/statm") as file:
-            return int(file.read().split()[1])
-
-    def read_and_write(buffer, stamps):
-        for ns in stamps:
-            # A late sample: it moves others, so the ring that is read is left.
-            state_during(buffer, insert("map", "odom", ns))
-
-    buffer = BufferCore(Duration(seconds=1))
-    for ns in range(0, 4000, 2):
-        buffer.set_transform(transform("map", "odom", ns=ns), "x")
-    read_and_write(buffer, range(3001, 3101, 2))
-    before = resident()
-    read_and_write(buffer, range(2001, 3001, 2))
-    # 500 rings of 2000 samples were 72 MB.
-    assert resident() - before < 2000

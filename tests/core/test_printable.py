@@ -1,14 +1,11 @@
 """Text that anybody may have sent, as people see it."""
 
-from collections import OrderedDict
-
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from making import at, transform
 
-from tf2_py import BufferCore
-from tf2_py._objects.errors import class_name, counted, printable
+from tf2_py._objects.errors import printable
 from tf2_ros_tools import output
 
 pytestmark = pytest.mark.ours
@@ -24,15 +21,6 @@ def one_by_one(text):
 def test_what_does_not_print_is_escaped_and_nothing_else_changes(text):
     assert printable(text) == output.printable(text) == one_by_one(text)
     assert printable(text).isprintable()
-
-
-def test_a_class_is_named_with_its_package():
-    assert class_name(OrderedDict) == "collections.OrderedDict"
-    assert class_name(BufferCore) == "tf2_py.BufferCore"  # which is defined in a module of that package
-
-
-def test_one_thing_is_in_the_singular():
-    assert [counted(number, "frame") for number in range(3)] == ["0 frames", "1 frame", "2 frames"]
 
 
 @given(st.text(characters, min_size=1, max_size=6).filter(lambda name: "\0" not in name))

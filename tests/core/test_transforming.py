@@ -43,12 +43,6 @@ def test_a_cloud_without_a_time_is_transformed_by_the_latest_and_keeps_its_stamp
     assert (stamp_ns(point), point.point.x) == (3_000_000_000, 3.0)
 
 
-def test_full_carries_from_one_time_to_another(buffer):
-    got = buffer.transform_full(stamped(PointStamped(), 1, "odom"), "odom", at(3), "map")
-    assert got.point.x == -2.0
-    assert (got.header.frame_id, stamp_ns(got)) == ("odom", 3_000_000_000)
-
-
 def test_async_carries_as_soon_as_it_can(buffer):
     async def both():
         transforming = asyncio.ensure_future(

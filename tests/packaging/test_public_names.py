@@ -5,13 +5,12 @@
 
 import importlib
 import inspect
-import subprocess
-import sys
 import typing
 from unittest import mock
 
 import pytest
 from paths import ROOT
+from processes import output_of
 from public_names import ADDED, NAMES, OURS
 from sources import PYPROJECT
 
@@ -131,9 +130,7 @@ def test_an_exception_is_one_class_wherever_it_is_caught(tf2_py, tf2_ros):
 
 
 def run(program):
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split()
+    return output_of("-c", program).split()
 
 
 def test_importing_tf2_py_makes_times_and_durations_of_rclpy_known():

@@ -1,37 +1,17 @@
 """The time of day is set while something waits: timeouts count steady time, and nothing hangs or spins."""
 
 import json
-import platform
-import subprocess
-import sys
 
 import pytest
-from interposing import built, with_library
-from paths import PROGRAMS
+from interposing import output_with_library
 
-pytestmark = [
-    pytest.mark.ours,
-    pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="stands in for glibc's functions"),
-]
+pytestmark = pytest.mark.ours
 
 TIMEOUT_S = 0.4
 # A busy machine is late, and an hour is not.
 LATE_S = 10.0
 # The executor's own rounds, and what is made anew for each wait.
 WORK_S = 0.5
-
-
-def waits(folder, seconds):
-    """What `programs/clocks.py` prints: for each way to wait a dict."""
-    done = subprocess.run(
-        [sys.executable, str(PROGRAMS / "clocks.py"), str(seconds), str(TIMEOUT_S)],
-        env=with_library(built("clocks", folder)),
-        text=True,
-        capture_output=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    return {one.pop("what"): one for one in map(json.loads, done.stdout.splitlines())}
 
 
 EXPIRED = {
@@ -46,7 +26,8 @@ ANSWERED = {**dict.fromkeys(EXPIRED, "map"), "can": True}
 
 @pytest.mark.parametrize("seconds", [3600, -3600])
 def test_the_time_of_day_is_set_during_waits(tmp_path, seconds):
-    found = waits(tmp_path, seconds)
+    lines = output_with_library("clocks", tmp_path, seconds, TIMEOUT_S).splitlines()
+    found = {one.pop("what"): one for one in map(json.loads, lines)}
     for way in EXPIRED:
         expired, answered = found[way], found[f"{way}, then inserts"]
         assert expired["outcome"] == EXPIRED[way]

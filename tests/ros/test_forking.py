@@ -3,14 +3,14 @@
 import asyncio
 import gc
 import json
-import subprocess
 from contextlib import suppress
 from types import SimpleNamespace
 
 import pytest
-from forking import CHILD_S, in_a_child
+from forking import in_a_child
 from making import transform
-from processes import start
+from paths import PROGRAMS
+from processes import output_of
 from rclpy.time import Time
 from sharing import links, new_name
 
@@ -21,36 +21,20 @@ DEAD = "dead in this forked process"
 
 
 @pytest.mark.parametrize(("what", "count"), [("use", 20), ("drop", 40), ("have_a_node", 1)])
-def test_children_of_a_process_whose_every_thread_is_busy(what, count):
+def test_children_of_a_process_whose_every_thread_is_busy(what, count, flood):
     """In an insert, a vector lookup, a listing, a wait, a callback, the receiver and an executor."""
-    flood = start("flood.py", "500", "20", "0", stdout=subprocess.DEVNULL)
-    program = start("forks.py", what, str(count), stdout=subprocess.PIPE)
-    try:
-        assert json.loads(program.communicate(timeout=8 * CHILD_S)[0]) == [0] * count
-    finally:
-        for process in (program, flood):
-            process.kill()
-            process.wait()
+    flood(500, 20)
+    assert json.loads(output_of(PROGRAMS / "forks.py", what, count)) == [0] * count
 
 
 def test_no_first_use_of_a_buffer_imports_anything():
     """A child that is forked while another thread imports a module waits forever if it needs that module."""
-    program = start("first_uses.py", stdout=subprocess.PIPE)
-    try:
-        assert json.loads(program.communicate(timeout=CHILD_S)[0]) == []
-        assert program.returncode == 0
-    finally:
-        program.kill()
+    assert json.loads(output_of(PROGRAMS / "first_uses.py")) == []
 
 
 def test_a_child_whose_parent_had_no_ros_has_all_of_it():
     """As with multiprocessing in a program that only imports this."""
-    program = start("forks_first.py", stdout=subprocess.PIPE)
-    try:
-        assert program.communicate(timeout=CHILD_S)[0] == "True\n"
-        assert program.returncode == 0
-    finally:
-        program.kill()
+    assert output_of(PROGRAMS / "forks_first.py") == "True\n"
 
 
 def test_a_child_says_that_its_listeners_receive_nothing(tf2_ros, node, buffer, caplog):

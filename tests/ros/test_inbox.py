@@ -3,7 +3,6 @@
 import gc
 import itertools
 import os
-import subprocess
 import sys
 import threading
 import time
@@ -11,7 +10,8 @@ import weakref
 
 import pytest
 from making import transform
-from processes import DEADLINE_S, errors_so_far, start, until
+from paths import PROGRAMS
+from processes import DEADLINE_S, errors_so_far, output_of, until
 from rclpy.duration import Duration
 from rclpy.time import Time
 
@@ -31,8 +31,7 @@ def taken(listener):
 def test_every_read_sees_what_arrived_before_it():
     # The profiles of the tests would have the middleware deliver later.
     env = {name: value for name, value in os.environ.items() if not name.endswith("_PROFILES_FILE")}
-    program = start("finds_its_own.py", "50", "5000", stdout=subprocess.PIPE, env=env)
-    assert program.communicate(timeout=DEADLINE_S)[0] == "{}\n"
+    assert output_of(PROGRAMS / "finds_its_own.py", 50, 5000, env=env) == "{}\n"
 
 
 class TestWithoutAReader:

@@ -3,7 +3,6 @@
 import asyncio
 import itertools
 import linecache
-import subprocess
 import sys
 import threading
 from contextlib import contextmanager
@@ -13,7 +12,8 @@ from types import SimpleNamespace
 import pytest
 from geometry_msgs.msg import PointStamped
 from making import at, transform
-from processes import DEADLINE_S, start, until
+from paths import PROGRAMS
+from processes import DEADLINE_S, output_of, until
 from spinning import spinning
 
 import tf2_py
@@ -81,10 +81,7 @@ def each_line():
 @pytest.mark.parametrize("how", [[], ["switch"], ["collector", "finalizer"]], ids=lambda how: "-".join(how))
 def test_chance_finds_nothing_that_hangs(how):
     """For minutes by hand: ``PYTHONPATH=tests/support python tests/support/programs/interrupted.py 600``."""
-    program = start("interrupted.py", "3", *how, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    output, _ = program.communicate(timeout=8 * DEADLINE_S)
-    assert program.returncode == 0, output
-    assert "[]" in output
+    assert "[]" in output_of(PROGRAMS / "interrupted.py", 3, *how)
 
 
 def point(seconds):

@@ -3,10 +3,10 @@
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from processes import output_of
 
 import tf2_ros
 from tf2_ros_cython import _ros
@@ -101,8 +101,7 @@ def test_of_a_release_that_is_not_known_nothing_is_called():
         "try: ExecutorRounds().set_up(None)\n"
         "except RuntimeError as refused: print(refused)\n"
     )
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert ended.stdout == "it is new\n"
+    assert output_of("-c", program) == "it is new\n"
 
 
 def test_a_release_that_is_not_known_is_told_with_those_that_are(monkeypatch):

@@ -1,29 +1,27 @@
-"""Build libraries that replace functions of the C library in the tests' programs."""
+"""Run the tests' programs with libraries that replace functions of the C library."""
 
 import os
+import platform
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
-from paths import SUPPORT
+from paths import PROGRAMS, SUPPORT
+from processes import output_of
 
-SOURCES = SUPPORT / "interposed"
 
+def output_with_library(name, folder, *arguments):
+    """
+    Run `programs/<name>.py` with `interposed/<name>.c`, compiled into a folder; its standard output.
 
-def built(name, folder):
-    """Compile `interposed/<name>.c`; the path of the library. Without a compiler the test is skipped."""
+    Without glibc or a compiler the test is skipped.
+    """
     compiler = shutil.which("gcc") or shutil.which("cc")
-    if compiler is None:
-        pytest.skip("there is no C compiler")
-    library = Path(folder, f"{name}.so")
+    if compiler is None or platform.libc_ver()[0] != "glibc":
+        pytest.skip("there is no glibc, or no C compiler")
+    library, source = folder / f"{name}.so", SUPPORT / "interposed" / f"{name}.c"
     options = ["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-O2", "-shared", "-fPIC"]
-    subprocess.run([compiler, *options, "-o", library, SOURCES / f"{name}.c", "-ldl"], check=True)
-    return library
-
-
-def with_library(library, **variables):
-    """The environment of a program that loads it."""
+    subprocess.run([compiler, *options, "-o", library, source, "-ldl"], check=True)
     # After the runtime of a sanitizer, which must be the first.
-    before = os.environ.get("LD_PRELOAD", "")
-    return {**os.environ, "LD_PRELOAD": f"{before} {library}".strip(), **variables}
+    preload = f"{os.environ.get('LD_PRELOAD', '')} {library}".strip()
+    return output_of(PROGRAMS / f"{name}.py", *arguments, env={**os.environ, "LD_PRELOAD": preload})

@@ -64,6 +64,14 @@ def seconds_of(call):
     return time.monotonic() - begin, None
 
 
+def output_of(*arguments, **popen):
+    """Run Python with these arguments until it ends, without an error; its standard output."""
+    command = [sys.executable, *map(str, arguments)]
+    done = subprocess.run(command, text=True, capture_output=True, timeout=8 * DEADLINE_S, **popen)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
 def start(program, *arguments, **popen):
     """Start one of the tests' programs."""
     return subprocess.Popen([sys.executable, str(PROGRAMS / program), *arguments], text=True, **popen)

@@ -93,11 +93,13 @@ class TestPlaces:
         [(kind, *row) for kinds, *row in PLACES for kind in kinds.split()],
     )
     def test_each_has_its_thread_also_if_a_callback_raises(
-        self, tf2_ros, ros, node, peer, names, note, capfd, kind, end, node_is, place
+        self, tf2_ros, ros, node, new_node, peer, names, note, capfd, kind, end, node_is, place
     ):
         robot, owner = transform("map", "robot", 1), tf2_ros.Buffer(share=new_name())
         buffer = tf2_ros.Buffer(attach=owner._tf2_sharing.name if end == "share" else None)
         with ExitStack() as at_end, warnings.catch_warnings(record=True) as warned:
+            if end == "share":
+                at_end.enter_context(tf2_ros.TransformListener(owner, new_node("owning")))
             if node_is != "absent":
                 at_end.callback(tf2_ros.TransformListener(buffer, node).unregister)
             if node_is == "spun":

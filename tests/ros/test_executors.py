@@ -20,14 +20,6 @@ LONG_S = 60.0  # a wait that nothing but a transform ends
 QUIET_S = 0.3  # a wait that nothing ends
 
 
-@pytest.fixture(params=[SingleThreadedExecutor, MultiThreadedExecutor])
-def any_executor(request, ros, node):
-    executor = request.param()
-    executor.add_node(node)
-    yield executor
-    executor.shutdown()
-
-
 def knows(buffer, child, parent="map", time=LATEST):
     return lambda: buffer.can_transform(parent, child, time)
 
@@ -150,9 +142,12 @@ class TestSpinOnce:
             sender.join()
 
     @pytest.mark.ours
-    def test_a_shutdown_ends_a_loop_that_nothing_wakes(self, ros, listener, node, any_executor):
+    @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+    def test_a_shutdown_ends_a_loop_that_nothing_wakes(self, listener, node, kind):
         """As after a signal that finds it on its way to sleep."""
-        with spinning(any_executor):
+        executor = kind()
+        executor.add_node(node)
+        with spinning(executor):
             shut_down_at_sleep(callback_queue(node))
 
     def test_a_task_that_polls_runs(self, buffer, listener, executor, peer):

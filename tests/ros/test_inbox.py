@@ -6,7 +6,6 @@ import os
 import sys
 import threading
 import time
-import weakref
 
 import pytest
 from making import transform
@@ -162,34 +161,6 @@ def test_an_answer_is_not_lost_with_the_listener_that_received_it(tf2_ros, buffe
             sys.setswitchinterval(interval)
         until(future.done)
         until(lambda: publisher.get_subscription_count() == 0)
-
-
-def test_garbage_is_not_drained(tf2_ros, ros, publisher):
-    class Listener(tf2_ros.TransformListener):
-        def __del__(self):
-            """Do not call that of the base."""
-
-    ends = threading.Event()
-
-    def send():
-        message = TFMessage(transforms=[transform("map", f"frame_{i}", 1) for i in range(20)])
-        while not ends.wait(0.0003):
-            publisher.publish(message)
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    for _ in range(20):
-        node = ros.create_node("collected")
-        node.buffer = tf2_ros.Buffer()
-        node.listener = Listener(node.buffer, node)
-        node.itself = node
-        receiver = weakref.ref(node.listener._tf2_receiver)
-        until(lambda node=node: taken(node.listener) > 0)
-        del node
-        gc.collect()
-        assert receiver() is None
-    ends.set()
-    sender.join()
 
 
 def test_where_the_middleware_refuses_the_executor_takes_the_messages(

@@ -6,7 +6,7 @@ import types
 from pathlib import Path
 
 import pytest
-from processes import DEADLINE_S, until
+from processes import until
 from rclpy.executors import SingleThreadedExecutor
 
 from tf2_ros import _rclpy
@@ -34,17 +34,6 @@ class TestExecutors:
         executor = SingleThreadedExecutor()
         yield executor
         executor.shutdown()
-
-    def test_one_that_is_marked_ends_its_spin(self, executor):
-        thread = threading.Thread(target=executor.spin, daemon=True)
-        thread.start()
-        until(executor.create_task(lambda: None).done)
-        assert not _rclpy.is_shut_down(executor)
-        _rclpy.mark_shut_down(executor)
-        thread.join(DEADLINE_S)
-        assert not thread.is_alive() and _rclpy.is_shut_down(executor)
-        executor.shutdown()
-        _rclpy.wake(executor)
 
     def test_one_that_gave_a_node_away_remains_its_attribute(self, node, executor):
         assert not _rclpy.is_in_executor(node)

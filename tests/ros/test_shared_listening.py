@@ -228,22 +228,19 @@ def test_simulated_time_must_be_the_owners_too(shared, new_node, capfd):
     assert is_attached(listener)
 
 
-def test_spin_once_comes_back_for_what_arrives(shared, node, executor, peer):
-    shared()
-    buffer = Buffer()
-    TransformListener(buffer, node)
-    sender = peer()
-    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1))
-    while executor_came_back(executor, 0.05):
-        pass
-    for number in range(2, 6):
-        sending = threading.Timer(0.1, sender.send, [("map", "robot", number * S, 1)])
-        sending.start()
-        assert executor_came_back(executor, DEADLINE_S)
-        sending.join()
-        until(knows(buffer, "robot", at_ns(number * S)))
-        while executor_came_back(executor, 0.05):
-            pass
+def test_spin_once_comes_back_for_what_arrives(node, executor, new_node):
+    owner = Buffer(share=new_name())
+    buffer = Buffer(attach=owner._tf2_sharing.name)
+    with TransformListener(owner, new_node("owning")):
+        assert is_attached(TransformListener(buffer, node))
+        for number in range(1, 6):
+            assert not knows(buffer, "robot", at_ns(number * S))()
+            while executor_came_back(executor, 0.05):
+                pass
+            threading.Timer(0.1, owner.set_transform, [transform("map", "robot", number), "owner"]).start()
+            assert executor_came_back(executor, DEADLINE_S)
+            until(knows(buffer, "robot", at_ns(number * S)))
+    owner._tf2_sharing.close()
 
 
 def executor_came_back(executor, timeout_s):

@@ -71,17 +71,8 @@ def test_what_a_command_line_asks_for_is_published(line, node, executor, tmp_pat
     ("text", "said"),
     [
         (
-            "- {frame_id: 5, child_frame_id: b}",
-            "transform 1: 'frame_id': expected a text, got 5",
-        ),
-        ("- {frame_id: a}", "transform 1: 'child_frame_id': expected a text"),
-        (
-            "- {frame_id: a, child_frame_id: b, x: near}",
-            "transform 1: 'x': expected a finite number, got 'near'",
-        ),
-        (
-            "- {frame_id: a, child_frame_id: b}\n- {frame_id: a, child_frame_id: c, qw: 0}",
-            "transform 2: a quaternion must have a finite length above 0",
+            "- {frame_id: a, child_frame_id: b}\n- {frame_id: 5, child_frame_id: c}",
+            "transform 2: 'frame_id': expected a text, got 5",
         ),
         (
             "- {frame_id: a, child_frame_id: b}\n- {frame_id: c, child_frame_id: b}",

@@ -66,14 +66,6 @@ class TestWaiting:
             names = ", ".join(f"f{i:03d}" for i in range(5))
             until(lambda: echo.stderr.readline() == f"Known frames: {names} and 997 more\n")
 
-    def test_it_takes_the_transform_when_it_comes(self, peer):
-        with running("tf2_echo", "map", "robot", *WAIT, "--once") as echo:
-            until(lambda: "Waiting for transform" in echo.stderr.readline())
-            peer().send(("map", "robot", S, 1.0))
-            out, _ = echo.communicate(timeout=DEADLINE_S)
-        assert echo.returncode == 0
-        assert out.startswith("At time 1.000000000\n")
-
 
 def test_when_simulated_time_jumps_back_the_old_transforms_are_forgotten(peer):
     with running("tf2_echo", "map", "robot", "20", "--ros-args", "-p", "use_sim_time:=true") as echo:

@@ -2,19 +2,17 @@
 
 import os
 import re
-from xml.etree import ElementTree
 
 import pytest
 from processes import broadcasting, ended, needs_dot
+from test_pictures import groups
 
 from tf2_ros_tools.output import write_whole
 from tf2_ros_tools.programs.view_frames import output_files
 
 pytestmark = pytest.mark.ours
 
-ROBOT = {"map", "odom", "base_link", "camera"}
 LISTEN = ("-t", "4")
-SVG = "{http://www.w3.org/2000/svg}"
 TREE = re.compile(
     r"""map
   odom \(\d+ samples over [\d.]+ s, newest at \d+\.\d+\)
@@ -30,19 +28,6 @@ TREE = re.compile(
 def robot():
     with broadcasting() as process:
         yield process
-
-
-def frames(svg):
-    """The frames that a picture shows, and the texts at each arrow by its class."""
-    nodes, edges = set(), {}
-    for group in ElementTree.fromstring(svg).iter(f"{SVG}g"):
-        kinds = group.get("class", "").split()
-        texts = [text.text for text in group.iter(f"{SVG}text") if text.text.strip()]
-        if "frame" in kinds:
-            nodes.update(texts)
-        if "edge" in kinds and "legend" not in kinds:
-            edges.setdefault(kinds[-1], []).append(texts)
-    return nodes, edges
 
 
 @pytest.mark.parametrize(
@@ -84,11 +69,11 @@ class TestRobot:
         assert (status, out) == (0, "robot.gv\nrobot.svg\n")
         assert "Listening to tf data for 4.0 seconds..." in err
         assert "digraph" in (tmp_path / "robot.gv").read_text()
-        nodes, edges = frames((tmp_path / "robot.svg").read_bytes())
-        assert nodes == ROBOT
-        assert edges["static"] == [["/fleet/robot", "static"]]
-        assert len(edges["dynamic"]) == 2
-        for publisher, rate, delay, length in edges["dynamic"]:
+        svg = (tmp_path / "robot.svg").read_bytes()
+        assert sorted(groups(svg, "frame")) == [["base_link"], ["camera"], ["map"], ["odom"]]
+        assert groups(svg, "static") == [["/fleet/robot", "static"]]
+        assert len(groups(svg, "dynamic")) == 2
+        for publisher, rate, delay, length in groups(svg, "dynamic"):
             assert publisher == "/fleet/robot"
             assert 10 < float(re.fullmatch(r"([\d.]+) Hz", rate)[1]) < 60
             assert re.fullmatch(r"delay \d+\.\d ms, max \d+\.\d ms", delay)

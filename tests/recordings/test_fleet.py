@@ -23,12 +23,7 @@ psutil = pytest.importorskip("psutil")
 from deadly_worker import Deadly  # noqa: E402
 
 from tf2_ros import InvalidArgumentException  # noqa: E402
-from tf2_ros_tools.fleet import (  # noqa: E402
-    KEY,
-    find_recordings,
-    local_workers,
-    table_of,
-)
+from tf2_ros_tools.fleet import KEY, find_recordings, local_workers, table_of  # noqa: E402
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("needs Dask")]
 

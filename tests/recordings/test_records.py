@@ -1,7 +1,7 @@
 """Many serialised messages in one call, and the records of what was in them."""
 
 import pytest
-from making import S, transform
+from making import transform
 from rclpy.serialization import serialize_message
 
 from tf2_msgs.msg import TFMessage
@@ -21,38 +21,6 @@ MESSAGES = [
     ("/tf", 12, raw(transform("map", "odom", 3))),
 ]
 SOURCES = [MessageSource("/tf"), MessageSource("/tf_static", True)]
-
-
-def test_all_transforms_are_inserted_with_their_topic_as_authority():
-    buffer = BufferCore()
-    assert insert_messages(buffer, iter(MESSAGES), SOURCES) == 3
-    frames = buffer.frames()
-    assert (frames["odom"].count, frames["base"].count, frames["camera"].static) == (2, 1, True)
-    assert "broadcaster: '/tf_static'" in buffer.all_frames_as_yaml()
-
-
-def test_a_topic_may_be_an_object_and_have_a_prefix():
-    class Connection:
-        topic = "/robot/tf"
-
-    buffer = BufferCore()
-    messages = [(Connection, 1, raw(transform("map", "/base", 1)))]
-    insert_messages(buffer, messages, [MessageSource("/robot/tf", prefix="robot/")])
-    assert sorted(buffer.frames()) == ["robot/base", "robot/map"]
-
-
-def test_a_recording_says_what_was_in_them():
-    recording = Recording()
-    insert_messages(BufferCore(), MESSAGES, SOURCES, recording=recording)
-    frames, publishers = recording.frames(), recording.publishers()
-    assert [
-        (one["received_ns"], one["stamp_ns"], frames[one["parent"]], frames[one["child"]], one["static"])
-        for one in recording.take()
-    ] == [(10, S, "map", "odom", 0), (10, 2 * S, "odom", "base", 0), (11, 0, "base", "camera", 1)] + [
-        (12, 3 * S, "map", "odom", 0)
-    ]
-    assert publishers == [b"/tf", b"/tf_static"]
-    assert (recording.messages, recording.malformed, recording.lost) == (3, 0, 0)
 
 
 def test_what_a_small_recording_has_no_place_for_comes_in_arrays():

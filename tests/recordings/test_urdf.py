@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 from making_bags import FORMATS, S, Sent, Tf, drive, raw, write_mcap
-from robots import (
-    ARM,
-    FIXED,
-    JOINT_STATE,
-    NAMES,
-    description,
-    expected,
-    joint_state,
-    random_states,
-)
+from robots import ARM, FIXED, JOINT_STATE, NAMES, description, expected, joint_state, random_states
 
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf

@@ -16,6 +16,8 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
+pytestmark = pytest.mark.ours
+
 LONG = Duration(seconds=DEADLINE_S)
 SHORT = Duration(seconds=0.05)
 LATEST = Time()
@@ -84,7 +86,6 @@ def refusal(call, buffer, timeout):
 
 
 class TestTimeout:
-    @pytest.mark.ours
     @every_call
     def test_an_insert_wakes_it_and_others_do_not(self, buffer, later, call):
         def insert_both():
@@ -96,7 +97,6 @@ class TestTimeout:
         seconds, refused = refusal(call, buffer, LONG)
         assert refused is None and seconds < DEADLINE_S
 
-    @pytest.mark.ours
     @every_call
     @pytest.mark.parametrize("known", [[], [1]], ids=["unknown", "too old"])
     def test_the_error_is_that_of_the_lookup_and_says_last_how_long_was_waited(self, buffer, call, known):
@@ -108,7 +108,6 @@ class TestTimeout:
         assert text == f"{without}. Waited 0.05 s"
         assert 0.05 <= seconds < PROMPT_S
 
-    @pytest.mark.ours
     def test_a_timeout_of_microseconds_is_one(self, buffer, tf2_py):
         timeout = Duration(nanoseconds=200_000)
         waited = [
@@ -118,7 +117,6 @@ class TestTimeout:
         assert 0.0002 <= min(seconds for seconds, _ in waited) < 0.02
         assert {type(error) for _, error in waited} == {tf2_py.LookupException}
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("name", ["", "/map"])
     def test_an_invalid_name_is_not_waited_for(self, ros, tf2_ros, node, name):
         buffer = tf2_ros.Buffer(node=node)
@@ -128,7 +126,6 @@ class TestTimeout:
         assert not buffer.can_transform(name, "robot", LATEST, LONG)
 
 
-@pytest.mark.ours
 class TestEndOfTheWait:
     @pytest.mark.parametrize("with_node", [False, True])
     def test_shutting_down_ends_it(self, ros, tf2_ros, node, later, with_node):
@@ -186,22 +183,19 @@ class TestEndOfTheWait:
         assert errors.splitlines()[-1] == "KeyboardInterrupt"
 
 
-class TestNode:
-    @pytest.mark.ours
-    @pytest.mark.parametrize("with_node", [False, True])
-    def test_a_dropped_buffer_is_freed_at_once(self, tf2_ros, node, with_node):
-        buffer = tf2_ros.Buffer(node=node if with_node else None)
-        if with_node:
-            node.destroy_service(buffer.srv)
-        reference = weakref.ref(buffer)
-        del buffer
-        gc.collect()
-        assert reference() is None
-        # The clock must have forgotten it, too: it would call into freed memory.
-        node.set_parameters([Parameter("use_sim_time", value=True)])
+@pytest.mark.parametrize("with_node", [False, True])
+def test_a_dropped_buffer_is_freed_at_once(tf2_ros, node, with_node):
+    buffer = tf2_ros.Buffer(node=node if with_node else None)
+    if with_node:
+        node.destroy_service(buffer.srv)
+    reference = weakref.ref(buffer)
+    del buffer
+    gc.collect()
+    assert reference() is None
+    # The clock must have forgotten it, too: it would call into freed memory.
+    node.set_parameters([Parameter("use_sim_time", value=True)])
 
 
-@pytest.mark.ours
 class TestTimeJump:
     @pytest.fixture
     def full(self, tf2_ros, node):

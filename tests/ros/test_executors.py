@@ -176,7 +176,7 @@ class TestSpinOnce:
         sender.join()
 
 
-class TestCallbacksOfFutures:
+class TestPrograms:
     def test_one_transform_completes_futures_in_the_order_in_which_they_were_made(self, buffer):
         order = []
         buffer.set_transform(transform("odom", "robot", 2), "me")
@@ -186,11 +186,7 @@ class TestCallbacksOfFutures:
         buffer.set_transform(transform("map", "odom", 2), "me")
         assert order == [0, 1, 2, 3, 4]
 
-
-class TestProgramsThatReplaceParts:
-    """Whatever a program assigns to ``buffer`` is filled, and subscriptions may be made again."""
-
-    def test_a_buffer_of_another_kind(self, buffer, listener, executor, peer):
+    def test_a_buffer_of_another_kind_is_filled_once_it_is_assigned(self, buffer, listener, executor, peer):
         class Recorder:
             def __init__(self):
                 self.seen = []
@@ -206,8 +202,6 @@ class TestProgramsThatReplaceParts:
         until(lambda: recorder.seen, executor)
         assert recorder.seen == [("robot", "default_authority", threading.current_thread())]
 
-
-class TestProgramsOfTheirOwnKind:
     def test_a_node_that_wraps_the_callbacks_of_its_subscriptions(self, ros, tf2_ros, buffer, peer):
         received = []
 

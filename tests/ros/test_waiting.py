@@ -17,6 +17,8 @@ from rclpy.task import Task
 from rclpy.time import Time
 from spinning import at_once, spinning
 
+pytestmark = pytest.mark.ours
+
 LATEST = Time()
 SHORT = Duration(seconds=0.05)
 LONGER = Duration(seconds=1)  # than a busy machine needs for what a test does before its end
@@ -41,7 +43,6 @@ def insert(buffer, seconds=1.0, child="robot", parent="map", x=0.0):
 
 
 class TestCompletion:
-    @pytest.mark.ours
     @pytest.mark.parametrize("error", [asyncio.CancelledError, SystemExit, KeyboardInterrupt])
     def test_a_callback_that_raises_more_than_an_exception_delays_no_other(self, buffer, error):
         def fail(_):
@@ -55,7 +56,6 @@ class TestCompletion:
             insert(buffer)
         assert called == [first, second]
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("raises", [False, True])
     def test_it_is_done_when_its_callbacks_begin_and_awaits_wake_when_they_have_run(self, buffer, raises):
         future, within, may_end, seen = wait(buffer), threading.Event(), threading.Event(), []
@@ -86,16 +86,13 @@ class TestCompletion:
         asyncio.run(from_outside())
 
 
-class TestError:
-    @pytest.mark.ours
-    def test_a_name_that_can_never_be_found_ends_it_at_once(self, buffer, tf2_py):
-        future = buffer.wait_for_transform_async("", "robot", LATEST)
-        assert future.done()
-        with pytest.raises(tf2_py.InvalidArgumentException, match="cannot be empty"):
-            future.result()
+def test_a_name_that_can_never_be_found_ends_it_at_once(buffer, tf2_py):
+    future = buffer.wait_for_transform_async("", "robot", LATEST)
+    assert future.done()
+    with pytest.raises(tf2_py.InvalidArgumentException, match="cannot be empty"):
+        future.result()
 
 
-@pytest.mark.ours
 class TestPolicy:
     def test_a_tolerance_answers_early(self, buffer):
         future = wait(buffer, at(5), tolerance=1.5)
@@ -114,7 +111,6 @@ class TestPolicy:
             asyncio.run(look_up("map", "robot", at(5), tolerence=1))
 
 
-@pytest.mark.ours
 class TestTimeout:
     def test_its_text_has_the_time_and_the_reason(self, buffer, tf2_py):
         future, longer = wait(buffer, timeout=SHORT), wait(buffer, timeout=LONGER)
@@ -179,7 +175,6 @@ class Long:
         self.nanoseconds = nanoseconds
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize(
     "timeout", [Infinite, Long(2**63), Long(float("inf"))], ids=["Infinite", "long", "inf"]
 )
@@ -208,7 +203,6 @@ def deadline_threads():
     return sum(thread.name == "tf2_ros deadlines" for thread in threading.enumerate())
 
 
-@pytest.mark.ours
 class TestEndOfTheWait:
     def test_a_result_from_elsewhere_ends_it(self, buffer):
         for end in (lambda f: f.set_result("mine"), lambda f: f.set_exception(KeyError("mine"))):
@@ -248,7 +242,6 @@ class TestEndOfTheWait:
         assert future.result() is not None
 
 
-@pytest.mark.ours
 def test_no_insert_is_lost_between_the_lookup_and_the_wait(buffer):
     """Each round, an insert and a wait for it begin together; one that misses the other waits for ever."""
     rounds, start, futures = 3000, threading.Barrier(2), []
@@ -267,7 +260,6 @@ def test_no_insert_is_lost_between_the_lookup_and_the_wait(buffer):
     assert [stamp_ns(future.result()) for future in futures] == [(1 + i) * 10**9 for i in range(rounds)]
 
 
-@pytest.mark.ours
 def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
     """All at once, many times: a future ends once, and its callback is called once."""
 
@@ -284,7 +276,6 @@ def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
         play(i)
 
 
-@pytest.mark.ours
 class TestShutdown:
     @pytest.mark.parametrize("full", [False, True])
     def test_asyncio_awaits_no_longer(self, ros, tf2_ros, node, full):
@@ -336,7 +327,6 @@ async def await_it(future):
 
 
 class TestAwaiting:
-    @pytest.mark.ours
     def test_it_is_awaited_by_a_task_that_its_executor_skips_while_it_falls_asleep(
         self, buffer, ros, monkeypatch
     ):
@@ -368,7 +358,6 @@ class TestAwaiting:
             insert(buffer)
             until(task.done)
 
-    @pytest.mark.ours
     def test_one_that_is_cancelled_leaves_nothing_on_the_future(self, buffer):
         future = wait(buffer)
 
@@ -399,7 +388,6 @@ class TestAwaiting:
 
         asyncio.run(asyncio.wait_for(main(), DEADLINE_S))
 
-    @pytest.mark.ours
     def test_what_awaits_or_has_callbacks_goes_with_its_buffer(self, tf2_ros, node):
         buffer = tf2_ros.Buffer()
         node.listener = tf2_ros.TransformListener(buffer, node)

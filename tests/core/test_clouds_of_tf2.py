@@ -56,35 +56,35 @@ def test_a_stamped_transform_gives_its_frame_a_bare_one_leaves_it(t, floats):
     assert columns_of(stamped) == columns_of(bare) == {"x": [11, 14], "y": [22, 25], "z": [33, 36]}
 
 
-@pytest.mark.parametrize("kind", WHOLE)
-def test_whole_coordinates_are_cut_off(kind):
-    columns = [(axis, kind) for axis in "xyz"]
-    points = [(1, 2, 3), (100, 7, 0)] if kind[0] == "u" else [(1, -2, 3), (100, 7, -4)]
-    got = tf2_sensor_msgs.do_transform_cloud(
-        cloud(columns, points), transform("map", "base", 1, (0.5, 0.25, 0.75))
-    )
-    wanted = {
-        axis: [math.trunc(point[i] + moved) for point in points]
-        for i, (axis, moved) in enumerate((("x", 0.5), ("y", 0.25), ("z", 0.75)))
-    }
-    assert columns_of(got) == wanted
-
-
-def test_whole_coordinates_turn():
-    got = tf2_sensor_msgs.do_transform_cloud(
-        cloud([(axis, "i2") for axis in "xyz"], [(1000, 0, 0), (0, 1000, 5)]),
-        transform("map", "base", 1, (0.5, 0.5, 0.5), about_z(math.pi / 2)),
-    )
-    assert columns_of(got) == {"x": [0, -999], "y": [1000, 0], "z": [0, 5]}
+LITTLE = transform("map", "base", 1, (0.5, 0.25, 0.75))
+TURNED = transform("map", "base", 1, (0.5, 0.5, 0.5), about_z(math.pi / 2))
+FAR = transform("map", "base", 7, (10, 20, 30))
 
 
 @pytest.mark.parametrize(
-    "kinds", [("f4", "f8", "f4"), ("i2", "f4", "u1"), ("u4", "i4", "f8"), ("i4", "f4", "f4")]
+    ("kinds", "t", "points", "wanted"),
+    [
+        # Whole coordinates are cut off.
+        *[((kind,) * 3, LITTLE, [(1, 2, 3), (100, 7, 0)], [(1, 2, 3), (100, 7, 0)]) for kind in WHOLE],
+        *[((kind,) * 3, LITTLE, [(1, -2, 3), (9, 7, -4)], [(1, -1, 3), (9, 7, -3)]) for kind in WHOLE[::2]],
+        (("i2",) * 3, TURNED, [(1000, 0, 0), (0, 1000, 5)], [(0, 1000, 0), (-999, 0, 5)]),
+        *[
+            (kinds, FAR, [(1, 2, 3), (4, 5, 6)], [(11, 22, 33), (14, 25, 36)])
+            for kinds in (
+                ("f4", "f8", "f4"),
+                ("i2", "f4", "u1"),
+                ("u4", "i4", "f8"),
+                ("i4", "f4", "f4"),
+            )
+        ],
+    ],
 )
-def test_coordinates_of_different_types_are_transformed(t, kinds):
+def test_coordinates_of_any_types_are_transformed_and_other_fields_stay(kinds, t, points, wanted):
     columns = [*zip("xyz", kinds, strict=True), ("intensity", "f4")]
-    got = tf2_sensor_msgs.do_transform_cloud(cloud(columns, [(1, 2, 3, 0.5), (4, 5, 6, 0.25)]), t)
-    assert columns_of(got) == {"x": [11, 14], "y": [22, 25], "z": [33, 36], "intensity": [0.5, 0.25]}
+    got = tf2_sensor_msgs.do_transform_cloud(cloud(columns, [(*point, 0.5) for point in points]), t)
+    columns = columns_of(got)
+    assert columns.pop("intensity") == [0.5, 0.5]
+    assert [*zip(*columns.values(), strict=True)] == wanted
 
 
 def test_a_zero_rotation_counts_as_none(t, floats):

@@ -21,11 +21,7 @@ from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, require, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError
-from tf2_ros_tools.tables import (
-    as_parquet,
-    look_up_frames,
-    times_when,
-)
+from tf2_ros_tools.tables import as_parquet, look_up_frames, times_when
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -15,16 +15,7 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
 from tf2_ros_tools import foxglove
-from tf2_ros_tools.converting import (
-    JOINT_STATE,
-    ODOMETRY,
-    POSES,
-    Frames,
-    Joints,
-    Poses,
-    Source,
-    converted,
-)
+from tf2_ros_tools.converting import JOINT_STATE, ODOMETRY, POSES, Frames, Joints, Poses, Source, converted
 from tf2_ros_tools.output import first_names, printable, require
 from tf2_ros_tools.reading import (
     TF_TYPES,

@@ -64,7 +64,12 @@ class MissingLibraryError(ModuleNotFoundError):
 
 
 def require(library: str, extra: str) -> None:
-    """Raise a MissingLibraryError unless a library is installed, which an extra of this project installs."""
+    """
+    Raise a MissingLibraryError unless a library is installed.
+
+    :param library: the name under which it is imported.
+    :param extra: of this project; installs it.
+    """
     if find_spec(library) is None:
         text = f"{library} is not installed: pip install 'tf2-ros-cython[{extra}]'"
         raise MissingLibraryError(text, name=library)

@@ -14,24 +14,9 @@ from tf2_py import BufferCore, TransformException
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.findings import Limits, longest_interval
 from tf2_ros_tools.output import rpy_from_matrices
-from tf2_ros_tools.pictures import (
-    BLUE,
-    GAP,
-    GREEN,
-    ORANGE,
-    VERMILION,
-    Records,
-    label,
-    show_times,
-    style,
-)
+from tf2_ros_tools.pictures import BLUE, GAP, GREEN, ORANGE, VERMILION, Records, label, show_times, style
 from tf2_ros_tools.program import RunError
-from tf2_ros_tools.streams import (
-    Stream,
-    moving_on,
-    newest_streams,
-    stamps_on,
-)
+from tf2_ros_tools.streams import Stream, moving_on, newest_streams, stamps_on
 from tf2_ros_tools.tables import look_up, why_unanswered
 
 S = 1_000_000_000

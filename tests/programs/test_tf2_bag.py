@@ -54,61 +54,58 @@ def rows_of(text):
     return stamps, [[float(row[name]) for name in COLUMNS] for row in rows], [row["valid"] for row in rows]
 
 
-class TestLookup:
-    def test_all_formats_hold_the_same(self, run, drive_mcap, tmp_path):
-        parquet = pytest.importorskip("pyarrow.parquet")
+def test_all_formats_of_a_lookup_hold_the_same(run, drive_mcap, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
 
-        ends = ("map", "camera", "--times", "1", "100.123456789", "105")
-        stamps, poses, valid = rows_of(run("lookup", drive_mcap, *ends)[1])
-        for name in ("a.csv", "a.tum", "a.parquet"):
-            assert run("lookup", drive_mcap, *ends, "-o", tmp_path / name)[:2] == (0, f"{tmp_path / name}\n")
-        of_csv = rows_of((tmp_path / "a.csv").read_text())
-        assert (of_csv[0], of_csv[2]) == (stamps, valid)
-        assert np.array_equal(of_csv[1], poses, equal_nan=True)
-        lines = (tmp_path / "a.tum").read_text().splitlines()
-        assert [line.split()[0] for line in lines] == ["100.123456789", "105.000000000"]
-        assert [[*map(float, line.split()[1:])] for line in lines] == poses[1:]
-        table = parquet.read_table(tmp_path / "a.parquet").to_pydict()
-        assert list(table) == ["file", "stamp", *COLUMNS, "valid", "gap"]
-        assert (table["file"], table["stamp"]) == ([drive_mcap] * 3, stamps)
-        assert table["valid"] == [False, True, True]
-        assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses, equal_nan=True)
-        assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.parquet", "a.tum"]
-
-
-class TestInfo:
-    def test_json_has_the_same(self, run, drive_mcap):
-        said = json.loads(run("info", drive_mcap, "--json")[1])
-        assert said["bytes"] == os.path.getsize(drive_mcap)
-        assert [(topic["name"], topic["msgtype"], topic["count"]) for topic in said["topics"]] == [
-            ("/scan", "sensor_msgs/msg/LaserScan", 12),
-            ("/tf", "tf2_msgs/msg/TFMessage", 100),
-            ("/tf_static", "tf2_msgs/msg/TFMessage", 2),
-        ]
-        assert (said["begin"], said["end"], said["transforms"]) == (100.0, 110.0, 202)
-        frames = {stream["frame"]: stream for stream in said["streams"]}
-        assert set(frames) == {"odom", "base", "camera", "lidar"}
-        assert frames["odom"]["rate"] == pytest.approx(10.0)
-        assert frames["odom"]["gap"] == pytest.approx(0.1)
-        assert said["findings"] == []
+    ends = ("map", "camera", "--times", "1", "100.123456789", "105")
+    stamps, poses, valid = rows_of(run("lookup", drive_mcap, *ends)[1])
+    for name in ("a.csv", "a.tum", "a.parquet"):
+        assert run("lookup", drive_mcap, *ends, "-o", tmp_path / name)[:2] == (0, f"{tmp_path / name}\n")
+    of_csv = rows_of((tmp_path / "a.csv").read_text())
+    assert (of_csv[0], of_csv[2]) == (stamps, valid)
+    assert np.array_equal(of_csv[1], poses, equal_nan=True)
+    lines = (tmp_path / "a.tum").read_text().splitlines()
+    assert [line.split()[0] for line in lines] == ["100.123456789", "105.000000000"]
+    assert [[*map(float, line.split()[1:])] for line in lines] == poses[1:]
+    table = parquet.read_table(tmp_path / "a.parquet").to_pydict()
+    assert list(table) == ["file", "stamp", *COLUMNS, "valid", "gap"]
+    assert (table["file"], table["stamp"]) == ([drive_mcap] * 3, stamps)
+    assert table["valid"] == [False, True, True]
+    assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses, equal_nan=True)
+    assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.parquet", "a.tum"]
 
 
-class TestCheck:
-    def test_of_a_saved_buffer_no_delay_is_known(self, run, tmp_path, tf2_ros):
-        buffer = tf2_ros.Buffer()
-        for i in range(100):
-            stamp = 1_795_000_000 + i / 20
-            buffer.set_transform(transform("map", "odom", stamp), "here")
-            buffer.set_transform(transform("odom", "base", stamp - 6), "a publisher that is late")
-        buffer.save(tmp_path / "saved.mcap")
-        status, out, _ = run("check", tmp_path / "saved.mcap", "--max-delay", "0")
-        assert (status, out[:27]) == (0, "ok: no findings in 3 frames")
-        _, out, _ = run("info", tmp_path / "saved.mcap")
-        assert "  base: parent odom, publisher /tf, 20.0 Hz, longest gap 0.05 s\n" in out
-        assert "\nsaved by a buffer, which keeps stamps but no times of reception: no delays\n" in out
-        _, out, _ = run("info", tmp_path / "saved.mcap", "--json")
-        found = json.loads(out)
-        assert found["saved"] and {one["delay"] for one in found["streams"]} == {None}
+def test_json_of_info_has_the_same(run, drive_mcap):
+    said = json.loads(run("info", drive_mcap, "--json")[1])
+    assert said["bytes"] == os.path.getsize(drive_mcap)
+    assert [(topic["name"], topic["msgtype"], topic["count"]) for topic in said["topics"]] == [
+        ("/scan", "sensor_msgs/msg/LaserScan", 12),
+        ("/tf", "tf2_msgs/msg/TFMessage", 100),
+        ("/tf_static", "tf2_msgs/msg/TFMessage", 2),
+    ]
+    assert (said["begin"], said["end"], said["transforms"]) == (100.0, 110.0, 202)
+    frames = {stream["frame"]: stream for stream in said["streams"]}
+    assert set(frames) == {"odom", "base", "camera", "lidar"}
+    assert frames["odom"]["rate"] == pytest.approx(10.0)
+    assert frames["odom"]["gap"] == pytest.approx(0.1)
+    assert said["findings"] == []
+
+
+def test_of_a_saved_buffer_no_delay_is_known(run, tmp_path, tf2_ros):
+    buffer = tf2_ros.Buffer()
+    for i in range(100):
+        stamp = 1_795_000_000 + i / 20
+        buffer.set_transform(transform("map", "odom", stamp), "here")
+        buffer.set_transform(transform("odom", "base", stamp - 6), "a publisher that is late")
+    buffer.save(tmp_path / "saved.mcap")
+    status, out, _ = run("check", tmp_path / "saved.mcap", "--max-delay", "0")
+    assert (status, out[:27]) == (0, "ok: no findings in 3 frames")
+    _, out, _ = run("info", tmp_path / "saved.mcap")
+    assert "  base: parent odom, publisher /tf, 20.0 Hz, longest gap 0.05 s\n" in out
+    assert "\nsaved by a buffer, which keeps stamps but no times of reception: no delays\n" in out
+    _, out, _ = run("info", tmp_path / "saved.mcap", "--json")
+    found = json.loads(out)
+    assert found["saved"] and {one["delay"] for one in found["streams"]} == {None}
 
 
 class TestPictures:
@@ -163,17 +160,17 @@ class TestBatch:
         assert err == "tf2_bag batch: interrupted; the same command does the rest\n"
 
 
-class TestView:
-    def test_without_a_screen_it_says_so_in_one_line(self, drive_mcap):
-        pytest.importorskip("rerun")
-        screens = {"DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"}
-        bare = {name: value for name, value in os.environ.items() if name not in screens}
-        status, out, err = ended("tf2_bag", "view", drive_mcap, env=bare)
-        assert (status, out, err.count("\n")) == (1, "", 1), err
-        assert err.startswith("tf2_bag view: the viewer of rerun did not open: there is no screen (neither ")
-        assert err.endswith(" is set); -o FILE does not need a screen\n")
+def test_without_a_screen_it_says_so_in_one_line(drive_mcap):
+    pytest.importorskip("rerun")
+    screens = {"DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"}
+    bare = {name: value for name, value in os.environ.items() if name not in screens}
+    status, out, err = ended("tf2_bag", "view", drive_mcap, env=bare)
+    assert (status, out, err.count("\n")) == (1, "", 1), err
+    assert err.startswith("tf2_bag view: the viewer of rerun did not open: there is no screen (neither ")
+    assert err.endswith(" is set); -o FILE does not need a screen\n")
 
 
+# The program tf2_bag, in a Python that cannot import the packages of ROS.
 WITHOUT_ROS = """
 import sys
 names = "rclpy geometry_msgs std_msgs sensor_msgs builtin_interfaces rcl_interfaces action_msgs rpyutils"
@@ -183,22 +180,21 @@ sys.exit(main())
 """
 
 
-class TestWithoutRos:
-    @pytest.mark.parametrize(
-        "arguments",
-        [
-            ["info"],
-            ["check", "--json"],
-            ["lookup", "map", "camera", "--at", "/scan"],
-            ["tree"],
-            ["plot", "--path", "map", "camera", "-o", "way.svg"],
-        ],
-        ids=lambda arguments: arguments[0],
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["info"],
+        ["check", "--json"],
+        ["lookup", "map", "camera", "--at", "/scan"],
+        ["tree"],
+        ["plot", "--path", "map", "camera", "-o", "way.svg"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_without_ros_it_prints_the_same(run, drive_mcap, tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    command = [arguments[0], drive_mcap, *arguments[1:]]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_ROS, *command], text=True, capture_output=True, timeout=DEADLINE_S
     )
-    def test_it_prints_the_same(self, run, drive_mcap, tmp_path, monkeypatch, arguments):
-        monkeypatch.chdir(tmp_path)
-        command = [arguments[0], drive_mcap, *arguments[1:]]
-        done = subprocess.run(
-            [sys.executable, "-c", WITHOUT_ROS, *command], text=True, capture_output=True, timeout=DEADLINE_S
-        )
-        assert (done.returncode, done.stdout, done.stderr) == run(*command)
+    assert (done.returncode, done.stdout, done.stderr) == run(*command)

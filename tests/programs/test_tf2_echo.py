@@ -56,15 +56,14 @@ def listed(numbers):
     return "[" + ", ".join(f"{number:.3f}" for number in numbers) + "]"
 
 
-class TestWaiting:
-    def test_the_known_frames_are_told_and_cannot_write_a_line_of_their_own(self, peer):
-        with running("tf2_echo", "map", "robot") as echo:
-            talker = peer()
-            talker.send(("map", "x\x1b[2J\n[INFO]", S, 1.0))
-            until(lambda: echo.stderr.readline() == "Known frames: map, x\\x1b[2J\\n[INFO]\n")
-            talker.send(*((f"f{i:03d}", f"f{i + 1:03d}", S, 1.0) for i in range(999)))
-            names = ", ".join(f"f{i:03d}" for i in range(5))
-            until(lambda: echo.stderr.readline() == f"Known frames: {names} and 997 more\n")
+def test_the_known_frames_are_told_and_cannot_write_a_line_of_their_own(peer):
+    with running("tf2_echo", "map", "robot") as echo:
+        talker = peer()
+        talker.send(("map", "x\x1b[2J\n[INFO]", S, 1.0))
+        until(lambda: echo.stderr.readline() == "Known frames: map, x\\x1b[2J\\n[INFO]\n")
+        talker.send(*((f"f{i:03d}", f"f{i + 1:03d}", S, 1.0) for i in range(999)))
+        names = ", ".join(f"f{i:03d}" for i in range(5))
+        until(lambda: echo.stderr.readline() == f"Known frames: {names} and 997 more\n")
 
 
 def test_when_simulated_time_jumps_back_the_old_transforms_are_forgotten(peer):
@@ -82,12 +81,11 @@ def test_when_simulated_time_jumps_back_the_old_transforms_are_forgotten(peer):
         until(forgotten)
 
 
-class TestEnd:
-    def test_who_asks_the_robot_for_its_frames_is_not_answered_by_it(self, node):
-        with running("tf2_echo", "map", "robot"):
-            until(lambda: "tf2_echo" in node.get_node_names())
-            # It exists for a moment, until the program has removed it.
-            until(lambda: "/tf2_frames" not in [name for name, _ in node.get_service_names_and_types()])
+def test_who_asks_the_robot_for_its_frames_is_not_answered_by_it(node):
+    with running("tf2_echo", "map", "robot"):
+        until(lambda: "tf2_echo" in node.get_node_names())
+        # It exists for a moment, until the program has removed it.
+        until(lambda: "/tf2_frames" not in [name for name, _ in node.get_service_names_and_types()])
 
 
 class TestRpy:

@@ -141,7 +141,8 @@ def test_the_newest_transform_is_sent_once():
         return [stamp_ns(one) // S for one in relay.dynamic_transforms(0.0, 0)]
 
     assert [sent_after(1, 3, 2), sent_after(), sent_after(4)] == [[3], [], [4]]
-    buffer.clear()  # because simulated time went back
+    # Simulated time goes back, so the listener clears the buffer.
+    buffer.clear()
     assert sent_after(1) == [1]
 
 

@@ -166,6 +166,7 @@ class TestNetDelay:
         streams.add(records(steady("odom", rate=100, end=2, delay=1.0)))
         streams.add(records(steady("odom", rate=100, start=2, end=3.5, delay=0.1)))
         odom = [FRAMES.index("odom")]
+        # The window begins at 1.5 s, within the first of the two.
         mean, most = streams.net_delay(odom, at(3.5))
         assert 0.1 < mean < 0.5 and most == pytest.approx(1.01)
         streams.add(records(steady("odom", rate=100, start=3.5, end=6, delay=0.1)))

@@ -172,12 +172,9 @@ class TestEndOfTheNode:
     )
     @pytest.mark.parametrize("awaited", [True, False])
     def test_queued_futures_end_without_their_callbacks(
-        self, tf2_ros, ros, peer, names, note, end, text, awaited
+        self, tf2_ros, ros, buffer, peer, names, note, end, text, awaited
     ):
-        context = ros.Context()
-        context.init(domain_id=ros.get_default_context().get_domain_id())
-        node = ros.create_node("dropped", context=context)
-        buffer = tf2_ros.Buffer()
+        node = ros.create_node("dropped")
         listener = tf2_ros.TransformListener(buffer, node)
         future = wait(buffer, note)
         peer().send(("map", "robot", 10**9, 1))
@@ -192,7 +189,7 @@ class TestEndOfTheNode:
         if end == "destroyed":
             node.destroy_node()
         elif end == "shut down":
-            context.shutdown()
+            ros.shutdown()
         else:
             del listener, node
             gc.collect()
@@ -200,7 +197,6 @@ class TestEndOfTheNode:
             asyncio.run(main()) if awaited else until(future.done) and future.result()
         assert names == []
         assert not buffer._tf2_kept
-        context.try_shutdown()
 
     def test_calls_that_are_put_afterwards_are_dropped(self, new_node, note, names):
         node = new_node("dropped")

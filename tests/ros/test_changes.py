@@ -60,21 +60,17 @@ class TestIterator:
 
         assert asyncio.run(follow()) == 2 * S
 
-    def test_it_ends_with_the_context(self, ros, tf2_ros):
-        context = ros.Context()
-        ros.init(context=context)
-        node = ros.create_node("followed", context=context)
+    def test_it_ends_with_the_context(self, ros, tf2_ros, node):
         buffer, seen = tf2_ros.Buffer(node=node), []
 
         async def follow():
             insert(buffer, 1)
             async for one in buffer.changes("map", "base"):
                 seen.append(stamp_ns(one))
-                context.shutdown()
+                ros.shutdown()
 
         asyncio.run(follow())
         assert seen == [S]
-        node.destroy_node()
 
 
 class TestCallbacks:

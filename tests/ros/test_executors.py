@@ -10,7 +10,7 @@ from making import at, transform
 from processes import DEADLINE_S, until
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning import shut_down_at_sleep, spinning
+from spinning import knows, shut_down_at_sleep, spinning
 
 from tf2_ros._wait.callbacks import callback_queue
 
@@ -18,10 +18,6 @@ S = 10**9
 LATEST = Time()
 LONG_S = 60.0  # a wait that nothing but a transform ends
 QUIET_S = 0.3  # a wait that nothing ends
-
-
-def knows(buffer, child, parent="map", time=LATEST):
-    return lambda: buffer.can_transform(parent, child, time)
 
 
 def arrived(listener, count):

@@ -32,11 +32,6 @@ def test_no_first_use_of_a_buffer_imports_anything():
     assert json.loads(output_of(PROGRAMS / "first_uses.py")) == []
 
 
-def test_a_child_whose_parent_had_no_ros_has_all_of_it():
-    """As with multiprocessing in a program that only imports this."""
-    assert output_of(PROGRAMS / "forks_first.py") == "True\n"
-
-
 def test_a_child_says_that_its_listeners_receive_nothing(tf2_ros, node, buffer, caplog):
     with tf2_ros.TransformListener(buffer, node) as listener:
 

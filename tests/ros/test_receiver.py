@@ -12,6 +12,7 @@ from making import at, translation
 from processes import DEADLINE_S, errors_so_far, until
 from rclpy.duration import Duration
 from rclpy.time import Time
+from spinning import knows
 
 from tf2_msgs.msg import TFMessage
 
@@ -19,10 +20,6 @@ pytestmark = pytest.mark.ours
 
 S = 10**9
 LATEST = Time()
-
-
-def knows(buffer, child, parent="map", time=LATEST):
-    return lambda: buffer.can_transform(parent, child, time)
 
 
 def taken(buffer):

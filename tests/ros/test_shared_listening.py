@@ -13,7 +13,7 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sharing import new_name, ring_threads
-from spinning import at_once
+from spinning import at_once, knows
 
 from tf2_ros import Buffer, TransformListener
 from tf2_ros._shared.naming import segment_path
@@ -44,10 +44,6 @@ def shared(monkeypatch):
 
 
 LATEST = Time()
-
-
-def knows(buffer, child, time=LATEST):
-    return lambda: buffer.can_transform("map", child, time)
 
 
 def arrive(sender, buffer, child, *transforms):
@@ -234,12 +230,12 @@ def test_spin_once_comes_back_for_what_arrives(node, executor, new_node):
     with TransformListener(owner, new_node("owning")):
         assert is_attached(TransformListener(buffer, node))
         for number in range(1, 6):
-            assert not knows(buffer, "robot", at_ns(number * S))()
+            assert not knows(buffer, "robot", time=at_ns(number * S))()
             while executor_came_back(executor, 0.05):
                 pass
             threading.Timer(0.1, owner.set_transform, [transform("map", "robot", number), "owner"]).start()
             assert executor_came_back(executor, DEADLINE_S)
-            until(knows(buffer, "robot", at_ns(number * S)))
+            until(knows(buffer, "robot", time=at_ns(number * S)))
     owner._tf2_sharing.close()
 
 

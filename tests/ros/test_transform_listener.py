@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from spinning import shut_down_at_sleep
+from spinning import knows, shut_down_at_sleep
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros._wait.callbacks import callback_queue
@@ -73,10 +73,6 @@ def test_programs_may_use_every_name_that_tf2_does_not(tf2_ros, node, executor, 
     buffer.time_jump_callback(None)
     listener.unregister()
     assert not knows(buffer, "robot")()
-
-
-def knows(buffer, child, parent="map", time=LATEST):
-    return lambda: buffer.can_transform(parent, child, time)
 
 
 def x_of(buffer, child, parent="map", time=LATEST):

@@ -9,9 +9,11 @@ import rclpy
 from processes import DEADLINE_S, until
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.time import Time
 from rclpy.waitable import NumberOfEntities, Waitable
 
 EXECUTOR = "the executor"
+LATEST = Time()
 
 
 @contextmanager
@@ -52,6 +54,11 @@ def spun_node(name):
     finally:
         node.destroy_node()
         context.try_shutdown()
+
+
+def knows(buffer, child, parent="map", time=LATEST):
+    """A condition for `until`: a frame can be looked up in its parent."""
+    return lambda: buffer.can_transform(parent, child, time)
 
 
 def shut_down_quietly(context):

@@ -2,12 +2,12 @@
 
 import os
 import re
-import subprocess
 import sys
 
 import pytest
 from installing import checkout_copy, reuse_builds
 from paths import ROOT, TESTS
+from processes import run
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("compiles an extension"), pytest.mark.timeout(1200)]
 
@@ -17,23 +17,16 @@ BLOCKS = dict(re.findall(r"^```cython\n# (\S+)\n(.*?)^```$", PAGE, re.MULTILINE 
 TYPE = "PolygonInstanceStamped"
 
 
-def run(folder, *arguments):
+def run_in(folder, *arguments):
     """In a folder whose packages precede those of the project."""
     environment = {**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{ROOT}"}
-    return subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
+    return run(sys.executable, *arguments, cwd=folder, env=environment)
 
 
 def run_tests(folder, *files):
     paths = [str(TESTS / "core" / file) for file in files]
     options = ["-q", "-p", "no:cacheprovider", "-c", str(ROOT / "pyproject.toml"), "-k", f"{TYPE} or stub"]
-    return run(folder, "-m", "pytest", *options, *paths)
+    return run_in(folder, "-m", "pytest", *options, *paths)
 
 
 def insert_row(table, row):
@@ -53,14 +46,14 @@ def folder(tmp_path_factory):
     source, table = package / "_geometry.pyx", package / "_types.py"
     source.write_text(source.read_text() + "\n\n" + BLOCKS["tf2_geometry_msgs/_geometry.pyx"])
     table.write_text(insert_row(table.read_text(), BLOCKS["tf2_geometry_msgs/_types.py"]))
-    done = run(folder, "setup.py", "-q", "build_ext", "--inplace")
+    done = run_in(folder, "setup.py", "-q", "build_ext", "--inplace")
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 
 
 def test_the_function_and_the_class_import_from_the_package(folder):
     names = f"do_transform_polygon_instance_stamped, {TYPE}"
-    done = run(folder, "-c", f"from tf2_geometry_msgs import {names}; print({TYPE}.__name__)")
+    done = run_in(folder, "-c", f"from tf2_geometry_msgs import {names}; print({TYPE}.__name__)")
     assert (done.stdout.split(), done.stderr) == ([TYPE], "")
 
 
@@ -77,5 +70,5 @@ def test_the_tests_of_all_types_hold_for_the_new_one_and_ask_for_its_stub(folder
 
 def test_a_program_registers_a_type_of_its_own(tmp_path):
     [program] = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-    done = run(tmp_path, "-c", program)
+    done = run_in(tmp_path, "-c", program)
     assert (done.stdout, done.stderr) == ("2.0\n", "")

@@ -25,7 +25,7 @@ from pages import (
     run_program,
 )
 from paths import ROOT
-from processes import DEADLINE_S
+from processes import DEADLINE_S, output_of
 from sources import PYPROJECT, words_of_sources
 
 pytestmark = pytest.mark.ours
@@ -71,7 +71,7 @@ SHOWN_TESTS = [
 @pytest.mark.parametrize("code", SHOWN_TESTS)
 def test_the_tests_of_a_page_pass(code, tmp_path):
     (tmp_path / "test_page.py").write_text(code, encoding="utf-8")
-    run([sys.executable, "-m", "pytest", "--rootdir", tmp_path, "test_page.py"], tmp_path)
+    output_of("-m", "pytest", "--rootdir", tmp_path, "test_page.py", cwd=tmp_path)
 
 
 @pytest.mark.long("waits for discovery, twice")
@@ -82,11 +82,11 @@ def test_the_programs_show_the_first_robot_as_the_page_says(command, tmp_path):
     [shown] = re.findall(rf"^```sh\n{command}\n```\n\n```text\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     name, *arguments = command.split()
     ending = ["--once", "--wait", str(DEADLINE_S)] if name == "tf2_echo" else []
-    started = [sys.executable, "-m", f"tf2_ros_tools.programs.{name}", *arguments, *ending]
+    started = ["-m", f"tf2_ros_tools.programs.{name}", *arguments, *ending]
     signed = re.compile(r"-?\d+")
     with programs_beside(page, tmp_path):
         # On a busy machine a program may end before it has found the robot.
-        printed = (signed.sub("#", run(started, tmp_path).stdout) for _ in range(4))
+        printed = (signed.sub("#", output_of(*started, cwd=tmp_path)) for _ in range(4))
         assert any(one.startswith(signed.sub("#", shown)) for one in printed)
 
 
@@ -165,14 +165,8 @@ def test_the_commands_of_a_page_name_options_targets_and_extras_that_exist(page)
                 assert (ROOT / path).is_file() or path in FILES, words
 
 
-def run(command, folder):
-    ended = subprocess.run(command, cwd=folder, text=True, capture_output=True, timeout=3 * DEADLINE_S)
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-    return ended
-
-
 def test_the_figures_of_lookups_are_those_of_the_results():
-    rows = run([sys.executable, ROOT / "docs" / "speed.py"], ROOT).stdout.splitlines()
+    rows = output_of(ROOT / "docs" / "speed.py", cwd=ROOT).splitlines()
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
     assert [row for row in rows if row not in page] == []
 

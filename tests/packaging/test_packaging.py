@@ -12,6 +12,7 @@ import zipfile
 import pytest
 from installing import Prefix, backend_at, checkout_copy, sourced, unsourced
 from paths import ROOT
+from processes import run
 
 # By its place and not by the path: the path must not make the checkout's packages importable.
 build_backend = backend_at(ROOT / "build_backend", "build_backend")
@@ -107,14 +108,8 @@ def without_editable_installs(folder):
 @pytest.mark.parametrize("package", ["tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs"])
 def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
     project = checkout_copy(tmp_path / "project")
-    ended = subprocess.run(
-        [sys.executable, "-c", f"import {package}"],
-        cwd=project,
-        env=without_editable_installs(tmp_path),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    environment = without_editable_installs(tmp_path)
+    ended = run(sys.executable, "-c", f"import {package}", cwd=project, env=environment)
     assert ended.returncode == 1
     [error] = [line for line in ended.stderr.splitlines() if line.startswith("ModuleNotFoundError: tf2_py.")]
     assert f" is missing: {project} is not built for Python " in error

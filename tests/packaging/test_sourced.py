@@ -10,6 +10,7 @@ import installing
 import numpy
 import pytest
 from installing import OURS, SITE, Prefix, sourced, unsourced
+from processes import run
 
 pytestmark = [
     pytest.mark.ours,
@@ -54,9 +55,8 @@ class Installation:
         self.python, self.home, self.environment = python, home, environment
 
     def run(self, environment, *arguments):
-        return installing.run(
-            [self.python, *arguments], {**environment, **self.environment}, self.python.parent
-        )
+        # In a folder that holds none of ours.
+        return run(self.python, *arguments, env={**environment, **self.environment}, cwd=self.python.parent)
 
     def owners(self, environment):
         ended = self.run(environment, "-c", OWNERS)

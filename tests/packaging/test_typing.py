@@ -6,14 +6,13 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from pages import PAGES, blocks, program, provide_torch
 from paths import ROOT, SUPPORT
-from processes import DEADLINE_S
+from processes import run
 from sources import modules
 
 pytestmark = [
@@ -32,20 +31,12 @@ WITHOUT_ROS = "installing.md"
 # Has mypy's settings. Messages have no types: mypy takes them for Any, pyright reads their source.
 SETTINGS = ROOT / "docs" / "testing.md"
 OF_MESSAGES = "# wrong for pyright"
-CHECK_S = 15 * DEADLINE_S  # a checker reads NumPy's types, too
 
 
-def run(folder, module, *arguments, **environment):
+def run_module(folder, module, *arguments, **environment):
     # Of what the environment says to the wrapper of pyright, nothing may make it fetch another one.
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PYRIGHT_")}
-    return subprocess.run(
-        [sys.executable, "-m", module, *arguments],
-        cwd=folder,
-        env=kept | environment,
-        text=True,
-        capture_output=True,
-        timeout=CHECK_S,
-    )
+    return run(sys.executable, "-m", module, *arguments, cwd=folder, env=kept | environment)
 
 
 # What Cython adds to a module and to a class, and what has no signature there.
@@ -65,7 +56,9 @@ def test_the_stubs_of_the_extensions_say_what_these_have(tmp_path):
     assert "tf2_py._tf2_py" in built
     # No class of C can be a base beside another: stubs need not say so.
     options = ["--ignore-disjoint-bases", "--ignore-unused-allowlist", f"--allowlist={tmp_path / 'allowed'}"]
-    ended = run(ROOT, "mypy.stubtest", "--concise", "--mypy-config-file=pyproject.toml", *options, *built)
+    ended = run_module(
+        ROOT, "mypy.stubtest", "--concise", "--mypy-config-file=pyproject.toml", *options, *built
+    )
     assert ended.returncode == 0, ended.stdout + ended.stderr
 
 
@@ -91,7 +84,7 @@ def programs(folder):
 def by_mypy(folder):
     # On PYTHONPATH, and not on mypy's own path, this project is what an installed package is. The option
     # overrides the setting that allows calls of untyped functions: this project has none.
-    ended = run(folder, "mypy", "--strict", "--cache-dir=cache", *programs(folder))
+    ended = run_module(folder, "mypy", "--strict", "--cache-dir=cache", *programs(folder))
     assert ended.returncode in (0, 1), ended.stdout + ended.stderr
     return re.findall(r"^(\S+):(\d+): error: (.*)$", ended.stdout, re.MULTILINE)
 
@@ -102,7 +95,7 @@ OFFLINE = {"PYRIGHT_PYTHON_USE_BUNDLED_PYRIGHT": "1", "PYRIGHT_PYTHON_IGNORE_WAR
 
 def by_pyright(folder):
     (folder / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(ROOT)]}))
-    ended = run(
+    ended = run_module(
         folder, "pyright", "--outputjson", "--pythonpath", sys.executable, *programs(folder), **OFFLINE
     )
     assert ended.returncode in (0, 1), ended.stdout + ended.stderr
@@ -115,7 +108,7 @@ def by_pyright(folder):
 
 def test_pyright_accepts_the_project():
     """By the settings in pyproject.toml; `make lint` asks mypy."""
-    ended = run(ROOT, "pyright", "--pythonpath", sys.executable, **OFFLINE)
+    ended = run_module(ROOT, "pyright", "--pythonpath", sys.executable, **OFFLINE)
     assert ended.returncode == 0, ended.stdout + ended.stderr
 
 

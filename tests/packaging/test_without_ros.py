@@ -2,7 +2,6 @@
 
 import pickle
 import re
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import installing
 import pytest
 from pages import run_program
 from paths import ROOT
-from processes import DEADLINE_S
+from processes import run
 from sources import PYPROJECT, modules
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
@@ -43,14 +42,7 @@ class World:
     folder: Path
 
     def run(self, *arguments, **environment):
-        return subprocess.run(
-            [self.python, *arguments],
-            cwd=self.folder,
-            env=self.environment | environment,
-            text=True,
-            capture_output=True,
-            timeout=3 * DEADLINE_S,
-        )
+        return run(self.python, *arguments, cwd=self.folder, env=self.environment | environment)
 
     def does(self, code):
         """What a program prints that must succeed, in silence but for that."""

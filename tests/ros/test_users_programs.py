@@ -4,20 +4,17 @@ Programs as users write them, unchanged: each prints here what it printed on tf2
 CONTRIBUTING.md tells how to record that anew. No program prints anything that docs/differences.md lists.
 """
 
-import subprocess
 import sys
 
 import pytest
 from paths import PROGRAMS
-from processes import DEADLINE_S
+from processes import run
 
 USERS = PROGRAMS / "users"
 
 
 def printed_by(program):
-    done = subprocess.run(
-        [sys.executable, program], capture_output=True, text=True, encoding="utf-8", timeout=8 * DEADLINE_S
-    )
+    done = run(sys.executable, program, encoding="utf-8")
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr  # of a thread, which does not change the status
     return done.stdout

@@ -147,11 +147,6 @@ def pip_install(python, wheel, *options, **environment):
     subprocess.run([*command, *options, wheel], env={**unsourced(), **environment}, check=True)
 
 
-def run(command, environment, folder):
-    """What a program ended with, started in a folder that holds none of ours."""
-    return subprocess.run(command, env=environment, cwd=folder, text=True, capture_output=True)
-
-
 def link_libraries(folder, *requirements):
     """Fill a folder with the libraries of this Python that these require, directly or not."""
     folder.mkdir()

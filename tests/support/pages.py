@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from paths import ROOT, SUPPORT
-from processes import DEADLINE_S
+from processes import run
 
 PAGES = [
     ROOT / "README.md",
@@ -80,14 +80,7 @@ def run_program(page, folder, python=sys.executable, environment=None):
     path = folder / page.name
     path.write_text(program(page), encoding="utf-8")
     with programs_beside(page, folder):
-        ended = subprocess.run(
-            [python, path],
-            cwd=folder,
-            env=environment,
-            text=True,
-            capture_output=True,
-            timeout=3 * DEADLINE_S,
-        )
+        ended = run(python, path, cwd=folder, env=environment)
     assert ended.returncode == 0, ended.stderr
     printed = iter(ended.stdout.splitlines())
     for said in re.findall(r"^print\(.*  # (.*)$", program(page), re.MULTILINE):

@@ -1,11 +1,9 @@
 """The client of a buffer that another node serves."""
 
 import asyncio
-import gc
 import re
 import threading
 import time
-import weakref
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
@@ -267,25 +265,6 @@ class TestThreads:
         with ThreadPoolExecutor(5) as pool:
             assert all(pool.map(look_up, range(5)))
         assert until(found.done) and found.result()
-
-    @pytest.mark.parametrize("how", ["destroy", "destroy_node", "dropped"])
-    def test_nothing_of_it_is_left_to_the_collector(self, tf2_ros, new_node, how):
-        node = new_node("asking")
-        before = {*node.timers, *node.waitables}
-        client = tf2_ros.BufferClient(node, "nobody")
-        sender = client._tf2_goal_sender
-        parts = [sender, sender.action_client, sender._node, sender.spinner.executor, sender.spinner.thread]
-        parts = [weakref.ref(part) for part in (client, *parts)]
-        del sender
-        gc.disable()
-        try:
-            if how != "dropped":
-                getattr(client if how == "destroy" else node, how)()
-            del client
-            until(lambda: [part() for part in parts] == [None] * len(parts))
-        finally:
-            gc.enable()
-        assert {*node.timers, *node.waitables} <= before
 
     def test_its_action_is_named_as_the_nodes_own_and_its_node_is_hidden(self, tf2_ros, new_node):
         remapped = ["--ros-args", "-r", "old/_action/send_goal:=/new/_action/send_goal"]

@@ -4,6 +4,7 @@ import pytest
 from making import S, at, transform, translation
 from processes import until
 from rclpy.serialization import serialize_message
+from sharing import new_name
 
 from tf2_msgs.msg import TFMessage
 
@@ -46,8 +47,8 @@ def test_a_recording_has_the_names_of_the_buffer(tf2_ros, node, peer):
         assert set(recording.frames()) >= {"robot/map", "robot/base"}
 
 
-def test_readers_of_a_shared_buffer_get_the_names_of_its_owner(tf2_ros, node, peer, request):
-    name = f"prefix-{abs(hash(request.node.nodeid)) % 10**8}"
+def test_readers_of_a_shared_buffer_get_the_names_of_its_owner(tf2_ros, node, peer):
+    name = new_name()
     owner = tf2_ros.Buffer(share=name)
     with tf2_ros.TransformListener(owner, node, prefix="robot/"):
         reader = tf2_ros.Buffer(attach=name)

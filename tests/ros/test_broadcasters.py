@@ -1,12 +1,13 @@
 """Broadcasters: what they send, and how."""
 
 import math
-import threading
+from functools import partial
 
 import pytest
 from making import transform, translation
 from processes import until
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from spinning import at_once
 
 from tf2_msgs.msg import TFMessage
 
@@ -157,11 +158,7 @@ class TestStatic:
             for name in own:
                 broadcaster.sendTransform(transform("map", name))
 
-        threads = [threading.Thread(target=send, args=(own,)) for own in names]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
+        at_once(*(partial(send, own) for own in names))
         expected = sorted(sum(names, []))
         assert sorted(children(broadcaster.net_message)) == expected
         messages = subscribe("/tf_static")

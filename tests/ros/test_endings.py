@@ -46,10 +46,6 @@ def spin(executor):
             continue  # a part of a node was destroyed while the executor gathered them
 
 
-def listen(node, buffer):
-    return TransformListener(buffer, node)
-
-
 def listen_with_thread(node, buffer):
     return TransformListener(buffer, node, spin_thread=is_free(node))
 
@@ -68,25 +64,20 @@ def wait(node, buffer):
 
 def serve(node, buffer):
     # An executor of rclpy may fail if another thread destroys an action server of its node.
-    return ask(node, buffer) if node.may_be_spun else BufferServer(buffer, node, "random_lookup")
+    return ask(node) if node.may_be_spun else BufferServer(buffer, node, "random_lookup")
 
 
-def ask(node, buffer):
+def ask(node, _=None):
     return BufferClient(node, "random_lookup")
 
 
-def send(node, buffer):
-    return TransformBroadcaster(node)
-
-
-def send_static(node, buffer):
-    return StaticTransformBroadcaster(node)
-
-
 # What uses a node, and the method that ends it.
-USES = [(listen, "unregister")] * 2 + [(filter_points, "close")] * 2
+USES = [(lambda node, buffer: TransformListener(buffer, node), "unregister")] * 2 + [
+    (filter_points, "close")
+] * 2
 USES += [(listen_with_thread, "unregister"), (wait, "cancel"), (serve, "destroy"), (ask, "destroy")]
-USES += [(send, None), (send_static, None)]
+USES += [(lambda node, _: TransformBroadcaster(node), None)]
+USES += [(lambda node, _: StaticTransformBroadcaster(node), None)]
 
 
 class RandomEnds:

@@ -3,12 +3,13 @@
 import gc
 import threading
 import time
+from contextlib import ExitStack
 from functools import partial
 
 import pytest
 import rclpy
 from making import S, at_ns, transform
-from processes import DEADLINE_S, program, until
+from processes import DEADLINE_S, running, until
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -24,26 +25,18 @@ pytestmark = pytest.mark.ours
 @pytest.fixture
 def shared(monkeypatch):
     """Starts `tf2_shared_buffer`, and sets the variable; its name."""
-    processes = []
+    with ExitStack() as at_end:
 
-    def start(*arguments):
-        name = new_name()
-        process = program("tf2_shared_buffer", "--name", name, *arguments)
-        processes.append((process, name))
-        # Its log line comes once it shares and listens.
-        assert "Sharing" in process.stderr.readline()
-        monkeypatch.setenv("TF2_SHARED_BUFFER", name)
-        start.process = process
-        return name
+        def start(*arguments):
+            name = new_name()
+            at_end.callback(segment_path(name).unlink, missing_ok=True)
+            start.process = at_end.enter_context(running("tf2_shared_buffer", "--name", name, *arguments))
+            # Its log line comes once it shares and listens.
+            assert "Sharing" in start.process.stderr.readline()
+            monkeypatch.setenv("TF2_SHARED_BUFFER", name)
+            return name
 
-    yield start
-    for process, name in processes:
-        process.kill()
-        process.communicate()
-        segment_path(name).unlink(missing_ok=True)
-
-
-LATEST = Time()
+        yield start
 
 
 def arrive(sender, buffer, child, *transforms):

@@ -164,16 +164,13 @@ class Long:
 def test_an_infinite_timeout_is_none(buffer, timeout):
     future = wait(buffer, at(1), timeout=timeout)
     assert not has_deadline(future)
-    inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
-    inserting.start()
-    assert buffer.lookup_transform("map", "robot", LATEST, timeout).child_frame_id == "robot"
-    assert future.result().child_frame_id == "robot"
-    inserting.join()
 
+    def insert_for_both():
+        until(lambda: buffer.statistics()["waiters"] == 2)
+        insert(buffer)
 
-def insert_for_a_waiter(buffer):
-    until(lambda: buffer.statistics()["waiters"] == 2)
-    insert(buffer)
+    found, _ = at_once(lambda: buffer.lookup_transform("map", "robot", LATEST, timeout), insert_for_both)
+    assert found.child_frame_id == future.result().child_frame_id == "robot"
 
 
 def has_deadline(future):

@@ -57,6 +57,7 @@ WRITES = {
     "a sample": insert("map", "odom", 180),
     "many samples": insert("map", "odom", *range(180, 1000)),
     "samples that end all others": insert("map", "odom", 1000, 2000, 3000),
+    "many that are written where they were": insert("map", "odom", 1000, 2000, *range(3000, 3100)),
     "a late sample": insert("map", "odom", 110),
     "many late samples": insert("map", "odom", *[110, 165] * 30, *range(101, 169)),
     "an older sample": insert("map", "odom", 90),
@@ -66,6 +67,7 @@ WRITES = {
     "a static transform of a dynamic frame": insert_static("map", "odom"),
     "a dynamic transform of a static frame": insert("base", "camera", 100, 110),
     "clear": BufferCore.clear,
+    "samples after a clear": lambda buffer: (buffer.clear(), insert("map", "odom", *range(180, 190))(buffer)),
     "init": BufferCore.__init__,
 }
 

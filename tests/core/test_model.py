@@ -10,6 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from model import STAMPS_END, Model, ModelError, S
 from model_pair import AUTHORITIES, FRAMES, GOOD_PLACES, GOOD_TURNS, ODD_NAMES, PLACES, TURNS, WAYS, Pair
 from recorded_answers import SCENARIOS, check_answer, number
+from travelling import WAYS as WAYS_TO_TRAVEL
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
 
@@ -107,7 +108,7 @@ class Machine(RuleBasedStateMachine):
     def forget(self, name):
         self.pair.forget(name)
 
-    @rule(how=st.sampled_from(["pickle", "copy", "deepcopy"]))
+    @rule(how=st.sampled_from(sorted(WAYS_TO_TRAVEL)))
     def travel(self, how):
         self.pair.travel(how)
 

@@ -1,18 +1,12 @@
-"""Buffers travel: by pickle, as copies, and as files. The copy gives the same answers."""
+"""Buffers travel: by pickle, as copies, and as files; test_model.py holds what the copies answer."""
 
 import io
 import pickle
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 from making import S, at, transform, translation
-from random_histories import apply, steps
 from rclpy.duration import Duration
-from repetitions import times
 from travelling import WAYS, check_copy, filled
 
 from tf2_py import BufferCore
@@ -23,7 +17,7 @@ pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
 
 @pytest.fixture
 def buffer():
-    return filled(BufferCore(Duration(seconds=20), max_frames=10, max_bytes=50_000))
+    return filled(BufferCore(Duration(seconds=20), max_frames=20, max_bytes=50_000))
 
 
 @pytest.fixture(params=WAYS)
@@ -31,33 +25,19 @@ def travel(request, tmp_path):
     return lambda buffer: WAYS[request.param](buffer, tmp_path)
 
 
-def dynamic(*links):
-    """Inserts of (parent, child, ns)."""
-    return [("dynamic", [transform(parent, child, ns=ns)], "x") for parent, child, ns in links]
+HISTORIES = {  # parents, children, seconds
+    "samples of one stamp": [("a", "b", 5)] * 70,
+    "a former parent": [("a", "b", 1), ("c", "b", 50), ("c", "b", 51)],
+    "a loop of several times": [("a", "b", 1), ("c", "b", 2), ("b", "c", 3)],
+    "slashes": [("//a", "b", 1), ("b", "//c", 1), ("c", "d", 1), ("//", "a", 1)],
+}
 
 
-limits = st.fixed_dictionaries(
-    {}, optional={"max_frames": st.integers(1, 5), "max_bytes": st.integers(4_000, 12_000)}
-)
-
-
-@settings(deadline=None, max_examples=times(200, 1000))
-@given(st.sampled_from(sorted(WAYS)), st.sampled_from([0, 1, 5, 10**10]), limits, steps, steps)
-@example("file", 5, {}, dynamic(*[("a", "b", 5)] * 70), [])  # more of one stamp than are kept
-@example("pickle", 10, {}, dynamic(("a", "b", 1), ("c", "b", 50), ("c", "b", 51)), [])  # a former parent
-@example("copy", 10, {}, dynamic(("a", "b", 1), ("c", "b", 2), ("b", "c", 3)), [])  # a loop of several times
-@example("file", 5, {}, dynamic(("//a", "b", 1), ("b", "//c", 1), ("c", "d", 1), ("//", "a", 1)), [])
-def test_a_copy_of_a_random_buffer_goes_on_as_the_buffer_does(way, cache_ns, limits, before, after):
-    buffer = BufferCore(Duration(nanoseconds=cache_ns), **limits)
-    apply(buffer, before)
-    with tempfile.TemporaryDirectory() as folder:
-        arrived = WAYS[way](buffer, Path(folder))
-    check_copy(arrived, buffer)
-    if limits:
-        return  # what the buffer has no use for is not copied, so the copy may accept more
-    for one in (buffer, arrived):
-        apply(one, after)
-    check_copy(arrived, buffer)
+@pytest.mark.parametrize("history", HISTORIES)
+def test_a_copy_holds_what_the_buffer_holds(history, buffer, travel):
+    for i, (parent, child, seconds) in enumerate(HISTORIES[history]):
+        buffer.set_transform(transform(parent, child, seconds, (i, 0, 0)), "x")
+    check_copy(travel(buffer), buffer)
 
 
 def test_a_buffer_made_by_new_alone_arrives(travel):

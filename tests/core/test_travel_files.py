@@ -140,8 +140,14 @@ def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
     with pytest.raises(ValueError, match="damaged.mcap: "):
         BufferCore.load(damaged)
     refused = 0
-    for at in range(0, len(whole), 97):
-        for data in (whole[:at], whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :]):
+    for at in range(0, len(whole), 7):
+        # Cut off there, another bit, and a length beyond the end, for which no memory is asked.
+        for there in (
+            b"",
+            bytes([whole[at] ^ 0x55]) + whole[at + 1 :],
+            (1 << 62).to_bytes(8, "little") + whole[at + 8 :],
+        ):
+            data = whole[:at] + there
             damaged.write_bytes(data)
             try:
                 loaded = BufferCore.load(damaged)
@@ -150,23 +156,7 @@ def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
                 refused += 1
             else:  # the summary at the end of the file is not needed
                 check_copy(loaded, buffer)
-    assert refused > len(whole) // 97
-
-
-def test_a_length_beyond_the_end_of_the_file_asks_for_no_memory(path, tmp_path):
-    whole = path.read_bytes()
-    damaged = tmp_path / "damaged.mcap"
-    huge = (1 << 62).to_bytes(8, "little")
-    # A chunk: opcode, length, two times, a size, a checksum, the name of the compression, its data's length.
-    start = whole.index(b"\x06")
-    while int.from_bytes(whole[start + 1 : start + 9], "little") > len(whole):
-        start = whole.index(b"\x06", start + 1)
-    name_size = int.from_bytes(whole[start + 37 : start + 41], "little")
-    inner = start + 41 + name_size
-    assert int.from_bytes(whole[inner : inner + 8], "little") < len(whole)
-    damaged.write_bytes(whole[:inner] + huge + whole[inner + 8 :])
-    with pytest.raises(ValueError, match=r"damaged\.mcap: it is damaged, or not whole"):
-        BufferCore.load(damaged)
+    assert refused > len(whole) // 7
 
 
 # How metadata and messages are changed, by what is said of that.

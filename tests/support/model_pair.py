@@ -8,8 +8,9 @@ import copy
 import itertools
 import math
 import operator
-import pickle
 import re
+import tempfile
+from pathlib import Path
 from types import SimpleNamespace
 
 import yaml
@@ -17,6 +18,7 @@ from encoding import encode
 from making import S, rotation, stamp_ns, transform, translation
 from model import STAMPS_END, Model, ModelError, Policy
 from rclpy.duration import Duration
+from travelling import WAYS as WAYS_TO_TRAVEL
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer
@@ -165,11 +167,13 @@ class Pair:
     def travel(self, how):
         """Go on with a copy."""
         before = self.buffer
-        if how == "pickle":
-            self.buffer = pickle.loads(pickle.dumps(before))
-        else:
-            self.buffer = copy.deepcopy(before) if how == "deepcopy" else copy.copy(before)
+        with tempfile.TemporaryDirectory() as folder:
+            self.buffer = WAYS_TO_TRAVEL[how](before, Path(folder))
         self.model.travel()
+        names = self.buffer._getFrameStrings()
+        if how == "file":  # whose messages do not name the frames in their order
+            assert sorted(names) == sorted(self.model.names)
+            self.model.order = names
         before.clear()  # what the copy has is its own
         before._self_check()
 

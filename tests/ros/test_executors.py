@@ -4,14 +4,13 @@ import itertools
 import signal
 import threading
 import time
-from contextlib import contextmanager
 
 import pytest
 from making import at, transform
 from processes import DEADLINE_S, until
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning import knows, shut_down_at_sleep, spinning
+from spinning import knows, repeated, shut_down_at_sleep, spinning
 
 from tf2_ros._wait.callbacks import callback_queue
 
@@ -36,24 +35,10 @@ def returns_early(spin_once, at_most):
     return at_most + 1
 
 
-@contextmanager
 def sending(publisher):
     """Have another thread send transforms, one after the other."""
-    ended = threading.Event()
-
-    def send():
-        for n in itertools.count(1):
-            if ended.is_set():
-                break
-            publisher.send(("map", "robot", n * S, 1))
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        sender.join()
+    numbers = itertools.count(1)
+    return repeated(lambda: publisher.send(("map", "robot", next(numbers) * S, 1)))
 
 
 class TestSpinOnce:

@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 import time
+from functools import partial
 
 import pytest
 from making import transform
@@ -13,6 +14,7 @@ from paths import PROGRAMS
 from processes import DEADLINE_S, errors_so_far, output_of, until
 from rclpy.duration import Duration
 from rclpy.time import Time
+from spinning import repeated
 
 from tf2_msgs.msg import TFMessage
 
@@ -93,33 +95,24 @@ class TestEventsExecutor:
 
 def test_buffers_are_exchanged_while_threads_read_and_wait(tf2_ros, node, flood):
     """The buffers stay whole, and each wait ends."""
-    process, ending = flood(200, 2, 600), threading.Event()
+    process, numbers = flood(200, 2, 600), itertools.count()
     buffers = [tf2_ros.Buffer() for _ in range(3)]
-    with tf2_ros.TransformListener(buffers[0], node) as listener:
 
-        def exchange(first):
-            for number in itertools.count(first):
-                listener.buffer = buffers[number % 3]
-                if ending.wait(0.0001):
-                    break
+    def exchange():
+        listener.buffer = buffers[next(numbers) % 3]
+        threading.Event().wait(0.0001)
 
-        def wait(buffer):
-            while not ending.is_set():
-                future = buffer.wait_for_transform_async("map", "f0", LATEST, timeout=0.01)
-                buffer.can_transform("map", "f1", LATEST, Duration(seconds=0.002))
-                until(future.done)
-                future.exception()
+    def wait(buffer):
+        future = buffer.wait_for_transform_async("map", "f0", LATEST, timeout=0.01)
+        buffer.can_transform("map", "f1", LATEST, Duration(seconds=0.002))
+        until(future.done)
+        future.exception()
 
-        threads = [threading.Thread(target=exchange, args=(first,)) for first in (0, 1)]
-        threads += [threading.Thread(target=wait, args=(buffer,)) for buffer in buffers]
-        for thread in threads:
-            thread.start()
-        try:
-            process.wait()
-        finally:
-            ending.set()
-            for thread in threads:
-                thread.join()
+    with (
+        tf2_ros.TransformListener(buffers[0], node) as listener,
+        repeated(exchange, exchange, *(partial(wait, buffer) for buffer in buffers)),
+    ):
+        process.wait()
     for buffer in buffers:
         assert buffer.statistics()["taken"] > 0
         buffer._self_check()

@@ -18,7 +18,7 @@ from processes import PROMPT_S, until
 from rclpy.duration import Duration
 from repetitions import times
 from sharing import Owner, is_sound, links, new_name, pair, ring_threads
-from spinning import at_once
+from spinning import at_once, repeated
 
 from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._shared.naming import segment_path
@@ -46,16 +46,10 @@ def test_readers_outlive_owners_that_are_killed_at_any_moment(seed):
             mother.tell(name)
             reader = Buffer(Duration(seconds=0.5), attach=name)
             waiting = reader.wait_for_transform_async("map", "f4", LATER)
-            stopped = threading.Event()
-            threads = [threading.Thread(target=_look_up, args=(reader, stopped)) for _ in range(2)]
-            for thread in threads:
-                thread.start()
-            stopped.wait(chance.random() * 0.02)
-            print("kill", file=mother.process.stdin, flush=True)
-            until(lambda: not reader._tf2_attachment.is_attached)  # noqa: B023
-            stopped.set()
-            for thread in threads:
-                thread.join()
+            with repeated(*[partial(_look_up, reader)] * 2):
+                threading.Event().wait(chance.random() * 0.02)
+                print("kill", file=mother.process.stdin, flush=True)
+                until(lambda: not reader._tf2_attachment.is_attached)  # noqa: B023
             reader._self_check()
             held += is_sound(reader, FIRST_NS, range(0, S // 3, S // 50))
             assert not waiting.done()
@@ -65,10 +59,9 @@ def test_readers_outlive_owners_that_are_killed_at_any_moment(seed):
     assert held == KILLS
 
 
-def _look_up(reader, stopped):
-    while not stopped.is_set():
-        is_sound(reader, FIRST_NS, (0, S // 10, S // 5))
-        reader.all_frames_as_yaml()
+def _look_up(reader):
+    is_sound(reader, FIRST_NS, (0, S // 10, S // 5))
+    reader.all_frames_as_yaml()
 
 
 def test_a_reader_of_an_owner_that_is_stopped_neither_hangs_nor_breaks():

@@ -1,14 +1,12 @@
 """Readers do not keep writers out of a buffer, and writers do not keep readers out."""
 
-import threading
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
 from making import S, at, transform
 from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from repetitions import times
+from spinning import repeated
 
 from bench.programs.serialised import Template
 
@@ -34,29 +32,6 @@ def buffer(tf2_ros):
     return buffer
 
 
-@contextmanager
-def repeated(work, threads):
-    """Do it again and again in so many threads, which have all begun."""
-    ending = threading.Event()
-    begun = threading.Barrier(threads + 1)
-
-    def repeat():
-        begun.wait()
-        while not ending.is_set():
-            work()
-
-    running = [threading.Thread(target=repeat) for _ in range(threads)]
-    for thread in running:
-        thread.start()
-    begun.wait()
-    try:
-        yield
-    finally:
-        ending.set()
-        for thread in running:
-            thread.join()
-
-
 def taken(buffer):
     return buffer.statistics()["taken"]
 
@@ -65,7 +40,7 @@ def test_no_message_is_lost_beside_readers_that_never_pause(tf2_ros, buffer, nod
     messages, before = times(300, 1000), taken(buffer)
     with tf2_ros.TransformListener(buffer, node) as listener:
         assert listener.receives
-        with repeated(lambda: buffer.lookup_transforms("map", f"frame{HOPS}", TIMES), READERS):
+        with repeated(*[lambda: buffer.lookup_transforms("map", f"frame{HOPS}", TIMES)] * READERS):
             flood(100, 1, messages).communicate(timeout=3 * DEADLINE_S)
         until(lambda: taken(buffer) == before + messages)
 
@@ -77,7 +52,7 @@ def test_lookups_return_while_a_thread_inserts_large_messages(buffer):
     def insert():
         inserted.append(buffer.set_transforms_cdr(template.message(next(stamps), 0.0), "x"))
 
-    with repeated(insert, 1):
+    with repeated(insert):
         until(lambda: inserted)
         for _ in range(LOOKUPS):
             buffer.lookup_transform("map", f"frame{HOPS}", at(1.5))

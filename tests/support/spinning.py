@@ -124,3 +124,29 @@ def at_once(*calls):
         sys.setswitchinterval(interval)
     assert len(results) == len(calls), "one is stranded, or has raised"
     return [results[index] for index in range(len(calls))]
+
+
+@contextmanager
+def repeated(*calls):
+    """Have a thread for each of these make it again and again, until the block ends; none may raise."""
+    ending, begun, errors = threading.Event(), threading.Barrier(len(calls) + 1), []
+
+    def repeat(call):
+        begun.wait()
+        try:
+            while not ending.is_set():
+                call()
+        except BaseException as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=repeat, args=(call,)) for call in calls]
+    for thread in threads:
+        thread.start()
+    begun.wait()
+    try:
+        yield
+    finally:
+        ending.set()
+        for thread in threads:
+            thread.join()
+    assert errors == []

@@ -281,22 +281,21 @@ class TestThreads:
 
 
 @pytest.mark.ours
-class TestAsync:
-    @pytest.mark.parametrize("since", ["sent", "accepted"])
-    def test_a_goal_that_nobody_awaits_any_more_is_cancelled(self, tf2_ros, node, since):
-        with serving("quiet_lookup") as server:
-            client = tf2_ros.BufferClient(node, "quiet_lookup")
-            coroutine = client.lookup_transform_async("silent", "robot", LATEST)
-            coroutine.send(None)
-            (pending,) = client._tf2_goal_sender._pending
-            if since == "sent":
-                until(lambda: pending.goal.timeout.sec < 2**31 - 1)  # what is left, when it is sent
-            else:
-                until(lambda: client.action_client._pending_result_requests)
-            coroutine.close()
-            until(server.cancelled.done)
-            until(lambda: not client._tf2_goal_sender._pending)
-            client.destroy()
+@pytest.mark.parametrize("since", ["sent", "accepted"])
+def test_a_goal_that_nobody_awaits_any_more_is_cancelled(tf2_ros, node, since):
+    with serving("quiet_lookup") as server:
+        client = tf2_ros.BufferClient(node, "quiet_lookup")
+        coroutine = client.lookup_transform_async("silent", "robot", LATEST)
+        coroutine.send(None)
+        (pending,) = client._tf2_goal_sender._pending
+        if since == "sent":
+            until(lambda: pending.goal.timeout.sec < 2**31 - 1)  # what is left, when it is sent
+        else:
+            until(lambda: client.action_client._pending_result_requests)
+        coroutine.close()
+        until(server.cancelled.done)
+        until(lambda: not client._tf2_goal_sender._pending)
+        client.destroy()
 
 
 @pytest.mark.ours

@@ -1,8 +1,5 @@
 """Transforming objects through a buffer, and the tables of functions for that."""
 
-import subprocess
-import sys
-
 import pytest
 from geometry_msgs.msg import (
     PointStamped,
@@ -13,7 +10,7 @@ from geometry_msgs.msg import (
     Wrench,
 )
 from making import at, transform
-from processes import until
+from processes import output_of, until
 from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
@@ -103,8 +100,7 @@ def test_a_registration_of_a_programs_own_wins(when):
         "print(tf2_ros.TransformRegistration().get(PointStamped)(None, None))",
     ]
     # In a process of its own: what is registered, stays.
-    done = subprocess.run([sys.executable, "-c", "\n".join(program)], capture_output=True, text=True)
-    assert (done.stdout, done.stderr) == ("mine\n", "")
+    assert output_of("-c", "\n".join(program)) == "mine\n"
 
 
 def test_registrations_can_be_printed(buffer, interface, capsys):

@@ -13,7 +13,7 @@ from random_histories import apply, steps
 from rclpy.duration import Duration
 from recorded_answers import CALLS, SCENARIOS, check_answer
 from repetitions import times
-from sharing import LINKS, is_sound, links, new_name, pair, ring_threads, small_ring
+from sharing import LINKS, is_sound, links, new_name, pair, small_ring
 from travelling import check_copy, everything
 
 import tf2_py
@@ -188,18 +188,6 @@ def test_a_shared_buffer_ends_with_its_owner():
         Buffer(attach=name)
     until(lambda: not reader._tf2_attachment.is_attached)
     assert reader.can_transform_core("map", "f4", 0)[0]
-
-
-def test_a_thread_ends_with_its_buffer_or_attachment():
-    gc.collect()
-    until(lambda: ring_threads() == 0)  # those of earlier tests
-    with pair() as (_, closed):
-        dropped = Buffer(attach=closed._tf2_attachment.name)
-        assert ring_threads() == 2
-        del dropped
-        until(lambda: ring_threads() == 1)
-        closed._tf2_attachment.close()
-        assert ring_threads() == 0
 
 
 def test_names_are_refused_before_anything_is_made():

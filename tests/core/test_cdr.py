@@ -9,7 +9,7 @@ from encoding import encode
 from geometry_msgs.msg import TransformStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from making import at, rotation, transform, translation
+from making import at, transform
 from rclpy.serialization import deserialize_message, serialize_message
 
 from tf2_msgs.msg import TFMessage
@@ -28,16 +28,6 @@ MESSAGES = [
     transform("λ-frame", "", 1, (4, 5, 6)),  # refused, but well-formed
     transform("odom", "base_link", 1.25, (-1e300, 1e-300, 0.1), (0.5, -0.5, 0.5, 0.5)),
 ]
-
-
-@pytest.mark.parametrize("order", "<>")
-@pytest.mark.parametrize("wrap", [bytes, bytearray, memoryview])
-def test_both_byte_orders_of_any_bytes_like_object_are_read(buffer, order, wrap):
-    assert buffer.set_transforms_cdr(wrap(encode(MESSAGES, order)), "x") == 2
-    m = buffer.lookup_transform_core("map", "base_link", at(1.25))
-    assert translation(m) == (-1e300, 2, 3.1)
-    assert rotation(m) == (0.5, -0.5, 0.5, 0.5)
-    buffer._self_check()
 
 
 GOOD = encode(MESSAGES)
@@ -125,11 +115,12 @@ finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 @given(
     st.lists(st.tuples(text, text, st.integers(0, 2**62), st.tuples(finite, finite, finite)), max_size=5),
     st.sampled_from("<>"),
+    st.sampled_from([bytes, bytearray, memoryview]),
 )
-def test_the_wire_and_the_message_objects_say_the_same(tf2_py, rows, order):
+def test_the_wire_and_the_message_objects_say_the_same(tf2_py, rows, order, wrap):
     messages = [transform(p, c, ns=ns % (2**31 * 10**9), xyz=xyz) for p, c, ns, xyz in rows]
     by_wire, by_object = tf2_py.BufferCore(), tf2_py.BufferCore()
-    taken = by_wire.set_transforms_cdr(encode(messages, order), "x")
+    taken = by_wire.set_transforms_cdr(wrap(encode(messages, order)), "x")
     assert taken == by_object.set_transforms(messages, "x")
     assert by_wire.all_frames_as_yaml() == by_object.all_frames_as_yaml()
     for m in messages:

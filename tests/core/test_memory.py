@@ -90,14 +90,6 @@ def peak_bytes_of(action):
         return int(status.read().partition("VmHWM:")[2].split()[0]) * 1024 - before
 
 
-def test_an_error_copies_no_more_names_than_it_tells(buffer):
-    names = [f"{i:07d}{'x' * 400}" for i in range(50_000)]
-    buffer.set_transforms([transform("map", name, 1) for name in names], "x")
-    buffer.can_transform_core("map", names[0], at(5))  # whatever is made once
-    assert peak_bytes_of(lambda: buffer.can_transform_core("map", names[1], at(5))) < 1_000_000
-    assert peak_bytes_of(lambda: buffer._chain("map", at(1), names[2], at(1), "map")) < 1_000_000
-
-
 def test_a_count_that_promises_more_than_the_data_holds_allocates_nothing(buffer):
     data = b"\0\1\0\0" + (2**32 - 1).to_bytes(4, "little") + bytes(2_000_000)
     raising(buffer.set_transforms_cdr, data, "x")()

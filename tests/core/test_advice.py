@@ -45,26 +45,21 @@ def test_the_closest_known_names_are_asked_for(known, name, meant):
 
 
 def test_it_follows_the_text_of_tf2_in_every_error(tf2_py):
-    buffer, wrong, asked = knowing("base_link"), "bas_link", "Did you mean [base_link]?"
-    for argument, call in (
-        ("target_frame", lambda: buffer.lookup_transform_full_core(wrong, LATEST, "map", LATEST, "map")),
-        ("source_frame", lambda: buffer.lookup_transform_full_core("map", LATEST, wrong, LATEST, "map")),
-        ("fixed_frame", lambda: buffer.lookup_transform_full_core("map", LATEST, "map", LATEST, wrong)),
-        ("source_frame", lambda: buffer.lookup_transforms("map", wrong, [1, 2])),
-        ("source_frame", lambda: buffer._chain("map", LATEST, wrong, LATEST, "map")),
+    buffer, wrong = knowing("base_link"), "bas_link"
+    for call in (
+        lambda: buffer.lookup_transform_full_core(wrong, LATEST, "map", LATEST, "map"),
+        lambda: buffer.lookup_transform_full_core("map", LATEST, wrong, LATEST, "map"),
+        lambda: buffer.lookup_transform_full_core("map", LATEST, "map", LATEST, wrong),
+        lambda: buffer.lookup_transforms("map", wrong, [1, 2]),
+        lambda: buffer._chain("map", LATEST, wrong, LATEST, "map"),
+        lambda: buffer.get_latest_common_time("map", wrong),
+        lambda: buffer.parent(wrong),
+        lambda: buffer.children(wrong),
     ):
-        with pytest.raises(tf2_py.LookupException) as caught:
+        with pytest.raises(tf2_py.LookupException, match=r"does not exist\. Did you mean \[base_link\]\?$"):
             call()
-        said = f'"{wrong}" passed to lookupTransform argument {argument} does not exist. {asked}'
-        assert str(caught.value) == said
-    for call in (buffer.parent, buffer.children, lambda name: buffer.get_latest_common_time("map", name)):
-        with pytest.raises(tf2_py.LookupException, match=r"does not exist. Did you mean \[base_link\]\?$"):
-            call(wrong)
-    assert buffer.can_transform_full_core("map", LATEST, "map", LATEST, wrong) == (
-        0,
-        f'Invalid frame ID "{wrong}" passed to canTransform argument fixed_frame - frame does not exist. '
-        f"{asked}",
-    )
+    reason = buffer.can_transform_full_core("map", LATEST, "map", LATEST, wrong)[1]
+    assert reason.endswith(" - frame does not exist. Did you mean [base_link]?")
 
 
 def test_it_is_as_new_as_the_frames():

@@ -20,17 +20,15 @@ pytestmark = pytest.mark.ours
 DAY = 86400 * 10**9  # ns
 
 
-class OtherTime:
-    """Stands where rclpy's Time was, with a handle of another kind."""
-
-    def __init__(self, *, nanoseconds=0):
-        self._time_handle = SimpleNamespace()
-        self.nanoseconds = nanoseconds
-
-
 class HandlelessTime:
     def __init__(self, *, nanoseconds=0):
         self.nanoseconds = nanoseconds
+
+
+class OtherTime(HandlelessTime):
+    """Stands where rclpy's Time was, with a handle of another kind."""
+
+    _time_handle = SimpleNamespace()
 
 
 class TimeWithAnotherNumber(Time):

@@ -16,12 +16,9 @@ def text(tf2_ros):
     return tf2_ros.format_transform
 
 
-def test_a_stamped_transform_is_shown_with_frames_and_stamp(text):
+def test_what_is_shown_of_transforms_and_poses(text):
     m = transform("map", "base_link", ns=12_300_000_000, xyz=(1, 2, -0.0004), xyzw=about_z(math.pi / 2))
     assert text(m) == ("map -> base_link at 12.300000000: xyz [1.000 2.000 0.000] m, rpy [0.0 0.0 90.0] deg")
-
-
-def test_poses_are_shown_with_their_frame(text):
     pose = Pose()
     pose.position.x = -1.23456
     assert text(pose) == "xyz [-1.235 0.000 0.000] m, rpy [0.0 0.0 0.0] deg"

@@ -23,16 +23,12 @@ every_row = pytest.mark.parametrize(
 
 
 @every_row
-def test_a_type_of_the_table_is_registered(package, cls):
+def test_a_type_of_the_table_is_registered_and_its_message_package_says_by_whom(package, cls):
     function = TABLES[package][cls]
     assert TransformRegistration().get(cls) is function
     message = cls()
     assert ConvertRegistration().get_to_msg(cls)(message) is message
     assert ConvertRegistration().get_from_msg(cls)(message) is message
-
-
-@every_row
-def test_a_message_package_says_who_registers_its_types(package, cls):
     messages = cls.__module__.partition(".")[0]
     assert _REGISTERED_BY.get(messages) == package, (
         f'tf2_ros/_registration.py needs in _REGISTERED_BY: "{messages}": "{package}",'

@@ -117,9 +117,9 @@ def end(process):
 
 
 @contextmanager
-def broadcasting(*faults):
+def broadcasting():
     """Run `programs/broadcasting.py` during a `with` statement."""
-    process = start("broadcasting.py", *faults)
+    process = start("broadcasting.py")
     try:
         yield process
     finally:

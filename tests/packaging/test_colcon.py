@@ -8,6 +8,7 @@ from pathlib import Path
 import installing
 import pytest
 from installing import INDEX, OURS, SITE
+from processes import run
 from sources import PYPROJECT
 
 pytestmark = [
@@ -34,8 +35,7 @@ class Workspace:
     def sourced(self, python, *arguments):
         """Run a Python that ours is not installed into, in a shell that has sourced the workspace."""
         shell = 'source "$0"/install/setup.bash && cd / && exec "$@"'
-        command = ["bash", "-c", shell, self.path, python, *arguments]
-        ended = subprocess.run(command, env=self.environment, text=True, capture_output=True)
+        ended = run("bash", "-c", shell, self.path, python, *arguments, env=self.environment)
         assert ended.returncode == 0, ended.stdout + ended.stderr
         return ended.stdout
 

@@ -5,7 +5,6 @@ import importlib
 import importlib.metadata
 import importlib.util
 import os
-import subprocess
 import sys
 import tarfile
 
@@ -13,6 +12,7 @@ import pytest
 from installing import backend_at, messages_copy
 from packaging.requirements import Requirement
 from paths import ROOT
+from processes import output_of
 
 pytestmark = pytest.mark.ours
 
@@ -31,8 +31,7 @@ def call(hook, project, target, settings):
     """One of the build's hooks, as pip calls it."""
     target.mkdir()
     program = f"import backend; print(backend.{hook}({str(target)!r}, {settings!r}))"
-    command = [sys.executable, "-c", program]
-    return subprocess.run(command, cwd=project, capture_output=True, text=True, check=True).stdout.split()[-1]
+    return output_of("-c", program, cwd=project).split()[-1]
 
 
 @pytest.mark.parametrize("release", ["jazzy", "kilted"])

@@ -133,9 +133,9 @@ def unsourced():
     return {name: value for name, value in os.environ.items() if name not in left_out}
 
 
-def new_venv(path, wheel=None, *options):
+def new_venv(path, wheel=None):
     """A virtual environment with nothing but the wheel, without what it depends on; return its Python."""
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", *options, path], check=True)
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", path], check=True)
     python = Path(path, "bin", "python")
     if wheel is not None:
         pip_install(python, wheel)

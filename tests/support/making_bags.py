@@ -116,12 +116,11 @@ def raw(sent):
     return bytes(store().serialize_cdr(message(sent), sent.msgtype))
 
 
-def write_folder(path, messages, storage="mcap", compression=None, topics=()):
+def write_folder(path, messages, storage="mcap", compression=None):
     """
     A folder of rosbag2.
 
     :param compression: None, "file", "message", or "storage" (chunks; of mcap).
-    :param topics: pairs of name and type, recorded without a message.
     """
     plugin = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}[storage]
     writer = rosbag2.Writer(path, version=9, storage_plugin=plugin)
@@ -129,21 +128,20 @@ def write_folder(path, messages, storage="mcap", compression=None, topics=()):
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
     with writer:
         connections = {}
-        for topic, msgtype in [*((one.topic, one.msgtype) for one in messages), *topics]:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, msgtype, typestore=store())
         for one in messages:
+            if one.topic not in connections:
+                connections[one.topic] = writer.add_connection(one.topic, one.msgtype, typestore=store())
             writer.write(connections[one.topic], one.log_ns, raw(one))
     return path
 
 
-def write_split(path, messages, storage="mcap", compression=None, parts=3):
-    """A folder of rosbag2 whose messages are split into several files, in the order given."""
+def write_split(path, messages, storage="mcap", compression=None):
+    """A folder of rosbag2 whose messages are split into three files, in the order given."""
     write_folder(path, messages, storage, compression)
     (whole,) = (one for one in path.iterdir() if one.suffix != ".yaml")
-    size = -(-len(messages) // parts)
+    size = -(-len(messages) // 3)
     names = []
-    for part in range(parts):
+    for part in range(3):
         some = messages[part * size : (part + 1) * size]
         folder = write_folder(path.parent / f"{path.name}_{part}", some, storage, compression)
         [file] = (one for one in folder.iterdir() if one.suffix != ".yaml")
@@ -233,10 +231,10 @@ def packed(path):
     return whole
 
 
-def write_ros1(path, messages, compression=None, msgtype=TF, chunk_size=2000):
+def write_ros1(path, messages, compression=None, msgtype=TF):
     """A .bag of ROS 1; `msgtype`: of the transforms."""
     writer = rosbag1.Writer(path)
-    writer.chunk_threshold = chunk_size
+    writer.chunk_threshold = 2000
     if compression is not None:
         writer.set_compression(rosbag1.Writer.CompressionFormat[compression.upper()])
     with writer:

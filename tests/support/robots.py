@@ -83,12 +83,12 @@ FIXED = {
 }
 
 
-def random_states(count, seed=1):
+def random_states(count):
     """Positions of NAMES, shape (count, 3)."""
-    return np.random.default_rng(seed).uniform(-3, 3, (count, len(NAMES)))
+    return np.random.default_rng(1).uniform(-3, 3, (count, len(NAMES)))
 
 
-def joint_state(ns, names, positions, log_ns=None, topic="/joint_states", ros=2):
+def joint_state(ns, names, positions, topic="/joint_states", ros=2):
     """A recorded joint state."""
     fields = {
         "header": header(ns, "", ros),
@@ -97,9 +97,9 @@ def joint_state(ns, names, positions, log_ns=None, topic="/joint_states", ros=2)
         "velocity": np.zeros(len(names)),
         "effort": np.zeros(0),
     }
-    return Sent(ns if log_ns is None else log_ns, topic, fields, JOINT_STATE)
+    return Sent(ns, topic, fields, JOINT_STATE)
 
 
-def description(text=ARM, topic="/robot_description", log_ns=100 * S):
+def description(text=ARM, topic="/robot_description"):
     """The recorded topic of a robot_state_publisher."""
-    return Sent(log_ns, topic, {"data": text}, STRING)
+    return Sent(100 * S, topic, {"data": text}, STRING)

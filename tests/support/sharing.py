@@ -25,9 +25,9 @@ def new_name():
 
 
 @contextmanager
-def pair(*arguments, **options):
+def pair(*arguments):
     """A buffer that is shared, and one that is attached to it."""
-    shared = Buffer(*arguments, share=new_name(), **options)
+    shared = Buffer(*arguments, share=new_name())
     reader = Buffer(attach=shared._tf2_sharing.name)
     try:
         yield shared, reader

@@ -67,11 +67,7 @@ _SOURCES = _MODULES | {
 
 
 def offer(namespace: dict[str, Any]) -> None:
-    """
-    Let a module have all these names.
-
-    :param namespace: the globals of the module.
-    """
+    """Let the module with these globals have all these names."""
     module = namespace["__name__"]
 
     def __getattr__(name: str) -> Any:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -26,14 +25,7 @@ from tf2_ros._receive.inboxes import check_regularly
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
 
 
-def hidden_node(
-    prefix: str,
-    owner: object,
-    *,
-    context: Context | None = None,
-    namespace: str | None = None,
-    use_global_arguments: bool = True,
-) -> Node:
+def hidden_node(prefix: str, owner: object, **options: Any) -> Node:
     """
     Make a node whose name begins with ``prefix`` and is unique in this process while ``owner`` lives.
 
@@ -42,9 +34,7 @@ def hidden_node(
     """
     return Node(
         f"{prefix}_{id(owner):010x}",
-        context=context,
-        namespace=namespace,
-        use_global_arguments=use_global_arguments,
+        **options,
         enable_rosout=False,
         start_parameter_services=False,
         parameter_overrides=[
@@ -112,8 +102,13 @@ class Spinner:
         # It must not run while the interpreter is finalized, which waits for threads that are not daemons
         # unless it is interrupted.
         _running.add(self)
-        self.thread.start()
         check_regularly(self)
+        try:
+            self.thread.start()
+        except BaseException:
+            self._at_end = None  # whoever called this destroys that
+            self.stop(wait=False)
+            raise
 
     def stop(self, *, wait: bool = True) -> None:
         """

@@ -18,6 +18,7 @@ from spinning import spinning
 
 import tf2_py
 import tf2_ros
+from tf2_ros._receive import inboxes
 
 pytestmark = pytest.mark.ours
 
@@ -168,3 +169,25 @@ class TestEachLine:
                 until(lambda line=line: passed == [line], executor)
                 passed.clear()
             assert line > 10
+
+
+def test_a_thread_whose_start_is_interrupted_ends_or_is_the_only_one(tf2_ros, node, buffer, monkeypatch):
+    """Most of `Thread.start` is a wait, until the new thread runs."""
+    start, ran = threading.Thread.start, []
+
+    def interrupted_start(thread):
+        start(thread)
+        raise Interrupt
+
+    monkeypatch.setattr(threading.Thread, "start", interrupted_start)
+    for starts in (
+        lambda: tf2_ros.TransformListener(buffer, node, spin_thread=True),
+        lambda: inboxes._start("of the process", ran.append, "once"),
+    ):
+        with pytest.raises(Interrupt):
+            starts()
+    monkeypatch.undo()
+    inboxes._start("of the process", ran.append, "once")
+    until(lambda: "tf2_ros listener" not in [thread.name for thread in threading.enumerate()])
+    until(lambda: ran == ["once"] and "of the process" not in [one.name for one in threading.enumerate()])
+    assert ran == ["once"]

@@ -7,37 +7,23 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol
+from typing import Any
 
 from tf2_ros._forking import LOCK, LiveObjects
-from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes, take_handed
+from tf2_ros._receive.inbox import begin_anew, run_inboxes, run_reports, stop_inboxes, take_handed
 from tf2_ros._wait.endings import call_logged
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
 
 
-class Checked(Protocol):
-    """Something that is checked every one or two seconds."""
-
-    def _tf2_check(self) -> None: ...
-
-
-class Owner(Checked, Protocol):
-    """What decides when an inbox begins and ends."""
-
-    inbox: Inbox
-
-    def stop(self) -> object:
-        """End, for good."""
-
-
-_owners: LiveObjects[Owner] = LiveObjects()
-_checked: LiveObjects[Checked] = LiveObjects()
+# Each decides when an inbox, its attribute ``inbox``, begins and ends, and has a method ``stop``, for good.
+_owners: LiveObjects[Any] = LiveObjects()
+_checked: LiveObjects[Any] = LiveObjects()  # the method ``_tf2_check`` of each is called regularly
 _checked_at = 0.0
 
 
-def add_owner(owner: Owner) -> None:
+def add_owner(owner: Any) -> None:
     """Serve the inbox of an owner, and check the owner regularly."""
     _start("tf2_ros receiver", run_inboxes)
     _start("tf2_ros reports", run_reports, _report)
@@ -45,7 +31,7 @@ def add_owner(owner: Owner) -> None:
     _checked.add(owner)
 
 
-def check_regularly(checked: Checked) -> None:
+def check_regularly(checked: Any) -> None:
     """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
     _checked.add(checked)
     with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
@@ -59,9 +45,15 @@ def _start(name: str, target: Callable[..., None], *arguments: object) -> None:
     with LOCK:
         if name not in _threads:
             # A daemon, so that the interpreter does not wait for it before it runs the exit handlers.
-            thread = threading.Thread(target=target, args=arguments, name=name, daemon=True)
-            thread.start()
-            _threads[name] = thread
+            args = (name, target, *arguments)
+            threading.Thread(target=_run, args=args, name=name, daemon=True).start()
+
+
+def _run(name: str, target: Callable[..., None], *arguments: object) -> None:
+    # A signal handler may raise in the thread that starts this one, which nevertheless begins.
+    this = threading.current_thread()
+    if _threads.setdefault(name, this) is this:
+        target(*arguments)
 
 
 def _report() -> None:

@@ -9,6 +9,7 @@ and 9.1 (Kilted). What an executor's rounds need in Cython is in ``tf2_ros._wait
 
 import sys
 from contextlib import suppress
+from inspect import CO_ASYNC_GENERATOR, CO_COROUTINE, CO_GENERATOR, CO_ITERABLE_COROUTINE
 from types import FrameType
 from typing import Any
 
@@ -126,19 +127,24 @@ def report_event(handler: EventHandler) -> None:
 
 # Tasks and futures.
 
+_COROUTINES = CO_COROUTINE | CO_GENERATOR | CO_ITERABLE_COROUTINE | CO_ASYNC_GENERATOR
 _STEP_CODE = getattr(Task.__dict__.get("__call__"), "__code__", None)
 
 
-def running_task() -> Task | None:
+def running_task(is_direct: bool) -> Task | None:
     """
-    The task that an executor is stepping in this thread.
+    The task that an executor is stepping in this thread, for a function that ``__await__`` calls.
 
     An awaited object cannot ask which task awaits it. Assumes that a step is a call of ``Task.__call__``, so
     that its frame is on the stack and has the task as ``self``. Without such a frame, None: the executor then
     steps the task only in its own rounds.
+
+    :param is_direct: only if nothing but coroutines is between the two, and no function that runs a loop.
     """
-    frame: FrameType | None = sys._getframe(1)
+    frame: FrameType | None = sys._getframe(2)
     while frame is not None and frame.f_code is not _STEP_CODE:
+        if is_direct and not frame.f_code.co_flags & _COROUTINES:
+            return None
         frame = frame.f_back
     task = None if frame is None else frame.f_locals.get("self")
     return task if isinstance(task, Task) else None

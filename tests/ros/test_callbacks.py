@@ -303,6 +303,7 @@ class TestBadInput:
         loop.run_until_complete(asyncio.sleep(0))
         task._log_destroy_pending = False
         loop.close()
+        until(lambda: not buffer._tf2_kept)
         buffer.set_transform(transform("map", "robot", 1), "me")
         assert future.result().child_frame_id == "robot"
 

@@ -241,8 +241,9 @@ def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
 
 
 class TestShutdown:
+    @pytest.mark.parametrize("in_a_callback", [False, True])
     @pytest.mark.parametrize("full", [False, True])
-    def test_asyncio_awaits_no_longer(self, ros, tf2_ros, node, full):
+    def test_asyncio_awaits_no_longer(self, ros, tf2_ros, node, executor, full, in_a_callback):
         buffer = tf2_ros.Buffer(node=node)
         names = ("map", at(2), "robot", at(1), "odom") if full else ("map", "robot", at(1))
 
@@ -257,7 +258,10 @@ class TestShutdown:
                 await asyncio.wait_for(look_up(*names), DEADLINE_S)
             return errors
 
-        errors = asyncio.run(main())
+        if in_a_callback:
+            task = executor.create_task(lambda: asyncio.run(main()))
+            executor.spin_once()
+        errors = task.result() if in_a_callback else asyncio.run(main())
         assert [type(error) for error in errors] == [tf2_ros.TimeoutException] * 3
         assert all(re.fullmatch(ENDED, str(error)) for error in errors)
         assert buffer.statistics()["waiters"] == 0

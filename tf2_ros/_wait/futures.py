@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.exceptions import InvalidHandle
+from rclpy.executors import Executor
 from rclpy.task import Future, Task
 
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
@@ -117,8 +118,8 @@ class _SleepingTask(Waker):
         """Have the executor step the task, once none of its threads does."""
         task = None if self._task is None or self.awake else self._task()
         executor = None if task is None else task_executor(task)
-        if task is None or executor is None:
-            return
+        if task is None or not isinstance(executor, Executor):
+            return  # whoever calls wake() of an events executor, which is no Executor, may hang with the GIL
         # An executor skips a task while another of its threads runs a step of it. That step may have decided
         # to sleep and not returned yet, and nothing reports its return.
         if is_in_step(task):
@@ -170,6 +171,8 @@ class _SleepingLoop(Waker):
 
     def over(self) -> bool:
         """Whether the task is awake, or will never be."""
+        if self._loop.is_closed():
+            self._future.kept.pop(self, None)
         return self.awake or self._loop.is_closed()
 
     def expire(self) -> None:
@@ -185,9 +188,10 @@ def _sleeper(future: WakingFuture[Any]) -> _SleepingTask | _SleepingLoop:
     # If a loop runs, asyncio is loaded. It is not imported here: that takes a tenth of the time of importing
     # tf2_ros, and in a forked child it could wait forever for a thread of the parent that was importing it.
     get_running_loop = getattr(sys.modules.get("asyncio"), "_get_running_loop", None)
-    task = running_task()
-    loop = None if task is not None or get_running_loop is None else get_running_loop()
-    return _SleepingTask(task) if loop is None else _SleepingLoop(loop, future)
+    loop = None if get_running_loop is None else get_running_loop()
+    # A callback that an executor runs may run a loop, and a task of a loop may spin an executor.
+    task = running_task(is_direct=loop is not None)
+    return _SleepingTask(task) if task is not None or loop is None else _SleepingLoop(loop, future)
 
 
 class TransformFuture(WakingFuture[TransformStamped]):

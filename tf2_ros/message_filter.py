@@ -30,6 +30,7 @@ from tf2_py.typing import DurationLike
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, require_node
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
+from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._wait.callbacks import call_in_executor, callback_queue
 from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, deadlines, first_key
 from tf2_ros._wait.futures import WakingFuture
@@ -424,6 +425,12 @@ class MessageStream(Generic[_Message]):
         self._filter = filter
         self.items: deque[tuple[_Message, TransformStamped]] = deque()
         self.arrival = filter._new_arrival()  # all that iterate await it
+        check_regularly(self)
+
+    def _tf2_check(self) -> None:
+        """Wake those that await after the end of the node."""
+        if self._filter._has_ended():
+            self.arrival.end()
 
     def __aiter__(self) -> "MessageStream[_Message]":
         return self

@@ -459,6 +459,15 @@ class TestIterating:
 
         assert asyncio.run(main()) == [[], [], []]
 
+    def test_its_node_ends_it_in_the_executor_of_another_node(self, tf2_ros, buffer, new_node, executor):
+        node = new_node("filtering")
+        filter = tf2_ros.MessageFilter(None, buffer, "map", 0, node=node)
+        task = executor.create_task(self.seconds(filter))
+        executor.spin_once(timeout_sec=0)
+        node.destroy_node()
+        executor.spin_until_future_complete(task, timeout_sec=DEADLINE_S)
+        assert task.result() == []
+
 
 class TestEnd:
     def test_a_with_block_closes_it_also_after_an_error(self, tf2_ros, node):

@@ -67,6 +67,8 @@ class CallbackQueue(ExecutorRounds, Waitable):
     def _tf2_check(self) -> None:
         """Drop the calls if the node has ended; warn if they have waited for long."""
         node = self.node()
+        if node is None:
+            self.close(f"the node [{self._name}] was collected")
         if self._why_closed or node is None:
             return
         if node_has_ended(node):

@@ -21,8 +21,6 @@ from tf2_ros._qos import transforms_qos
 __all__ = ["TransformBroadcaster"]
 _names.offer(globals())
 
-MOST_WARNINGS = 100
-
 _publish = Publisher.publish
 
 
@@ -70,7 +68,7 @@ class Broadcaster:
             data, unwanted = serialized
             self.pub_tf.publish(data)
         for child, why in unwanted:
-            if child not in self._tf2_warned and len(self._tf2_warned) < MOST_WARNINGS:
+            if child not in self._tf2_warned:
                 self._tf2_warned.add(child)
                 get_logger("tf2_ros").warning(f"Sent anyway (strict=True would raise): {why}")
 

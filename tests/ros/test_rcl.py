@@ -2,11 +2,10 @@
 
 import os
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
-from processes import output_of
+from processes import output_of, run
 
 import tf2_ros
 from tf2_ros_cython import _ros
@@ -66,29 +65,17 @@ def declaration(kind, size, name):
     return f"{kind} {name}[{size}];" if size else f"{kind} {name};"
 
 
-@pytest.fixture
-def compile_checks(tmp_path):
-    folders = [prefix / "include" for prefix in prefixes()]
-    packages = [
-        package for folder in folders for package in folder.iterdir() if (package / package.name).is_dir()
-    ]
-
-    def compile_c(text):
-        source = tmp_path / "checks.c"
-        source.write_text(text)
-        options = ["-std=gnu11", "-fsyntax-only", "-Werror", *map("-I{}".format, packages)]
-        return subprocess.run(["gcc", *options, str(source)], capture_output=True, text=True)
-
-    return compile_c
-
-
 def prefixes():
     sourced = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
     return [prefix for prefix in sourced if (prefix / "include").is_dir()] or [_ros.running_prefix()]
 
 
-def test_all_declarations_agree_with_the_headers(compile_checks):
-    done = compile_checks(c_of(DECLARATIONS.read_text()))
+def test_all_declarations_agree_with_the_headers(tmp_path):
+    packages = [package for prefix in prefixes() for package in (prefix / "include").iterdir()]
+    folders = [f"-I{package}" for package in packages if (package / package.name).is_dir()]
+    source = tmp_path / "checks.c"
+    source.write_text(c_of(DECLARATIONS.read_text()))
+    done = run("gcc", "-std=gnu11", "-fsyntax-only", "-Werror", *folders, source)
     assert done.returncode == 0, done.stderr
 
 

@@ -159,10 +159,6 @@ class Peer:
     def set_clock(self, seconds):
         self.do("clock", seconds=seconds)
 
-    def kill(self):
-        self.process.kill()
-        self.end()
-
     def end(self):
         if not self.process.stdin.closed:
             self.process.stdin.close()

@@ -97,8 +97,7 @@ class TestWhatEveryListenerRefuses:
         return subscribe("/tf_static" if name.startswith("Static") else "/tf")
 
     @pytest.mark.parametrize(("bad", "tag", "why"), REFUSED)
-    def test_it_is_what_a_buffer_refuses(self, tf2_ros, new, name, bad, tag, why):
-        buffer = tf2_ros.Buffer()
+    def test_it_is_what_a_buffer_refuses(self, new, name, bad, tag, why, buffer):
         insert = buffer.set_transform_static if name.startswith("Static") else buffer.set_transform
         insert(bad, "test")
         assert sum(buffer.statistics()["refused"].values()) == 1

@@ -153,8 +153,7 @@ class TestEndOfTheWait:
         # What does not wait is not ended by it.
         assert "shut down" not in refusal(CALLS["lookup_transform"], buffer, Duration())[1]
 
-    def test_what_a_program_fills_by_itself_is_waited_for_after_a_shutdown(self, ros, tf2_ros, later):
-        buffer = tf2_ros.Buffer()
+    def test_what_a_program_fills_by_itself_is_waited_for_after_a_shutdown(self, ros, later, buffer):
         ros.shutdown()
         later(insert, buffer, 1, when=waits(buffer))
         assert buffer.can_transform("map", "robot", LATEST, LONG)

@@ -204,8 +204,7 @@ def test_in_any_script_each_message_has_one_outcome_as_soon_as_it_can(
     assert buffer.statistics()["waiters"] == 0
 
 
-def test_threads_that_add_and_insert_lose_nothing(tf2_ros, node):
-    buffer = tf2_ros.Buffer()
+def test_threads_that_add_and_insert_lose_nothing(tf2_ros, node, buffer):
     passed, count = Counter(), 2000
     filter = tf2_ros.MessageFilter(None, buffer, ["map", "odom"], 0, node=node)
     filter.registerCallback(lambda message: passed.update([id(message)]))
@@ -483,8 +482,7 @@ class TestEnd:
         assert repr(filter) == f"<{name}: 0 waiting, 0 passed, 0 dropped, closed>"
         assert filter.statistics()["cleared"] == 1
 
-    def test_one_that_is_dropped_leaves_no_waiter(self, tf2_ros, node):
-        buffer = tf2_ros.Buffer()
+    def test_one_that_is_dropped_leaves_no_waiter(self, tf2_ros, node, buffer):
         filter = tf2_ros.MessageFilter(None, buffer, ["map", "odom"], 0, node=node, buffer_timeout=1000.0)
         filter.add(point())
         assert buffer.statistics()["waiters"] == 1

@@ -1,8 +1,6 @@
 """What holds for every type that tf2_geometry_msgs and tf2_sensor_msgs transform."""
 
 import copy
-import subprocess
-import sys
 import textwrap
 from contextlib import suppress
 from types import SimpleNamespace
@@ -17,6 +15,7 @@ from known_types import ALL, STAMPED, UNSTAMPED
 from leaks import assert_nothing_is_left
 from making import stamp_ns, transform
 from numpy.testing import assert_allclose
+from processes import output_of
 from random_messages import Maker, numbers, transforms
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
@@ -159,13 +158,10 @@ def test_classes_that_look_otherwise_go_through_their_attributes():
             got = TransformRegistration().get(cls)(Maker(19).message(cls), t)
             print(type(got) is cls, hasattr(got, "__dict__"), *map(float, numbers(got)))
     """
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
+    found = output_of("-c", textwrap.dedent(program)).splitlines()
     t = transform("map", "base", 7.25, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
     wanted = [numbers(apply(Maker(19).message(cls), t)) for cls in ALL]
-    assert done.stdout.splitlines() == [" ".join(["True True", *map(str, map(float, n))]) for n in wanted]
+    assert found == [" ".join(["True True", *map(str, map(float, n))]) for n in wanted]
 
 
 @every_type

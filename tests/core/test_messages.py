@@ -1,11 +1,9 @@
 """Message objects made and read by their slots, and what happens where that is not possible."""
 
-import subprocess
-import sys
-
 import pytest
 from geometry_msgs.msg import TransformStamped, Vector3
 from making import at, transform
+from processes import output_of
 from rclpy.serialization import deserialize_message, serialize_message
 
 pytestmark = pytest.mark.ours
@@ -93,5 +91,4 @@ def test_subclasses_of_the_message_classes_are_read(buffer):
 
 def test_importing_the_engine_imports_no_message_package():
     code = "import sys, tf2_py; print(*(m for m in ('rclpy', 'geometry_msgs', 'numpy') if m in sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout) == (0, "\n"), done.stderr
+    assert output_of("-c", code) == "\n"

@@ -2,8 +2,6 @@
 
 import math
 import re
-import subprocess
-import sys
 from functools import partial
 from types import SimpleNamespace
 
@@ -24,6 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from making import S, rotation, transform, translation
 from numpy.testing import assert_allclose
+from processes import output_of
 from random_messages import transforms, turns, vectors
 from scipy.spatial.transform import Rotation
 
@@ -188,8 +187,7 @@ class TestSciPy:
 
     def test_scipy_is_imported_only_when_it_is_needed(self):
         code = "import sys, tf2_ros.numpy; print('scipy' in sys.modules, 'pandas' in sys.modules)"
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-        assert (done.returncode, done.stdout) == (0, "False False\n"), done.stderr
+        assert output_of("-c", code) == "False False\n"
 
 
 class TestDataFrames:

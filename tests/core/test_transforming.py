@@ -1,13 +1,12 @@
 """Objects transformed by a buffer: every known type, types of one's own, and types that nobody knows."""
 
 import asyncio
-import subprocess
-import sys
 import textwrap
 
 import pytest
 from geometry_msgs.msg import PointStamped, PolygonInstanceStamped, PoseStamped
 from making import at, stamp_ns, transform
+from processes import output_of
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 
@@ -124,14 +123,6 @@ def test_an_unknown_type_is_refused_by_name_and_with_a_cure(tf2_ros, buffer, mes
         buffer.transform(message, "map", new_type=new_type)
 
 
-def run(program):
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
-
-
 @pytest.mark.parametrize(
     ("package", "name", "provider"),
     [
@@ -153,7 +144,7 @@ def test_importing_tf2_ros_alone_is_enough(package, name, provider):
         print(buffer.transform({name}(header=tf2_ros.Header(frame_id="base")), "map").header.frame_id)
         print("{provider}" in sys.modules)
     """
-    assert run(program) == ["False", "map", "True"]
+    assert output_of("-c", textwrap.dedent(program)).split() == ["False", "map", "True"]
 
 
 def test_geometry_needs_no_nav_msgs():
@@ -167,4 +158,4 @@ def test_geometry_needs_no_nav_msgs():
         from tf2_geometry_msgs import __all__ as names
         print("do_transform_pose" in names, "do_transform_path" in names)
     """
-    assert run(program) == ["True False"]
+    assert output_of("-c", textwrap.dedent(program)).split() == ["True", "False"]

@@ -27,18 +27,6 @@ class Untrue(Exception):
         raise ValueError
 
 
-def test_a_wait_in_a_cycle_is_collected(buffer):
-    class Holder:
-        pass
-
-    holder = Holder()
-    holder.wait = buffer._wait("map", "odom", at(1), notify=lambda m, h=holder: None)
-    del holder
-    gc.collect()
-    assert buffer.statistics()["waiters"] == 0
-    buffer.set_transform(transform("map", "odom", 1), "x")
-
-
 def test_whoever_is_notified_may_wait_insert_and_cancel(buffer):
     seen = []
     waits = []

@@ -5,7 +5,6 @@ import os
 import random
 import signal
 import struct
-import subprocess
 import sys
 import threading
 import time
@@ -14,7 +13,7 @@ from functools import partial
 
 import pytest
 from making import S, at_ns
-from processes import PROMPT_S, until
+from processes import PROMPT_S, run, until
 from rclpy.duration import Duration
 from repetitions import times
 from sharing import Owner, is_sound, links, new_name, pair, ring_threads
@@ -259,13 +258,8 @@ def test_memory_that_ends():
         "print('f1999' in r, b._tf2_sharing.path.exists())"
     )
     command = 'mount -t tmpfs -o size=2m tmpfs /dev/shm || exit 77; exec "$@"'
-    ended = subprocess.run(
-        ["unshare", "-m", "sh", "-c", command, "sh", sys.executable, "-c", code],
-        text=True,
-        capture_output=True,
-        timeout=60,
-    )
-    if ended.returncode in (1, 77) and "unshare" in ended.stderr + "unshare" * (ended.returncode == 77):
+    ended = run("unshare", "-m", "sh", "-c", command, "sh", sys.executable, "-c", code)
+    if ended.returncode == 77 or "unshare" in ended.stderr:
         pytest.skip("no file system can be mounted here")
     assert ended.stdout == "True False\n", ended.stderr
     assert "The shared buffer 'small' has ended: there was no memory for a message" in ended.stderr

@@ -4,11 +4,13 @@ import gc
 import re
 import signal
 import subprocess
+import sys
 import threading
 
 import pytest
 from making import at, transform, translation
-from processes import DEADLINE_S, start, until
+from paths import PROGRAMS
+from processes import DEADLINE_S, run, start, until
 from public_names import NAMES
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -239,9 +241,8 @@ class TestEnd:
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future", "called back"])
     def test_the_interpreter_exits_without_output(self, how, inserter):
-        program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        output, errors = program.communicate(timeout=DEADLINE_S)
-        assert (program.returncode, output, errors) == (0, "at the end\n", "")
+        done = run(sys.executable, PROGRAMS / "exits.py", how, inserter)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "at the end\n", "")
 
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["thread", "interrupted"])

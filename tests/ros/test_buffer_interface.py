@@ -55,8 +55,6 @@ class TestTransform:
     def test_an_object_is_carried_at_its_own_time(self, buffer):
         carried = buffer.transform(Thing(10, time=at(1.5)), "map")
         assert (carried.x, carried.header.frame_id) == (11.5, "map")
-        carried = buffer.transform_full(Thing(10, time=at(1)), "robot", at(2), "map")
-        assert (carried.x, carried.header.frame_id) == (9, "robot")
 
     def test_the_timeout_reaches_the_lookup(self, buffer, executor, tf2_py):
         thing = Thing(10, time=at(3))

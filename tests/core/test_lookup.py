@@ -45,8 +45,13 @@ class TestTime:
                 types.SimpleNamespace(sec=edge // S, nanosec=edge % S + step),
                 types.SimpleNamespace(nanoseconds=step * 2**62),
             ):
-                with pytest.raises(OverflowError):
-                    buffer.lookup_transform_core("map", "odom", time)
+                for call in (
+                    lambda time=time: buffer.lookup_transform_core("map", "odom", time),
+                    lambda time=time: buffer.lookup_transform_full_core("map", time, "odom", at(1), "map"),
+                    lambda time=time: buffer.lookupVelocityCore("odom", "map", time, Duration()),
+                ):
+                    with pytest.raises(OverflowError):
+                        call()
 
 
 class TestPath:

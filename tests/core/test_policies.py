@@ -91,6 +91,7 @@ def test_wrong_policies_are_refused_by_every_method_and_misspelt_ones_named_with
         ("lookup_transform", lambda: buffer.lookup_transform(*given, **policy)),
         ("lookup_transform", lambda: buffer.lookup_transform(*given, timeout=1, **policy)),
         ("lookup_transforms", lambda: buffer.lookup_transforms("map", "base", [S], **policy)),
+        ("transform_points", lambda: buffer.transform_points([(0, 0, 1)], [S], "map", "base", **policy)),
         ("wait_for_transform_async", lambda: buffer.wait_for_transform_async(*given, **policy)),
         ("lookup_transform_async", lambda: buffer.lookup_transform_async(*given, **policy).send(None)),
     ):

@@ -34,10 +34,15 @@ HISTORIES = {  # parents, children, seconds
 
 
 @pytest.mark.parametrize("history", HISTORIES)
-def test_a_copy_holds_what_the_buffer_holds(history, buffer, travel):
-    for i, (parent, child, seconds) in enumerate(HISTORIES[history]):
-        buffer.set_transform(transform(parent, child, seconds, (i, 0, 0)), "x")
-    check_copy(travel(buffer), buffer)
+def test_a_copy_holds_what_the_buffer_holds(history, travel):
+    for limits in ({}, {"max_frames": 7}, {"max_bytes": 5_000}):
+        buffer = BufferCore(Duration(seconds=20), **limits)
+        for i, (parent, child, seconds) in enumerate(HISTORIES[history]):
+            buffer.set_transform(transform(parent, child, seconds, (i, 0, 0)), "x")
+        check_copy(travel(filled(buffer)), buffer)
+        assert bool(limits) == any(
+            buffer.statistics()["refused"][f"too_many_{kind}"] for kind in ("frames", "bytes")
+        )
 
 
 def test_a_buffer_made_by_new_alone_arrives(travel):

@@ -1,6 +1,7 @@
 """Saved buffers are ordinary recordings, and spoiled ones are refused."""
 
 import os
+import resource
 import sys
 
 import pytest
@@ -95,9 +96,18 @@ def test_several_transforms_share_a_message(tmp_path):
 # What is written, or not.
 
 
-def test_a_file_is_replaced_also_under_the_longest_name_and_nothing_else_is_left(buffer, tmp_path):
-    path = tmp_path / ("r" * 250 + ".mcap")
+def test_a_file_is_replaced_or_as_before_and_nothing_else_is_left(buffer, tmp_path):
+    path = tmp_path / ("r" * 250 + ".mcap")  # the longest name
     BufferCore().save(path)
+    before, (limit, most) = path.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, most))  # as a full disk
+    try:
+        with pytest.raises(OSError, match="File too large") as refused:
+            buffer.save(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, most))
+    assert (refused.value.filename, path.read_bytes()) == (str(path), before)
+    assert [*tmp_path.iterdir()] == [path]
     buffer.save(os.fsencode(path))
     check_copy(BufferCore.load(str(path)), buffer)
     assert [*tmp_path.iterdir()] == [path]

@@ -1,6 +1,5 @@
 """What follows from a line in a package's table of types: registration, names, and the stub that it needs."""
 
-import ast
 import importlib
 import inspect
 import re
@@ -55,22 +54,13 @@ def root_of(package):
     return Path(importlib.import_module(package).__file__).parents[1]
 
 
-def declared(path):
-    """Of each function in a stub the names of its parameters."""
-    functions = [node for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)]
-    return {
-        node.name: [argument.arg for argument in (*node.args.args, *node.args.kwonlyargs)]
-        for node in functions
-    }
-
-
 @every_package
 def test_a_function_of_the_table_has_its_line_in_the_stub_beside_its_source(package):
     root = root_of(package)
     for function in set(TABLES[package].values()):
         path = root / (function.__module__.replace(".", "/") + ".pyi")
-        parameters = list(inspect.signature(function).parameters)
-        if declared(path).get(function.__name__) != parameters:
+        # Whether the parameters agree finds stubtest, in tests/packaging/test_typing.py.
+        if f"def {function.__name__}(" not in path.read_text():
             pytest.fail(f"{path.relative_to(root)} needs: {stub_line(function, TABLES[package])}")
 
 

@@ -29,6 +29,7 @@ HISTORIES = {  # parents, children, seconds
     "samples of one stamp": [("a", "b", 5)] * 70,
     "a former parent": [("a", "b", 1), ("c", "b", 50), ("c", "b", 51)],
     "a loop of several times": [("a", "b", 1), ("c", "b", 2), ("b", "c", 3)],
+    "a former loop": [("a", "b", 1), ("b", "a", 2), ("c", "a", 50), ("c", "a", 51)],
     "slashes": [("//a", "b", 1), ("b", "//c", 1), ("c", "d", 1), ("//", "a", 1)],
 }
 

@@ -56,7 +56,7 @@ def held(buffer):
     found = {
         "frames": {name: infos[name] for name in names},
         "yaml": sorted(re.split(r"\n(?=\S)", buffer.all_frames_as_yaml().rstrip())),  # in the order of names
-        "settings": [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes")],
+        "settings": [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes", "ever_looped")],
     }
     for name, one in histories.items():
         arrays = (one.stamps_ns, one.translations, one.rotations)

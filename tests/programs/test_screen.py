@@ -7,6 +7,7 @@ import signal
 import sys
 import termios
 import time
+from itertools import takewhile
 
 import pytest
 from making import S
@@ -38,27 +39,16 @@ def talker(peer):
     return talker
 
 
-def title(lines):
-    """The number of the line with the titles of the columns; None if it is not shown, or more than once."""
-    found = [number for number, line in enumerate(lines) if re.match(r" frame +Hz\b", line)]
-    return found[0] if len(found) == 1 else None
-
-
-def rows(lines):
-    """The names of the frames that are shown, in their order."""
-    if (found := title(lines)) is None:
-        return []
-    below = "\n".join(lines[found + 1 :])
-    return re.match(r"(?: \w+ +(?:static|[\d.]+|\?)(?: .*)?\n)*", below + "\n").group().split("\n")[:-1]
-
-
 def joined(lines):
     """The text of the screen, with folded lines put together."""
     return " ".join(" ".join(lines).split())
 
 
 def names(lines):
-    return [row.split()[0] for row in rows(lines)]
+    """The names of the frames that are shown, in their order; none if there is not one line of titles."""
+    titles = [number for number, line in enumerate(lines) if re.match(r" frame +Hz\b", line)]
+    below = lines[titles[0] + 1 :] if len(titles) == 1 else []
+    return [row.split()[0] for row in takewhile(re.compile(r" \w+ +(static|[\d.]+|\?)( |$)").match, below)]
 
 
 @pytest.mark.parametrize("size", [(120, 30), (45, 24)], ids=str)
@@ -73,30 +63,18 @@ class TestKeys:
     def test_sorting_by_name_delay_and_rate(self, peer):
         talker = peer(*TOPICS)
         with monitor((80, 24), "--window", "3") as terminal:
-            terminal.shows(title)
+            terminal.shows(lambda lines: " Hz " in joined(lines))
 
-            def shows(*wanted):
-                def are_so(lines):
-                    now = time.time_ns()
-                    talker.send(
-                        ("map", "b", now - 5 * S, 1.0), ("b", "c", now, 1.0), ("b", "a", now - S, 1.0)
-                    )
-                    talker.send(("b", "a", now - S, 1.0), ("b", "c", now, 1.0))
-                    talker.send(("b", "a", now - S, 1.0))
-                    return names(lines) == [*wanted]
+            def order(lines):
+                now = time.time_ns()
+                talker.send(("map", "b", now - 5 * S, 1.0), ("b", "c", now, 1.0), ("b", "a", now - S, 1.0))
+                talker.send(("b", "a", now - S, 1.0), ("b", "c", now, 1.0))
+                talker.send(("b", "a", now - S, 1.0))
+                return "".join(names(lines))
 
-                terminal.shows(are_so)
-
-            terminal.press("n")
-            shows("a", "b", "c")
-            terminal.press("n")
-            shows("c", "b", "a")
-            terminal.press("d")
-            shows("b", "a", "c")
-            terminal.press("d")
-            shows("c", "a", "b")
-            terminal.press("r")
-            shows("a", "c", "b")
+            for key, wanted in (("n", "abc"), ("n", "cba"), ("d", "bac"), ("d", "cab"), ("r", "acb")):
+                terminal.press(key)
+                terminal.shows(lambda lines, wanted=wanted: order(lines) == wanted)
             terminal.shows(lambda lines: "by rate" in joined(lines[:2]))
 
     def test_frames_with_problems_are_first(self, talker, peer):

@@ -10,9 +10,7 @@ from importlib.util import find_spec
 import pytest
 from making_bags import drive, write_mcap
 from paths import ROOT
-from processes import DEADLINE_S, broadcasting, ended, needs_dot, running, until
-
-from tf2_ros_tools.program import Parser, finite_number
+from processes import DEADLINE_S, broadcasting, ended, needs_dot, run, running, until
 
 pytestmark = pytest.mark.ours
 
@@ -56,7 +54,7 @@ class TestEveryProgram:
             f"try: main(['{name}', '-h'])\n"
             "finally: print({'rclpy', 'numpy', 'tf2_ros', 'textual'} & {*sys.modules}, file=sys.stderr)"
         )
-        done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True)
+        done = run(sys.executable, "-c", code)
         assert (done.returncode, done.stderr) == (0, "set()\n")
         assert done.stdout.startswith(f"usage: {name} ") and f"\nexample:\n  {name} " in done.stdout
         assert ("--ros-args" in done.stdout) == (name in NODES)
@@ -122,10 +120,7 @@ def test_ctrl_c_ends_a_node_once_however_often_it_comes(name, node, folder):
     [
         ("tf2_echo --ros-args -p x", "--ros-args: "),
         ("tf2_echo a b --ros-args -r __node:=a-b", "--ros-args: "),
-        (
-            "tf2_echo a b --namespace robot-1",
-            "argument --namespace: 'robot-1' is not a namespace such as robot1",
-        ),
+        ("tf2_echo a b --namespace x-1", "argument --namespace: 'x-1' is not a namespace such as robot1"),
         ("tf2_bag", "the following arguments are required: COMMAND (see tf2_bag --help)"),
         ("tf2_bag twice", "argument COMMAND: invalid choice: 'twice'"),
     ],
@@ -137,23 +132,10 @@ def test_what_is_wrong_is_said(line, said):
     assert err.startswith(f"{name}: {said}")
 
 
-@pytest.mark.parametrize("text", ["-1", "-.5", "-1e-3", "-2.E+5", "-007"])
-def test_a_negative_number_is_a_value_in_every_place(text):
-    parser = Parser("any", "", "", node=False)
-    parser.add_argument("first", type=finite_number)
-    parser.add_argument("second", nargs="?", type=finite_number)
-    parser.add_argument("-x", type=finite_number)
-    for line in ([text, text, "-x", text], ["-x", text, text, text], [text, "-x" + text, text]):
-        read = parser.read(["any", *line])
-        assert [read.first, read.second, read.x] == [float(text)] * 3
-
-
 def test_another_tf2_ros_is_named(folder):
     (folder / "tf2_ros.py").write_text("")
-    code = (
-        "import sys; from tf2_ros_tools.programs.tf2_echo import main; sys.exit(main(['tf2_echo', 'a', 'b']))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, cwd=folder)
+    code = "from tf2_ros_tools.programs.tf2_echo import main; raise SystemExit(main(['tf2_echo', 'a', 'b']))"
+    done = run(sys.executable, "-c", code, cwd=folder)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
     assert done.stderr.startswith("tf2_echo: No module named 'tf2_ros.")
     assert done.stderr.endswith("; tf2_which shows which tf2_ros is imported\n")

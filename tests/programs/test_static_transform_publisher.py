@@ -33,7 +33,7 @@ OF_A_FILE = """\
 """
 # By command line: the translation and the rotation, and what the log says.
 PUBLISHED = {
-    "--x 1 --y -2.5e-1 --z -0.25 --qz -.6 --qw .8": (
+    "--x 1 --y -2.5E-1 --z -0.25 --qz -.6 --qw .8": (
         ((1.0, -0.25, -0.25), (0.0, 0.0, -0.6, 0.8)),
         "Spinning until stopped - publishing transform\n"
         "translation: ('1.000000', '-0.250000', '-0.250000')\n"
@@ -68,24 +68,15 @@ def test_what_a_command_line_asks_for_is_published(line, node, executor, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("second", "said"),
     [
-        (
-            "- {frame_id: a, child_frame_id: b}\n- {frame_id: 5, child_frame_id: c}",
-            "transform 2: 'frame_id': expected a text, got 5",
-        ),
-        (
-            "- {frame_id: a, child_frame_id: b}\n- {frame_id: c, child_frame_id: b}",
-            "the frame 'b' has two transforms",
-        ),
-        (
-            "- {frame_id: a, child_frame_id: b}\n- {frame_id: b, child_frame_id: a}",
-            "is its own ancestor",
-        ),
+        ("{frame_id: 5, child_frame_id: c}", "transform 2: 'frame_id': expected a text, got 5"),
+        ("{frame_id: c, child_frame_id: b}", "the frame 'b' has two transforms"),
+        ("{frame_id: b, child_frame_id: a}", "is its own ancestor"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, text, said):
+def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, second, said):
     path = tmp_path / "transforms.yaml"
-    path.write_text(text)
+    path.write_text(f"- {{frame_id: a, child_frame_id: b}}\n- {second}")
     with pytest.raises(ValueError, match=re.escape(said)):
         read_file(path)

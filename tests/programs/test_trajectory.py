@@ -13,54 +13,49 @@ from tf2_ros_tools.trajectory import path_picture, trajectory_figure
 pytestmark = pytest.mark.ours
 
 
-class TestTrajectory:
-    TIMES = np.arange(0.0, 8.0, 0.04) + 100.0
-    ANGLES = 0.8 * (TIMES - 100.0)
-    POSITIONS = np.stack([10 + 2 * np.cos(ANGLES), 2 * np.sin(ANGLES), np.full_like(ANGLES, 0.5)], axis=1)
-    RPY = np.stack([0 * ANGLES, 0 * ANGLES, ANGLES], axis=1)
+def circle(count, step):
+    """Times, positions and rotations of a camera on a circle of 2 m."""
+    times = 100.0 + step * np.arange(count)
+    angles = 0.8 * (times - 100.0)
+    positions = np.stack([10 + 2 * np.cos(angles), 2 * np.sin(angles), np.full_like(angles, 0.5)], axis=1)
+    return times, positions, np.stack([0 * angles, 0 * angles, angles], axis=1)
 
-    def figure(self, **changed):
-        given = {"times": self.TIMES, "positions": self.POSITIONS, "rpy": self.RPY, **changed}
-        return trajectory_figure("map", "camera", **given)
 
-    def test_shows_the_way_from_above_with_equal_scales(self):
-        figure = self.figure()
-        above = figure.axes[0]
-        way = above.lines[0].get_xydata()
-        assert np.array_equal(way, self.POSITIONS[:, :2])
-        assert above.get_aspect() == 1.0
-        assert above.get_xlim()[0] < 8.0 and above.get_xlim()[1] > 12.0
-        assert {"camera in map", "its x axis", "first", "last"} <= set(texts_of(figure))
+def test_a_path_is_shown_from_above_with_equal_scales_and_over_time():
+    times, positions, rpy = circle(200, 0.04)
+    figure = trajectory_figure("map", "camera", times, positions, rpy)
+    above, upper, lower = figure.axes
+    assert np.array_equal(above.lines[0].get_xydata(), positions[:, :2])
+    assert above.get_aspect() == 1.0
+    assert above.get_xlim()[0] < 8.0 and above.get_xlim()[1] > 12.0
+    assert {"camera in map", "its x axis", "first", "last"} <= set(texts_of(figure))
+    for axes, values, labels in ((upper, positions, ["x", "y", "z"]), (lower, rpy, ["roll", "pitch", "yaw"])):
+        for column, line in enumerate(axes.lines):
+            assert line.get_xdata() == pytest.approx(times)
+            assert line.get_ydata() == pytest.approx(values[:, column])
+        assert [line.get_label() for line in axes.lines] == labels
+    assert len({line.get_linestyle() for line in upper.lines}) == 3
+    assert lower.get_xlabel() == "time in s"
 
-    def test_shows_the_components_over_time(self):
-        _, upper, lower = self.figure().axes
-        for axes, values in ((upper, self.POSITIONS), (lower, self.RPY)):
-            for column, line in enumerate(axes.lines):
-                assert line.get_xdata() == pytest.approx(self.TIMES)
-                assert line.get_ydata() == pytest.approx(values[:, column])
-        assert [line.get_label() for line in upper.lines] == ["x", "y", "z"]
-        assert [line.get_label() for line in lower.lines] == ["roll", "pitch", "yaw"]
-        assert len({line.get_linestyle() for line in upper.lines}) == 3
-        assert lower.get_xlabel() == "time in s"
 
-    def test_gaps_are_marked_on_the_path_and_over_time(self):
-        positions, rpy = self.POSITIONS.copy(), self.RPY.copy()
-        for begin, end in ((101.0, 102.0), (104.0, 105.0)):
-            unknown = (self.TIMES > begin + 0.01) & (self.TIMES < end - 0.01)
-            positions[unknown], rpy[unknown] = np.nan, np.nan
-        figure = self.figure(positions=positions, rpy=rpy)
-        above, upper, lower = figure.axes
-        [marks] = [one for one in above.collections if one.get_label() == "gap"]
-        edges = [np.argmin(np.abs(self.TIMES - edge)) for edge in (101.0, 102.0, 104.0, 105.0)]
-        assert np.concatenate(marks.get_segments()) == pytest.approx(positions[edges, :2])
-        for axes in (upper, lower):
-            [bars] = axes.collections
-            spans = [path.get_extents().intervalx for path in bars.get_paths()]
-            assert np.concatenate(spans) == pytest.approx([101.0, 102.0, 104.0, 105.0])
-        # No other line crosses a gap.
-        for line in (above.lines[0], *upper.lines, *lower.lines):
-            assert len(np.flatnonzero(np.diff(np.isnan(line.get_ydata()).astype(int)) == 1)) == 2
-        assert "gap" in texts_of(figure)
+def test_gaps_are_marked_on_the_path_and_over_time():
+    times, positions, rpy = circle(200, 0.04)
+    for begin, end in ((101.0, 102.0), (104.0, 105.0)):
+        unknown = (times > begin + 0.01) & (times < end - 0.01)
+        positions[unknown], rpy[unknown] = np.nan, np.nan
+    figure = trajectory_figure("map", "camera", times, positions, rpy)
+    above, upper, lower = figure.axes
+    [marks] = [one for one in above.collections if one.get_label() == "gap"]
+    edges = [np.argmin(np.abs(times - edge)) for edge in (101.0, 102.0, 104.0, 105.0)]
+    assert np.concatenate(marks.get_segments()) == pytest.approx(positions[edges, :2])
+    for axes in (upper, lower):
+        [bars] = axes.collections
+        spans = [path.get_extents().intervalx for path in bars.get_paths()]
+        assert np.concatenate(spans) == pytest.approx([101.0, 102.0, 104.0, 105.0])
+    # No other line crosses a gap.
+    for line in (above.lines[0], *upper.lines, *lower.lines):
+        assert len(np.flatnonzero(np.diff(np.isnan(line.get_ydata()).astype(int)) == 1)) == 2
+    assert "gap" in texts_of(figure)
 
 
 def test_what_is_interpolated_in_a_gap_is_not_drawn_as_measured(tmp_path):
@@ -79,17 +74,9 @@ def test_what_is_interpolated_in_a_gap_is_not_drawn_as_measured(tmp_path):
     assert np.ptp(yaw[~np.isnan(yaw)]) == pytest.approx(9.9, abs=0.2)
 
 
-class TestALongPath:
-    """A circle of 5 m at 1.2 rad/s for four hours, ten times a second."""
-
-    TIMES = 100.0 + 0.1 * np.arange(144_000)
-    TURNED = 1.2 * (TIMES - 100.0)
-    POSITIONS = np.stack([5 * np.cos(TURNED), 5 * np.sin(TURNED), np.zeros_like(TURNED)], axis=1)
-    RPY = np.stack([0 * TURNED, 0 * TURNED, TURNED], axis=1)
-
-    @pytest.mark.parametrize("kind", ["svg", "pdf"])
-    def test_a_file_of_lines_stays_small_and_its_texts_are_texts(self, kind):
-        figure = trajectory_figure("map", "base_link", self.TIMES, self.POSITIONS, self.RPY)
-        written = file_of(figure, kind)
-        assert len(written) < 1_000_000
-        assert kind == "pdf" or b"base_link in map" in written
+@pytest.mark.parametrize("kind", ["svg", "pdf"])
+def test_a_file_of_a_long_path_stays_small_and_its_texts_are_texts(kind):
+    # Four hours, ten times a second.
+    written = file_of(trajectory_figure("map", "camera", *circle(144_000, 0.1)), kind)
+    assert len(written) < 1_000_000
+    assert kind == "pdf" or b"camera in map" in written

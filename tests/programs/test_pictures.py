@@ -38,11 +38,9 @@ HOSTILE = [
     "back\\slash\\n\\G",
     "&amp;",
     "]; evil [",
-    "-- comment",
     "subgraph",
     "$a$",
     "中文",
-    "<",
 ]
 
 

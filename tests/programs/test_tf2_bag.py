@@ -108,56 +108,56 @@ def test_of_a_saved_buffer_no_delay_is_known(run, tmp_path, tf2_ros):
     assert found["saved"] and {one["delay"] for one in found["streams"]} == {None}
 
 
-class TestPictures:
-    @needs_dot
-    def test_the_tree_is_drawn(self, run, drive_mcap, tmp_path):
-        assert run("tree", drive_mcap, "-o", tmp_path / "t.svg")[1] == f"{tmp_path}/t.svg\n"
-        texts = texts_of(tmp_path / "t.svg")
-        assert {"map", "odom", "base", "camera", "/tf_static", "10.0 Hz", "buffer 9.90 s"} <= set(texts)
-
-    def test_graphvizs_file_needs_no_graphviz(self, run, drive_mcap, tmp_path, monkeypatch):
-        monkeypatch.setenv("PATH", str(tmp_path))
-        assert run("tree", drive_mcap, "-o", tmp_path / "t.gv")[0] == 0
-        assert "digraph" in (tmp_path / "t.gv").read_text()
-        with pytest.raises(RunError, match=r"install Graphviz.*a file that ends in \.gv does not need it"):
-            run("tree", drive_mcap, "-o", tmp_path / "t.svg")
-
-    def test_a_picture_of_one_message_and_of_a_part_is_drawn(self, run, drive_mcap, tmp_path):
-        mount = Sent(100 * S, "/tf_static", [Tf("base", "camera", 100 * S)])
-        path = write_mcap(tmp_path / "mount.mcap", [mount])
-        assert run("plot", path, "-o", tmp_path / "p.svg")[0] == 0
-        assert "static, /tf_static" in texts_of(tmp_path / "p.svg")
-        assert run("plot", drive_mcap, "--start", 104, "--end", 106, "-o", tmp_path / "q.svg")[0] == 0
-        ticks = [float(text) for text in texts_of(tmp_path / "q.svg") if re.fullmatch(r"[\d.]+", text)]
-        assert ticks and all(104.0 <= tick <= 106.0 for tick in ticks)
+@needs_dot
+def test_the_tree_is_drawn(run, drive_mcap, tmp_path):
+    assert run("tree", drive_mcap, "-o", tmp_path / "t.svg")[1] == f"{tmp_path}/t.svg\n"
+    texts = texts_of(tmp_path / "t.svg")
+    assert {"map", "odom", "base", "camera", "/tf_static", "10.0 Hz", "buffer 9.90 s"} <= set(texts)
 
 
-class TestBatch:
-    @pytest.fixture(autouse=True)
-    def libraries(self):
-        for name in ("pyarrow", "distributed"):
-            pytest.importorskip(name)
+def test_graphvizs_file_needs_no_graphviz(run, drive_mcap, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert run("tree", drive_mcap, "-o", tmp_path / "t.gv")[0] == 0
+    assert "digraph" in (tmp_path / "t.gv").read_text()
+    with pytest.raises(RunError, match=r"install Graphviz.*a file that ends in \.gv does not need it"):
+        run("tree", drive_mcap, "-o", tmp_path / "t.svg")
 
-    def test_a_misspelt_frame_is_told_and_no_success(self, run, tmp_path):
-        path = recording(tmp_path / "a.mcap", count=30)
-        command = ("batch", path, "--lookup", "map", "camra", "--out", tmp_path / "tables", "--workers", 1)
-        for counts in ("1 done, 0 done before", "0 done, 1 done before"):
-            status, out, err = run(*command)
-            assert (status, out.splitlines()[0]) == (1, f"{counts}, 0 failed, 1 without an answer")
-            assert err.startswith(f"tf2_bag batch: {path}: ") and "camra" in err and err.count("\n") == 1
 
-    def test_ctrl_c_says_how_to_go_on(self, tmp_path):
-        one = recording(tmp_path / "0.mcap", count=30)
-        for i in range(1, 2000):  # far more than are done before the signal
-            os.link(one, tmp_path / f"{i}.mcap")
-        tables = tmp_path / "tables"
-        command = ("batch", str(tmp_path), "--lookup", "map", "camera", "--workers", "1")
-        with running("tf2_bag", *command, "--out", tables) as process:
-            until(lambda: next(tables.glob("[!_]*.parquet"), None))
-            process.send_signal(signal.SIGINT)
-            _, err = process.communicate(timeout=DEADLINE_S)
-        assert process.returncode == 130
-        assert err == "tf2_bag batch: interrupted; the same command does the rest\n"
+def test_a_picture_of_one_message_and_of_a_part_is_drawn(run, drive_mcap, tmp_path):
+    mount = Sent(100 * S, "/tf_static", [Tf("base", "camera", 100 * S)])
+    path = write_mcap(tmp_path / "mount.mcap", [mount])
+    assert run("plot", path, "-o", tmp_path / "p.svg")[0] == 0
+    assert "static, /tf_static" in texts_of(tmp_path / "p.svg")
+    assert run("plot", drive_mcap, "--start", 104, "--end", 106, "-o", tmp_path / "q.svg")[0] == 0
+    ticks = [float(text) for text in texts_of(tmp_path / "q.svg") if re.fullmatch(r"[\d.]+", text)]
+    assert ticks and all(104.0 <= tick <= 106.0 for tick in ticks)
+
+
+def test_a_misspelt_frame_of_a_batch_is_told_and_no_success(run, tmp_path):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("distributed")
+    path = recording(tmp_path / "a.mcap", count=30)
+    command = ("batch", path, "--lookup", "map", "camra", "--out", tmp_path / "tables", "--workers", 1)
+    for counts in ("1 done, 0 done before", "0 done, 1 done before"):
+        status, out, err = run(*command)
+        assert (status, out.splitlines()[0]) == (1, f"{counts}, 0 failed, 1 without an answer")
+        assert err.startswith(f"tf2_bag batch: {path}: ") and "camra" in err and err.count("\n") == 1
+
+
+def test_ctrl_c_in_a_batch_says_how_to_go_on(tmp_path):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("distributed")
+    one = recording(tmp_path / "0.mcap", count=30)
+    for i in range(1, 2000):  # far more than are done before the signal
+        os.link(one, tmp_path / f"{i}.mcap")
+    tables = tmp_path / "tables"
+    command = ("batch", str(tmp_path), "--lookup", "map", "camera", "--workers", "1")
+    with running("tf2_bag", *command, "--out", tables) as process:
+        until(lambda: next(tables.glob("[!_]*.parquet"), None))
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 130
+    assert err == "tf2_bag batch: interrupted; the same command does the rest\n"
 
 
 def test_without_a_screen_it_says_so_in_one_line(drive_mcap):
@@ -182,19 +182,11 @@ sys.exit(main())
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        ["info"],
-        ["check", "--json"],
-        ["lookup", "map", "camera", "--at", "/scan"],
-        ["tree"],
-        ["plot", "--path", "map", "camera", "-o", "way.svg"],
-    ],
-    ids=lambda arguments: arguments[0],
+    ["info", "check --json", "lookup map camera --at /scan", "tree", "plot --path map camera -o way.svg"],
 )
 def test_without_ros_it_prints_the_same(run, drive_mcap, tmp_path, monkeypatch, arguments):
     monkeypatch.chdir(tmp_path)
-    command = [arguments[0], drive_mcap, *arguments[1:]]
-    done = subprocess.run(
-        [sys.executable, "-c", WITHOUT_ROS, *command], text=True, capture_output=True, timeout=DEADLINE_S
-    )
+    name, *others = arguments.split()
+    command = [name, drive_mcap, *others]
+    done = subprocess.run([sys.executable, "-c", WITHOUT_ROS, *command], text=True, capture_output=True)
     assert (done.returncode, done.stdout, done.stderr) == run(*command)

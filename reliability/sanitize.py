@@ -30,7 +30,6 @@ TEST_TIMEOUT_S = 240 * SLOWNESS
 NOT_HERE = {
     "tests/packaging/test_adding_a_type.py": "compiles an extension without a sanitizer",
     "tests/core/test_allocation_failures.py": "replaces the allocator, as a sanitizer does",
-    "tests/packaging/test_colcon.py": "builds the package without a sanitizer",
     "tests/packaging/test_docs.py": "builds the package, and takes hours",
     "tests/packaging/test_fuzz.py::test_no_input_of_the_corpus_shows_a_fault[segments]": "damages what "
     "the build checks",

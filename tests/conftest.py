@@ -15,7 +15,7 @@ import hypothesis
 import pytest
 import repetitions
 from paths import ROOT, SUPPORT
-from processes import end, start
+from processes import Peer, end, start
 
 from tf2_ros_cython._ros import running_release
 
@@ -233,8 +233,6 @@ def executor(ros, node):
 @pytest.fixture
 def peer():
     """Starts peers, other processes that publish on command; see `processes.Peer`."""
-    from processes import Peer
-
     peers = []
 
     def start(*ros_arguments):

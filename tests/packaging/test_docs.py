@@ -2,14 +2,12 @@
 
 import importlib
 import re
-import shlex
 import signal
 import subprocess
 import sys
 
 import pytest
 from pages import (
-    CHECKED,
     FILES,
     HEADING,
     LINK,
@@ -17,6 +15,7 @@ from pages import (
     SHOWN,
     SPAN,
     blocks,
+    commands,
     named_programs,
     program,
     programs_beside,
@@ -25,7 +24,7 @@ from pages import (
     run_program,
 )
 from paths import ROOT
-from processes import DEADLINE_S, output_of
+from processes import DEADLINE_S, killed, output_of, run
 from sources import PYPROJECT, words_of_sources
 
 pytestmark = pytest.mark.ours
@@ -95,19 +94,15 @@ def test_the_recorder_saves_what_it_received_until_ctrl_c(tmp_path, peer):
     # It says when it has received everything: interrupted before that, there might be nothing to save.
     received = 'print(buffer.can_transform("map", "camera", 1_000_000_000, timeout=60), flush=True)'
     code = code.replace("        time.sleep(60)", f"        {received}\n        time.sleep(60)")
-    with subprocess.Popen(
-        [sys.executable, "-c", code], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as recorder:
-        try:
-            assert recorder.stdout.readline() == "Recording for 60 s, or until Ctrl-C\n"
-            robot = peer()
-            robot.send(("base_link", "camera", 0, 0.5), static=True)
-            robot.send(("map", "base_link", 1_000_000_000, 1.0))
-            assert recorder.stdout.readline() == "True\n"
-            recorder.send_signal(signal.SIGINT)
-            _, errors = recorder.communicate(timeout=DEADLINE_S)
-        finally:
-            recorder.kill()
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with killed(subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, text=True, **pipes)) as recorder:
+        assert recorder.stdout.readline() == "Recording for 60 s, or until Ctrl-C\n"
+        robot = peer()
+        robot.send(("base_link", "camera", 0, 0.5), static=True)
+        robot.send(("map", "base_link", 1_000_000_000, 1.0))
+        assert recorder.stdout.readline() == "True\n"
+        recorder.send_signal(signal.SIGINT)
+        _, errors = recorder.communicate(timeout=DEADLINE_S)
     assert (recorder.returncode, errors) == (0, "")
     buffer = importlib.import_module("tf2_ros_tools.bag").load(tmp_path / "live.mcap")
     assert buffer.lookup_transform("map", "camera", 1_000_000_000).transform.translation.x == 1.5
@@ -115,16 +110,12 @@ def test_the_recorder_saves_what_it_received_until_ctrl_c(tmp_path, peer):
 
 def test_the_node_of_getting_started_finds_the_camera(tmp_path):
     page = ROOT / "docs" / "getting-started.md"
+    command = [sys.executable, "-c", named_programs(page)["finder.py"]]
     with (
         programs_beside(page, tmp_path),
-        subprocess.Popen(
-            [sys.executable, "-c", named_programs(page)["finder.py"]], text=True, stderr=subprocess.PIPE
-        ) as finder,
+        killed(subprocess.Popen(command, text=True, stderr=subprocess.PIPE)) as finder,
     ):
-        try:
-            assert "[camera_finder]: the camera is at x = " in finder.stderr.readline()
-        finally:
-            finder.kill()
+        assert "[camera_finder]: the camera is at x = " in finder.stderr.readline()
 
 
 # Commands: those in blocks, and those in the text.
@@ -134,23 +125,10 @@ EXTRAS = {"", *PYPROJECT["project"]["optional-dependencies"]}
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
-def commands(page):
-    """The command lines of a page, each as a list of words without settings of variables."""
-    lines = [line for block in blocks(page) if block.language == CHECKED for line in block.code.splitlines()]
-    for line in [*lines, *(span for span in SPAN.findall(prose(page)) if " " in span)]:
-        try:
-            words = shlex.split(line, comments=True)
-        except ValueError:
-            continue  # a span that is no command
-        while words and re.fullmatch(r"[A-Z0-9_]+=.*", words[0]):
-            del words[0]
-        yield words[3:] if words[:3] == ["ros2", "run", "tf2_ros_cython"] else words
-
-
 @by_name
 def test_the_commands_of_a_page_name_options_targets_and_extras_that_exist(page):
-    for words in commands(page):
-        match words:
+    for _, words in commands(page, *(span for span in SPAN.findall(prose(page)) if " " in span)):
+        match words[3:] if words[:3] == ["ros2", "run", "tf2_ros_cython"] else words:
             case [name, *arguments] if name in PROGRAMS and name != "tf2_which":
                 program = importlib.import_module(f"tf2_ros_tools.programs.{name}")
                 program.PARSER.read([name, *arguments])
@@ -207,3 +185,12 @@ def names_of(page):
 def test_a_name_in_the_internals_exists(name):
     name = re.sub(r"\(.*\)$|=.*$", "", name)
     assert (ROOT / name).exists() or set(re.findall(r"\w+", name)) <= words_of_sources()
+
+
+@pytest.mark.long("builds the site")
+def test_the_site_builds_without_warnings(tmp_path):
+    recipe = (ROOT / "Makefile").read_text(encoding="utf-8")
+    [options] = re.findall(r"-m sphinx (.*) -d build/doctrees docs build/docs", recipe)
+    command = [sys.executable, "-m", "sphinx", *options.split(), "-d", tmp_path / "trees"]
+    ended = run(*command, ROOT / "docs", tmp_path)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")

@@ -11,7 +11,7 @@ import tempfile
 from contextlib import ExitStack
 
 import pytest
-from pages import CHECKED, PAGES, SAMPLES, blocks
+from pages import PAGES, SAMPLES, blocks, commands
 from processes import DEADLINE_S, broadcasting, running, until
 from sources import PYPROJECT
 
@@ -29,14 +29,9 @@ WORKING = {"tf2_echo": "At time", "tf2_echo base_link camra": "Did you mean"}
 REPORTED = {1: re.compile(r"^wrong: |which has the program dot", re.MULTILINE), 130: re.compile("camra")}
 
 
-def commands(page):
-    """The command lines of a page that start one of the programs: the variables they set, and their words."""
-    for block in blocks(page):
-        for line in block.code.splitlines() if block.language == CHECKED else ():
-            words = shlex.split(line, comments=True)
-            variables = [word for word in words if re.fullmatch(r"[A-Z0-9_]+=.*", word)]
-            if words[len(variables) :] and words[len(variables)] in PROGRAMS:
-                yield dict(variable.split("=", 1) for variable in variables), words[len(variables) :]
+def started(page):
+    """The commands of a page that start one of the programs."""
+    return [(variables, words) for variables, words in commands(page) if words and words[0] in PROGRAMS]
 
 
 @pytest.fixture
@@ -54,13 +49,12 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("page", [pytest.param(page, id=page.name) for page in PAGES if any(commands(page))])
+@pytest.mark.parametrize("page", [pytest.param(page, id=page.name) for page in PAGES if started(page)])
 def test_the_commands_of_a_page_run(page, folder):
     # All at once, because most of them listen.
     frame = ["--frame-id", "base_link", "--child-frame-id", "robot"]
     with broadcasting(), running("static_transform_publisher", *frame), ExitStack() as ends:
-        started = [Started(variables, words, folder, ends) for variables, words in commands(page)]
-        for one in started:
+        for one in [Started(*command, folder, ends) for command in started(page)]:
             one.end()
 
 

@@ -7,12 +7,11 @@ import sys
 
 import pytest
 from paths import ROOT
-from processes import DEADLINE_S
+from processes import DEADLINE_S, killed, run
 
 pytestmark = pytest.mark.ours
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-each = pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 
 # What each of the longer ones prints before it waits for something: interrupted then, it is not at its end.
 WAITS_AFTER = {
@@ -23,19 +22,11 @@ WAITS_AFTER = {
 INTERRUPTED = 128 + signal.SIGINT  # the exit status, as shells count it
 
 
-def start(example, **popen):
-    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    return subprocess.Popen(
-        [sys.executable, example], env=environment, text=True, stdout=subprocess.PIPE, **popen
-    )
-
-
-@each
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs_and_ends_by_itself(example):
-    with start(example, stderr=subprocess.PIPE) as process:
-        _, errors = process.communicate(timeout=3 * DEADLINE_S)
-    assert process.returncode == 0, errors
-    assert "Traceback" not in errors
+    done = run(sys.executable, example, timeout=3 * DEADLINE_S)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("name", WAITS_AFTER)
@@ -56,11 +47,14 @@ ATTEMPTS = 3
 
 def interrupted(example, line, errors):
     """The exit status and standard error of an example that gets a Ctrl-C after it has printed a line."""
-    with errors.open("w") as stderr, start(example, stderr=stderr, start_new_session=True) as process:
-        try:
-            assert any(line in printed for printed in process.stdout)
-            os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the whole group
-            process.communicate(timeout=DEADLINE_S)
-        finally:
-            process.kill()
+    pipes = {"text": True, "stdout": subprocess.PIPE, "env": {**os.environ, "PYTHONUNBUFFERED": "1"}}
+    with (
+        errors.open("w") as stderr,
+        killed(
+            subprocess.Popen([sys.executable, example], stderr=stderr, start_new_session=True, **pipes)
+        ) as process,
+    ):
+        assert any(line in printed for printed in process.stdout)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the whole group
+        process.communicate(timeout=DEADLINE_S)
     return process.returncode, errors.read_text()

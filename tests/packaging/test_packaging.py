@@ -1,33 +1,38 @@
-"""What gets installed, which is the same wherever it is built; and what a refusal says."""
+"""What gets installed of both projects, the same wherever it is built; and what a refusal says."""
 
-import importlib
+import email
 import importlib.metadata
-import importlib.util
 import os
-import subprocess
 import sys
 import tarfile
 import zipfile
 
 import pytest
-from installing import Prefix, backend_at, checkout_copy, sourced, unsourced
+from installing import Prefix, backend_at, build, checkout_copy, messages_copy, sourced, unsourced
+from packaging.requirements import Requirement
 from paths import ROOT
 from processes import run
 
-# By its place and not by the path: the path must not make the checkout's packages importable.
-build_backend = backend_at(ROOT / "build_backend", "build_backend")
-environment = build_backend.environment
+# By their places and not by the path: that must not make the checkout's packages importable.
+environment = backend_at(ROOT / "build_backend", "build_backend").environment
+messages = backend_at(ROOT / "messages" / "backend", "messages_backend").environment
+MESSAGES_METADATA = "backend.prepare_metadata_for_build_wheel"
 
 
 @pytest.fixture(autouse=True)
-def path_of_its_own(monkeypatch):
-    """The build runs setup.py in this process, which adds its folder; children of later tests inherit it."""
-    monkeypatch.setattr(sys, "path", sys.path[:])
+def nothing_chosen(monkeypatch):
+    monkeypatch.setenv("_TF2_MSGS_RELEASE", "")
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
 
 
-def test_missing_compilers_are_named_with_what_to_install(tmp_path):
-    with pytest.raises(SystemExit, match=r"no C compiler .*install gcc"):
-        environment.refuse_incomplete({"PATH": str(tmp_path)})
+@pytest.mark.parametrize(
+    ("build_of", "said"),
+    [(environment, ""), (messages, r"; no C\+\+ compiler .*install g\+\+")],
+    ids=["tf2-ros-cython", "tf2_msgs"],
+)
+def test_missing_compilers_are_named_with_what_to_install(tmp_path, build_of, said):
+    with pytest.raises(SystemExit, match=f"no C compiler .*install gcc{said}"):
+        build_of.refuse_incomplete({"PATH": str(tmp_path)})
 
 
 @pytest.mark.parametrize(
@@ -58,11 +63,9 @@ def test_numpy_is_all_that_an_install_without_extras_needs():
     )
 
 
-def test_source_distribution_holds_what_a_build_needs(monkeypatch, tmp_path):
+def test_source_distribution_holds_what_a_build_needs(tmp_path):
     project = checkout_copy(tmp_path / "project")
-    monkeypatch.chdir(project)
-    archive = build_backend.build_sdist(str(tmp_path))
-    with tarfile.open(tmp_path / archive) as opened:
+    with tarfile.open(build("build_backend.build_sdist", project, tmp_path / "made")) as opened:
         held = {name.partition("/")[2] for name in opened.getnames()}
     files = [path for folder in ("tf2_*", "build_backend") for path in project.glob(f"{folder}/**/*")]
     files += project.glob("messages/**/*")
@@ -85,12 +88,8 @@ def test_wheel_holds_the_same_wherever_it_is_built(tmp_path):
     whole = Prefix(tmp_path / "jazzy").mark("rclpy", "tf2_msgs")
     bare = Prefix(tmp_path / "workspace").mark("rclpy")
     for name, ros in (("none", unsourced()), ("whole", sourced(whole)), ("bare", sourced(bare))):
-        (tmp_path / name).mkdir()
-        hook = f"build_wheel({str(tmp_path / name)!r}, {{'ros': 'kilted'}})"
-        program = f"import build_backend; build_backend.{hook}"
-        subprocess.run([sys.executable, "-c", program], cwd=project, env=ros, check=True)
-        [wheel] = (tmp_path / name).glob("*.whl")
-        with zipfile.ZipFile(wheel) as opened:
+        made = build("build_backend.build_wheel", project, tmp_path / name, {"ros": "kilted"}, ros)
+        with zipfile.ZipFile(made) as opened:
             held.append({entry: opened.read(entry) for entry in opened.namelist()})
     assert held[0] == held[1] == held[2]
     assert "tf2_py/__init__.py" in held[0]
@@ -98,20 +97,81 @@ def test_wheel_holds_the_same_wherever_it_is_built(tmp_path):
     assert not [name for name in held[0] if name.startswith("tf2_msgs")]
 
 
-def without_editable_installs(folder):
-    """The environment of a Python that does not find this checkout's extensions for another one."""
-    kept = "[one for one in sys.meta_path if 'editable' not in getattr(one, '__module__', '')]"
-    (folder / "sitecustomize.py").write_text(f"import sys\nsys.meta_path[:] = {kept}\n")
-    return {**os.environ, "PYTHONPATH": str(folder)}
-
-
 @pytest.mark.parametrize("package", ["tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs"])
 def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
     project = checkout_copy(tmp_path / "project")
-    environment = without_editable_installs(tmp_path)
+    # Without editable installs, no extensions of this checkout are found for the other one.
+    kept = "[one for one in sys.meta_path if 'editable' not in getattr(one, '__module__', '')]"
+    (tmp_path / "sitecustomize.py").write_text(f"import sys\nsys.meta_path[:] = {kept}\n")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     ended = run(sys.executable, "-c", f"import {package}", cwd=project, env=environment)
     assert ended.returncode == 1
     [error] = [line for line in ended.stderr.splitlines() if line.startswith("ModuleNotFoundError: tf2_py.")]
     assert f" is missing: {project} is not built for Python " in error
     assert "`make build` there" in error and "cd elsewhere" in error
     assert "During handling" not in ended.stderr
+
+
+# The messages: for which release they are built, what they are called, and where they are refused.
+
+
+@pytest.mark.parametrize("release", ["jazzy", "kilted"])
+def test_name_and_requirements_are_those_of_the_release(tmp_path, release):
+    project = messages_copy(tmp_path / "project")
+    folder = build(MESSAGES_METADATA, project, tmp_path / "made", {"ros": release})
+    metadata = email.message_from_string((folder / "METADATA").read_text())
+    assert metadata["Name"] == f"tf2-ros-cython-msgs-{release}"
+    required = {text.partition("[")[0] for text in metadata.get_all("Requires-Dist")}
+    assert {f"ros-{release}-rclpy", f"ros-{release}-common-interfaces"} <= required
+    extra = {"jazzy": "ros", "kilted": "ros-kilted"}[release]
+    [ours] = [
+        Requirement(text)
+        for text in importlib.metadata.requires("tf2-ros-cython")
+        if text.startswith(metadata["Name"]) and f'extra == "{extra}"' in text
+    ]
+    assert metadata["Version"] in ours.specifier
+
+
+def test_a_source_distribution_stays_with_its_release_and_holds_nothing_built(tmp_path):
+    project = messages_copy(tmp_path / "project")
+    made = ["_release.py", "msg/__init__.py", "srv/_frame_graph.py", "libtf2_msgs__x.so"]
+    for name in made:
+        (project / "src" / "tf2_msgs" / name).touch()
+    archive = build("backend.build_sdist", project, tmp_path / "made", {"ros": "kilted"})
+    assert archive.name.startswith("tf2_ros_cython_msgs_kilted-")
+    filtered = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}  # not in Debian 12's 3.11.2
+    with tarfile.open(archive) as opened:
+        opened.extractall(tmp_path / "extracted", **filtered)
+    [unpacked] = (tmp_path / "extracted").iterdir()
+    package = unpacked / "src" / "tf2_msgs"
+    for name in ("__init__.py", "msg/TFMessage.msg", "srv/FrameGraph.srv", "package.xml", "../../LICENSE"):
+        assert (package / name).is_file()
+    assert not [name for name in made if (package / name).exists()]
+    folder = build(MESSAGES_METADATA, unpacked, tmp_path / "again")
+    assert folder.name.startswith("tf2_ros_cython_msgs_kilted-")
+
+
+def test_a_release_that_is_not_known_is_refused_with_those_that_are():
+    with pytest.raises(SystemExit, match="tf2_msgs knows no -C ros=humble: give one of jazzy, kilted"):
+        messages.choose({"ros": "humble"})
+
+
+@pytest.mark.parametrize(("version", "name"), [("7.1.5", "jazzy"), ("9.1.2", "kilted"), ("10.0.1", "jazzy")])
+def test_the_release_is_that_of_the_wheels_that_are_installed(monkeypatch, tmp_path, version, name):
+    """Build isolation hides the packages, and not the folder in which they lie."""
+    manifest = tmp_path / "share" / "rclpy" / "package.xml"
+    manifest.parent.mkdir(parents=True)
+    manifest.write_text(f"<version>{version}</version>")
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    assert messages.ros_wheels() == [f"ros-{name}-rclpy[fastrtps]", f"ros-{name}-common-interfaces"]
+
+
+def test_beside_a_sourced_ros_nothing_is_built(tmp_path):
+    index = tmp_path / "share" / "ament_index" / "resource_index" / "packages"
+    index.mkdir(parents=True)
+    overlay = f"{tmp_path / 'gone'}{os.pathsep}{tmp_path}"
+    messages.refuse_sourced({"AMENT_PREFIX_PATH": overlay})
+    (index / "rclpy").touch()
+    said = r"a ROS 2 is sourced \(.*\), whose own is used: .* apt install ros-"
+    with pytest.raises(SystemExit, match=said):
+        messages.refuse_sourced({"AMENT_PREFIX_PATH": overlay})

@@ -2,15 +2,18 @@
 
 import os
 import shutil
+import subprocess
 import sys
+import sysconfig
 import zipfile
 from pathlib import Path
 
 import installing
 import numpy
 import pytest
-from installing import OURS, SITE, Prefix, sourced, unsourced
+from installing import INDEX, OURS, SITE, Prefix, sourced, unsourced
 from processes import run
+from sources import PYPROJECT
 
 pytestmark = [
     pytest.mark.ours,
@@ -39,13 +42,16 @@ def wheel(made):
     """Built as for a Python whose own flags ask for debug information."""
     project = installing.checkout_copy(made / "project")
     installing.reuse_builds(project)
-    return installing.build("build_wheel", project, made / "wheel", CFLAGS="-g")
+    flags = {**os.environ, "CFLAGS": "-g"}
+    return installing.build("build_backend.build_wheel", project, made / "wheel", environment=flags)
 
 
 @pytest.fixture(scope="module")
 def ros(made):
     """A distribution with a tf2 of its own."""
-    return installing.add_tf2(installing.distribution(made / "ros"))
+    prefix = installing.distribution(made / "ros").add_stubs("distribution", *OURS)
+    installing.copy_messages(prefix.path / SITE, "_release.py")
+    return prefix.mark("tf2_msgs")
 
 
 class Installation:
@@ -83,12 +89,55 @@ def of_user(made, wheel):
 def editable(made):
     checkout = installing.checkout_copy(made / "checkout")
     installing.reuse_builds(checkout)
-    wheel = installing.build("build_editable", checkout, made / "editable-wheel")
+    wheel = installing.build("build_backend.build_editable", checkout, made / "editable-wheel")
     return Installation(installing.new_venv(made / "editable", wheel), checkout)
 
 
-@pytest.fixture(params=["in_venv", "of_user", "editable"])
+class Workspace(Installation):
+    """A workspace built by colcon, and a Python without ours that starts where it is sourced."""
+
+    def __init__(self, path, ros, *options):
+        self.path, self.prefix = path, path / "install" / "tf2_ros_cython"
+        self.source, build = path / "src" / "tf2-ros-cython", path / "build" / "tf2_ros_cython"
+        installing.checkout_copy(self.source)
+        installing.reuse_builds(build)
+        colcon = Path(sysconfig.get_path("scripts"), "colcon")
+        subprocess.run([colcon, "build", *options], cwd=path, env=sourced(ros), check=True)
+        super().__init__(installing.new_venv(path / "venv"), build if options else self.prefix / SITE)
+
+    def run(self, environment, *arguments):
+        return self.start(environment, self.python, *arguments)
+
+    def start(self, environment, *command):
+        shell = 'source "$0"/install/setup.bash && cd / && exec "$@"'
+        return run("bash", "-c", shell, self.path, *command, env=environment)
+
+
+@pytest.fixture(scope="module")
+def colcon(made, ros):
+    return Workspace(made / "colcon", ros)
+
+
+@pytest.fixture(scope="module")
+def linked(made, ros):
+    return Workspace(made / "linked", ros, "--symlink-install")
+
+
+ALONE = ["in_venv", "of_user", "editable"]
+
+
+@pytest.fixture(params=ALONE)
 def installation(request):
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(params=[*ALONE, "colcon", "linked"])
+def anywhere(request):
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(params=["colcon", "linked"])
+def workspace(request):
     return request.getfixturevalue(request.param)
 
 
@@ -100,8 +149,29 @@ def messages_of(prefix):
     return str(prefix.path / SITE / "tf2_msgs")
 
 
-def test_ours_precedes_the_distributions_but_for_the_messages(installation, ros):
-    assert installation.owners(sourced(ros)) == all_of("ours", tf2_msgs=messages_of(ros))
+def test_ours_precedes_the_distributions_but_for_the_messages(anywhere, ros):
+    assert anywhere.owners(sourced(ros)) == all_of("ours", tf2_msgs=messages_of(ros))
+
+
+def test_one_package_is_built_and_it_has_none_of_tf2s_names(workspace):
+    folders = [path.name for path in (workspace.path / "install").iterdir() if path.is_dir()]
+    assert folders == [marker.name for marker in (workspace.prefix / INDEX).iterdir()] == ["tf2_ros_cython"]
+    assert (workspace.prefix / "share" / "tf2_ros_cython" / "package.xml").is_file()
+
+
+def test_links_lead_to_the_sources(linked):
+    place = Path("tf2_ros", "__init__.py")
+    assert (linked.home / place).resolve() == (linked.source / place).resolve()
+
+
+def test_its_programs_are_where_ros2_run_looks(workspace, ros):
+    program = "from ament_index_python import get_package_prefix; print(get_package_prefix('tf2_ros_cython'))"
+    prefix = Path(workspace.run(sourced(ros), "-c", program).stdout.strip())
+    programs = prefix / "lib" / "tf2_ros_cython"
+    assert {path.name for path in programs.iterdir()} == set(PYPROJECT["project"]["scripts"])
+    assert all(os.access(path, os.X_OK) for path in programs.iterdir())
+    started = workspace.start(sourced(ros), programs / "tf2_echo", "-h")
+    assert started.stdout.startswith("usage: tf2_echo "), started.stderr
 
 
 def test_a_variable_turns_it_off(installation, ros):
@@ -153,12 +223,12 @@ def test_a_python_whose_checkout_is_gone_starts_in_silence(editable, made, ros):
 
 
 class TestWhich:
-    def test_it_tells_what_is_imported_and_before_what(self, installation, ros):
-        ended = installation.run(sourced(ros), "-m", "tf2_ros_cython")
+    def test_it_tells_what_is_imported_and_before_what(self, anywhere, ros):
+        ended = anywhere.run(sourced(ros), "-m", "tf2_ros_cython")
         assert ended.returncode == 0, ended.stderr
         lines = ended.stdout.splitlines()
         for name in OURS:
-            place = lines.index(f"{name}: tf2-ros-cython, {installation.home / name}")
+            place = lines.index(f"{name}: tf2-ros-cython, {anywhere.home / name}")
             assert lines[place + 1] == f"    takes precedence over {ros.path / SITE / name}"
         assert f"tf2_msgs: the environment's, {messages_of(ros)}" in lines
         assert "receiver: in use; listeners need no executor" in lines
@@ -177,7 +247,9 @@ class TestWhich:
         assert reason in line
 
     def test_without_ros_it_is_right_if_buffers_load(self, in_venv, tmp_path):
-        with_numpy = add_numpy(tmp_path)
+        for entry in Path(numpy.__file__).parents[1].glob("numpy*"):
+            (tmp_path / entry.name).symlink_to(entry)
+        with_numpy = {**unsourced(), "PYTHONPATH": str(tmp_path)}
         ended = in_venv.run(with_numpy, "-m", "tf2_ros_cython")
         assert (ended.returncode, ended.stderr) == (0, "")
         assert "\ndoes not load: " not in ended.stdout
@@ -185,13 +257,6 @@ class TestWhich:
         assert "receiver: not in use without ROS 2" in ended.stdout
         ended = in_venv.run(with_numpy, "-c", "import tf2_ros; tf2_ros.Buffer().all_frames_as_string()")
         assert (ended.returncode, ended.stderr) == (0, "")
-
-
-def add_numpy(folder):
-    """The environment of a new shell in which NumPy, and nothing else of this Python's, is on the path."""
-    for entry in Path(numpy.__file__).parents[1].glob("numpy*"):
-        (folder / entry.name).symlink_to(entry)
-    return {**unsourced(), "PYTHONPATH": str(folder)}
 
 
 def kilted(path, ros):

@@ -6,12 +6,11 @@ import signal
 import subprocess
 import threading
 import time
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from making_bags import S, drive, scan, write_folder, write_mcap, write_split
-from processes import DEADLINE_S, start, until
+from processes import DEADLINE_S, killed, start, until
 
 bag = pytest.importorskip("tf2_ros_tools.bag")
 dask = pytest.importorskip("dask")
@@ -117,24 +116,20 @@ def test_a_recording_without_the_frames_has_an_empty_table_and_a_finding(runs, o
 
 
 def test_a_recording_that_cannot_be_read_is_reported_and_stops_nobody(runs, out):
-    whole = (runs / "monday" / "run.mcap").read_bytes()
-    (runs / "broken.mcap").write_bytes(whole[: len(whole) // 2])
-    result = mapped([runs, runs / "gone.mcap"], out)
-    assert len(result.done) == len(tables(out)) == 4
-    assert set(result.failed) == {str(runs / "broken.mcap"), str(runs / "gone.mcap")}
-    assert result.failed[str(runs / "gone.mcap")] == f"{runs / 'gone.mcap'}: No such file or directory"
-    errors = {row["file"]: row["text"] for row in findings(result) if row["kind"] == "error"}
-    assert errors == result.failed and "broken.mcap is broken" in errors[str(runs / "broken.mcap")]
-
-
-def test_the_table_of_a_recording_goes_when_it_is_spoiled_but_not_when_it_is_deleted(runs, out):
-    spoiled, deleted = (runs / day / "run.mcap" for day in ("monday", "tuesday"))
+    spoiled, deleted = (str(runs / day / "run.mcap") for day in ("monday", "tuesday"))
     done = mapped(runs, out).done
-    spoiled.write_bytes(spoiled.read_bytes()[:500])
-    deleted.unlink()
+    os.truncate(spoiled, os.path.getsize(spoiled) // 2)
+    os.unlink(deleted)
+    (runs / "broken.mcap").write_bytes(b"broken")
+    write_mcap(runs / "more.mcap", drive(40))
     result = mapped([runs, deleted], out)
-    assert set(result.failed) == {str(spoiled), str(deleted)}
-    assert [os.path.exists(done[str(one)]) for one in (spoiled, deleted)] == [False, True]
+    assert (len(result.done), len(result.skipped)) == (1, 2)
+    assert set(result.failed) == {spoiled, deleted, str(runs / "broken.mcap")}
+    assert result.failed[deleted] == f"{deleted}: No such file or directory"
+    errors = {row["file"]: row["text"] for row in findings(result) if row["kind"] == "error"}
+    assert errors == result.failed and "run.mcap is broken" in errors[spoiled]
+    # The table of a spoiled recording goes, that of a deleted one stays.
+    assert [os.path.exists(done[one]) for one in (spoiled, deleted)] == [False, True]
 
 
 # Restarting.
@@ -235,11 +230,8 @@ def test_paths_are_taken_as_they_are_and_each_once(runs):
     assert find_recordings([gone, runs / "tuesday"]) == [gone, str(runs / "tuesday" / "run.mcap")]
     [part] = (runs / "split").glob("*_0.mcap")
     assert find_recordings([part, runs / "split"]) == [str(runs / "split")]
-
-
-def test_what_is_no_recording_at_all_is_an_error(runs, tmp_path):
-    (tmp_path / "empty").mkdir()
-    for nothing in (tmp_path / "empty", [tmp_path / "empty"], []):
+    (runs / "empty").mkdir()
+    for nothing in (runs / "empty", [runs / "empty"], []):
         with pytest.raises(FileNotFoundError):
             find_recordings(nothing)
 
@@ -266,21 +258,10 @@ def test_options_that_make_no_sense_are_refused_before_anything_is_read(runs, ou
 # Where it is done.
 
 
-@contextmanager
-def mapping(runs, out, **popen):
-    """Runs `programs/mapping.py` during a `with` statement."""
-    process = start("mapping.py", str(runs), str(out), **popen)
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
-
-
 def test_two_processes_do_the_same_as_one_core(runs, out, tmp_path):
     (runs / "broken.mcap").write_bytes(b"broken")
     one = mapped(runs, tmp_path / "one")
-    with mapping(runs, out, stdout=subprocess.PIPE) as program:
+    with killed(start("mapping.py", str(runs), str(out), stdout=subprocess.PIPE)) as program:
         said, _ = program.communicate(timeout=3 * DEADLINE_S)
     assert said == f"<tf2_ros_tools.bag.MappedRecordings: 4 done, 0 skipped, 1 failed, in {str(out)!r}>\n"
     assert tables(out) == tables(tmp_path / "one")
@@ -316,7 +297,8 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_continues(tmp_path, ou
     first = write_mcap(tmp_path / "runs" / "0.mcap", drive(1500), chunk_size=100_000)
     for i in range(1, 50):
         os.link(first, tmp_path / "runs" / f"{i}.mcap")
-    with mapping(tmp_path / "runs", out, stderr=subprocess.PIPE, start_new_session=True) as program:
+    options = {"stderr": subprocess.PIPE, "start_new_session": True}
+    with killed(start("mapping.py", str(tmp_path / "runs"), str(out), **options)) as program:
         until(lambda: state(out))
         children = psutil.Process(program.pid).children(recursive=True)
         # As a terminal does it: to all of the program's group.

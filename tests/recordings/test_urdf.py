@@ -14,32 +14,17 @@ pytestmark = pytest.mark.ours
 FRAMES = ("shoulder", "wheel", "slide", "finger", "thumb")
 
 
-def matrices(found):
-    """By child: the parent, and the poses at N times as matrices."""
-    joints, translations, rotations = found
-    return {
-        joint.child: (joint.parent, to_matrix((translations[:, k], rotations[:, k])))
-        for k, joint in enumerate(joints)
-    }
-
-
-def same(found, wanted):
-    assert found.keys() == wanted.keys()
-    for child, (parent, matrix) in wanted.items():
-        assert found[child][0] == parent
-        np.testing.assert_allclose(found[child][1], matrix, rtol=0, atol=1e-12, err_msg=child)
-
-
 class TestRobot:
     def test_every_type_of_joint_moves_as_matrices_say(self):
-        robot = urdf.load(ARM)
         states = random_states(50)
-        found = matrices(robot.transforms(NAMES, states))
+        joints, translations, rotations = urdf.load(ARM).transforms(NAMES, states)
+        assert [one.child for one in joints] == list(FRAMES)
         for n, state in enumerate(states):
-            same(
-                {child: (parent, many[n]) for child, (parent, many) in found.items()},
-                expected(*state),
-            )
+            for k, one in enumerate(joints):
+                parent, matrix = expected(*state)[one.child]
+                assert one.parent == parent
+                found = to_matrix((translations[n, k], rotations[n, k]))
+                np.testing.assert_allclose(found, matrix, rtol=0, atol=1e-12)
 
     def test_joints_say_what_the_urdf_says(self):
         robot = urdf.load(ARM)
@@ -61,11 +46,8 @@ class TestRobot:
 
     def test_nan_makes_its_joint_and_those_that_mimic_it_nan(self):
         joints, translations, rotations = urdf.load(ARM).transforms(NAMES, [0.5, 0.5, float("nan")])
-        lost = {
-            one.name
-            for one, t, q in zip(joints, translations, rotations, strict=True)
-            if np.isnan([*t, *q]).any()
-        }
+        poses = zip(joints, np.hstack([translations, rotations]), strict=True)
+        lost = {one.name for one, pose in poses if np.isnan(pose).any()}
         assert lost == {"extend", "grip", "pinch"}
 
     @pytest.mark.parametrize(
@@ -174,12 +156,11 @@ def test_a_file_that_is_not_one_is_named(tmp_path):
 # Recordings.
 
 
-def states(count=40, names=NAMES, **how):
-    """Joint states at 10 Hz from 100 s, and their positions."""
-    values = random_states(count)[:, [NAMES.index(name) for name in names]]
-    stamps = [100 * S + i * S // 10 for i in range(count)]
+def states(count=40, **how):
+    """Joint states at 10 Hz from 100 s, and their stamps and positions."""
+    values, stamps = random_states(count), [100 * S + i * S // 10 for i in range(count)]
     return (
-        [joint_state(ns, names, row, **how) for ns, row in zip(stamps, values, strict=True)],
+        [joint_state(*one, **how) for one in zip(stamps, [NAMES] * count, values, strict=True)],
         stamps,
         values,
     )
@@ -209,11 +190,8 @@ class TestRecordings:
         messages, stamps, values = states(ros=1 if form == "ros1" else 2)
         buffer = bag.load(FORMATS[form](tmp_path, messages), urdf=ARM)
         check(buffer, stamps, values)
-        np.testing.assert_allclose(
-            to_matrix(buffer.lookup_transform("shoulder", "camera", 0)),
-            FIXED["camera"][1],
-            atol=1e-12,
-        )
+        camera = to_matrix(buffer.lookup_transform("shoulder", "camera", 0))
+        np.testing.assert_allclose(camera, FIXED["camera"][1], atol=1e-12)
         assert buffer.frames()["camera"].static
         assert "broadcaster: '/joint_states'" in buffer.all_frames_as_yaml()
 
@@ -270,9 +248,8 @@ class TestRecordings:
         path = write_mcap(tmp_path / "run.mcap", [*messages[:8], broken, *messages[8:]])
         with pytest.raises(bag.BagError) as refused:
             bag.load(path, urdf=ARM)
-        assert str(refused.value).startswith(
-            f"{path}, topic /joint_states, log time {stamps[7] + 5} ns: {said}"
-        )
+        where = f"{path}, topic /joint_states, log time {stamps[7] + 5} ns: "
+        assert str(refused.value).startswith(f"{where}{said}")
 
     @pytest.mark.parametrize(
         ("how", "said"),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 from paths import ROOT
+from processes import output_of
 
 OURS = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
 SITE = Path("lib", f"python{sys.version_info.major}.{sys.version_info.minor}", "site-packages")
@@ -51,15 +52,12 @@ def reuse_builds(project):
             shutil.copytree(folder, project / "build" / folder.name)
 
 
-def build(hook, project, target, **environment):
-    """Call one of the build's hooks, without isolation; return the path of the wheel."""
-    target.mkdir(parents=True, exist_ok=True)
-    program = f"import build_backend; build_backend.{hook}({str(target)!r})"
-    subprocess.run(
-        [sys.executable, "-c", program], cwd=project, env={**os.environ, **environment}, check=True
-    )
-    [wheel] = target.glob("*.whl")
-    return wheel
+def build(hook, project, target, settings=None, environment=None):
+    """Call one of a build's hooks, such as `backend.build_wheel`, as pip does; the path of what it made."""
+    target.mkdir()
+    program = f"import {hook.partition('.')[0]} as of; print(of.{hook.partition('.')[2]}"
+    program += f"({str(target)!r}, {settings!r}))"
+    return target / output_of("-c", program, cwd=project, env=environment).split()[-1]
 
 
 class Prefix:
@@ -101,13 +99,6 @@ def distribution(path):
     return prefix.mark(
         *(marker.name for marker in Path(sys.prefix, INDEX).iterdir() if "tf2" not in marker.name)
     )
-
-
-def add_tf2(prefix):
-    """Give a distribution a tf2: stubs, and the messages."""
-    prefix.add_stubs("distribution", *OURS)
-    copy_messages(prefix.path / SITE, "_release.py")
-    return prefix.mark("tf2_msgs")
 
 
 def copy_messages(folder, *left_out):

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -47,6 +48,20 @@ def blocks(page):
     text = page.read_text(encoding="utf-8")
     for found in FENCE.finditer(text):
         yield Block(page, found["language"], found["code"], text.count("\n", 0, found.start()) + 2)
+
+
+def commands(page, *more):
+    """The command lines in the blocks of a page, and more: the variables that each sets, and its words."""
+    lines = [line for block in blocks(page) if block.language == CHECKED for line in block.code.splitlines()]
+    for line in [*lines, *more]:
+        try:
+            words = shlex.split(line, comments=True)
+        except ValueError:
+            continue  # a span that is no command
+        variables = {}
+        while words and re.fullmatch(r"[A-Z0-9_]+=.*", words[0]):
+            name, _, variables[name] = words.pop(0).partition("=")
+        yield variables, words
 
 
 def prose(page):

@@ -88,10 +88,14 @@ def program(name, *arguments, **popen):
     return subprocess.Popen(command, text=True, **popen)
 
 
-@contextmanager
 def running(name, *arguments, **popen):
     """The same for a `with` statement, which kills it in the end."""
-    process = program(name, *arguments, **popen)
+    return killed(program(name, *arguments, **popen))
+
+
+@contextmanager
+def killed(process):
+    """A process that a `with` statement kills in the end."""
     try:
         yield process
     finally:

@@ -1,11 +1,10 @@
 """A URDF with a joint of each type, its joint states, and what they mean, computed with matrices by SciPy."""
 
 import numpy as np
-from making_bags import S, Sent, header
+from making_bags import STRING, S, Sent, header
 from scipy.spatial.transform import Rotation
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-STRING = "std_msgs/msg/String"
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">

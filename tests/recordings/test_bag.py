@@ -26,8 +26,9 @@ from making_bags import (
     write_split,
 )
 
-from tf2_py import TransformException
+from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer
+from tf2_ros.records import MessageSource, Recording, insert_messages
 from tf2_ros_tools import bag
 from tf2_ros_tools.loading import hear, wanted
 from tf2_ros_tools.reading import is_static
@@ -325,10 +326,7 @@ def unmerged(folder):
         ),
         # What is not a recording.
         (lambda at: at, "is not a recording: the folder has no metadata.yaml"),
-        (
-            lambda at: file(at, "a.txt"),
-            "a.txt is not a recording: use a folder with a metadata.yaml",
-        ),
+        (lambda at: file(at, "a.txt"), "a.txt is not a recording: use a folder with a metadata.yaml"),
         (pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
     ],
 )
@@ -383,3 +381,42 @@ def test_a_recording_is_closed_after_an_error_and_an_abandoned_iteration(tmp_pat
     changed(path, lambda data: data[: len(data) // 2])
     check_lost(path, "is broken")
     assert os.listdir("/proc/self/fd") == before
+
+
+# Messages of any source.
+
+MESSAGES = [(one.topic, one.log_ns, raw(one)) for one in DRIVE[:3]]
+SOURCES = [MessageSource("/tf"), MessageSource("/tf_static", True)]
+
+
+def test_what_a_small_recording_has_no_place_for_comes_in_arrays():
+    recording, arrays = Recording(3), []
+    insert_messages(BufferCore(), MESSAGES, SOURCES, recording=recording, records=arrays)
+    assert [len(one) for one in (*arrays, recording.take())] == [3, 2]
+    assert recording.lost == 0
+
+
+def test_a_malformed_message_is_an_error_or_left_out():
+    messages = [*MESSAGES[:2], ("/tf", 11, b"nonsense"), *MESSAGES[2:]]
+    buffer, found = BufferCore(), []
+    with pytest.raises(ValueError, match="malformed TFMessage"):
+        insert_messages(buffer, messages, SOURCES)
+    assert buffer.frames()["odom"].count == 1
+    buffer = BufferCore()
+    assert insert_messages(buffer, messages, SOURCES, on_malformed=lambda *what: found.append(what)) == 4
+    assert buffer.frames()["odom"].count == 2
+    assert [what[:2] for what in found] == [("/tf", 11)]
+
+
+@pytest.mark.parametrize(
+    "how", [{}, {"on_broken": lambda error, last_ns: OSError(f"{error} after {last_ns}")}]
+)
+def test_an_error_of_the_iteration_is_raised_or_explained(how):
+    def broken():
+        yield from MESSAGES
+        raise OSError("it ends")
+
+    buffer = BufferCore()
+    with pytest.raises(OSError, match=f"^it ends{f' after {DRIVE[2].log_ns}' if how else ''}$"):
+        insert_messages(buffer, broken(), SOURCES, **how)
+    assert "camera" in buffer, "what came before is kept"

@@ -33,12 +33,8 @@ def made(recordings, **how):
 
 def test_each_image_has_the_poses_at_its_stamp(path):
     data = made(path)
-    assert (len(data), data.frames, data.relative_to, data.files) == (
-        6,
-        ("camera", "lidar"),
-        "map",
-        (str(path),),
-    )
+    facts = (len(data), data.frames, data.relative_to, data.files)
+    assert facts == (6, ("camera", "lidar"), "map", (str(path),))
     assert data.stamps_ns.tolist() == TIMES
     buffer = bag.load(path)
     for i, frame in enumerate(FRAMES):
@@ -78,21 +74,19 @@ class TestManyRecordings:
         (runs / "broken.mcap").write_bytes(b"nothing")
         return runs
 
-    def check(self, data, runs):
-        assert data.files == tuple(str(runs / f"run{i}.mcap") for i in range(3))
-        assert list(data.failed) == [str(runs / "broken.mcap")]
-        assert data.episodes.tolist() == np.repeat(range(3), 6).tolist()
-        assert data.indices.tolist() == [*range(6)] * 3
-        assert repr(data) == "<tf2_ros_tools.bag.Dataset: 18 rows of 2 frames in 3 recordings>"
-        for i in range(3):
-            alone = made(data.files[i])
-            mine = data.where(data.episodes == i)
-            for name in ("stamps_ns", "timestamps", "poses", "valid", "gaps"):
-                np.testing.assert_equal(getattr(mine, name), getattr(alone, name))
-
     def test_they_are_one_table_with_and_without_a_folder_of_tables(self, runs, tmp_path):
         for how in ({}, *[{"out": tmp_path / "tables", "workers": 1}] * 2):  # written, and read
-            self.check(made(runs, **how), runs)
+            data = made(runs, **how)
+            assert data.files == tuple(str(runs / f"run{i}.mcap") for i in range(3))
+            assert list(data.failed) == [str(runs / "broken.mcap")]
+            assert data.episodes.tolist() == np.repeat(range(3), 6).tolist()
+            assert data.indices.tolist() == [*range(6)] * 3
+            assert repr(data) == "<tf2_ros_tools.bag.Dataset: 18 rows of 2 frames in 3 recordings>"
+            for i in range(3):
+                alone = made(data.files[i])
+                mine = data.where(data.episodes == i)
+                for name in ("stamps_ns", "timestamps", "poses", "valid", "gaps"):
+                    np.testing.assert_equal(getattr(mine, name), getattr(alone, name))
         result = bag.map_recordings(runs, "map", FRAMES, tmp_path / "tables", at="/images", workers=1)
         assert len(result.skipped) == 3
 

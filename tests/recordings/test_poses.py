@@ -6,18 +6,7 @@ import numpy as np
 import pytest
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from making import about_z
-from making_bags import (
-    FORMATS,
-    S,
-    Sent,
-    Tf,
-    drive,
-    header,
-    in_protobuf,
-    store,
-    write_foxglove,
-    write_mcap,
-)
+from making_bags import FORMATS, S, Sent, Tf, drive, header, in_protobuf, store, write_foxglove, write_mcap
 
 from tf2_ros_tools import bag
 from tf2_ros_tools.loading import hear, wanted
@@ -77,11 +66,8 @@ class TestPoses:
         assert set(hear(path, wanted(poses={"/odom": None})).publishers) == {"/tf", "/tf_static", "/odom"}
 
     def test_several_topics_times_and_frames_that_change(self, tmp_path):
-        messages = [
-            *series("/odom", ODOMETRY),
-            *series("/gps", STAMPED),
-            *series("/odom", ODOMETRY, child="b"),
-        ]
+        messages = [*series("/odom", ODOMETRY), *series("/gps", STAMPED)]
+        messages += series("/odom", ODOMETRY, child="b")
         path = write_mcap(tmp_path / "run.mcap", messages, chunk_size=1 << 20)
         both = {"/odom": None, "/gps": ("map", "gps"), "/lost": ("map", "x")}
         for child in ("base", "gps", "b"):
@@ -98,16 +84,8 @@ class TestPoses:
                 "run.mcap, topic /pose: a geometry_msgs/msg/PoseStamped does not name the child frame; "
                 r'pass the frames, as in poses={"/gps/pose": \("map", "gps"\)}$',
             ),
-            (
-                {"/tf": ("a", "b")},
-                bag.BagError,
-                "run.mcap, topic /tf: its type is tf2_msgs/msg/TFMessage",
-            ),
-            (
-                {"/odom": "gps"},
-                TypeError,
-                r"poses must map topics to \(parent, child\) or None, not /odom",
-            ),
+            ({"/tf": ("a", "b")}, bag.BagError, "run.mcap, topic /tf: its type is tf2_msgs/msg/TFMessage"),
+            ({"/odom": "gps"}, TypeError, r"poses must map topics to \(parent, child\) or None, not /odom"),
             ({"/odom": ("a",)}, TypeError, "poses must map topics to "),
             ({"/bad": None}, bag.BagError, "run.mcap, topic /bad, log time 5 ns: "),
         ],

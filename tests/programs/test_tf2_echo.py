@@ -22,7 +22,7 @@ class TestText:
     def test_a_rotation_is_printed_in_all_forms(self):
         turn = ["--roll", "0.1", "--pitch", "-.2", "--yaw", "2.5"]
         with running("static_transform_publisher", "--frame-id", "a", "--child-frame-id", "b", *turn):
-            status, out, _ = ended("tf2_echo", "a", "b", "--once", *WAIT)
+            status, out, _ = ended("tf2_echo", "a", "b", "--once", "20", *WAIT)
         assert status == 0
         q = Rotation.from_euler("xyz", [0.1, -0.2, 2.5])
         assert f"- Rotation: in Quaternion {listed(q.as_quat())}\n" in out

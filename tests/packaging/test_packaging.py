@@ -167,11 +167,10 @@ def test_the_release_is_that_of_the_wheels_that_are_installed(monkeypatch, tmp_p
 
 
 def test_beside_a_sourced_ros_nothing_is_built(tmp_path):
-    index = tmp_path / "share" / "ament_index" / "resource_index" / "packages"
-    index.mkdir(parents=True)
+    prefix = Prefix(tmp_path)
     overlay = f"{tmp_path / 'gone'}{os.pathsep}{tmp_path}"
     messages.refuse_sourced({"AMENT_PREFIX_PATH": overlay})
-    (index / "rclpy").touch()
+    prefix.mark("rclpy")
     said = r"a ROS 2 is sourced \(.*\), whose own is used: .* apt install ros-"
     with pytest.raises(SystemExit, match=said):
         messages.refuse_sourced({"AMENT_PREFIX_PATH": overlay})

@@ -14,24 +14,18 @@ from processes import output_of
 from public_names import ADDED, NAMES, OURS
 from sources import PYPROJECT
 
-every_name = pytest.mark.parametrize(
-    ("module", "name"), [(module, name) for module, content in NAMES.items() for name in content["names"]]
-)
-
 
 def offered(module, name):
     return getattr(importlib.import_module(module), name)
 
 
-def fact(module, name):
-    return NAMES[module]["names"][name]
-
-
-@every_name
+@pytest.mark.parametrize(
+    ("module", "name"), [(module, name) for module, content in NAMES.items() for name in content["names"]]
+)
 def test_a_name_imports_and_stands_for_the_same_kind_of_thing(module, name):
     namespace = {}
     exec(f"from {module} import {name}", namespace)
-    wanted, got = fact(module, name), offered(module, name)
+    wanted, got = NAMES[module]["names"][name], offered(module, name)
     assert namespace[name] is got
     kind, _, module_name = wanted["kind"].partition(" ")
     if kind == "module":

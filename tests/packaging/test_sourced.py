@@ -123,22 +123,14 @@ def linked(made, ros):
     return Workspace(made / "linked", ros, "--symlink-install")
 
 
-ALONE = ["in_venv", "of_user", "editable"]
+def each_of(*names):
+    """A fixture that is each of these."""
+    return pytest.fixture(params=names)(lambda request: request.getfixturevalue(request.param))
 
 
-@pytest.fixture(params=ALONE)
-def installation(request):
-    return request.getfixturevalue(request.param)
-
-
-@pytest.fixture(params=[*ALONE, "colcon", "linked"])
-def anywhere(request):
-    return request.getfixturevalue(request.param)
-
-
-@pytest.fixture(params=["colcon", "linked"])
-def workspace(request):
-    return request.getfixturevalue(request.param)
+installation = each_of("in_venv", "of_user", "editable")
+workspace = each_of("colcon", "linked")
+anywhere = each_of("in_venv", "of_user", "editable", "colcon", "linked")
 
 
 def all_of(owner, **others):

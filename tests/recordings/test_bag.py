@@ -83,11 +83,6 @@ def answers(buffer, frames=("map", "odom", "base", "camera", "lidar")):
     return found
 
 
-def same(ours, theirs):
-    for one, other in zip(ours, theirs, strict=True):
-        np.testing.assert_equal(one, other)
-
-
 def filled(messages):
     """A buffer filled message by message, without a recording."""
     buffer = Buffer(float("inf"))
@@ -108,7 +103,7 @@ def test_every_format_holds_the_same(form, tmp_path):
     scans = [scan(105 * S + i, 90 * S + 3 * i, ros=ros) for i in range(5)]
     path = FORMATS[form](tmp_path, [*DRIVE, *scans])
     buffer = bag.load(str(path))
-    same(answers(buffer), EXPECTED)
+    np.testing.assert_equal(answers(buffer), EXPECTED)
     assert buffer.statistics()["taken"] == len(flat(DRIVE))
     listed = buffer.all_frames_as_yaml()
     assert "broadcaster: '/tf'\n" in listed and "broadcaster: '/tf_static'\n" in listed
@@ -199,7 +194,9 @@ def test_topics_of_several_robots_load_with_a_prefix_each(form, tmp_path):
     }
     buffer = bag.load(path, topics=topics)
     plain = bag.load(path, topics=["/robot1/tf", "/robot1/tf_static", "/not/there"])
-    same(answers(buffer, ("robot1/map", "robot1/camera")), answers(plain, ("map", "camera")))
+    np.testing.assert_equal(
+        answers(buffer, ("robot1/map", "robot1/camera")), answers(plain, ("map", "camera"))
+    )
     assert {frame.partition("/")[0] for frame in hear(path, wanted(topics)).frames} == {"robot1", "robot2"}
 
 

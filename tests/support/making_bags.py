@@ -192,16 +192,17 @@ def write_foxglove(path, messages, encoding="protobuf"):
         if one.topic not in channels:
             schema = register_schema(writer, FOXGLOVE[one.msgtype])
             channels[one.topic] = writer.register_channel(one.topic, encoding, schema)
-        made = one.content if isinstance(one.content, bytes) else in_protobuf(one).SerializeToString()
-        writer.add_message(channels[one.topic], one.log_ns, made, one.log_ns)
+        writer.add_message(channels[one.topic], one.log_ns, in_protobuf(one), one.log_ns)
     writer.finish()
     return path
 
 
 def in_protobuf(sent):
+    if isinstance(sent.content, bytes):
+        return sent.content
     if sent.msgtype == SCAN:
         stamp = sent.content["header"].stamp
-        return LaserScan(timestamp={"seconds": stamp.sec, "nanos": stamp.nanosec})
+        return LaserScan(timestamp={"seconds": stamp.sec, "nanos": stamp.nanosec}).SerializeToString()
     made = FrameTransforms()
     for tf in sent.content:
         seconds, nanos = divmod(tf.ns, S)
@@ -212,7 +213,7 @@ def in_protobuf(sent):
             translation=dict(zip("xyz", tf.xyz, strict=True)),
             rotation=dict(zip("xyzw", tf.xyzw, strict=True)),
         )
-    return made
+    return made.SerializeToString()
 
 
 def write_db3(path, messages):

@@ -9,7 +9,6 @@ import sys
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 from paths import ROOT, SUPPORT
 from processes import run
@@ -38,7 +37,6 @@ SHOWN = {"text"}  # diagrams and output; where it follows a Python block, the pr
 
 @dataclass(frozen=True)
 class Block:
-    page: Path
     language: str
     code: str
     line: int  # of its first line of code
@@ -47,7 +45,7 @@ class Block:
 def blocks(page):
     text = page.read_text(encoding="utf-8")
     for found in FENCE.finditer(text):
-        yield Block(page, found["language"], found["code"], text.count("\n", 0, found.start()) + 2)
+        yield Block(found["language"], found["code"], text.count("\n", 0, found.start()) + 2)
 
 
 def commands(page, *more):

@@ -44,20 +44,19 @@ class Sent(NamedTuple):
     msgtype: str = TF
 
 
-def drive(count=20, *, begin_ns=100 * S, prefix="", frame_prefix="", step_ns=S // 10):
+def drive(count=20, *, begin_ns=100 * S, prefix="", step_ns=S // 10):
     """Messages of a robot that drives in a circle: map -> odom -> base -> (static) camera, and a lidar."""
-    f = frame_prefix
-    static = [Tf(f + "base", f + "camera", begin_ns, (0.3, 0.0, 0.5), about_z(0.1))]
+    static = [Tf("base", "camera", begin_ns, (0.3, 0.0, 0.5), about_z(0.1))]
     messages = [Sent(begin_ns, f"{prefix}/tf_static", static)]
     for i in range(count):
         ns = begin_ns + i * step_ns
         pose = (math.cos(i / 10), math.sin(i / 10), 0.0)
         moving = [
-            Tf(f + "map", f + "odom", ns, (0.01 * i, 0.0, 0.0), about_z(0.001 * i)),
-            Tf(f + "odom", f + "base", ns, pose, about_z(i / 10)),
+            Tf("map", "odom", ns, (0.01 * i, 0.0, 0.0), about_z(0.001 * i)),
+            Tf("odom", "base", ns, pose, about_z(i / 10)),
         ]
         messages.append(Sent(ns + 1_000_000, f"{prefix}/tf", moving))
-    lidar = [Tf(f + "base", f + "lidar", begin_ns, (0.0, 0.1, 0.7))]
+    lidar = [Tf("base", "lidar", begin_ns, (0.0, 0.1, 0.7))]
     messages.append(Sent(begin_ns + count * step_ns, f"{prefix}/tf_static", lidar))
     return messages
 

@@ -562,9 +562,9 @@ cdef class BufferCore(Engine):
         :raises LookupException: a frame is unknown.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
         """
-        return new_time(self._common_time(target_frame, source_frame))
+        return new_time(self._common_time(target_frame, source_frame, "get_latest_common_time"))
 
-    cdef int64_t _common_time(self, target_frame, source_frame) except? -1:
+    cdef int64_t _common_time(self, target_frame, source_frame, str method) except? -1:
         cdef Query query
         cdef int64_t common_ns = 0
         cdef Status status
@@ -573,9 +573,9 @@ cdef class BufferCore(Engine):
         status = self.common_time(&query, &common_ns)
         if status.code == STATUS_OK:
             return common_ns
-        error = self.error(&query, status, "get_latest_common_time")
-        if status.code == STATUS_UNCONNECTED or status.code == STATUS_LOOP:
-            raise errors.TransformException(str(error))
+        error = self.error(&query, status, method)
+        if method != "lookupTransform" and status.code in (STATUS_UNCONNECTED, STATUS_LOOP):
+            raise errors.TransformException(str(error))  # as in tf2
         raise error
 
     def lookupVelocityCore(
@@ -637,7 +637,7 @@ cdef class BufferCore(Engine):
         if interval_ns < 0:
             raise ValueError("averaging_interval must not be negative")
         point[0], point[1], point[2] = reference_point
-        common_ns = self._common_time(observation_frame, tracking_frame)
+        common_ns = self._common_time(observation_frame, tracking_frame, "lookupTransform")
         twist_interval(time_ns, interval_ns, common_ns, &start_ns, &end_ns)
         self._transform_at(observation_frame, tracking_frame, start_ns, &start)
         self._transform_at(observation_frame, tracking_frame, end_ns, &end)
@@ -693,7 +693,7 @@ cdef class BufferCore(Engine):
         series.nan_missing = _is_nan_wanted(on_missing)
         query_frames(&query, observation_frame, tracking_frame)
         if count:
-            common_ns = self._common_time(observation_frame, tracking_frame)
+            common_ns = self._common_time(observation_frame, tracking_frame, "lookupTransform")
             twist_ends(int64s_of(times_ns), count, interval_ns, common_ns, int64s_of(ends_ns))
             series.translations, series.rotations = doubles_of(translations, 3), doubles_of(rotations, 4)
             self._lookup_series(&query, &series, 2)

@@ -298,11 +298,15 @@ class TestVelocities:
             with pytest.raises(ExtrapolationException, match=text):
                 buffer.lookup_velocities("body", "world", times, Duration(seconds=interval))
 
-    @pytest.mark.parametrize("names", [("hand", "nowhere"), ("hand", "/map"), ("", "hand")])
+    @pytest.mark.parametrize(
+        "names", [("hand", "nowhere"), ("hand", "/map"), ("", "hand"), ("hand", "robot")]
+    )
     def test_errors_are_those_of_the_single_lookup(self, buffer, names):
         second = Duration(seconds=1)
+        buffer.set_transform(transform("other map", "robot", 3), "x")
         with pytest.raises(TransformException) as single:
             buffer.lookupVelocityCore(*names, at(3.0), second)
+        assert type(single.value) is not TransformException  # which no lookup raises
         for on_missing in ("raise", "nan"):
             with pytest.raises(type(single.value)) as error:
                 buffer.lookup_velocities(*names, [3 * S], second, on_missing=on_missing)

@@ -561,7 +561,9 @@ class Model(Listings):
                 return IDENTITY
 
         try:
-            latest = self.latest(observation, tracking)
+            self._check_names("lookupTransform", target_frame=observation, source_frame=tracking)
+            find = self.latest if observation == tracking else self._latest
+            latest = find(observation, tracking)
         except ModelError as error:
             return [error], []
         start = max(ns - interval_ns // 2, 1)

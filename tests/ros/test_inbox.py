@@ -80,6 +80,7 @@ class TestEventsExecutor:
         self.spin(events_executor, lambda: listener.receives == ())
         with tf2_ros.TransformListener(second, node) as other:
             assert other.receives == ()
+            publisher.matched(2)
             publisher.send(("map", "beside", 1 * S, 5))
             publisher.send(("map", "fixed", 0, 5), static=True)
             self.spin(

@@ -24,7 +24,10 @@ INTERRUPTED = 128 + signal.SIGINT  # the exit status, as shells count it
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs_and_ends_by_itself(example):
-    done = run(sys.executable, example, timeout=3 * DEADLINE_S)
+    for _ in range(ATTEMPTS):
+        done = run(sys.executable, example, timeout=3 * DEADLINE_S)
+        if OF_RCLPY not in done.stderr and OF_MIDDLEWARE not in done.stderr:
+            break
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
 
@@ -42,6 +45,8 @@ def test_an_example_ends_cleanly_on_ctrl_c(name, tmp_path):
 
 # What rclpy's bindings make of a Ctrl-C in the instant in which they convert an argument.
 OF_RCLPY = "RuntimeError: Unable to convert call argument"
+# The middleware drops an answer to a client that it does not know within 0.1 s, on a busy machine.
+OF_MIDDLEWARE = "failed to send response (timeout)"
 ATTEMPTS = 3
 
 

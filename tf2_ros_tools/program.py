@@ -182,6 +182,10 @@ def run(
         if not isinstance(failure, BrokenPipeError):  # a reader who leaves has seen enough
             parser.exit(FAILURE, f"{parser.prog}: {failure.strerror or failure}\n")
         return FAILURE
+    except Exception:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+            return interrupted  # what rclpy's bindings make of it while they convert an argument
+        raise
 
 
 def _interrupt(number: int, _: FrameType | None) -> None:

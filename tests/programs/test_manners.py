@@ -92,6 +92,17 @@ class TestEveryProgram:
         assert process.returncode in (130, PROGRAMS[name][1]) and err == ""
 
 
+def test_ctrl_c_ends_it_also_where_rclpy_makes_another_error_of_it():
+    code = (
+        "import signal, sys\nfrom tf2_ros_tools.program import Parser, run\n"
+        "def work(options):\n    try:\n        signal.raise_signal(signal.SIGINT)\n"
+        "    except KeyboardInterrupt:\n        raise RuntimeError('Unable to convert')\n"
+        "sys.exit(run(Parser('program', '', ''), work, ['program'], interrupted=7))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True)
+    assert (done.returncode, done.stderr) == (7, "")
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_ctrl_c_ends_a_node_once_however_often_it_comes(name, node, folder):
     if name == "tf2_view" and find_spec("rerun") is None:
@@ -110,7 +121,7 @@ def test_ctrl_c_ends_a_node_once_however_often_it_comes(name, node, folder):
         for _ in range(3):
             process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=DEADLINE_S)
-    assert process.returncode == status
+    assert process.returncode == status, err
     assert "Traceback" not in err and "Error" not in err
     until(lambda: "ended" not in [one.node_name for one in node.get_publishers_info_by_topic("/rosout")])
 

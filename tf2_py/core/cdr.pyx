@@ -100,8 +100,7 @@ cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil:
     out.stamp_ns = stamp_join(sec, nanosec)
     _string(reader, &out.parent, &out.parent_size)
     _string(reader, &out.child, &out.child_size)
-    _doubles(reader, out.transform.translation, 3)
-    _doubles(reader, out.transform.rotation, 4)
+    _doubles(reader, <double*>&out.transform, 7)
     return reader.problem == NULL
 
 

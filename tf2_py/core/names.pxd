@@ -44,6 +44,9 @@ cdef int names_init(Names* names) noexcept nogil                                
 cdef void names_free(Names* names) noexcept nogil
 # NAME_UNKNOWN: there is no such name.
 cdef uint32_t names_find(const Names* names, const char* text, size_t size) noexcept nogil
+# The same, without hashing the name if `guess`, any number, is its id.
+cdef uint32_t names_find_guessed(const Names* names, const char* text, size_t size,
+                                 uint32_t guess) noexcept nogil
 # The id of the name, a new one if it is unknown. NAME_NO_MEMORY: there is no memory for it, or no free id.
 cdef uint32_t names_intern(Names* names, const char* text, size_t size) noexcept nogil
 # Forgets the names interned last, until `count` are left. Their memory is kept for the next ones.

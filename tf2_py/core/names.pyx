@@ -52,6 +52,16 @@ cdef uint32_t names_find(const Names* names, const char* text, size_t size) noex
     return _find_hashed(names, text, size, <uint32_t>name_hash(text, size))
 
 
+cdef uint32_t names_find_guessed(const Names* names, const char* text, size_t size,
+                                 uint32_t guess) noexcept nogil:
+    cdef const Name* name
+    if guess < names.count:
+        name = &names.names[guess]
+        if name.size == size and memcmp(names.text + name.start, text, size) == 0:
+            return guess
+    return names_find(names, text, size)
+
+
 cdef int _reserve(Names* names, size_t size) noexcept nogil:
     # Memory for one more name of `size` bytes. -1: there is none, and every name is where it was.
     cdef size_t wanted

@@ -19,6 +19,7 @@ cdef struct Tree:
     Retention retention             # what each dynamic history keeps
     Limits limits                   # of the buffer
     uint32_t hidden                 # frames whose names count as unknown
+    FrameId last_child              # of the last insert
     bint ever_looped                # a parent link once closed a loop: then walks are made in tf2's order
     uint64_t work                   # extra cost of all inserts so far; 1 is the cost of an ordinary insert
     uint64_t samples                # in all histories

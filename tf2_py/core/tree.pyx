@@ -85,10 +85,10 @@ cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* chang
     return id
 
 
-cdef FrameId _intern_frame(Tree* tree, const char* name, size_t size, Change* change,
+cdef FrameId _intern_frame(Tree* tree, const char* name, size_t size, FrameId guess, Change* change,
                            uint32_t* refused) noexcept nogil:
     # The id of the frame, a new one if the name is unknown; NO_FRAME: it failed, see `refused`.
-    cdef uint32_t id = names_find(&tree.names, name, size)
+    cdef uint32_t id = names_find_guessed(&tree.names, name, size, guess)
     if id != NAME_UNKNOWN:
         return id
     # The reserved name is not counted.
@@ -216,12 +216,16 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
     tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
     if change != NULL:
         change_begin(change, tree.ever_looped)
-    # As in tf2: the child gets its id first, and both keep theirs even if the sample is too old.
+    # As in tf2: the child gets its id first, and both keep theirs even if the sample is too old. A message
+    # names its children in the same order as the first time, and nearly every child keeps its parent.
     if refused == 0:
-        child = _intern_frame(tree, incoming.child, incoming.child_size, change, &refused)
+        child = _intern_frame(tree, incoming.child, incoming.child_size, tree.last_child + 1, change,
+                              &refused)
     if refused == 0:
-        parent = _intern_frame(tree, incoming.parent, incoming.parent_size, change, &refused)
+        parent = _intern_frame(tree, incoming.parent, incoming.parent_size, tree_newest_parent(tree, child),
+                               change, &refused)
     if refused == 0:
+        tree.last_child = child
         refused = _insert(tree, child, parent, incoming, authority, is_static, change)
     if refused == TREE_NO_MEMORY:
         # No other thread has seen them.

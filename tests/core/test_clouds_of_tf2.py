@@ -1,4 +1,4 @@
-"""What tf2's Python, too, makes of clouds; test_tf2_sensor_msgs.py judges ours byte by byte."""
+"""What tf2's Python, too, makes of clouds; the fuzz target `clouds` judges ours byte by byte."""
 
 import array
 import math

@@ -9,7 +9,7 @@ PACKAGES = ("tf2_geometry_msgs", "tf2_sensor_msgs")
 if not all(importlib.util.find_spec(f"{package}._types") for package in PACKAGES):
     pytest.skip("tf2's packages have no tables of types", allow_module_level=True)
 TABLES = {package: importlib.import_module(f"{package}._types").TYPES for package in PACKAGES}
-# Clouds have tests of their own, byte by byte.
+# The fuzz target `clouds` judges clouds, byte by byte.
 ALL = [cls for table in TABLES.values() for cls in table if cls.__name__ != "PointCloud2"]
 STAMPED = [cls for cls in ALL if hasattr(cls, "header")]
 UNSTAMPED = [cls for cls in ALL if not hasattr(cls, "header")]

@@ -1,4 +1,4 @@
-"""Serialised TFMessages: those that are received, and those that broadcasters send instead of ROS."""
+"""Serialised TFMessages, received and sent; the fuzz target `cdr` judges reading by ROS."""
 
 import struct
 import threading
@@ -9,7 +9,7 @@ from encoding import encode
 from geometry_msgs.msg import TransformStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from making import at, transform
+from making import transform
 from rclpy.serialization import deserialize_message, serialize_message
 
 from tf2_msgs.msg import TFMessage
@@ -58,24 +58,6 @@ def test_malformed_data_raises_and_changes_nothing(buffer, data):
     assert (statistics["frames"], statistics["samples"], statistics["malformed_messages"]) == (0, 0, 1)
 
 
-@settings(max_examples=500, deadline=None)
-@given(
-    data=st.binary(max_size=200),
-    flips=st.lists(st.tuples(st.integers(4, len(GOOD) - 1), st.integers(0, 255))),
-)
-def test_any_bytes_are_read_or_refused_whole(tf2_py, data, flips):
-    spoiled = bytearray(GOOD)
-    for place, value in flips:
-        spoiled[place] = value
-    for candidate in (data, b"\0\1\0\0" + data, b"\0\0\0\0" + data, spoiled):
-        buffer = tf2_py.BufferCore()
-        try:
-            buffer.set_transforms_cdr(candidate, "x")
-        except ValueError:
-            assert buffer.statistics()["frames"] == 0
-        buffer._self_check()
-
-
 def test_what_is_not_one_run_of_bytes_is_refused(buffer):
     for data in (None, "text", 3, [1, 2]):
         with pytest.raises(TypeError):
@@ -107,30 +89,9 @@ def test_what_another_thread_does_to_the_bytes_meanwhile_changes_nothing(buffer,
     assert len(buffer.frames()) == 40_000
 
 
-text = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
-finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
-
-
-@settings(max_examples=200, deadline=None)
-@given(
-    st.lists(st.tuples(text, text, st.integers(0, 2**62), st.tuples(finite, finite, finite)), max_size=5),
-    st.sampled_from("<>"),
-    st.sampled_from([bytes, bytearray, memoryview]),
-)
-def test_the_wire_and_the_message_objects_say_the_same(tf2_py, rows, order, wrap):
-    messages = [transform(p, c, ns=ns % (2**31 * 10**9), xyz=xyz) for p, c, ns, xyz in rows]
-    by_wire, by_object = tf2_py.BufferCore(), tf2_py.BufferCore()
-    taken = by_wire.set_transforms_cdr(wrap(encode(messages, order)), "x")
-    assert taken == by_object.set_transforms(messages, "x")
-    assert by_wire.all_frames_as_yaml() == by_object.all_frames_as_yaml()
-    for m in messages:
-        if by_object.can_transform_core(m.header.frame_id, m.child_frame_id, at(0))[0]:
-            ends = (m.header.frame_id, m.child_frame_id, at(0))
-            assert by_wire.lookup_transform_core(*ends) == by_object.lookup_transform_core(*ends)
-
-
 # What broadcasters send.
 
+text = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
 number = st.floats(width=64)
 nanoseconds = st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1)
 

@@ -5,8 +5,8 @@ import struct
 from making import rotation, translation
 
 
-def encode(transforms, order="<"):
-    """Plain CDR by the book, in either byte order."""
+def encode(transforms):
+    """Plain CDR by the book, in little-endian order."""
     body = bytearray()
 
     def align(size):
@@ -15,7 +15,7 @@ def encode(transforms, order="<"):
     def number(code, *values):
         for value in values:
             align(struct.calcsize(code))
-            body.extend(struct.pack(order + code, value))
+            body.extend(struct.pack("<" + code, value))
 
     def string(text):
         raw = text.encode() + b"\0"
@@ -29,4 +29,4 @@ def encode(transforms, order="<"):
         string(m.header.frame_id)
         string(m.child_frame_id)
         number("d", *translation(m), *rotation(m))
-    return (b"\0\1\0\0" if order == "<" else b"\0\0\0\0") + bytes(body)
+    return b"\0\1\0\0" + bytes(body)

@@ -11,28 +11,13 @@ from making import S, at_ns, transform
 from processes import until
 from random_histories import apply, steps
 from rclpy.duration import Duration
-from recorded_answers import CALLS, SCENARIOS, check_answer
 from repetitions import times
 from sharing import LINKS, is_sound, links, new_name, pair, small_ring
 from travelling import check_copy, everything
 
-import tf2_py
 from tf2_ros import Buffer, SharedBufferError
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
-
-CHANGES = {"set", "clear"}
-
-
-@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda s: s["name"])
-def test_answers_as_recorded(scenario):
-    with pair(Duration(nanoseconds=scenario["cache_ns"])) as (owner, reader):
-        for (op, *args), want in zip(scenario["ops"], scenario["want"], strict=True):
-            subject = owner if op in CHANGES else reader
-            check_answer(CALLS, subject, op, args, want, tf2_py.TransformException)
-        assert reader._tf2_attachment.is_attached
-        reader._self_check()
-        owner._self_check()
 
 
 def held(buffer):

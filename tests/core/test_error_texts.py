@@ -75,30 +75,3 @@ def test_what_is_found_in_the_error_of_a_lookup_and_the_reason_of_a_can_transfor
         buffer._ask_for_silence(lambda _: (SILENCE, SILENCE))
         assert found(error()) == wanted
         assert (SILENCE[1:] in error()) == (cause != "past")
-
-
-# What is found of a wrong name in the error, and in the reason of a can_transform.
-UNKNOWN = (
-    r'"(.*)" passed to lookupTransform argument ([a-z_]+) does not exist',
-    r'frame ID "(.*)" passed to canTransform argument (\w+) - (frame does not exist)',
-)
-EMPTY = (r"argument (\w+) - .*(cannot be empty)",) * 2
-SLASH = (r"argument (\w+) - .*(cannot start with a '/')",) * 2
-
-
-@pytest.mark.parametrize("argument", ["target_frame", "source_frame", "fixed_frame"])
-@pytest.mark.parametrize(
-    ("name", "patterns"),
-    [("nowhere", UNKNOWN), ("bases", UNKNOWN), ("", EMPTY), ("/map", SLASH)],  # ours suggests base for bases
-)
-def test_a_bad_name_is_quoted_with_the_call_and_the_argument(tf2_py, buffer, argument, name, patterns):
-    names = {"target_frame": "map", "source_frame": "base", "fixed_frame": "odom"} | {argument: name}
-    arguments = (names["target_frame"], at(2), names["source_frame"], at(2), names["fixed_frame"])
-    with pytest.raises(tf2_py.TransformException) as caught:
-        buffer.lookup_transform_full_core(*arguments)
-    texts = str(caught.value), buffer.can_transform_full_core(*arguments)[1]
-    for text, call, pattern in zip(texts, ("lookupTransform", "canTransform"), patterns, strict=True):
-        assert re.search(r'"(.*)"', text, re.DOTALL).groups() == (name,)
-        place = re.search(r'"(.*)" passed to (lookupTransform|canTransform) argument (\w+)', text, re.DOTALL)
-        assert place.groups() == (name, call, argument)
-        assert argument in re.search(pattern, text, re.DOTALL).groups()

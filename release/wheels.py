@@ -41,7 +41,6 @@ OF_PROJECT = ("tf2_", "build_backend/", "messages/", "setup.py", "setup.cfg", "p
 OF_SOURCES = {
     "packaging/test_adding_a_type.py": "compiles an extension",
     "core/test_allocation_failures.py": "runs a program of the checkout",
-    "programs/test_cli.py": "reads the sources",
     "packaging/test_cross.py": "compiles the project",
     "packaging/test_docs.py": "builds the project, and reads the names in its sources",
     "packaging/test_examples.py": "reads the imports of the sources",

@@ -1,14 +1,11 @@
 """The programs, as processes of their own."""
 
-import importlib.util
 import os
-import re
 import sys
 from contextlib import contextmanager
 
 import pytest
 from making import S, at, translation
-from paths import ROOT
 from processes import DEADLINE_S, ended, running
 from rclpy.duration import Duration
 
@@ -17,23 +14,6 @@ pytestmark = pytest.mark.ours
 LONG = Duration(seconds=DEADLINE_S)
 DOMAIN = os.environ["ROS_DOMAIN_ID"]  # of only this test run
 BY_DOMAIN = f"domain-{DOMAIN}"
-PYPROJECT = ROOT / "pyproject.toml"
-
-
-def scripts():
-    """The programs that an installation brings, as (name, module, function)."""
-    section = PYPROJECT.read_text().split("[project.scripts]\n")[1].split("\n[")[0]
-    return re.findall(r'^(\w+) = "([\w.]+):(\w+)"$', section, re.MULTILINE)
-
-
-def test_the_installation_names_a_function_of_each_program():
-    programs = {path.stem for path in (PYPROJECT.parent / "tf2_ros_tools" / "programs").glob("[!_]*.py")}
-    assert {name for name, _, _ in scripts()} == programs | {"tf2_which"}
-    for name, module, function in scripts():
-        # Not in tf2_ros, which imports ROS, and may be another project's.
-        assert module == ("tf2_ros_cython.which" if name == "tf2_which" else f"tf2_ros_tools.programs.{name}")
-        assert importlib.util.find_spec(module) is not None
-        assert callable(getattr(importlib.import_module(module), function))
 
 
 def test_a_buffer_server_answers_from_what_it_receives_and_keeps(peer, tf2_ros, tf2_py, node):

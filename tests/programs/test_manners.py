@@ -11,6 +11,7 @@ import pytest
 from making_bags import drive, write_mcap
 from paths import ROOT
 from processes import DEADLINE_S, broadcasting, ended, needs_dot, run, running, until
+from sources import PYPROJECT
 
 pytestmark = pytest.mark.ours
 
@@ -42,8 +43,11 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_all_programs_have_manners():
+def test_all_programs_have_manners_and_are_installed():
     assert {path.stem for path in (ROOT / "tf2_ros_tools" / "programs").glob("[!_]*.py")} == {*PROGRAMS}
+    # Not from tf2_ros, which imports ROS, and may be another project's.
+    scripts = {name: f"tf2_ros_tools.programs.{name}:main" for name in PROGRAMS}
+    assert PYPROJECT["project"]["scripts"] == {**scripts, "tf2_which": "tf2_ros_cython.which:main"}
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

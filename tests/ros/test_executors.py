@@ -143,15 +143,6 @@ class TestSpinOnce:
 
 
 class TestPrograms:
-    def test_one_transform_completes_futures_in_the_order_in_which_they_were_made(self, buffer):
-        order = []
-        buffer.set_transform(transform("odom", "robot", 2), "me")
-        for n, frame in enumerate(["robot", "odom", "robot", "odom", "robot"]):
-            future = buffer.wait_for_transform_async("map", frame, at(2))
-            future.add_done_callback(lambda _, n=n: order.append(n))
-        buffer.set_transform(transform("map", "odom", 2), "me")
-        assert order == [0, 1, 2, 3, 4]
-
     def test_a_buffer_of_another_kind_is_filled_once_it_is_assigned(self, buffer, listener, executor, peer):
         class Recorder:
             def __init__(self):

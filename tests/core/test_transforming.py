@@ -1,13 +1,12 @@
-"""Objects transformed by a buffer: every known type, types of one's own, and types that nobody knows."""
+"""Messages transformed by a buffer, and types that nobody knows; test_buffer_interface.py has other types."""
 
 import asyncio
 import textwrap
 
 import pytest
-from geometry_msgs.msg import PointStamped, PolygonInstanceStamped, PoseStamped
+from geometry_msgs.msg import PointStamped, PolygonInstanceStamped
 from making import at, stamp_ns, transform
 from processes import output_of
-from rclpy.duration import Duration
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 
 pytestmark = pytest.mark.ours
@@ -60,52 +59,6 @@ class Spot:
 
     def __init__(self, header, xyz):
         self.header, self.xyz = header, xyz
-
-
-@pytest.fixture
-def spots(tf2_ros):
-    """Spots are known, for as long as the test runs."""
-    registrations = (tf2_ros.TransformRegistration, tf2_ros.ConvertRegistration)
-    tables = [table for cls in registrations for table in vars(cls).values() if isinstance(table, dict)]
-    before = [dict(table) for table in tables]
-
-    def carry(spot, t):
-        return Spot(t.header, [x + 100 for x in spot.xyz])
-
-    def from_msg(m):
-        return Spot(m.header, [m.point.x, m.point.y, m.point.z])
-
-    def to_msg(spot):
-        message = PointStamped(header=spot.header)
-        message.point.x, message.point.y, message.point.z = spot.xyz
-        return message
-
-    tf2_ros.TransformRegistration().add(Spot, carry)
-    tf2_ros.ConvertRegistration().add_from_msg(Spot, from_msg)
-    tf2_ros.ConvertRegistration().add_to_msg(Spot, to_msg)
-    yield
-    for table, entries in zip(tables, before, strict=True):
-        table.clear()
-        table.update(entries)
-
-
-def test_the_result_becomes_the_type_asked_for(tf2_ros, buffer, spots):
-    message = stamped(PointStamped(), 3, "odom")
-    for got in (
-        buffer.transform(message, "map", new_type=Spot),
-        buffer.transform_full(message, "map", at(3), "map", Duration(), Spot),
-        asyncio.run(buffer.transform_async(message, "map", new_type=Spot)),
-    ):
-        assert type(got) is Spot and got.xyz == [3.0, 0.0, 0.0] and got.header.frame_id == "map"
-    spot = stamped(Spot(PointStamped().header, [1.0, 2.0, 3.0]), 3)
-    assert buffer.transform(spot, "map").xyz == [101.0, 102.0, 103.0]
-    got = buffer.transform(spot, "map", new_type=PointStamped)
-    assert type(got) is PointStamped and got.point.y == 102.0
-    del spot.header
-    with pytest.raises(AttributeError, match="header"):
-        buffer.transform(spot, "map")
-    tf2_ros.TransformRegistration().add(PoseStamped, lambda pose, t: "own")
-    assert buffer.transform(stamped(PoseStamped(), 2), "map") == "own"
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,22 @@ class TestTransform:
         carried = buffer.transform(Thing(10, time=at(1.5)), "map")
         assert (carried.x, carried.header.frame_id) == (11.5, "map")
 
+    @pytest.mark.ours
+    def test_the_result_becomes_the_type_asked_for(self, buffer, interface, executor):
+        interface.ConvertRegistration().add_convert((Thing, OtherThing), lambda thing: OtherThing(thing.x))
+        thing = Thing(10, time=at(2))
+        task = executor.create_task(buffer.transform_async(thing, "map", new_type=OtherThing))
+        until(task.done, executor)
+        for got in (
+            buffer.transform(thing, "map", new_type=OtherThing),
+            buffer.transform_full(thing, "map", at(1), "map", new_type=OtherThing),
+            task.result(),
+        ):
+            assert (type(got), got.x) == (OtherThing, 12)
+        del thing.header
+        with pytest.raises(AttributeError, match="header"):
+            buffer.transform(thing, "map")
+
     def test_the_timeout_reaches_the_lookup(self, buffer, executor, tf2_py):
         thing = Thing(10, time=at(3))
         with pytest.raises(tf2_py.ExtrapolationException):
@@ -153,10 +169,3 @@ class TestConvert:
         ):
             with pytest.raises(interface.TypeException, match="PointStamped cannot be converted to"):
                 call()
-
-
-@pytest.mark.parametrize("stamp", [at(1.5), at(1.5).to_msg()], ids=["rclpy", "message"])
-def test_stamped_gives_an_object_a_header(interface, stamp):
-    cloud = PointCloud2()
-    assert interface.Stamped(cloud, stamp, "map") is cloud
-    assert (cloud.header.frame_id, cloud.header.stamp) == ("map", at(1.5).to_msg())

@@ -3,7 +3,6 @@
 import math
 import re
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from geometry_msgs.msg import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from making import S, rotation, transform, translation
+from making import S, transform, translation
 from numpy.testing import assert_allclose
 from processes import output_of
 from random_messages import transforms, turns, vectors
@@ -91,16 +90,6 @@ def test_what_is_masked_is_missing():
     assert np.isnan(to_matrix((np.zeros((2, 3)), rotations))).any(axis=(1, 2)).tolist() == [False, True]
     with pytest.raises(ValueError, match="expected finite numbers"):
         from_matrix(np.ma.masked_array(np.eye(4), mask=np.eye(4)))
-
-
-def test_objects_with_the_fields_will_do():
-    duck = SimpleNamespace(
-        position=SimpleNamespace(x=1, y=2, z=3), orientation=SimpleNamespace(x=0, y=0, z=1, w=1)
-    )
-    assert_allclose(to_matrix(duck) @ [1, 0, 0, 1], (1, 3, 3, 1), atol=1e-15)
-    assert rotation(from_matrix(to_matrix(duck), TransformStamped)) == pytest.approx(
-        (0, 0, math.sqrt(0.5), math.sqrt(0.5))
-    )
 
 
 def header():

@@ -87,17 +87,6 @@ def refusal(call, buffer, timeout):
 
 class TestTimeout:
     @every_call
-    def test_an_insert_wakes_it_and_others_do_not(self, buffer, later, call):
-        def insert_both():
-            for seconds in range(1, 7):
-                buffer.set_transform(transform("map", "other", seconds), "me")
-                insert(buffer, seconds)
-
-        later(insert_both, when=waits(buffer))
-        seconds, refused = refusal(call, buffer, LONG)
-        assert refused is None and seconds < DEADLINE_S
-
-    @every_call
     @pytest.mark.parametrize("known", [[], [1]], ids=["unknown", "too old"])
     def test_the_error_is_that_of_the_lookup_and_says_last_how_long_was_waited(self, buffer, call, known):
         insert(buffer, *known)

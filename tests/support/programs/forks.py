@@ -7,6 +7,7 @@ publish meanwhile. A child that hangs is killed, counts as -9 and is the last.
 
 import asyncio
 import gc
+import itertools
 import json
 import multiprocessing
 import os
@@ -54,6 +55,8 @@ class Parent:
         self.executor.add_node(self.node)
         for seconds in (1, 2):
             self.buffer.set_transform(transform("map", "robot", seconds), "parent")
+        self.numbers = itertools.count()
+        self.waits = [self.buffer._wait("nest", "cup", at(1 + i / 10_000), notify=print) for i in range(5000)]
         # In a child nothing completes it: the child ends it itself.
         self.future = self.buffer.wait_for_transform_async("map", "child", Time(), timeout=LONG)
 
@@ -63,12 +66,19 @@ class Parent:
             self.executor.spin_once,
             lambda: self.buffer.lookup_transforms("map", "robot", TIMES_NS),
             lambda: self.buffer.set_transform(transform("map", "other", 1), "parent"),
+            lambda: self.buffer.set_transforms([transform("map", f"o{i}", 1) for i in range(300)], "parent"),
+            self.move_the_cup,
             self.buffer.all_frames_as_yaml,
             lambda: self.buffer.can_transform("map", "nowhere", Time(), SHORT),
             self.wait_in_vain,
             self.wait_with_success,
         ):
             threading.Thread(target=keep_doing, args=(work,), daemon=True).start()
+
+    def move_the_cup(self):
+        """It gets another parent, so all that wait for it are tried, in many slices."""
+        n = next(self.numbers)
+        self.buffer.set_transform(transform(f"hand {n % 2}", "cup", ns=2 * 10**9 + n * 10_000_000), "parent")
 
     def wait_in_vain(self):
         future = self.buffer.wait_for_transform_async("map", "nowhere", Time(), timeout=SHORT)

@@ -1,6 +1,5 @@
 """Messages transformed by a buffer, and types that nobody knows; test_buffer_interface.py has other types."""
 
-import asyncio
 import textwrap
 
 import pytest
@@ -39,19 +38,6 @@ def test_a_cloud_without_a_time_is_transformed_by_the_latest_and_keeps_its_stamp
     assert (got.header.frame_id, stamp_ns(got)) == ("map", 0)
     point = buffer.transform(stamped(PointStamped(), 0, "odom"), "map")  # which gets that of the transform
     assert (stamp_ns(point), point.point.x) == (3_000_000_000, 3.0)
-
-
-def test_async_carries_as_soon_as_it_can(buffer):
-    async def both():
-        transforming = asyncio.ensure_future(
-            buffer.transform_async(stamped(PointStamped(), 3.5, "odom"), "map")
-        )
-        await asyncio.sleep(0)
-        assert not transforming.done()
-        buffer.set_transform(transform("map", "odom", 4, (4, 0, 0)), "x")
-        return await transforming
-
-    assert asyncio.run(both()).point.x == 3.5
 
 
 class Spot:

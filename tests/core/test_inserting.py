@@ -5,7 +5,7 @@ from types import SimpleNamespace as N
 
 import pytest
 from encoding import encode
-from making import S, at, transform, translation
+from making import S, at, transform
 from ros_optional import Duration
 
 NAN, INF = math.nan, math.inf
@@ -114,12 +114,6 @@ def duck(**changes):
     """An object with the fields of a transform, changed."""
     parts = N(translation=N(x=1, y=2.0, z=3), rotation=N(x=0, y=0, z=0, w=1))
     return N(**({"header": HEADER, "child_frame_id": "odom", "transform": parts} | changes))
-
-
-@pytest.mark.ours
-def test_any_object_with_the_fields_is_a_transform(buffer):
-    buffer.set_transform(duck(), "x")
-    assert translation(buffer.lookup_transform_core("map", "odom", at(1))) == (1, 2, 3)
 
 
 @pytest.mark.ours

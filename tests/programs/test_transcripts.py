@@ -107,16 +107,16 @@ DRIVES = {
     ],
     "shutdown": series("base", "arm", BEGIN, count=60),
     "recorder_stays": [scan(140 * S, 140 * S)],
-    "hostile": [Sent(BEGIN, "/tf_static", [Tf("se\na", "x\x1b[2J", 0)])],
 }
 # And recordings of their own.
 OTHERS = {
-    "sim": [one._replace(log_ns=one.log_ns + WALL) for one in drive(100)],
+    "sim": [one._replace(log_ns=one.log_ns + WALL) for one in series("map", "base", BEGIN)],
     "late_clock": series("map", "odom", 105 * S, count=60, step_ns=S // 20, ahead_ns=-5 * S),
     "gap": [one for one in drive(100) if not 103 * S < one.log_ns < 105 * S],
     "from_0": [Sent(i * S, "/tf", [Tf("map", "base", i * S, (i, 0, 0))]) for i in range(5)],
     "now": series("map", "base", 1_795_210_034 * S, count=2),
     "two": sorted([*drive(20, prefix="/one"), *drive(20, prefix="/two")], key=lambda one: one.log_ns),
+    "hostile": [Sent(BEGIN, "/tf_static", [Tf("map", "base", 0), Tf("se\na", "x\x1b[2J", 0)])],
     "mount": [Sent(BEGIN, "/tf_static", [Tf("base", "camera", BEGIN)])],
     "scans": [scan(S, S)],
 }

@@ -49,13 +49,6 @@ def floats():
     return cloud([("x", "f4"), ("y", "f4"), ("z", "f4")], [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)])
 
 
-def test_a_stamped_transform_gives_its_frame_a_bare_one_leaves_it(t, floats):
-    stamped = tf2_sensor_msgs.do_transform_cloud(floats, t)
-    bare = tf2_sensor_msgs.do_transform_cloud(floats, t.transform)
-    assert (stamped.header.frame_id, bare.header.frame_id) == ("map", "base")
-    assert columns_of(stamped) == columns_of(bare) == {"x": [11, 14], "y": [22, 25], "z": [33, 36]}
-
-
 LITTLE = transform("map", "base", 1, (0.5, 0.25, 0.75))
 TURNED = transform("map", "base", 1, (0.5, 0.5, 0.5), about_z(math.pi / 2))
 FAR = transform("map", "base", 7, (10, 20, 30))

@@ -116,13 +116,6 @@ def test_what_is_added_imports_by_name(module):
         offered(module, name)
 
 
-def test_an_exception_is_one_class_wherever_it_is_caught(tf2_py, tf2_ros):
-    from tf2_py import _tf2_py
-
-    for name in NAMES["tf2_py._tf2_py"]["import *"]:
-        assert getattr(tf2_ros, name) is getattr(tf2_py, name) is getattr(_tf2_py, name)
-
-
 LATER = """
 import tf2_ros; print('BufferClient' in vars(tf2_ros), 'BufferClient' in dir(tf2_ros))
 from tf2_ros import BufferClient; print(BufferClient is vars(tf2_ros)['BufferClient'])

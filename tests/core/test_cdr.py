@@ -113,12 +113,21 @@ def test_the_bytes_say_what_the_messages_say(rows):
     assert repr(deserialize_message(data, TFMessage)) == repr(TFMessage(transforms=messages))
 
 
+@pytest.mark.parametrize("number", [3, True, np.int64(3), np.float32(1.5), np.array(2.5)], ids=repr)
+def test_a_number_of_any_type_is_sent_as_a_float(number):
+    """ROS would send what the first bytes of the object happen to say."""
+    message = transform("map", "odom", 1.5)
+    message.transform.rotation._w = message.transform.translation._x = number
+    [read] = deserialize_message(serialize_transforms([message])[0], TFMessage).transforms
+    assert read.transform.rotation.w == read.transform.translation.x == float(number)
+
+
 class Subclass(TransformStamped):
     """A message class of a program's own."""
 
 
 ODD = {
-    "int for a float": lambda m: setattr(m.transform.translation, "_x", 1),
+    "text for a float": lambda m: setattr(m.transform.translation, "_x", "1"),
     "too many nanoseconds": lambda m: setattr(m.header.stamp, "_nanosec", 1_000_000_000),
     "seconds beyond 32 bits": lambda m: setattr(m.header.stamp, "_sec", 2**31),
     "bool for seconds": lambda m: setattr(m.header.stamp, "_sec", True),

@@ -220,35 +220,28 @@ cdef int read_transform_stamped(object message, Incoming* out, list keep) except
     return 0
 
 
-cdef inline bint _is_exact_class(Layout layout, object message, int count):
-    # Whether it is of exactly this class, and its first `count` fields are floats.
-    cdef int i
-    if not layout.by_slot or type(message) is not layout.message_class:
-        return False
-    for i in range(count):
-        if not PyFloat_CheckExact(layout.get(message, i)):
-            return False
-    return True
+cdef inline bint _is_exact_class(Layout layout, object message):
+    return layout.by_slot and type(message) is layout.message_class
 
 
 cdef bint is_exact_transform_stamped(object message) except -1:
     load_layouts()
-    if not (_is_exact_class(transform_stamped_layout, message, 0)):
+    if not _is_exact_class(transform_stamped_layout, message):
         return False
     header = transform_stamped_layout.get(message, STAMPED_HEADER)
     transform = transform_stamped_layout.get(message, STAMPED_TRANSFORM)
-    if not (_is_exact_class(header_layout, header, 0) and _is_exact_class(transform_layout, transform, 0)):
+    if not (_is_exact_class(header_layout, header) and _is_exact_class(transform_layout, transform)):
         return False
     stamp = header_layout.get(header, HEADER_STAMP)
-    if not _is_exact_class(time_layout, stamp, 0):
+    if not _is_exact_class(time_layout, stamp):
         return False
     sec, nanosec = time_layout.get(stamp, TIME_SEC), time_layout.get(stamp, TIME_NANOSEC)
     return (type(sec) is int and -0x80000000 <= sec < 0x80000000
             and type(nanosec) is int and 0 <= nanosec < NS_PER_S
             and type(header_layout.get(header, HEADER_FRAME_ID)) is str
             and type(transform_stamped_layout.get(message, STAMPED_CHILD_FRAME_ID)) is str
-            and _is_exact_class(vector3_layout, transform_layout.get(transform, TRANSFORM_TRANSLATION), 3)
-            and _is_exact_class(quaternion_layout, transform_layout.get(transform, TRANSFORM_ROTATION), 4))
+            and _is_exact_class(vector3_layout, transform_layout.get(transform, TRANSFORM_TRANSLATION))
+            and _is_exact_class(quaternion_layout, transform_layout.get(transform, TRANSFORM_ROTATION)))
 
 
 cdef object new_header(int64_t stamp_ns, object frame_id):
@@ -314,8 +307,8 @@ def serialize_transforms(list transforms):
 
     :param transforms: a list of ``geometry_msgs/TransformStamped``.
     :return: the bytes, and the transforms that every buffer refuses, as pairs of ``child_frame_id`` and
-        reason. None if a part of one is not exactly of its class but, for example, of a subclass: then ROS's
-        own conversion decides.
+        reason. Numbers of any type are sent as floats. None if a part of one is not exactly of its class but,
+        for example, of a subclass: then ROS's own conversion decides.
     """
     cdef Batch batch
     cdef size_t i
@@ -332,7 +325,7 @@ def serialize_transforms(list transforms):
         for i in range(batch.count):
             try:
                 read_transform_stamped(transforms[i], &batch.entries[i].incoming, keep)
-            except ValueError:      # an invalid name: a NUL, or a lone surrogate
+            except (OverflowError, TypeError, ValueError):  # what is no number; a name with a NUL
                 return None
         data = batch_cdr(&batch)
         # After writing, because asking for the refusals changes the names and the rotation.

@@ -126,7 +126,7 @@ class TestPlaces:
                 assert names == [HERE]
             until(lambda: names)
         assert names == [place]
-        # What one of a future or a subscription raises is a warning, what one of a filter raises is logged.
+        # What one of a future raises is a warning, what another one raises is logged.
         said = [one for one in warned if str(one.message) == "Unhandled exception in done callback: mine"]
         assert len(said) + errors_so_far().count("ValueError: mine") == len(callbacks) - 1
 

@@ -252,6 +252,18 @@ cdef int _call(callback, argument, int tries, list errors) except -1:
     return 0
 
 
+cdef int _call_or_log(callback, tuple arguments, list errors) except -1:
+    # An `Exception` of a callback is logged.
+    try:
+        try:
+            callback(*arguments)
+        except Exception:
+            log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
+    except BaseException as raised:
+        errors.append(raised)
+    return 0
+
+
 cdef class QueuedMessage(Ending):
     """
     A message that waits in a MessageFilter. Its result is a transform, or the reason why it is dropped.
@@ -306,13 +318,7 @@ cdef class QueuedMessage(Ending):
                     except BaseException as raised:
                         errors.append(raised)
         for callback, more in list(callbacks.values()):
-            try:
-                try:
-                    callback(*given, *more)
-                except Exception:
-                    log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
-            except BaseException as raised:
-                errors.append(raised)
+            _call_or_log(callback, (*given, *more), errors)
         try:
             filter._warn_of_drops(self, outcome)
         except BaseException as raised:
@@ -361,7 +367,7 @@ cdef class ChangeSubscription(Ending):
             except BaseException as raised:     # there is no memory
                 errors.append(raised)
                 self.cancel()
-            _call(self._callback, result, 1, errors)
+            _call_or_log(self._callback, (result,), errors)
             self._is_running = False
         if errors:
             raise errors[0]

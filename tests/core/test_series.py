@@ -143,6 +143,7 @@ FORMS = {
     "strided": lambda ns: np.repeat(np.array(ns), 2)[::2],
     "backwards": lambda ns: np.array(ns[::-1])[::-1],
     "read-only": lambda ns: np.frombuffer(np.array(ns).tobytes(), np.int64),
+    "unaligned": lambda ns: np.frombuffer(b"x" + np.array(ns).tobytes(), np.int64, offset=1),
     "NumPy's numbers": lambda ns: [ns[0], *map(np.int64, ns[1:])],
     "Times": lambda ns: [at_ns(one) for one in ns],
     "messages": lambda ns: [at_ns(one).to_msg() for one in ns],
@@ -217,8 +218,9 @@ class TestPoints:
         assert got.dtype == dtype
         np.testing.assert_allclose(got, want, rtol=0, atol=np.finfo(dtype).eps * 100 * np.abs(want).max())
 
-    def test_integers_become_float64(self, buffer):
-        for points in ([[1, 2, 3]], np.array([[1, 2, 3]], np.int16), np.array([[1, 2, 3]], np.uint8)):
+    def test_numbers_of_other_types_become_float64(self, buffer):
+        odd = np.frombuffer(b"x" + np.array([1.0, 2, 3], ">f8").tobytes(), ">f8", offset=1).reshape(1, 3)
+        for points in ([[1, 2, 3]], np.array([[1, 2, 3]], np.int16), np.array([[1, 2, 3]], np.uint8), odd):
             got = buffer.transform_points(points, [0], "map", "base")
             assert got.dtype == np.float64
             assert (got == buffer.transform_points([[1.0, 2.0, 3.0]], [0], "map", "base")).all()

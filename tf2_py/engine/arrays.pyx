@@ -86,7 +86,7 @@ def as_times_ns(times):
         raise TypeError(f"{wanted}, not of dtype {array.dtype}{seconds}")
     if array.dtype.kind == "u" and array.size and int(array.max()) > np.iinfo(np.int64).max:
         raise ValueError(f"{wanted} that fit into 64 bits; the largest is {array.max()}")
-    return np.ascontiguousarray(array, dtype=np.int64)
+    return received_array(array, "int64")
 
 
 cdef bint _are_numbers(times):
@@ -136,9 +136,10 @@ cdef tuple as_points(points):
         raise ValueError(f"points: expected the shape (N, 3), got {array.shape}")
     if array.dtype.kind in "iu":
         array = array.astype(np.float64)
-    if array.dtype not in (np.float32, np.float64):
+    dtype = array.dtype.newbyteorder("=")
+    if dtype not in (np.float32, np.float64):
         raise TypeError(f"points: expected float32, float64 or integers, got {array.dtype}")
-    return np.ascontiguousarray(array, dtype=np.float64), array.dtype
+    return received_array(array, "float64"), dtype
 
 
 # The engine's quaternion maths on rows.

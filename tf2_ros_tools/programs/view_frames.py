@@ -75,8 +75,9 @@ def view(options: Namespace) -> int:
         if options.text:
             found = [line_of(one) for one in report.findings]
             print(heard.buffer.tree(), *(["", *found] if found else []), sep="\n")
-        dot = tree_dot(report.streams, report.findings, heard.buffer.frames(), report.time)
+        infos = heard.buffer.frames()
     if is_drawn:
+        dot = tree_dot(report.streams, report.findings, infos, report.time)
         name = options.output or time.strftime("frames_%Y-%m-%d_%H.%M.%S")
         description, picture, kind = output_files(name)
         write_whole(description, dot.encode())

@@ -160,7 +160,8 @@ def run(
         signal.signal(number, _interrupt)
     try:
         if isinstance(sys.stdout, TextIOWrapper):
-            sys.stdout.reconfigure(line_buffering=True)  # the reader of a pipe may wait for the line
+            # The reader of a pipe may wait for a line, and the name of a frame may not be in the encoding.
+            sys.stdout.reconfigure(errors="backslashreplace", line_buffering=True)
         options = parser.read(arguments)
         parser = options.parser
         return work(options)

@@ -8,7 +8,7 @@ import sys
 from importlib.util import find_spec
 
 import pytest
-from making_bags import drive, write_mcap
+from making_bags import Sent, Tf, drive, write_mcap
 from paths import ROOT
 from processes import DEADLINE_S, broadcasting, ended, needs_dot, run, running, until
 from sources import PYPROJECT
@@ -191,6 +191,13 @@ def test_a_file_that_cannot_be_written_is_one_line_and_nothing_changes(name, fol
     assert name in lines[0] and lines[0].endswith(": File too large"), err
     assert (folder / name).read_text() == "before"
     assert sorted(os.listdir(folder)) == left
+
+
+def test_a_name_that_the_output_cannot_encode_is_escaped(folder):
+    write_mcap(folder / "named.mcap", [Sent(1, "/tf_static", [Tf("wörld", "base", 0)])])
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    status, out, err = ended("tf2_bag", "info", "named.mcap", env=environment)
+    assert (status, err) == (0, "") and r"w\xf6rld" in out
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")

@@ -48,7 +48,7 @@ def with_a_program():
         yield pytest.param(page, id=page.name, marks=[long] if page.name == "recordings.md" else [])
 
 
-@pytest.mark.parametrize("page", with_a_program())
+@pytest.mark.parametrize("page", [*with_a_program()])
 def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
     if page.name == "recordings.md":
         for library in ("pyarrow", "distributed", "rerun"):

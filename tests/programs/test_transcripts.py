@@ -30,7 +30,7 @@ def commands():
             yield pytest.param(command, lines, id=command)
 
 
-@pytest.mark.parametrize(("command", "lines"), commands())
+@pytest.mark.parametrize(("command", "lines"), [*commands()])
 def test_a_command_prints_what_its_transcript_shows(command, lines, folder, monkeypatch, peer, capfd):
     for begin, library in (("tf2_bag view", "rerun"), ("tf2_bag batch nothing", "pyarrow")):
         if command.startswith(begin):

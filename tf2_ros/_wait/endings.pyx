@@ -226,41 +226,37 @@ cdef class FutureEnding(Ending):
         cdef list wakers = self.wakers
         self.done_callbacks, self.wakers = [], []
         for callback in callbacks:
-            _call(callback, self, 1, errors)
+            _call(callback, (self,), 1, False, errors)
         for waker in wakers:
-            _call(waker, self, TRIES, errors)
+            _call(waker, (self,), TRIES, False, errors)
         return 0
 
 
-cdef int _call(callback, argument, int tries, list errors) except -1:
-    # An `Exception` of a callback becomes a warning, as in rclpy.
+def log_error(error, where="In a callback"):
+    """Report an exception with its traceback."""
+    log.logger("tf2_ros").error(f"{where}: {''.join(traceback.format_exception(error))}")
+
+
+cdef int _call(callback, tuple arguments, int tries, bint logs, list errors) except -1:
+    # An `Exception` of a callback is logged, or warned of as in rclpy; another one is added to the errors.
     error = None
     while tries > 0:
         tries -= 1
         try:
-            callback(argument)
+            callback(*arguments)
             break
         except BaseException as raised:
             error = raised
     if isinstance(error, Exception):
         try:
-            warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=2)
+            if logs:
+                log_error(error)
+            else:
+                warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=2)
         except BaseException as raised:
             errors.append(raised)
     elif error is not None:
         errors.append(error)
-    return 0
-
-
-cdef int _call_or_log(callback, tuple arguments, list errors) except -1:
-    # An `Exception` of a callback is logged.
-    try:
-        try:
-            callback(*arguments)
-        except Exception:
-            log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
-    except BaseException as raised:
-        errors.append(raised)
     return 0
 
 
@@ -318,11 +314,8 @@ cdef class QueuedMessage(Ending):
                     except BaseException as raised:
                         errors.append(raised)
         for callback, more in list(callbacks.values()):
-            _call_or_log(callback, (*given, *more), errors)
-        try:
-            filter._warn_of_drops(self, outcome)
-        except BaseException as raised:
-            errors.append(raised)
+            _call(callback, (*given, *more), 1, True, errors)
+        _call(filter._warn_of_drops, (self, outcome), 1, True, errors)
         return 0
 
 
@@ -367,7 +360,7 @@ cdef class ChangeSubscription(Ending):
             except BaseException as raised:     # there is no memory
                 errors.append(raised)
                 self.cancel()
-            _call_or_log(self._callback, (result,), errors)
+            _call(self._callback, (result,), 1, True, errors)
             self._is_running = False
         if errors:
             raise errors[0]
@@ -400,8 +393,8 @@ def call_logged(call, str where):
     """Call something, and log what it raises, because no caller would catch it."""
     try:
         call()
-    except BaseException:
-        log.logger("tf2_ros").error(f"{where}: {traceback.format_exc()}")
+    except BaseException as error:
+        log_error(error, where)
 
 
 cdef class Deadlines:

@@ -20,7 +20,6 @@ from tf2_ros._rcl cimport (
 from tf2_ros._receive.inbox cimport Watching
 
 import sys
-import traceback
 from collections import deque
 from threading import get_ident, main_thread
 
@@ -28,9 +27,8 @@ import rclpy
 from rclpy.executors import Executor
 from rclpy.waitable import NumberOfEntities
 
-from tf2_py._internal import log
 from tf2_ros._rclpy import has_tasks
-from tf2_ros._wait.endings import Ending
+from tf2_ros._wait.endings import Ending, log_error
 
 cdef extern from *:
     """
@@ -199,7 +197,7 @@ cdef class ExecutorRounds(Watching):
             except BaseException as error:
                 if not isinstance(error, Exception) and get_ident() == main_thread().ident:
                     raise
-                log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
+                log_error(error)
             del call
         self.waits_from_ns = monotonic_ns()
 

@@ -17,7 +17,7 @@ first = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
 listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node, qos=qos_profile_sensor_data)
 print("the listener's:", shown(listener.tf_sub.qos_profile))
 print("the global one:", shown(qos_profile_sensor_data))
-imu = node.create_subscription(Imu, "imu", print, qos_profile_sensor_data)
+imu = node.create_subscription(Imu, "imu", lambda imu: None, qos_profile_sensor_data)
 print("of another subscription:", shown(imu.qos_profile))
 
 rclpy.shutdown()

@@ -165,7 +165,7 @@ def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
     begun = [reference for player in players for reference in player.begun]
     for reference in begun:
         end(reference())
-    # A callback that a timeout has called may still wait, and the traceback of a cancelled coroutine keeps its
+    # A callback that a timeout has called may wait, and the traceback of a cancelled coroutine keeps its
     # wait until the timeout.
     until(lambda buffer=buffer: buffer.statistics()["waiters"] == 0)
     assert not buffer._tf2_kept

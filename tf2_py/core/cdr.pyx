@@ -38,18 +38,17 @@ cdef inline uint32_t _uint32(Reader* reader) noexcept nogil:
     return __builtin_bswap32(value) if reader.swapped else value
 
 
-cdef inline void _doubles(Reader* reader, double* out, uint32_t count) noexcept nogil:
-    cdef const unsigned char* at = _read_bytes(reader, 8 * <size_t>count, 8)
-    cdef uint64_t word
-    cdef uint32_t i
+cdef inline void _numbers_of(Reader* reader, Transform* out) noexcept nogil:
+    cdef const unsigned char* at = _read_bytes(reader, sizeof(Transform), 8)
+    cdef uint64_t words[7]
+    cdef int i
     if at == NULL:
         return
-    memcpy(out, at, 8 * <size_t>count)
+    memcpy(words, at, sizeof(Transform))
     if reader.swapped:
-        for i in range(count):
-            memcpy(&word, &out[i], 8)
-            word = __builtin_bswap64(word)
-            memcpy(&out[i], &word, 8)
+        for i in range(7):
+            words[i] = __builtin_bswap64(words[i])
+    memcpy(out, words, sizeof(Transform))
 
 
 cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogil:
@@ -100,7 +99,7 @@ cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil:
     out.stamp_ns = stamp_join(sec, nanosec)
     _string(reader, &out.parent, &out.parent_size)
     _string(reader, &out.child, &out.child_size)
-    _doubles(reader, <double*>&out.transform, 7)
+    _numbers_of(reader, &out.transform)
     return reader.problem == NULL
 
 

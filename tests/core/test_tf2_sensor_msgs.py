@@ -34,23 +34,37 @@ def t():
     return transform("map", "base", 7.25, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
 
 
-def cloud_of(names, numbers):
-    """A cloud of float32 fields, of numbers of shape (height, width, fields)."""
-    height, width, count = numbers.shape
-    message = PointCloud2(height=height, width=width, point_step=4 * count, row_step=4 * count * width)
+# Coordinates up to some hundred metres; float32 is rounded once, from the exact result.
+TOLERANCE = {4: {"rtol": 2e-7, "atol": 1e-5}, 8: {"rtol": 1e-13, "atol": 1e-9}}
+
+
+def cloud_of(names, numbers, kind="<f4"):
+    """A cloud of fields of one kind, of numbers of shape (height, width, fields)."""
+    (height, width, count), size = numbers.shape, np.dtype(kind).itemsize
+    message = PointCloud2(height=height, width=width, point_step=size * count, row_step=size * count * width)
+    message.is_bigendian = kind[0] == ">"
     message.header.frame_id, message.header.stamp.sec, message.header.stamp.nanosec = "base", 3, 7
     message.fields = [
-        PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1)
+        PointField(
+            name=name,
+            offset=size * i,
+            datatype=PointField.FLOAT32 if size == 4 else PointField.FLOAT64,
+            count=1,
+        )
         for i, name in enumerate(names)
     ]
-    message.data = array.array("B", numbers.astype("<f4").tobytes())
+    message.data = array.array("B", numbers.astype(kind).tobytes())
     return message
+
+
+def whole_cloud(kind):
+    names = (*XYZ, *NORMAL, *VIEWPOINT)
+    return cloud_of(names, np.random.default_rng(0).uniform(-100, 100, (3, 20, len(names))), kind)
 
 
 @pytest.fixture
 def cloud():
-    names = (*XYZ, *NORMAL, *VIEWPOINT)
-    return cloud_of(names, np.random.default_rng(0).uniform(-100, 100, (3, 20, len(names))))
+    return whole_cloud("<f4")
 
 
 def test_a_cloud_keeps_its_own_stamp_and_gets_the_frame_of_the_transform(cloud, t):
@@ -63,15 +77,17 @@ def test_a_cloud_keeps_its_own_stamp_and_gets_the_frame_of_the_transform(cloud, 
     assert cloud == before and stamp_ns(t) == 7_250_000_000
 
 
-def numbers_of(cloud):
-    return np.frombuffer(cloud.data, np.float32).reshape(-1, 3, 3).swapaxes(0, 1)
+def numbers_of(cloud, kind="<f4"):
+    return np.frombuffer(cloud.data, kind).reshape(-1, 3, 3).swapaxes(0, 1)
 
 
-def test_normals_turn_and_viewpoints_move_like_points(cloud, t):
-    turn = transform("map", "base", 0, (0, 0, 0), (0.1, 0.2, 0.3, 0.9))
-    got = numbers_of(tf2.do_transform_cloud(cloud, t))
-    for before, after, by in zip(numbers_of(cloud), got, (t, turn, t), strict=True):
-        assert_allclose(after, transformed(before, by), rtol=2e-7, atol=1e-5)
+@pytest.mark.parametrize("kind", ["<f4", ">f4", "<f8", ">f8"])
+def test_normals_turn_and_viewpoints_move_like_points(t, kind):
+    turn, cloud = transform("map", "base", 0, (0, 0, 0), (0.1, 0.2, 0.3, 0.9)), whole_cloud(kind)
+    got = numbers_of(tf2.do_transform_cloud(cloud, t), kind)
+    for before, after, by in zip(numbers_of(cloud, kind), got, (t, turn, t), strict=True):
+        wanted = transformed(before.astype(np.float64), by)
+        assert_allclose(after, wanted, **TOLERANCE[after.itemsize])
 
 
 @pytest.mark.parametrize("names", [XYZ, (*XYZ, *NORMAL)])
@@ -121,9 +137,9 @@ def spoil(cloud, **changes):
     "change", [{"name": "other"}, {"datatype": PointField.INT32}, {"datatype": 0}], ids=str
 )
 def test_normals_and_viewpoints_that_are_not_whole_stay_as_they_are(cloud, t, name, change):
-    got = numbers_of(tf2.do_transform_cloud(spoil(cloud, **{name: change}), t))
-    stays = 1 if name in NORMAL else 2
-    assert [np.array_equal(*pair) for pair in zip(got, numbers_of(cloud), strict=True)].index(True) == stays
+    wanted, stays = numbers_of(tf2.do_transform_cloud(cloud, t)).copy(), 1 if name in NORMAL else 2
+    wanted[stays] = numbers_of(cloud)[stays]
+    assert np.array_equal(numbers_of(tf2.do_transform_cloud(spoil(cloud, **{name: change}), t)), wanted)
 
 
 @pytest.mark.parametrize(
@@ -154,6 +170,13 @@ def test_a_cloud_that_contradicts_itself_is_a_value_error(cloud, t, changes, rea
         tf2.do_transform_cloud(spoil(cloud, **changes), t)
     # What tf2 raises where a field is missing.
     assert isinstance(raised.value, AssertionError) or "no field" not in reason
+
+
+@pytest.mark.parametrize("row_step", [0, 1, 719, 721, 2160, 2**32 - 1])
+def test_a_row_step_that_the_bytes_contradict_is_put_right(cloud, t, row_step):
+    # 721 would fit but for the last row.
+    wanted = tf2.do_transform_cloud(cloud, t)
+    assert tf2.do_transform_cloud(spoil(cloud, row_step=row_step), t) == wanted
 
 
 def padded(data):

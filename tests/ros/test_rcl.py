@@ -79,21 +79,25 @@ def test_all_declarations_agree_with_the_headers(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-def test_of_a_release_that_is_not_known_nothing_is_called():
+def test_without_a_function_of_rcl_nothing_is_called():
     program = (
-        "from tf2_ros_cython import _ros; _ros.unknown_release = lambda: 'it is new'\n"
-        "import rclpy\n"
-        "from tf2_ros._rcl import problem; assert problem() == 'it is new'\n"
-        "from tf2_ros._wait.rounds import ExecutorRounds\n"
-        "try: ExecutorRounds().set_up(None)\n"
-        "except RuntimeError as refused: print(refused)\n"
+        "import ctypes\n"
+        "class Lacking(ctypes.PyDLL):\n"
+        "    def __getitem__(self, name):\n"
+        "        return super().__getitem__(name.replace('rcl_take', 'rcl_took'))\n"
+        "ctypes.PyDLL = Lacking\n"
+        "from tf2_ros._rcl import problem\n"
+        "print(problem())\n"
+        "from tf2_ros._receive.subscriptions import Subscriptions\n"
+        "try: Subscriptions()\n"
+        "except RuntimeError as refused: print(str(refused) == problem())\n"
     )
-    assert output_of("-c", program) == "it is new\n"
+    said, is_the_same = output_of("-c", program).splitlines()
+    assert said.startswith("rclpy's library lacks what listeners call: ")
+    assert "undefined symbol: rcl_took_serialized_message" in said
+    assert is_the_same == "True"
 
 
-def test_a_release_that_is_not_known_is_told_with_those_that_are(monkeypatch):
-    assert _ros.unknown_release() is None
-    monkeypatch.setattr(_ros, "_RELEASES", {99: "Future"})
-    running = rf"of rclpy \d+\.[\d.]+ in {_ros.running_prefix()}"
-    expected = rf"known are Future \(rclpy 99\), and the ROS 2 that runs is {running}"
-    assert re.fullmatch(expected, _ros.unknown_release())
+def test_a_release_is_known_by_its_name_or_by_its_version():
+    assert _ros.describe("10.0.10") == "Lyrical (rclpy 10.0.10)"
+    assert _ros.describe("99.0.1") == "of rclpy 99.0.1"

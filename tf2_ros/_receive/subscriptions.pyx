@@ -19,6 +19,7 @@ from tf2_py._internal cimport (
 )
 from tf2_ros._rcl cimport (
     RCL_RET_OK,
+    MessageInfo,
     RMW_GID_STORAGE_SIZE,
     c_bool,
     rcl_allocator_t,
@@ -115,14 +116,14 @@ cdef bint _take_message(State* inbox, Arrivals* topic, int64_t now_ns) noexcept 
     # Takes one message and inserts it; False if there was none.
     cdef Subscribed* source = <Subscribed*>inbox.source
     cdef Parcel* parcel = inbox.parcel
-    cdef rmw_message_info_t information
+    cdef MessageInfo information
     cdef rcl_serialized_message_t message
     cdef rcl_ret_t result
     cdef bint is_readable
     message.buffer, message.buffer_length, message.buffer_capacity = parcel.data, 0, parcel.capacity
     message.allocator = source.allocator
     result = rcl_take_serialized_message(
-        topic.subscription, &message, &information if source.records != NULL else NULL, NULL)
+        topic.subscription, &message, &information.known if source.records != NULL else NULL, NULL)
     # rcl may have allocated more.
     parcel.data, parcel.size, parcel.capacity = message.buffer, message.buffer_length, message.buffer_capacity
     if result != RCL_RET_OK:
@@ -134,7 +135,7 @@ cdef bint _take_message(State* inbox, Arrivals* topic, int64_t now_ns) noexcept 
     if is_readable and source.prefix != NULL:
         batch_prefix(&parcel.batch, source.prefix, source.prefix_size)
     if source.records != NULL:
-        _record(inbox, &information, is_readable)
+        _record(inbox, &information.known, is_readable)
     inbox_insert(inbox, is_readable)
     return True
 

@@ -2,13 +2,7 @@
 
 from typing import Any
 
-from tf2_py._internal import FOR_EVER_NS, MalformedObjectError, duration_ns
-
-
-def require_node(call: str, node: Any, method: str) -> None:
-    """Raise a TypeError, which is also an AttributeError as in tf2, if a node lacks the method."""
-    if not hasattr(node, method):
-        raise MalformedObjectError(f"{call}: expected a node with {method}, got {kind_of(node)}")
+from tf2_py._internal import FOR_EVER_NS, duration_ns
 
 
 def require_callable(method: str, callback: object) -> None:

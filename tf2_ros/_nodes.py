@@ -17,12 +17,33 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import get_default_context
 
-from tf2_py._internal import keep_for_ever
+from tf2_py._internal import MalformedObjectError, keep_for_ever
+from tf2_ros._arguments import kind_of
 from tf2_ros._forking import LOCK, LiveObjects, is_inherited
-from tf2_ros._rclpy import context_was_shut_down, handle_exists, is_shut_down, mark_shut_down, wake
+from tf2_ros._rclpy import (
+    context_was_shut_down,
+    handle_exists,
+    is_node,
+    is_shut_down,
+    mark_shut_down,
+    wake,
+)
 from tf2_ros._receive.inboxes import check_regularly
 
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
+
+
+def require_node(call: str, node: Any, method: str) -> None:
+    """
+    Refuse what cannot serve as a node, before anything is made.
+
+    :raises TypeError: it lacks the method; also an AttributeError, as in tf2.
+    :raises InvalidHandle: it was destroyed.
+    """
+    if not hasattr(node, method):
+        raise MalformedObjectError(f"{call}: expected a node with {method}, got {kind_of(node)}")
+    if is_node(node) and not handle_exists(node.handle):
+        raise InvalidHandle(f"{call}: the node was destroyed")
 
 
 def hidden_node(prefix: str, owner: object, **options: Any) -> Node:
@@ -32,7 +53,7 @@ def hidden_node(prefix: str, owner: object, **options: Any) -> Node:
     Nothing in it depends on ROS time, and programs do not configure it. So it has no services,
     does not log to /rosout, and does not use simulated time.
     """
-    return Node(
+    node = Node(
         f"{prefix}_{id(owner):010x}",
         **options,
         enable_rosout=False,
@@ -42,6 +63,15 @@ def hidden_node(prefix: str, owner: object, **options: Any) -> Node:
             # rclpy never frees this service: 107 kB for each node.
             Parameter("start_type_description_service", value=False),
         ],
+    )
+    keep_in_children(node)  # also if nothing uses it because what its owner does next fails
+    return node
+
+
+def companion_node(prefix: str, owner: object, node: Any) -> Node:
+    """Make a hidden node in the context and the namespace of another one."""
+    return hidden_node(
+        prefix, owner, context=node.context, namespace=node.get_namespace(), use_global_arguments=False
     )
 
 
@@ -179,10 +209,10 @@ def note_filler(node: Any, buffer: object, queue: object = None) -> None:
     """
     Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.
 
-    :param queue: the CallbackQueue of a listener's node; not of anything else.
+    :param queue: the NodeQueue of a listener's node; not of anything else.
     """
     contexts = getattr(buffer, "_tf2_wait_contexts", None)
-    if issubclass(type(node), Node) and isinstance(contexts, WaitContexts):
+    if is_node(node) and isinstance(contexts, WaitContexts):
         context = node.context
         with LOCK:
             others = (one for one in contexts.known if one is not context and not context_was_shut_down(one))
@@ -220,6 +250,6 @@ class Shutdown:
 
 def node_has_ended(node: Any) -> bool:
     """Whether a node receives nothing any more, because it was destroyed or its context was shut down."""
-    if not issubclass(type(node), Node):
+    if not is_node(node):
         return False  # of a program's own kind, or a mock
     return not handle_exists(node.handle) or context_was_shut_down(node.context)

@@ -2,22 +2,31 @@
 Use attributes and frames of rclpy that its documentation does not promise.
 
 Each function says what it assumes, and what it does if that does not hold. Most tests in tests/ros fail if
-that does not hold, and tests/ros/test_rclpy_inside.py tests the rest. All was tested with rclpy 7.1 (Jazzy)
-and 9.1 (Kilted). What an executor's rounds need in Cython is in ``tf2_ros._wait.rounds``;
+that does not hold, and tests/ros/test_rclpy_inside.py tests the rest. What differs between releases is asked
+of the object at hand, or once at the import, never of a version; docs/limits.md lists the releases with which
+all was tested. What an executor's rounds need in Cython is in ``tf2_ros._wait.rounds``;
 ``tf2_py.engine.times`` reads times from their handles.
 """
 
 import sys
+from collections.abc import Generator, Sequence
 from contextlib import suppress
 from inspect import CO_ASYNC_GENERATOR, CO_COROUTINE, CO_GENERATOR, CO_ITERABLE_COROUTINE
-from types import FrameType
-from typing import Any
+from types import FrameType, coroutine
+from typing import TYPE_CHECKING, Any
 
+import rclpy.node
+import rclpy.subscription
+from rclpy.clock import ClockType
 from rclpy.event_handler import EventHandler
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.task import Task
+from rclpy.subscription import Subscription
+from rclpy.task import Future, Task
+
+if TYPE_CHECKING:
+    import asyncio
 
 # Handles: the objects of the C++ part, each counting its users.
 
@@ -47,6 +56,63 @@ def context_was_shut_down(context: Any) -> bool:
     return handle is not None and not handle.ok()
 
 
+# Nodes.
+
+# What Node and AsyncNode have in common; before rclpy 10, there is only Node.
+_BASE_NODE: type = getattr(rclpy.node, "BaseNode", Node)
+_BASE_SUBSCRIPTION: type = getattr(rclpy.subscription, "BaseSubscription", Subscription)
+
+
+def runs_in_loop(node: object) -> bool:
+    """Whether an asyncio loop runs a node, as an ``AsyncNode`` of ``rclpy.experimental``, and no executor."""
+    kind = type(node)
+    return (
+        hasattr(kind, "__aenter__")
+        and hasattr(kind, "get_fully_qualified_name")
+        and not issubclass(kind, Node)
+    )
+
+
+def is_node(node: object) -> bool:
+    """Whether this is a node of rclpy, rather than of a program's own kind or a ``Mock(spec=Node)``."""
+    return issubclass(type(node), _BASE_NODE) or runs_in_loop(node)
+
+
+def loop_of(node: Any) -> "asyncio.AbstractEventLoop":
+    """
+    The event loop that runs here, and runs a node, now or when the program awaits that.
+
+    Assumes the attribute ``_tg`` of a node that runs already, a TaskGroup with the attribute ``_loop``.
+    Without it, nothing is known of another loop.
+
+    :raises RuntimeError: no loop runs here, or another one runs the node.
+    """
+    loop = running_loop()
+    kind, name = type(node).__name__, node.get_fully_qualified_name()
+    if loop is None:
+        raise RuntimeError(
+            f"the {kind} [{name}] needs an event loop, and none runs in this thread: do this in a coroutine, "
+            "for example inside `async with node`"
+        )
+    if getattr(getattr(node, "_tg", None), "_loop", loop) is not loop:
+        raise RuntimeError(f"the {kind} [{name}] runs in another event loop: do this in a coroutine of that")
+    return loop
+
+
+def is_simulated(clock: Any) -> bool:
+    """
+    Whether a clock follows /clock.
+
+    Clocks of other types lack the attribute, or raise (since rclpy 10).
+    """
+    return is_ros_clock(clock) and bool(clock.ros_time_is_active)
+
+
+def is_ros_clock(clock: Any) -> bool:
+    """Whether a clock may follow /clock."""
+    return bool(getattr(clock, "clock_type", None) == ClockType.ROS_TIME)
+
+
 # Executors.
 
 
@@ -64,10 +130,14 @@ def is_in_executor(node: Node) -> bool:
     Whether an executor has a node now; takes a lock of that executor.
 
     ``Node.executor`` is not enough: it remains set when the node is removed from the executor, as
-    ``rclpy.spin_once`` and similar functions do at their end.
+    ``rclpy.spin_once`` and similar functions do at their end. An executor of a program's own that cannot list
+    its nodes is believed to have it.
     """
     executor = node.executor
-    return executor is not None and node in executor.get_nodes()
+    if executor is None:
+        return False
+    get_nodes = getattr(executor, "get_nodes", None)
+    return get_nodes is None or bool(node in get_nodes())
 
 
 def has_tasks(executor: Executor | None) -> bool:
@@ -111,6 +181,56 @@ def wake(executor: Executor) -> None:
 # Subscriptions.
 
 
+def is_subscription(made: object) -> bool:
+    """Whether a subscription is rclpy's, also of an ``AsyncNode``, and not of a program's own kind."""
+    return isinstance(made, _BASE_SUBSCRIPTION)
+
+
+def subscribe_in_loop(node: Any, message_type: type, topic: str, callback: Any, qos: Any) -> Any:
+    """
+    Make a subscription of a node that runs in a loop, whose messages the loop leaves alone.
+
+    Assumes what ``create_subscription`` of an ``AsyncNode`` does: that it makes the handle and checks the
+    profile by methods of BaseNode, and that the node destroys what is in the set ``_entities``. Without these
+    it makes an ordinary one, whose messages the loop takes; :func:`is_read_by_loop` tells them apart.
+    """
+    try:
+        profile = node._validate_qos_or_depth_parameter(qos)
+        entities, make = node._entities, node._create_subscription_handle
+    except AttributeError:
+        return node.create_subscription(message_type, topic, callback, qos)
+    made: Any = _BASE_SUBSCRIPTION(
+        make(message_type, topic, profile),
+        message_type,
+        topic,
+        callback,
+        profile,
+        False,
+        on_destroy=entities.discard,
+    )
+    entities.add(made)
+    return made
+
+
+def is_read_by_loop(node: object, subscription: object) -> bool:
+    """Whether a loop takes the messages of a subscription of a node."""
+    return runs_in_loop(node) and type(subscription) is not _BASE_SUBSCRIPTION
+
+
+def destroy_subscription(node: Any, subscription: Any) -> None:
+    """Destroy a subscription of a node of any kind."""
+    if runs_in_loop(node):
+        subscription.destroy()
+    else:
+        node.destroy_subscription(subscription)
+
+
+def event_handlers(subscription: Any) -> Sequence[EventHandler]:
+    """What tells of publishers that do not fit; of an ``AsyncNode``, a subscription has none."""
+    handlers: Sequence[EventHandler] = getattr(subscription, "event_handlers", ())
+    return handlers
+
+
 def report_event(handler: EventHandler) -> None:
     """
     Log that a publisher does not fit, if that has happened, for a handler that no executor has.
@@ -125,24 +245,68 @@ def report_event(handler: EventHandler) -> None:
             handler.callback(event)
 
 
-# Tasks and futures.
+# Tasks, futures and event loops.
+
+
+def running_loop() -> "asyncio.AbstractEventLoop | None":
+    """The event loop that runs in this thread, if any."""
+    # If one runs, asyncio is loaded. It is not imported here: that takes a tenth of the time of importing
+    # tf2_ros, and in a forked child it could wait forever for a thread of the parent that was importing it.
+    get_running_loop = getattr(sys.modules.get("asyncio"), "_get_running_loop", None)
+    return None if get_running_loop is None else get_running_loop()
+
 
 _COROUTINES = CO_COROUTINE | CO_GENERATOR | CO_ITERABLE_COROUTINE | CO_ASYNC_GENERATOR
-_STEP_CODE = getattr(Task.__dict__.get("__call__"), "__code__", None)
+# The code of the methods of Task, one or two of which are on the stack while it steps its coroutine.
+_STEPS = {id(code): code for one in vars(Task).values() if (code := getattr(one, "__code__", None))}
+
+
+class _RecordingExecutor:
+    """Takes the place of an executor, and records which of its methods a task calls."""
+
+    def __init__(self) -> None:
+        self.called: list[str] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda *_, **__: self.called.append(name)
+
+
+def _resumes_tasks() -> bool:
+    executor: Any = _RecordingExecutor()
+    future: Future[None] = Future(executor=executor)
+
+    @coroutine
+    def sleep() -> Generator[Any, Any, None]:
+        yield future
+
+    async def work() -> None:
+        await sleep()
+
+    with suppress(Exception):  # another kind of task, which nobody knows yet
+        task = Task(work, executor=executor)
+        task()
+        executor.called.clear()
+        future.set_result(None)
+    return bool(executor.called)
+
+
+# Whether a task that has yielded a future is stepped again when that is done (since rclpy 7.1.9, 9.1.4 and
+# 10.0.3), and in the next round if it has yielded None. Before, executors stepped all tasks in each round.
+RESUMES_TASKS = _resumes_tasks()
 
 
 def running_task(is_direct: bool) -> Task | None:
     """
     The task that an executor is stepping in this thread, for a function that ``__await__`` calls.
 
-    An awaited object cannot ask which task awaits it. Assumes that a step is a call of ``Task.__call__``, so
-    that its frame is on the stack and has the task as ``self``. Without such a frame, None: the executor then
-    steps the task only in its own rounds.
+    An awaited object cannot ask which task awaits it. Assumes that a step is a call of a method of Task, so
+    that its frame is on the stack and has the task as ``self``. Without such a frame, None: what awaits must
+    be stepped until it ends.
 
     :param is_direct: only if nothing but coroutines is between the two, and no function that runs a loop.
     """
     frame: FrameType | None = sys._getframe(2)
-    while frame is not None and frame.f_code is not _STEP_CODE:
+    while frame is not None and id(frame.f_code) not in _STEPS:
         if is_direct and not frame.f_code.co_flags & _COROUTINES:
             return None
         frame = frame.f_back
@@ -150,22 +314,51 @@ def running_task(is_direct: bool) -> Task | None:
     return task if isinstance(task, Task) else None
 
 
-def task_executor(task: Task) -> Executor | None:
+def task_executor(task: Task) -> Any:
     """
     The executor of a task, if it still exists.
 
-    Assumes the attribute ``_executor``, a weak reference. Without it, None: the task is not woken.
+    Assumes the attribute ``_executor``, a weak reference. Without it, None: the task is not woken, and must
+    be stepped until it ends.
     """
     reference: Any = getattr(task, "_executor", None)
-    executor: Executor | None = None if reference is None else reference()
-    return executor
+    return None if reference is None else reference()
 
 
-def is_in_step(task: Task) -> bool:
+def resume(task: Task, executor: Any, yielded: Future | None) -> None:
     """
-    Whether a thread is stepping a task, so that other threads skip it.
+    Have an executor step a task that waits.
 
-    Assumes the attribute ``_task_lock``. Without it the answer is True: the caller checks again later.
+    Where tasks are not resumed, it is enough to wake the executor. What wakes an EventsExecutor of these
+    releases may hang with the GIL; it steps all tasks without a pause anyway.
+
+    :param yielded: the future that the task has yielded. If it is done already, another task steps this one.
+    """
+    if RESUMES_TASKS:
+        with suppress(AttributeError, InvalidHandle):  # it is shut down
+            if yielded is None or yielded.done():
+                executor.create_task(task)
+            else:
+                yielded.set_result(None)
+    elif isinstance(executor, Executor):
+        wake(executor)
+
+
+def is_in_step(task: Task) -> bool | None:
+    """
+    Whether a thread is stepping a task, so that others skip it; None: it is not known.
+
+    Assumes the attribute ``_task_lock``. Without it, a task may have to be resumed more than once.
     """
     lock = getattr(task, "_task_lock", None)
-    return lock is None or lock.locked()
+    return None if lock is None else bool(lock.locked())
+
+
+def has_locked_tasks(executor: Any) -> bool:
+    """
+    Whether resuming a task would wait, perhaps for the very call that a signal handler has interrupted.
+
+    Assumes the attribute ``_tasks_lock`` of an Executor. Without it, the answer is False.
+    """
+    lock = getattr(executor, "_tasks_lock", None)
+    return lock is not None and lock.locked()

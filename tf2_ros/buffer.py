@@ -2,6 +2,7 @@
 
 import weakref
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tf2_py import BufferCore, TransformException
@@ -23,11 +24,12 @@ if TYPE_CHECKING:
 if TYPE_CHECKING or HAS_ROS:
     from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
     from rclpy.duration import Duration
+    from rclpy.exceptions import InvalidHandle
     from rclpy.node import Node
     from rclpy.service import Service
 
     from tf2_msgs.srv import FrameGraph
-    from tf2_ros._nodes import WaitContexts, note_filler
+    from tf2_ros._nodes import WaitContexts, note_filler, require_node
     from tf2_ros._wait.futures import Changes, TransformFuture, WakingFuture
 
     if TYPE_CHECKING:
@@ -110,6 +112,10 @@ class Buffer(BufferCore, BufferInterface):
     ) -> None:
         if share is not None and attach is not None:
             raise ValueError("share and attach are mutually exclusive")
+        if node is not None:
+            if not HAS_ROS:
+                raise absence("a buffer with a node")
+            require_node("Buffer", node, "create_service")
         # Few programs share a buffer; only they load the modules for it.
         if share is not None or attach is not None:
             require_support()
@@ -136,8 +142,6 @@ class Buffer(BufferCore, BufferInterface):
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)
         if not HAS_ROS:
-            if node is not None:
-                raise absence("a buffer with a node")
             return
         self._tf2_wait_contexts = WaitContexts()
         note_filler(node, self)
@@ -442,5 +446,10 @@ def _clear_at_jumps(buffer: Any) -> "JumpHandle":
         min_forward=None, min_backward=Duration(seconds=-JUMP_BACK_S), on_clock_change=True
     )
     handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)
-    weakref.finalize(buffer, handle.unregister).atexit = False
+    weakref.finalize(buffer, _unregister, handle).atexit = False
     return handle
+
+
+def _unregister(handle: "JumpHandle") -> None:
+    with suppress(InvalidHandle):  # an AsyncNode destroys its clock
+        handle.unregister()

@@ -25,16 +25,15 @@ from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, duration_ns, errors, frame_name, printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
-from tf2_ros._arguments import require_node
 from tf2_ros._forking import refuse_inherited
 from tf2_ros._messages import time_msg
-from tf2_ros._nodes import Spinner, hidden_node
+from tf2_ros._nodes import Spinner, companion_node, require_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
-from tf2_ros.buffer_server import CODES
+from tf2_ros.buffer_server import CODES, GOAL_SERVICE
 
 __all__ = ["BufferClient", "LookupTransformGoal", "LookupTransformResult"]
 _names.offer(globals())
@@ -43,7 +42,6 @@ LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")
 
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
-GOAL_SERVICE = "/_action/send_goal"
 
 EXCEPTIONS = {code: kind for kind, code in CODES}
 
@@ -80,13 +78,7 @@ class GoalSender:
         self.process = os.getpid()
         self._pending: dict[PendingGoal, Generator[None, None, Any]] = {}  # with the steps that are left
         self._ended = False
-        self._node = hidden = hidden_node(
-            "_buffer_client_impl",
-            self,
-            context=node.context,
-            namespace=node.get_namespace(),
-            use_global_arguments=False,
-        )
+        self._node = hidden = companion_node("_buffer_client_impl", self, node)
         self.action_client = ActionClient(hidden, LookupTransform, self.name, **lookup_qos())
         # All else happens in the thread of the hidden node, because rclpy's action client loses a response
         # that arrives before the thread that sent the request has returned.

@@ -24,10 +24,10 @@ from tf2_py import (
     TransformException,
 )
 from tf2_py._internal import duration_ns
-from tf2_ros._arguments import require_node
 from tf2_ros._forking import is_inherited
-from tf2_ros._nodes import keep_in_children, node_has_ended
+from tf2_ros._nodes import Spinner, companion_node, node_has_ended, require_node
 from tf2_ros._qos import lookup_qos
+from tf2_ros._rclpy import runs_in_loop
 from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import CallbackQueue
@@ -38,6 +38,8 @@ __all__ = ["BufferServer"]
 # How long a result is kept for a client that has not requested it yet. Every change of a goal publishes the
 # state of all goals that are kept.
 KEEP_RESULT_S = 10
+
+GOAL_SERVICE = "/_action/send_goal"  # of an action, behind its name
 
 CODES = (
     (ConnectivityException, TF2Error.CONNECTIVITY_ERROR),
@@ -54,7 +56,8 @@ class BufferServer:
     Answers the action ``tf2_msgs/action/LookupTransform`` from a buffer.
 
     :param buffer: the buffer; a listener, or the program, fills it.
-    :param node: offers the action; its executor answers.
+    :param node: offers the action; its executor answers. For an ``AsyncNode``, a hidden node with a separate
+        thread does both.
     :param ns: the name of the action.
     :param check_period: has no effect, and exists because tf2 has it: a waiting goal is answered when its
         transform is inserted.
@@ -87,6 +90,9 @@ class BufferServer:
         require_node("BufferServer", node, "create_service")
         self._buffer = buffer
         self._lookups: dict[bytes, Future] = {}
+        self._spinner: Spinner | None = None
+        if runs_in_loop(node):
+            node, ns = self._hide(node, ns)
         # Both are in one group, so that no other thread ends a goal while its cancellation is decided. The
         # queue is a separate one.
         group = MutuallyExclusiveCallbackGroup()
@@ -103,9 +109,17 @@ class BufferServer:
             **lookup_qos(),
         )
         self._process = os.getpid()
-        keep_in_children(node)
         self._node = weakref.ref(node)
         check_regularly(self)
+
+    def _hide(self, node: Any, ns: str) -> tuple[Node, str]:
+        """Make a node that offers the action for one that no executor spins, and a thread for it."""
+        # As a server of the node itself would have it, remapping included.
+        name = node.resolve_service_name(ns + GOAL_SERVICE).removesuffix(GOAL_SERVICE)
+        hidden = companion_node("_buffer_server_impl", self, node)
+        self._spinner = Spinner(hidden, daemon=True, at_end=hidden.destroy_node, until=node)
+        self._spinner.thread.name = "tf2_ros buffer server"
+        return hidden, name
 
     def destroy(self) -> None:
         """End the server; waiting goals get no result. May be called again; in a forked child, it is dead."""
@@ -118,6 +132,8 @@ class BufferServer:
             lookup.cancel()
         self._lookups.clear()
         server.destroy()
+        if self._spinner is not None:
+            self._spinner.stop()
 
     def _tf2_check(self) -> None:
         """End with the node."""

@@ -27,11 +27,12 @@ from tf2_py._internal import (
     time_ns,
 )
 from tf2_py.typing import DurationLike
-from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, require_node
+from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
-from tf2_ros._nodes import node_has_ended
+from tf2_ros._nodes import node_has_ended, require_node
+from tf2_ros._rclpy import destroy_subscription
 from tf2_ros._receive.inboxes import check_regularly
-from tf2_ros._wait.callbacks import call_in_executor, callback_queue
+from tf2_ros._wait.callbacks import CallbackQueue, call_where_served, callback_queue
 from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, deadlines, first_key
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer import Buffer
@@ -258,7 +259,7 @@ class MessageFilter(Generic[_Message]):
             return
         self._closed = True
         if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
+            destroy_subscription(self._node, self._subscription)
             self._subscription = None
         self.clear()
         for stream in self._live_streams():
@@ -323,9 +324,10 @@ class MessageFilter(Generic[_Message]):
                     f"got {input!r}"
                 )
             # In the group of the queue, so that no two threads of an executor call back at the same time.
-            self._subscription = self._node.create_subscription(
-                message_type, topic, self.add, qos, callback_group=self._queue.callback_group
-            )
+            queue, options = self._queue, {}
+            if isinstance(queue, CallbackQueue):
+                options["callback_group"] = queue.callback_group
+            self._subscription = self._node.create_subscription(message_type, topic, self.add, qos, **options)
         elif register := getattr(input, "registerCallback", None):
             register(lambda message, *_: self.add(message))
         elif input is not None:
@@ -388,7 +390,7 @@ class MessageFilter(Generic[_Message]):
     def _expire(self, queued: QueuedMessage) -> None:
         """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
         call = queued.end_or_queue(self._look_up(queued) or FilterFailureReason.TIMEOUT)
-        call_in_executor(self._queue, call)
+        call_where_served(self._queue, call)
 
     def _is_too_old(self, queued: QueuedMessage) -> bool:
         """Whether the buffer would refuse data of a message's time for every frame on the path."""

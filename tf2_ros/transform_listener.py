@@ -16,15 +16,22 @@ from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import class_name
 from tf2_ros import _names
-from tf2_ros._arguments import require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
-from tf2_ros._nodes import Spinner, hidden_node, keep_in_children
+from tf2_ros._nodes import Spinner, hidden_node, require_node
 from tf2_ros._qos import transforms_qos
 from tf2_ros._rcl import problem
+from tf2_ros._rclpy import (
+    destroy_subscription,
+    is_node,
+    is_read_by_loop,
+    is_subscription,
+    runs_in_loop,
+    subscribe_in_loop,
+)
 from tf2_ros._receive.inbox import AUTHORITY
 from tf2_ros._receive.receiver import ListenerGroup, Receiver, Topic, note_listener
 from tf2_ros._shared.naming import is_wanted
-from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
+from tf2_ros._wait.callbacks import NodeQueue, callback_queue
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
 
@@ -115,7 +122,7 @@ class TransformListener:
     _tf2_process: int | None = None
     _tf2_attachment: "Attachment | None" = None  # another thread may set this to None
     _tf2_prefix = ""
-    _tf2_queue: CallbackQueue | None = None  # of the node; None: this rcl is not known, or it is another kind
+    _tf2_queue: NodeQueue | None = None  # of the node; None: that is of a program's own kind
 
     def __init__(
         self,
@@ -133,6 +140,8 @@ class TransformListener:
     ) -> None:
         if node is not None:
             require_node(type(self).__name__, node, "create_subscription")
+            if spin_thread and runs_in_loop(node):
+                raise ValueError("spin_thread: an event loop runs this node, and no thread can spin it")
         self._tf2_prefix = _valid_prefix(prefix)
         self._tf2_recording = recording
         self._tf2_process = os.getpid()
@@ -149,9 +158,8 @@ class TransformListener:
             topic.is_own = _is_method_of(TransformListener, self, topic.method)
         self._tf2_buffer = buffer
         try:
-            if issubclass(type(self.node), Node):  # isinstance believes a Mock(spec=Node)
-                keep_in_children(self.node)
-                self._tf2_queue = callback_queue(self.node) if problem() is None else None
+            if is_node(self.node):
+                self._tf2_queue = callback_queue(self.node)
             given = [one for one in (qos, static_qos, recording) if one is not None]
             if not self.__attach(bool(static_only or prefix or given)):
                 self._tf2_listen_itself()
@@ -218,7 +226,7 @@ class TransformListener:
             attributes = ["tf_sub", "tf_static_sub", *(topic.attribute for topic in self._tf2_topics)]
             for name in dict.fromkeys(attributes):
                 if self.__dict__.get(name) is not None:
-                    self.node.destroy_subscription(self.__dict__[name])
+                    destroy_subscription(self.node, self.__dict__[name])
         elif self._tf2_spinner is None:
             self.node.destroy_node()  # otherwise its thread does
 
@@ -257,7 +265,8 @@ class TransformListener:
             isinstance(buffer, BufferCore)
             and all(topic.is_own for topic in self._tf2_topics)
             and all(_is_method_of(BufferCore, buffer, name) for name in SETTERS)
-            and _is_method_of(Node, self.node, "create_subscription")  # it may make some of its own kind
+            # A node may make subscriptions of its own kind, or let a loop take their messages.
+            and (runs_in_loop(self.node) or _is_method_of(Node, self.node, "create_subscription"))
         )
         return buffer if is_direct else None
 
@@ -275,7 +284,8 @@ class TransformListener:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""
         queue = self._tf2_queue
         # An EventsExecutor has arrivals reported to itself.
-        needs_executor = queue is None or not queue.in_sets or self._tf2_direct_buffer() is None
+        is_direct = self._tf2_direct_buffer() is not None
+        needs_executor = problem() is not None or queue is None or not queue.in_sets or not is_direct
         if self._tf2_recording is not None and needs_executor:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
@@ -283,19 +293,24 @@ class TransformListener:
         self.group.hides_all = not needs_executor
         try:
             for topic in self._tf2_topics:
-                self.__subscribe(topic)
-            if not needs_executor and all(topic.subscription for topic in self._tf2_topics):
+                self.__subscribe(topic, needs_executor)
+            made = [topic.subscription for topic in self._tf2_topics]
+            if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
                 self._tf2_receiver = Receiver(self, queue)
         finally:
             self.group.hides_all = False
 
-    def __subscribe(self, topic: Topic) -> None:
+    def __subscribe(self, topic: Topic, needs_executor: bool) -> None:
         qos = transforms_qos(100, is_static=topic.is_static) if topic.qos is None else topic.qos
-        made = self.node.create_subscription(
-            TFMessage, topic.name, getattr(self, topic.method), qos, callback_group=self.group
-        )
+        arguments = TFMessage, topic.name, getattr(self, topic.method), qos
+        if not runs_in_loop(self.node):
+            made = self.node.create_subscription(*arguments, callback_group=self.group)
+        elif needs_executor:
+            made = self.node.create_subscription(*arguments)
+        else:
+            made = subscribe_in_loop(self.node, *arguments)
         setattr(self, topic.attribute, made)
-        if isinstance(made, Subscription):
+        if is_subscription(made):
             topic.subscription, topic.name = made, made.topic_name
             topic.context = getattr(self.node, "context", None)
 

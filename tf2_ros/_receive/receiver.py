@@ -10,19 +10,23 @@ from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import ROSClock
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
 from tf2_py._internal import counted
 from tf2_ros._forking import LiveObjects, is_inherited
 from tf2_ros._nodes import note_filler
-from tf2_ros._rclpy import context_was_shut_down, handle_exists, report_event, wake
+from tf2_ros._rclpy import (
+    context_was_shut_down,
+    event_handlers,
+    handle_exists,
+    is_ros_clock,
+    report_event,
+)
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import add_owner
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
-from tf2_ros._wait.callbacks import hand_over
+from tf2_ros._wait.callbacks import CallbackQueue, hand_over
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.
@@ -57,7 +61,7 @@ class Topic:
 
     def has(self, entity: object) -> bool:
         """Whether an entity of executors is its subscription, or an event of that."""
-        return entity is self.subscription or entity in self.subscription.event_handlers
+        return entity is self.subscription or entity in event_handlers(self.subscription)
 
     def describe(self) -> str:
         """Describe its name, how many messages there were, and when the last one was."""
@@ -89,7 +93,7 @@ class Receiver:
     Inserts what arrives on a listener's topics into a buffer when that is read: the owner of an inbox.
 
     :param listener: a TransformListener, which has found that no user code handles the messages.
-    :param queue: the CallbackQueue of the node, which is informed of what arrives.
+    :param queue: that of the node; an executor's is informed of what arrives.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked
     child it is dead. The listener and the subscriptions keep it alive, and the buffer does not.
@@ -104,12 +108,13 @@ class Receiver:
         # wait for it, raises InvalidHandle.
         self._taken = self._group.hidden = listener._tf2_topics  # never changed themselves
         self._group.hides_all = False
-        clock = getattr(listener.buffer, "clock", None)
-        handle = clock.handle if isinstance(clock, ROSClock) else None
+        clock: Any = getattr(listener.buffer, "clock", None)
+        handle = clock.handle if is_ros_clock(clock) else None
         self._source = Subscriptions(listener._tf2_recording, handle, listener._tf2_prefix)
         self.inbox = Inbox(self._source, partial(hand_over, queue))
-        self.inbox.inform(queue)
-        queue.receivers.add(self)
+        if isinstance(queue, CallbackQueue):  # an executor waits for arrivals
+            self.inbox.inform(queue)
+            queue.receivers.add(self)
         try:
             for topic in self._taken:
                 subscription = topic.subscription
@@ -172,15 +177,13 @@ class Receiver:
         if context_was_shut_down(self._context):
             self.stop()
         for topic in self._taken:
-            for handler in topic.subscription.event_handlers:
+            for handler in event_handlers(topic.subscription):
                 report_event(handler)
 
     def _leave_to_executors(self) -> None:
         self.stop()
         self._group.hidden = ()
-        executor = self._queue.executor()
-        if executor is not None:
-            wake(executor)
+        self._queue.wake()
 
     def _destroy(self, topic: Topic) -> None:
         """Destroy the subscription, after this has stopped using it."""
@@ -190,7 +193,7 @@ class Receiver:
         self._taken = [one for one in self._taken if one is not topic]
         if not self._taken:
             self.stop()
-        Subscription.destroy(topic.subscription)
+        type(topic.subscription).destroy(topic.subscription)
 
 
 _listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener

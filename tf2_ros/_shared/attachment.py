@@ -7,18 +7,18 @@ from functools import partial
 from typing import Any
 
 from rclpy.logging import get_logger
-from rclpy.node import Node
 
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._rcl import problem
+from tf2_ros._rclpy import is_node, is_simulated
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import RingReader
-from tf2_ros._wait.callbacks import hand_over, queue_of
+from tf2_ros._wait.callbacks import CallbackQueue, hand_over, queue_of
 from tf2_ros._wait.endings import call_logged
 
 
@@ -132,7 +132,8 @@ class Attachment:
         """Replace the subscriptions of a listener of the buffer, and keep it alive, until :meth:`remove`."""
         self._listeners[id(listener)] = listener
         listener._tf2_attachment = self
-        self.inbox.inform(listener._tf2_queue)  # its executor returns from `spin_once` for what arrives
+        if isinstance(listener._tf2_queue, CallbackQueue):
+            self.inbox.inform(listener._tf2_queue)  # its executor returns from `spin_once` for what arrives
 
     def remove(self, listener: Any) -> None:
         """Undo :meth:`add`, if the listener is there."""
@@ -167,7 +168,7 @@ def attach_listener(listener: Any, is_usual: bool) -> bool:
     :return: False if the listener must subscribe on its own.
     """
     buffer = listener.buffer
-    if not isinstance(listener.node, Node) or buffer._tf2_sharing is not None:
+    if not is_node(listener.node) or buffer._tf2_sharing is not None:
         return False
     with LOCK:
         found: Attachment | None = buffer._tf2_attachment
@@ -213,6 +214,6 @@ def _lack(reader: RingReader, buffer: Any, listener: Any) -> str:
     cache_time_ns: int = buffer.cache_time_ns
     if owner.cache_time_ns < cache_time_ns:
         return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {cache_time_ns / 1e9:g} s"
-    if node.get_clock().ros_time_is_active and not owner.simulated:
+    if is_simulated(node.get_clock()) and not owner.simulated:
         return "does not follow simulated time"
     return ""

@@ -20,6 +20,7 @@ from typing import Any
 
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK
+from tf2_ros._rclpy import is_simulated
 from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._receive.receiver import open_topics
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
@@ -69,7 +70,7 @@ class Owner:
             buffer.cache_time_ns,
             domain=domains.pop() if len(domains) == 1 else None,
             topics=list(dict.fromkeys(topic.name for topic in topics)),
-            simulated=getattr(getattr(buffer, "clock", None), "ros_time_is_active", False),
+            simulated=is_simulated(getattr(buffer, "clock", None)),
         )
         write_description(self._ring, description)
 

@@ -1,17 +1,13 @@
 """Complete futures of transforms, wake the tasks and asyncio loops that await them, and follow changes."""
 
 import os
-import sys
 import time
 import weakref
 from collections.abc import Callable, Generator
-from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.exceptions import InvalidHandle
-from rclpy.executors import Executor
 from rclpy.task import Future, Task
 
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
@@ -19,8 +15,16 @@ from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._forking import FORKED, is_inherited
 from tf2_ros._nodes import Shutdown
-from tf2_ros._rclpy import is_in_step, running_task, task_executor
-from tf2_ros._wait.callbacks import call_in_executor, queue_of
+from tf2_ros._rclpy import (
+    RESUMES_TASKS,
+    has_locked_tasks,
+    is_in_step,
+    resume,
+    running_loop,
+    running_task,
+    task_executor,
+)
+from tf2_ros._wait.callbacks import call_where_served, queue_of
 from tf2_ros._wait.endings import FutureEnding, Waker, deadlines, notify
 
 if TYPE_CHECKING:
@@ -100,32 +104,39 @@ class _SleepingTask(Waker):
     """
     What wakes a task of an executor, to which it refers weakly, because the task refers to the future.
 
-    :param task: None: it is awaited by a loop of another kind, which polls.
+    :param task: None: something else awaits, which must resume the coroutine until it ends.
     """
 
     def __init__(self, task: Task | None) -> None:
         self.awake = False
         self._task = None if task is None else weakref.ref(task)
+        self._yielded: weakref.ref[Future[None]] | None = None  # it refers to the task, and the task to it
 
     def sleep(self, future: WakingFuture[Any]) -> Generator[Any, Any, None]:
         """Sleep until the future has ended."""
-        # An executor steps an awaiting task only when it has something else to do, and completing this future
-        # gives it nothing to do.
         while not future.has_ended():
-            yield
+            # Where tasks are resumed, one that yields None is stepped again in the next round, at once.
+            yielded: Future[None] | None = Future() if RESUMES_TASKS and self._has_executor() else None
+            self._yielded = None if yielded is None else weakref.ref(yielded)
+            yield yielded
 
     def __call__(self, _: object = None) -> None:
         """Have the executor step the task, once none of its threads does."""
         task = None if self._task is None or self.awake else self._task()
         executor = None if task is None else task_executor(task)
-        if task is None or not isinstance(executor, Executor):
-            return  # whoever calls wake() of an events executor, which is no Executor, may hang with the GIL
+        if task is None or executor is None:
+            return
         # An executor skips a task while another of its threads runs a step of it. That step may have decided
         # to sleep and not returned yet, and nothing reports its return.
-        if is_in_step(task):
+        in_step, is_locked = is_in_step(task), has_locked_tasks(executor)
+        if in_step is not False or is_locked:
             deadlines.add(time.monotonic_ns() + STEP_CHECK_NS, self)
-        with suppress(InvalidHandle):  # the executor was shut down
-            executor.wake()
+        if not in_step and not is_locked:
+            resume(task, executor, None if self._yielded is None else self._yielded())
+
+    def _has_executor(self) -> bool:
+        task = None if self._task is None else self._task()
+        return task is not None and task_executor(task) is not None
 
     # The protocol of what has a deadline.
 
@@ -185,10 +196,7 @@ class _SleepingLoop(Waker):
 
 def _sleeper(future: WakingFuture[Any]) -> _SleepingTask | _SleepingLoop:
     """What wakes whatever runs in this thread."""
-    # If a loop runs, asyncio is loaded. It is not imported here: that takes a tenth of the time of importing
-    # tf2_ros, and in a forked child it could wait forever for a thread of the parent that was importing it.
-    get_running_loop = getattr(sys.modules.get("asyncio"), "_get_running_loop", None)
-    loop = None if get_running_loop is None else get_running_loop()
+    loop = running_loop()
     # A callback that an executor runs may run a loop, and a task of a loop may spin an executor.
     task = running_task(is_direct=loop is not None)
     return _SleepingTask(task) if task is not None or loop is None else _SleepingLoop(loop, future)
@@ -244,7 +252,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
             return
         answer = wait.answer
         call = self.end_or_queue(answer, None if answer is not None else self.__unanswered(wait))
-        call_in_executor(queue_of(self.__core()), call)
+        call_where_served(queue_of(self.__core()), call)
 
     def __unanswered(self, wait: Any) -> TimeoutException:
         waited_ns = time.monotonic_ns() - self.__begin_ns

@@ -2,8 +2,8 @@
 Take part in the rounds of rclpy's executors: before one sleeps, and after it wakes.
 
 This is Cython because executors have thousands of rounds a second, and because no signal handler can
-interrupt it halfway. What it relies on inside rclpy is tested by tests/ros/test_executors.py, and was
-tested with rclpy 7.1 (Jazzy) and 9.1 (Kilted); the Python part is ``tf2_ros._rclpy``.
+interrupt it halfway. What it relies on inside rclpy is tested by tests/ros/test_executors.py; the Python
+part is ``tf2_ros._rclpy``.
 """
 
 cimport cython
@@ -15,18 +15,19 @@ from tf2_ros._rcl cimport (
     rcl_guard_condition_t,
     rcl_trigger_guard_condition,
     rcutils_reset_error,
-    require_rcl,
 )
 from tf2_ros._receive.inbox cimport Watching
 
 import sys
 from collections import deque
+from contextlib import suppress
 from threading import get_ident, main_thread
 
 import rclpy
 from rclpy.executors import Executor
 from rclpy.waitable import NumberOfEntities
 
+from tf2_ros._rcl import problem
 from tf2_ros._rclpy import has_tasks
 from tf2_ros._wait.endings import Ending, log_error
 
@@ -102,21 +103,55 @@ def is_below_own_loop(frame):
     return False
 
 
+cdef class Calls(Watching):
+    """Calls of functions of a program that are to be made, one at a time."""
+
+    cdef readonly object calls  # the oldest first
+    cdef public int64_t waits_from_ns   # steady time since which the oldest call waits
+
+    def __cinit__(self, *_, **__):
+        self.calls = deque()
+
+    def run(self, count):
+        """
+        Run at most this many calls, the oldest first.
+
+        What a call raises is logged, because later calls and other callbacks of the node do not depend on it.
+        In the main thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other
+        calls remain.
+        """
+        while count > 0 and self.calls:
+            count -= 1
+            call = self.calls.popleft()
+            try:
+                call()
+            except BaseException as error:
+                if not isinstance(error, Exception) and get_ident() == main_thread().ident:
+                    raise
+                log_error(error)
+            del call
+        self.waits_from_ns = monotonic_ns()
+
+    def drop(self, why):
+        """Drop the calls; what waits ends, for this reason."""
+        while self.calls:
+            call = self.calls.popleft()
+            if isinstance(call, Ending):
+                call.drop(why)
+
+
 @cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed
-cdef class ExecutorRounds(Watching):
+cdef class ExecutorRounds(Calls):
     """The part of an ``rclpy.waitable.Waitable`` that an executor calls in each of its rounds."""
 
     cdef ExecutorState state
     cdef object _handle         # keeps the guard condition
-    cdef readonly object calls  # to be run, the oldest first
-    cdef public int64_t waits_from_ns   # steady time since which the oldest call waits
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
     cdef readonly bint in_sets  # no executor has had the node that does not wait for sets
 
     def __cinit__(self, *_, **__):
         self.watcher.data = &self.state
         self.watcher.arrived, self.watcher.is_armed = executor_arrived, executor_is_armed
-        self.calls = deque()
         self.in_sets = True
 
     def set_up(self, guard):
@@ -126,9 +161,9 @@ cdef class ExecutorRounds(Watching):
         :param guard: the guard condition that wakes an executor: a handle, whose ``pointer`` is the address
             of its rcl struct as long as the handle exists.
         """
-        require_rcl()
         self._handle = guard
-        self.state.guard = <const rcl_guard_condition_t*><uintptr_t>guard.pointer
+        if problem() is None:
+            self.state.guard = <const rcl_guard_condition_t*><uintptr_t>guard.pointer
 
     def __enter__(self):
         """Do nothing, because the guard condition exists as long as this object."""
@@ -181,36 +216,13 @@ cdef class ExecutorRounds(Watching):
         """Return how many calls there are, because later ones must not delay other callbacks."""
         return len(self.calls)
 
-    def run(self, count):
-        """
-        Run at most this many calls, the oldest first.
-
-        What a call raises is logged, because later calls and other callbacks of the node do not depend on it.
-        In the main thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other
-        calls remain.
-        """
-        while count > 0 and self.calls:
-            count -= 1
-            call = self.calls.popleft()
-            try:
-                call()
-            except BaseException as error:
-                if not isinstance(error, Exception) and get_ident() == main_thread().ident:
-                    raise
-                log_error(error)
-            del call
-        self.waits_from_ns = monotonic_ns()
-
-    def drop(self, why):
-        """Drop the calls; what waits ends, for this reason."""
-        while self.calls:
-            call = self.calls.popleft()
-            if isinstance(call, Ending):
-                call.drop(why)
-
     def wake(self):
         """Trigger the guard condition."""
-        _wake(&self.state)
+        if self.state.guard != NULL:
+            _wake(&self.state)
+        else:
+            with suppress(RuntimeError):    # the context has ended
+                self._handle.trigger_guard_condition()
 
     cdef bint _is_due(self):
         return len(self.calls) > 0 or load(&self.state.round_due)

@@ -14,7 +14,7 @@ class StandIn:
     """
     What rclpy 10.0.10 documents of ``AsyncNode``, on a ``Node`` that nothing spins, and nothing else.
 
-    Its services and timers exist, and do nothing.
+    Its services, clients and timers exist, and do nothing.
     """
 
     def __init__(self, name, **options):
@@ -51,6 +51,9 @@ class StandIn:
     def get_fully_qualified_name(self):
         return self._node.get_fully_qualified_name()
 
+    def count_subscribers(self, topic):
+        return self._node.count_subscribers(topic)
+
     def get_namespace(self):
         return self._node.get_namespace()
 
@@ -68,14 +71,21 @@ class StandIn:
 
     def create_subscription(self, message_type, topic, callback, qos):
         made = self._node.create_subscription(message_type, topic, lambda _: None, qos)
-        one = StandInSubscription(made, callback, self._subscriptions.discard)
+        one = StandInSubscription(made, callback, self._end)
         self._subscriptions.add(one)
         if self._group is not None:
             one.begin(self._group)
         return one
 
+    def _end(self, one):
+        self._subscriptions.discard(one)
+        self._node.destroy_subscription(one.made)
+
     def create_service(self, service_type, name, callback, *, qos_profile=qos_profile_services_default):
         return self._node.create_service(service_type, name, callback, qos_profile=qos_profile)
+
+    def create_client(self, service_type, name, *, qos_profile=qos_profile_services_default):
+        return self._node.create_client(service_type, name, qos_profile=qos_profile)
 
     def create_timer(self, period_s, callback, autostart=True):
         return self._node.create_timer(period_s, callback, autostart=autostart)
@@ -83,11 +93,11 @@ class StandIn:
 
 class StandInSubscription:
     def __init__(self, made, callback, on_destroy):
-        self._made, self.callback, self._on_destroy, self._task = made, callback, on_destroy, None
+        self.made, self.callback, self._on_destroy, self._task = made, callback, on_destroy, None
 
-    handle = property(lambda self: self._made.handle)
-    topic_name = property(lambda self: self._made.topic_name)
-    qos_profile = property(lambda self: self._made.qos_profile)
+    handle = property(lambda self: self.made.handle)
+    topic_name = property(lambda self: self.made.topic_name)
+    qos_profile = property(lambda self: self.made.qos_profile)
 
     def begin(self, group):
         self._task = group.create_task(self._read())
@@ -95,7 +105,7 @@ class StandInSubscription:
     async def _read(self):
         while True:
             with self.handle:
-                taken = self.handle.take_message(self._made.msg_type, False)
+                taken = self.handle.take_message(self.made.msg_type, False)
             if taken is None:
                 await asyncio.sleep(READ_INTERVAL_S)
                 continue
@@ -104,10 +114,9 @@ class StandInSubscription:
                 await result
 
     def destroy(self):
-        self._on_destroy(self)
         if self._task is not None:
             self._task.cancel()
-        self._made.handle.destroy_when_not_in_use()
+        self._on_destroy(self)
 
 
 try:

@@ -13,6 +13,7 @@ from tf2_py import (
 )
 from tf2_py import FrameInfo as FrameInfo
 from tf2_py import History as History
+from tf2_py import stored_name as stored_name
 from tf2_ros import _names
 from tf2_ros._messages import format_transform as format_transform
 from tf2_ros._shared.naming import SharedBufferError as SharedBufferError

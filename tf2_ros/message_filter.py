@@ -16,7 +16,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tf2_py import BufferCore, TransformException
+from tf2_py import BufferCore, TransformException, stored_name
 from tf2_py._internal import (
     FOR_EVER_NS,
     class_name,
@@ -202,8 +202,7 @@ class MessageFilter(Generic[_Message]):
         header: Any = getattr(message, "header", None)
         if not hasattr(header, "frame_id") or not hasattr(header, "stamp"):
             raise TypeError(f"{kind_of(message)} has no header with a frame and a time")
-        # Without a leading slash, which a buffer also removes from the names of transforms.
-        frame = frame_name(header.frame_id, "header.frame_id").removeprefix("/")
+        frame = stored_name(frame_name(header.frame_id, "header.frame_id"))
         queued = QueuedMessage(self, message, frame, time_ns(header.stamp, "header.stamp"))
         try:
             self._waiting[queued] = None
@@ -454,7 +453,7 @@ class MessageStream(Generic[_Message]):
 
 def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
     given = (target_frames,) if isinstance(target_frames, str) else target_frames
-    names = tuple(frame_name(name, "target_frames").removeprefix("/") for name in given)
+    names = tuple(stored_name(frame_name(name, "target_frames")) for name in given)
     if not names:
         raise ValueError("target_frames: expected at least one frame, got none")
     for name in names:

@@ -13,7 +13,7 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Header
 
 from tf2_msgs.msg import TFMessage
-from tf2_py import BufferCore
+from tf2_py import BufferCore, stored_name
 from tf2_py._internal import class_name
 from tf2_ros import _names
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
@@ -73,7 +73,8 @@ class TransformListener:
     :param tf_static_topic: the topic of static transforms.
     :param static_only: do not subscribe to dynamic transforms, as in :class:`StaticTransformListener`.
     :param prefix: put before the names of all frames that arrive, as in ``"robot1/"``. Several listeners may
-        fill one buffer with the transforms of several robots.
+        fill one buffer with the transforms of several robots. A leading ``/`` has no effect, because a buffer
+        removes it; see :func:`tf2_py.stored_name`.
     :param recording: a :class:`tf2_ros.records.Recording`, which records the sender and time of each
         transform. Call its ``take`` regularly: it has a limited capacity.
     :raises NotImplementedError: ``recording`` is given, but an executor would take messages, see below.
@@ -332,8 +333,8 @@ def _is_method_of(kind: type, one: object, name: str) -> bool:
 def _valid_prefix(prefix: str) -> str:
     if not isinstance(prefix, str):
         raise TypeError(f"prefix: expected a str, got {type(prefix).__name__}")
-    if prefix.startswith("/") or "\0" in prefix:
-        raise ValueError(f"prefix: expected a str without a leading '/' and without NUL, got {prefix!r}")
+    if "\0" in prefix:
+        raise ValueError(f"prefix: expected a str without NUL, got {prefix!r}")
     return prefix
 
 
@@ -342,7 +343,7 @@ def _with_prefix(prefix: str, transform: TransformStamped) -> TransformStamped:
     if not prefix:
         return transform
     parent, child = (
-        prefix + name.removeprefix("/") if name not in ("", "/") else ""
+        prefix + stored_name(name) if name not in ("", "/") else ""
         for name in (transform.header.frame_id, transform.child_frame_id)
     )
     header = Header(stamp=transform.header.stamp, frame_id=parent)

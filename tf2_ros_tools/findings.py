@@ -16,7 +16,7 @@ import numpy as np
 from tf2_ros_tools.output import counted, first_names, printable, three_digits
 from tf2_ros_tools.program import FAILURE, KINDS, SUCCESS, UsageError
 from tf2_ros_tools.streams import Refused, Stream, Streams, newest_streams, path_to_root, without_delays
-from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, nonempty_text, read_keys, read_yaml
+from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, frame_name, read_keys, read_yaml
 
 if TYPE_CHECKING:
     from tf2_ros_tools.loading import Heard
@@ -34,7 +34,7 @@ class Expectation:
 
 
 _KEYS = {
-    "parent": Key("a name", nonempty_text),
+    "parent": Key("the name of a frame", frame_name),
     "static": Key("true or false", boolean),
     "min_rate": NOT_NEGATIVE,
     "max_delay": NOT_NEGATIVE,
@@ -58,10 +58,15 @@ def expected_by(path: Path | None) -> dict[str, Expectation]:
         frames = document["frames"]
         if not isinstance(frames, dict) or not all(isinstance(name, str) for name in frames):
             raise ValueError("'frames': expected a mapping from names of frames to what is expected of them")
-        return {
-            name.removeprefix("/"): Expectation(**read_keys(name, {} if given is None else given, _KEYS))
-            for name, given in frames.items()
-        }
+        expected: dict[str, Expectation] = {}
+        for name, given in frames.items():
+            frame = frame_name(name)
+            if frame is None:
+                raise ValueError(f"{name!r} is not the name of a frame")
+            if frame in expected:
+                raise ValueError(f"{frame!r} and {'/' + frame!r} are the same frame")
+            expected[frame] = Expectation(**read_keys(name, {} if given is None else given, _KEYS))
+        return expected
     except ValueError as error:
         raise UsageError(f"{path}: {error}") from None
 

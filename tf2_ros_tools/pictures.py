@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py import FrameInfo
+from tf2_py import FrameInfo, stored_name
 from tf2_ros_tools.findings import Finding, Limits, delay_label, longest_interval, rate_label
 from tf2_ros_tools.output import not_known, printable, require, write_whole
 from tf2_ros_tools.program import RunError, UsageError, format_of
@@ -396,7 +396,7 @@ def heard_picture(
     :param span: the first and the last time, in seconds.
     :raises RunError: no transform of a wanted frame was received.
     """
-    names = [name.removeprefix("/") for name in wanted]
+    names = [*map(stored_name, wanted)]
     own = {name: [one for one in streams if one.frame == name] for name in names}
     lacking = [
         f"no valid transform of {name} was received" if name in frames else not_known(name, frames)

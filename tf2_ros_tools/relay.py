@@ -24,7 +24,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py import BufferCore, FrameInfo, TransformException
+from tf2_py import BufferCore, FrameInfo, TransformException, stored_name
 from tf2_ros import TransformBroadcaster
 from tf2_ros_tools.output import not_known, printable
 from tf2_ros_tools.program import UsageError
@@ -33,6 +33,7 @@ from tf2_ros_tools.yaml_files import (
     NOT_NEGATIVE,
     Key,
     boolean,
+    frame_name,
     nonempty_text,
     number_in,
     read_keys,
@@ -73,7 +74,7 @@ class Rule:
 
     def new_name(self, frame: str) -> str:
         """The name under which a frame is sent."""
-        return self.rename.get(frame, self.prefix + frame)
+        return self.rename.get(frame, stored_name(self.prefix + frame))
 
 
 # Read rules.
@@ -82,10 +83,6 @@ class Rule:
 def _topic(value: Any) -> str | None:
     is_topic = isinstance(value, str) and re.fullmatch(r"(~?/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", value, re.ASCII)
     return value if is_topic else None
-
-
-def _frame(value: Any) -> str | None:
-    return nonempty_text(value.removeprefix("/")) if isinstance(value, str) else None
 
 
 def _names(read: Callable[[Any], str | None], count: int | None = None) -> Callable[[Any], Any]:
@@ -102,12 +99,12 @@ def _names(read: Callable[[Any], str | None], count: int | None = None) -> Calla
 def _new_names(value: Any) -> dict[str | None, str | None] | None:
     if not isinstance(value, dict):
         return None
-    names = {_frame(old): _frame(new) for old, new in value.items()}
+    names = {frame_name(old): frame_name(new) for old, new in value.items()}
     return names if len({*names.values()}) == len(value) and None not in {*names, *names.values()} else None
 
 
 _TWO_TOPICS = "two topics, for dynamic and static transforms, such as [/relay/tf, /relay/tf_static]"
-_FRAMES = Key("the name of a frame, or a list of names", _names(_frame))
+_FRAMES = Key("the name of a frame, or a list of names", _names(frame_name))
 _KEYS_OF_THRESHOLD = {
     "translation": NOT_NEGATIVE._replace(is_required=True),
     "rotation": NOT_NEGATIVE._replace(is_required=True),
@@ -130,7 +127,7 @@ _KEYS = {
 _KEYS_OF_POSE = {
     **{key: one for key, one in _KEYS.items() if key not in ("subtree", "exclude", "collapse")},
     "to": Key("one topic, for a pose", _names(_topic, 1), is_required=True),
-    "frames": Key("[PARENT, CHILD], for a pose", _names(_frame, 2), is_required=True),
+    "frames": Key("[PARENT, CHILD], for a pose", _names(frame_name, 2), is_required=True),
 }
 
 

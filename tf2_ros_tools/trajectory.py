@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py import BufferCore, TransformException
+from tf2_py import BufferCore, TransformException, stored_name
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.findings import Limits, longest_interval
 from tf2_ros_tools.output import rpy_from_matrices
@@ -46,7 +46,7 @@ def path_picture(
     :param ends: the other frame, and the frame whose path is drawn.
     :raises RunError: there is no path.
     """
-    target, source = (name.removeprefix("/") for name in ends)
+    target, source = map(stored_name, ends)
     try:
         chain = buffer.path(target, source)
     except TransformException as reason:

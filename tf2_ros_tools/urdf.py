@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tf2_py import stored_name
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.output import first_names, printable
 from tf2_ros_tools.serialised import EMPTY, tf_messages
@@ -188,7 +189,8 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     Read the joints of a URDF. A joint that mimics an unknown one is a warning.
 
     :param source: the path of a file, or the text itself, whose first character is ``<``.
-    :param prefix: is put in front of the names of all frames, for several robots.
+    :param prefix: is put in front of the names of all frames, for several robots. One leading ``/`` of a
+        link, and of the resulting name, is removed, as a buffer does.
     :raises FileNotFoundError: the file does not exist.
     :raises UrdfError: it is not a URDF, or does not describe a tree.
     """
@@ -220,12 +222,23 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
     links = _names(root, "link")
     _names(root, "joint")
     joints = [_joint(element, links) for element in root.findall("joint")]
+    frames = _frames(links, prefix)
     named = (
-        replace(one, parent=prefix + one.parent, child=prefix + one.child)
+        replace(one, parent=frames[one.parent], child=frames[one.child])
         for one in joints
         if one.type != "floating"
     )
-    return Robot(root.get("name", ""), prefix + _root(links, joints), tuple(named))
+    return Robot(root.get("name", ""), frames[_root(links, joints)], tuple(named))
+
+
+def _frames(links: set[str], prefix: str) -> dict[str, str]:
+    """Get the frames of links, as buffers store them, by the names of the links."""
+    frames = {link: stored_name(prefix + stored_name(link)) for link in sorted(links)}
+    by_frame: dict[str, str] = {}
+    for link, frame in frames.items():
+        if (other := by_frame.setdefault(frame, link)) != link:
+            raise UrdfError(f"the links {printable(other)} and {printable(link)} are the same frame")
+    return frames
 
 
 def unknown_mimics(robot: Robot) -> list[str]:

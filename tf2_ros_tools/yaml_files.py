@@ -56,6 +56,14 @@ def nonempty_text(value: Any) -> str | None:
     return value if isinstance(value, str) and value else None
 
 
+def frame_name(value: Any) -> str | None:
+    """Read the name of a frame, as buffers store it."""
+    from tf2_py import stored_name
+
+    name = stored_name(value) if isinstance(value, str) else ""
+    return name if name and not name.startswith("/") else None  # lookups refuse any other
+
+
 def boolean(value: Any) -> bool | None:
     """Read true or false."""
     return value if isinstance(value, bool) else None

@@ -48,6 +48,13 @@ def test_every_name_survives_yaml_and_is_answered_as_it_is(tf2_py, name):
 
 
 @pytest.mark.ours  # quotes in names
+@pytest.mark.ours
+@pytest.mark.parametrize("name", ["a", "/a", "//a", "a/", "/a/b", "///", "/"])
+def test_the_stored_name_is_the_one_that_an_inserted_frame_has(tf2_py, buffer, name):
+    buffer.set_transform(transform("map", name, 1), "x")
+    assert {*buffer.frames()} == ({"map", tf2_py.stored_name(name)} if name != "/" else set())
+
+
 def test_the_graph_has_an_edge_from_parent_to_child(buffer):
     buffer.set_transform(transform("map", "odom", 1), "x")
     buffer.set_transform(transform('a"b', "c\\d", 1), 'e"f')

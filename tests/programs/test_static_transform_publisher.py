@@ -10,7 +10,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros_tools.programs.static_transform_publisher import read_file
+from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.programs.static_transform_publisher import PARSER, read_file, transforms_of
 
 pytestmark = pytest.mark.ours
 
@@ -67,12 +68,31 @@ def test_what_a_command_line_asks_for_is_published(line, node, executor, tmp_pat
     assert (translation(messages[0].transforms[0]), rotation(messages[0].transforms[0])) == (moved, turn)
 
 
+@pytest.mark.parametrize("line", ["--frame-id /map --child-frame-id map", "0 0 0 0 0 0 map /map"])
+def test_a_frame_in_itself_is_refused_also_with_a_leading_slash(line):
+    options = PARSER.read([NAME, *line.split()])
+    with pytest.raises(UsageError, match="must differ, both are 'map'"):
+        transforms_of(options)
+
+
+def test_a_transform_is_published_under_the_stored_names():
+    options = PARSER.read([NAME, "--frame-id", "/map", "--child-frame-id", "/robot/base"])
+    [one] = transforms_of(options)
+    assert (one.header.frame_id, one.child_frame_id) == ("map", "robot/base")
+
+
 @pytest.mark.parametrize(
     ("second", "said"),
     [
-        ("{frame_id: 5, child_frame_id: c}", "transform 2: 'frame_id': expected a text, got 5"),
+        ("{frame_id: 5, child_frame_id: c}", "transform 2: 'frame_id': expected the name of a frame, got 5"),
         ("{frame_id: c, child_frame_id: b}", "the frame 'b' has two transforms"),
         ("{frame_id: b, child_frame_id: a}", "is its own ancestor"),
+        # As in a buffer, one leading slash is not a part of a name.
+        ("{frame_id: c, child_frame_id: /b}", "the frame 'b' has two transforms"),
+        ("{frame_id: /b, child_frame_id: /a}", "is its own ancestor"),
+        ("{frame_id: /c, child_frame_id: c}", "frame_id and child_frame_id must differ, both are 'c'"),
+        ("{frame_id: c, child_frame_id: //d}", "'child_frame_id': expected the name of a frame, got '//d'"),
+        ("{frame_id: /, child_frame_id: d}", "'frame_id': expected the name of a frame, got '/'"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, second, said):

@@ -68,6 +68,7 @@ CAMERA = [("base", "camera"), ("camera", "optical")]
             [("base", "optical")],
         ),
         ({"frames": ("map", "odom"), "rename": {"map": "odom", "odom": "map"}}, [("odom", "map")], []),
+        ({"frames": ("map", "odom"), "prefix": "/r/"}, [("r/map", "r/odom")], []),
     ],
 )
 def test_a_rule_sends_the_frames_that_it_chooses_under_their_new_names(keys, dynamic, static):

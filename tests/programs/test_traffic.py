@@ -323,7 +323,7 @@ class TestExpectations:
         path = tmp_path / "robot.yaml"
         path.write_text(
             "frames:\n"
-            "  /base: {parent: odom, min_rate: 20, max_delay: 1e-1, static: false}\n"
+            "  /base: {parent: /odom, min_rate: 20, max_delay: 1e-1, static: false}\n"
             "  odom: {max_future: 1}\n"
             "  camera:\n",
             encoding="utf-8",
@@ -340,6 +340,10 @@ class TestExpectations:
             ("", "one key, 'frames'"),
             ("frames: [base]", "names of frames"),
             ("frames: {1: {}}", "names of frames"),
+            ("frames: {//base: {}}", "'//base' is not the name of a frame"),
+            ("frames: {'': {}}", "'' is not the name of a frame"),
+            ("frames: {/base: {}, base: {}}", "'base' and '/base' are the same frame"),
+            ("frames: {base: {parent: /}}", "base: 'parent': expected the name of a frame, got '/'"),
             ("frames: {base: odom}", "base: expected a mapping with parent and static and "),
             ("frames: {base: {rate: 3}}", "base: 'rate' is not a key; did you mean min_rate"),
             ("frames: {base: {min_rate: fast}}", "base: 'min_rate': expected a number that .*, got 'fast'"),

@@ -205,6 +205,8 @@ def test_a_prefix_replaces_the_slash_of_a_name_and_makes_no_name_of_none(tmp_pat
     path = write_ros1(tmp_path / "run.bag", messages)
     assert {*bag.load(path, topics={"/tf": "r/"}).frames()} == {"r/map", "r/base"}
     assert flat_read(path, topics={"/tf": "r/"})[0][2:4] == ("r/map", "r/base")
+    for prefix in ("/r/", "/"):
+        assert {*bag.load(path, topics={"/tf": prefix}).frames()} == {f"{prefix[1:]}map", f"{prefix[1:]}base"}
     assert flat_read(path)[0][2:4] == ("/map", "/base")
 
 

@@ -143,6 +143,23 @@ def test_xacro_that_was_not_expanded_is_named(text):
         urdf.load(text)
 
 
+@pytest.mark.parametrize(
+    ("prefix", "frames"),
+    [("", ["a", "b"]), ("/", ["a", "b"]), ("r/", ["r/a", "r/b"]), ("/r/", ["r/a", "r/b"])],
+)
+@pytest.mark.parametrize("links", [("a", "b"), ("/a", "b"), ("a", "/b")])
+def test_a_leading_slash_is_not_a_part_of_a_frame(prefix, frames, links):
+    text = "".join(f'<link name="{name}"/>' for name in links)
+    robot = urdf.load(f"<robot>{text}{joint('ab', *links)}</robot>", prefix=prefix)
+    assert [robot.root, robot.joints[0].child] == frames == [robot.joints[0].parent, robot.joints[0].child]
+
+
+def test_two_links_that_are_one_frame_are_refused():
+    text = f'<robot><link name="a"/><link name="/a"/>{joint("j", "a", "/a")}</robot>'
+    with pytest.raises(urdf.UrdfError, match="^the links /a and a are the same frame$"):
+        urdf.load(text)
+
+
 def test_a_file_that_is_not_one_is_named(tmp_path):
     with pytest.raises(FileNotFoundError):
         urdf.load(tmp_path / "none.urdf")
@@ -224,6 +241,18 @@ class TestRecordings:
         assert buffer.lookup_transform("base", "shoulder", stamps[3]).transform.translation.x == 7.0
         assert buffer.parent("camera") == "world"
         check(buffer, stamps, values, FRAMES[1:])
+
+    @pytest.mark.parametrize("of_link", ["", "/"])
+    @pytest.mark.parametrize("recorded", ["b", "/b"])
+    @pytest.mark.parametrize("prefix", ["", "/"])
+    def test_a_recorded_transform_is_known_by_its_stored_name(self, of_link, recorded, prefix, tmp_path):
+        text = f"<robot><link name='a'/><link name='{of_link}b'/>{joint('ab', 'a', f'{of_link}b')}</robot>"
+        moving = [joint_state(n * S, ["ab"], [1.0]) for n in (1, 2)]
+        tf = [Sent(n * S, "/tf", [Tf("a", recorded, n * S, (7.0, 0.0, 0.0))]) for n in (1, 3)]
+        path = write_mcap(tmp_path / "run.mcap", [*moving, *tf])
+        buffer = bag.load(path, urdf=urdf.load(text, prefix=prefix))
+        assert buffer.frames()["b"].count == 2
+        assert buffer.lookup_transform("a", "b", 2 * S).transform.translation.x == 7.0
 
     def test_states_without_positions_are_ignored(self, tmp_path):
         messages, stamps, values = states()

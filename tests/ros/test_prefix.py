@@ -57,7 +57,16 @@ def test_readers_of_a_shared_buffer_get_the_names_of_its_owner(tf2_ros, node, pe
         assert "map" not in reader
 
 
-@pytest.mark.parametrize(("prefix", "error"), [("/robot", ValueError), ("a\0", ValueError), (1, TypeError)])
+@pytest.mark.parametrize("prefix", ["/robot/", "/", "//robot/"])
+def test_one_leading_slash_of_the_resulting_names_is_removed(tf2_ros, node, executor, peer, inserter, prefix):
+    buffer = tf2_ros.Buffer()
+    with tf2_ros.TransformListener(buffer, node, prefix=prefix):
+        peer().send(("/map", "base", S, 1.0))
+        until(lambda: buffer.frames(), executor)
+        assert {*buffer.frames()} == {f"{prefix[1:]}map", f"{prefix[1:]}base"}
+
+
+@pytest.mark.parametrize(("prefix", "error"), [("a\0", ValueError), (1, TypeError)])
 def test_an_invalid_one_is_refused(tf2_ros, node, prefix, error):
     with pytest.raises(error, match="prefix: expected"):
         tf2_ros.TransformListener(tf2_ros.Buffer(), node, prefix=prefix)

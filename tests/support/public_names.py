@@ -31,7 +31,7 @@ SENSORS = {"do_transform_imu", "do_transform_magnetic_field", "from_msg_msg", "t
 OURS = {
     "tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
     "tf2_geometry_msgs.tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
-    "tf2_py": {"FrameInfo", "History", "__version__"},
+    "tf2_py": {"FrameInfo", "History", "__version__", "stored_name"},
     "tf2_ros": {
         "BufferServer",
         "FilterFailureReason",
@@ -41,6 +41,7 @@ OURS = {
         "StaticTransformListener",
         "__version__",
         "format_transform",
+        "stored_name",
     },
     "tf2_ros.transform_listener": {"StaticTransformListener"},
     "tf2_sensor_msgs": SENSORS,

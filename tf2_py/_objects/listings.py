@@ -19,6 +19,19 @@ MAX_DEPTH = 40  # deeper frames are not indented further
 YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 
 
+def stored_name(name: str) -> str:
+    """
+    Get the name under which buffers store a frame that a transform calls ``name``: without one leading ``/``.
+
+    Lookups expect this name. They do not remove a ``/``, but refuse a name that begins with one.
+
+    >>> from tf2_py import stored_name
+    >>> stored_name("/base_link")
+    'base_link'
+    """
+    return name.removeprefix("/")
+
+
 class FrameInfo(NamedTuple):
     """
     One frame of a buffer; see :meth:`tf2_py.BufferCore.frames`.
@@ -114,16 +127,14 @@ def histories(state: Mapping[str, Any]) -> dict[str, History]:
 def _histories(state: Mapping[str, Any]) -> Iterator[History]:
     import numpy as np
 
-    parent_names = np.array([name.removeprefix("/") for name in state["parent_names"]], object)
+    parent_names = np.array([stored_name(name) for name in state["parent_names"]], object)
     end = 0
     for name, is_static, _, count in state["frames"]:
         begin, end = end, end + count
         transforms = state["transforms"][begin:end]
         parents = parent_names[state["parents"][begin:end]]
         stamps_ns = state["stamps"][begin:end]
-        yield History(
-            name.removeprefix("/"), is_static, parents, stamps_ns, transforms[:, :3], transforms[:, 3:]
-        )
+        yield History(stored_name(name), is_static, parents, stamps_ns, transforms[:, :3], transforms[:, 3:])
 
 
 def as_line(kind: type, counts: dict[str, Any], facts: list[FrameFacts]) -> str:

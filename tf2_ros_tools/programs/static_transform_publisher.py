@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, finite_number, run
-from tf2_ros_tools.yaml_files import Key, nonempty_text, number_in, read_keys, read_list
+from tf2_ros_tools.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
@@ -124,7 +124,7 @@ def _summary(options: Namespace, transforms: list[TransformStamped]) -> str:
 # Read static transforms as users write them.
 
 
-_FRAME = Key("a text", nonempty_text, is_required=True)
+_FRAME = Key("the name of a frame", frame_name, is_required=True)
 _NUMBER = Key("a finite number", number_in(-sys.float_info.max, sys.float_info.max))
 KEYS = {**dict.fromkeys(FRAMES, _FRAME), **dict.fromkeys(NUMBERS, _NUMBER)}
 

@@ -407,7 +407,9 @@ def _add_when(made: Parser) -> _MutuallyExclusiveGroup:
 
 
 def _frame(name: str) -> str:
-    return name.removeprefix("/")
+    from tf2_py import stored_name
+
+    return stored_name(name)
 
 
 def bag(options: Namespace) -> int:

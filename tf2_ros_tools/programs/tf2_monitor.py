@@ -87,7 +87,9 @@ def _ends(frames: list[str]) -> tuple[str, str] | None:
         return None
     if len(frames) != 2:
         raise UsageError(f"expected 0 or 2 frames, got {len(frames)}")
-    a, b = (name.removeprefix("/") for name in frames)
+    from tf2_py import stored_name
+
+    a, b = map(stored_name, frames)
     return a, b
 
 

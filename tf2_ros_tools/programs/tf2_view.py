@@ -66,10 +66,11 @@ def view(options: Namespace) -> int:
     """Listen, and send what arrives; return the exit status."""
     from tf2_ros_tools.listening import TOPICS, filled_buffer, spun_node
 
+    from tf2_py import stored_name
     from tf2_ros_tools.rerun import Live, ViewerError, open_viewer
 
-    trails = [name.removeprefix("/") for name in options.trail]
-    origin = None if options.origin is None else options.origin.removeprefix("/")
+    trails = [*map(stored_name, options.trail)]
+    origin = None if options.origin is None else stored_name(options.origin)
     try:
         with spun_node("tf2_view", options) as node, filled_buffer(node) as buffer:
 

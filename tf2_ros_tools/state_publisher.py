@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from tf2_ros_tools.output import first_names
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.serialised import tf_messages
-from tf2_ros_tools.urdf import fixed, parse, unknown_mimics
+from tf2_ros_tools.urdf import fixed, parse
 
 S = 1_000_000_000
 LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
@@ -99,7 +99,7 @@ class StatePublisher:
         self._descriptions.publish(String(data=description))
         self._static.publish(fixed(self._robot, (), self._node.get_clock().now().nanoseconds))
         self._log.info(f"Robot initialized: {self._robot!r}")
-        for problem in unknown_mimics(self._robot):
+        for problem in self._robot.warnings:
             self._log.warning(problem)
 
     def _receive(self, state: JointState) -> None:

@@ -1,7 +1,9 @@
 """Read a URDF, and compute the transforms of its joints from joint states: ``load``, ``Robot``."""
 
 import os
+import re
 import warnings
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -14,6 +16,7 @@ from typing import TypeAlias
 # Only the names, parents and numbers of joints are needed; for these, yourdfpy would add lxml and trimesh to
 # the dependencies, and urdf-parser-py lxml.
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,11 +77,13 @@ class Robot:
     :param name: the robot's name in the URDF.
     :param root: the frame of the link without a parent, with the prefix.
     :param joints: all of them.
+    :param warnings: a sentence for each thing in the URDF that is probably a mistake, but prevents nothing.
     """
 
     name: str
     root: str
     joints: tuple[Joint, ...]
+    warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         moving = sum(one.type != "fixed" for one in self.joints)
@@ -186,7 +191,8 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, f
 
 def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     """
-    Read the joints of a URDF. A joint that mimics an unknown one is a warning.
+    Read the joints of a URDF. A joint that mimics an unknown one is a warning, and so is xacro that was not
+    expanded, unless joints or links may be missing for that reason.
 
     :param source: the path of a file, or the text itself, whose first character is ``<``.
     :param prefix: is put in front of the names of all frames, for several robots. One leading ``/`` of a
@@ -194,30 +200,59 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     :raises FileNotFoundError: the file does not exist.
     :raises UrdfError: it is not a URDF, or does not describe a tree.
     """
-    if isinstance(source, str) and source.lstrip().startswith("<"):
+    if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<"):
         robot = parse(source, prefix)
     else:
         try:
             robot = parse(Path(source).read_bytes(), prefix)
         except UrdfError as error:
             raise UrdfError(f"{printable(os.fspath(source))}: {error}") from None
-    for problem in unknown_mimics(robot):
+    for problem in robot.warnings:
         warnings.warn(problem, stacklevel=2)
     return robot
+
+
+# What urdfdom skips. An end that is missing is that of the text, so that this takes linear time.
+_SKIPPED = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)", re.DOTALL)
+_DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([\w.:-]+)""")
+_LONE_AMPERSAND = re.compile(rb"&(?!#?\w+;)")
+
+
+def _elements(text: str | bytes) -> ElementTree.Element:
+    """
+    Read XML as urdfdom does, and so ``robot_state_publisher``: without namespaces, up to a NUL.
+
+    urdfdom also accepts much that is not well-formed XML: ``--`` in a comment, blank lines before the
+    declaration, ``&`` as it is, bytes that are not in the declared encoding. It does not decode names; here,
+    what is not UTF-8 has the declared encoding, by default Latin-1.
+    """
+    if isinstance(text, bytes) and text.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        text = text.decode("utf-16")
+    data = (text.encode() if isinstance(text, str) else text).partition(b"\0")[0]
+    declared = _DECLARED.match(data)
+    data = _SKIPPED.sub(lambda skipped: b"\n" * skipped[0].count(b"\n"), data)  # for the lines in errors
+    data = _LONE_AMPERSAND.sub(b"&amp;", data)
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        data = data.decode(declared[1].decode() if declared else "latin-1").encode()
+    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate("utf-8")
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.Parse(data, True)
+    return builder.close()
 
 
 def parse(text: str | bytes, prefix: str = "") -> Robot:
     """Read the text of a URDF; see :func:`load`."""
     try:
-        root = ElementTree.fromstring(text.lstrip() if isinstance(text, str) else text)
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        # Without a declaration of its prefix, xacro is not XML either.
-        raise UrdfError(NOT_EXPANDED if "unbound prefix" in str(error) else f"not XML: {error}") from None
+        root = _elements(text)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise UrdfError(f"not XML: {error}") from None
     if root.tag != "robot":
         raise UrdfError(f"the outermost element of a URDF is robot, not {printable(root.tag)}")
-    read = [*root.findall("link"), *(part for joint in root.findall("joint") for part in joint.iter())]
-    values = [value for element in read for value in element.attrib.values()]
-    if any("xacro}" in one.tag for one in root.iter()) or any("${" in one or "$(" in one for one in values):
+    in_joints = [part for joint in root.findall("joint") for part in joint.iter()]
+    values = [value for one in (*root.findall("link"), *in_joints) for value in one.attrib.values()]
+    if _of_xacro([*root, *in_joints]) or any("${" in one or "$(" in one for one in values):
         raise UrdfError(NOT_EXPANDED)
     links = _names(root, "link")
     _names(root, "joint")
@@ -228,7 +263,16 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
         for one in joints
         if one.type != "floating"
     )
-    return Robot(root.get("name", ""), frames[_root(links, joints)], tuple(named))
+    problems = _unknown_mimics(joints)
+    if left := _of_xacro(root.iter()):
+        problems.append(
+            f"xacro was not expanded: {first_names(left)}; it is ignored, because it is not in a joint"
+        )
+    return Robot(root.get("name", ""), frames[_root(links, joints)], tuple(named), tuple(problems))
+
+
+def _of_xacro(elements: Iterable[ElementTree.Element]) -> list[str]:
+    return [*dict.fromkeys(one.tag for one in elements if one.tag.startswith("xacro:"))]
 
 
 def _frames(links: set[str], prefix: str) -> dict[str, str]:
@@ -241,10 +285,11 @@ def _frames(links: set[str], prefix: str) -> dict[str, str]:
     return frames
 
 
-def unknown_mimics(robot: Robot) -> list[str]:
+def _unknown_mimics(joints: Iterable[Joint]) -> list[str]:
     """Get a text for each joint that mimics an unknown one."""
-    names = {joint.name for joint in robot.joints}
-    mimics = [(joint.name, joint.mimic[0]) for joint in robot.joints if joint.mimic is not None]
+    joints = [one for one in joints if one.type != "floating"]
+    names = {joint.name for joint in joints}
+    mimics = [(joint.name, joint.mimic[0]) for joint in joints if joint.mimic is not None]
     return [
         f"joint {printable(name)} mimics {printable(followed)}, which is not a joint; "
         "it is left out, except where its own position is given"
@@ -271,7 +316,7 @@ def _joint(element: ElementTree.Element, links: set[str]) -> Joint:
         raise UrdfError(f"{where}: its type is {printable(kind)}, not {', '.join(TYPES[:-1])} or {TYPES[-1]}")
     parent, child = (_link(element, tag, where, links) for tag in ("parent", "child"))
     axis: Numbers = (1.0, 0.0, 0.0)
-    if kind not in ("fixed", "floating"):
+    if kind in (*TURNING, *SLIDING):
         axis = _unit(_numbers(element.find("axis"), "xyz", where, "1 0 0"), where)
     mimic, follows = element.find("mimic"), None
     if mimic is not None:

@@ -129,9 +129,123 @@ def test_a_joint_that_mimics_an_unknown_one_is_left_out_with_a_warning():
     assert [one.name for one in robot.transforms(["ab"], [1.0])[0]] == ["ab", "ac"]
 
 
+XML = '<?xml version="1.0"?>'
+ONE = robot_of(AB, BC)
+
+
+def with_inside(text):
+    return robot_of(AB, BC, text)
+
+
 @pytest.mark.parametrize(
     "text",
     [
+        # Namespaces have no meaning; a prefix is a part of a name.
+        ONE.replace("<robot>", '<robot xmlns="http://www.ros.org">'),
+        ONE.replace("<joint ", '<joint xmlns="http://www.ros.org" '),
+        with_inside('<gazebo><sensor:camera name="rgb"/></gazebo>'),
+        with_inside('<gazebo sensor:name="rgb"><a:b:c/></gazebo>'),
+        with_inside('<sensor:link name="d"/>'),
+        # What comes before the declaration, and what the declaration says.
+        f"\n{XML}{ONE}",
+        f" \t\r\n{XML}\n{ONE}",
+        f"\ufeff\n{XML}{ONE}",
+        f'<?xml version="1.0" encoding="us-ascii"?><!-- é -->{ONE}',
+        f'<?xml version="1.0" encoding="UTF-16"?>{ONE}',
+        f"<?xml?>{ONE}",
+        # What is in a comment.
+        with_inside("<!-- a -- b ---- c -->"),
+        with_inside("<!-- a --->"),
+        with_inside('<!-- <link name="d"/> <!-- -->'),
+        with_inside("<gazebo><![CDATA[ <!-- ]]></gazebo><!-- -->"),
+        # The end.
+        f"{ONE}\0",
+        f"{ONE}\n\0\0",
+        f"{ONE}\0<robot",
+        with_inside('<gazebo name="black & white"/>'),
+        # Bytes that are not UTF-8.
+        with_inside("<!-- gr\xfcn -->").encode("latin-1"),
+        with_inside('<material name="gr\xfcn"/>').encode("latin-1"),
+        f'<?xml version="1.0" encoding="windows-1252"?>{with_inside("<!-- – -->")}'.encode("cp1252"),
+        f'<?xml version="1.0" encoding="UTF-16"?>{ONE}'.encode("utf-16"),
+        f"\ufeff{XML}{ONE}".encode(),
+        # A planar joint is fixed, so its axis is not needed.
+        robot_of(AB, joint("bc", "b", "c", "planar", more='<axis xyz="0 0 0"/>')),
+    ],
+)
+def test_what_robot_state_publisher_accepts_is_accepted_silently(text, tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    for robot in [urdf.load(path), *([urdf.load(text)] if isinstance(text, str) else [])]:
+        assert [(one.name, one.parent, one.child) for one in robot.joints] == [
+            ("ab", "a", "b"),
+            ("bc", "b", "c"),
+        ]
+        assert robot.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("declaration", "encoding"),
+    [
+        ("", "utf-8"),
+        ("", "latin-1"),
+        ("UTF-8", "utf-8"),
+        ("ISO-8859-15", "iso-8859-15"),
+        ("cp1252", "cp1252"),
+    ],
+)
+@pytest.mark.parametrize("comment", ["", "<!-- gr\xfcn -->"])
+def test_names_are_read_in_the_encoding_of_the_file(declaration, encoding, comment, tmp_path):
+    declared = f'<?xml version="1.0" encoding="{declaration}"?>' if declaration else ""
+    text = f"{declared}{robot_of(AB, joint('bc', 'b', 'c'))}".replace('"c"', '"größe"')
+    path = tmp_path / "robot.urdf"
+    path.write_bytes(text.encode(encoding) + comment.encode("latin-1"))
+    assert urdf.load(path).joints[1].child == "größe"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'<!DOCTYPE robot [<!ENTITY a0 "{100 * "x"}">'
+        + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
+        + ']><robot name="&a9;"/>',
+        "<robot>" + 300_000 * "<!--",
+        "<robot>" + 300_000 * "<![CDATA[",
+        "<robot>" + 300_000 * "<?",
+        "<robot " + 300_000 * "&",
+    ],
+    ids=["entities", "comments", "data", "instructions", "ampersands"],
+)
+def test_a_hostile_text_is_refused_without_taking_time_or_memory(text):
+    with pytest.raises(urdf.UrdfError, match="^not XML: "):
+        urdf.load(text)
+
+
+@pytest.mark.parametrize(
+    ("inside", "left"),
+    [
+        ('<material name="grey"><xacro:grey/></material>', "xacro:grey"),
+        ("<gazebo><xacro:sensor rate='${rate}'/></gazebo>", "xacro:sensor"),
+        (
+            '<link name="c"><visual><xacro:mesh/><xacro:grey/><xacro:mesh/></visual></link>',
+            "xacro:mesh, xacro:grey",
+        ),
+    ],
+)
+def test_xacro_that_concerns_no_joint_is_a_warning(inside, left):
+    links = LINKS.replace('<link name="c"/>', "") if "<link" in inside else LINKS
+    text = f"<robot>{links}{AB}{BC}{inside}</robot>"
+    said = f"^xacro was not expanded: {left}; it is ignored, because it is not in a joint$"
+    with pytest.warns(UserWarning, match=said) as caught:
+        robot = urdf.load(text)
+    assert [one.filename for one in caught] == [__file__]
+    assert len(robot.joints) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        robot_of(AB, joint("bc", "b", "c", more="<xacro:origin/>")),
         "<robot><xacro:include filename='arm.xacro'/></robot>",
         "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:arm/></robot>",
         "<robot xmlns:xacro='http://ros.org/wiki/xacro'><link name='${prefix}base'/></robot>",

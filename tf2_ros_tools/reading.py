@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 Raw: TypeAlias = "bytes | memoryview"
 RawMessage: TypeAlias = "tuple[Connection, int, Raw]"
-# A reader of rosbags, or a ForeignMcap, which has this part of its interface: `connections`, `start_time`,
-# `end_time` (after the last message), `message_count`, and `messages(connections, start, stop)`.
+# A reader of rosbags, or a Folder or a ForeignMcap, which have this part of its interface: `connections`,
+# `start_time`, `end_time` (after the last message), `message_count`, and `messages(connections, start, stop)`.
 Reader: TypeAlias = Any
 _Made = TypeVar("_Made")
 
@@ -111,7 +111,7 @@ class Recorded:
             own = self.connections([name])
             types = " and ".join(dict.fromkeys(one.msgtype for one in own))
             self.topics[name] = Topic(name, types, sum(one.msgcount for one in own), _encoding(own[0]))
-        # An edited metadata.yaml may contain any value, and a damaged file any time.
+        # A damaged file may contain any time.
         self.start_ns: int | None = int(np.int64(reader.start_time)) if reader.message_count else None
         self.end_ns: int | None = int(np.int64(reader.end_time - 1)) if reader.message_count else None
 
@@ -275,7 +275,8 @@ def _opened(path: Path, stack: ExitStack) -> Reader:
 
     reader: Reader = rosbag1.Reader(path) if path.suffix == ".bag" else rosbag2.Reader(path)
     try:
-        return stack.enter_context(reader)
+        stack.enter_context(reader)
+        return Folder(reader) if path.is_dir() else reader
     except (KeyError, rosbag2.ReaderError) as error:
         # rosbags refuses an .mcap whose profile, or one of whose schemas, is not of ROS 2.
         is_foreign = isinstance(error, KeyError) or str(error).startswith("Profile is not")
@@ -287,6 +288,29 @@ def _opened(path: Path, stack: ExitStack) -> Reader:
 def _is_saved(path: Path) -> bool:
     with open(path, "rb") as file:
         return SAVED in file.read(256)
+
+
+class Folder:
+    """
+    Describes a folder of rosbag2 by the indexes of its files.
+
+    A ``metadata.yaml`` may be edited, older than the files, or made by a tool that counts differently. Only the
+    list of the files, their format, and topics without messages come from there.
+
+    :param reader: a ``rosbag2.Reader`` of the folder, which is open.
+    """
+
+    def __init__(self, reader: Reader) -> None:
+        files = reader.storage.storages
+        found = [one for file in files for one in file.connections]
+        recorded = {one.topic for one in found}
+        empty = [one._replace(msgcount=0) for one in reader.connections if one.topic not in recorded]
+        self.connections = [*found, *empty]
+        filled = [file.metadata for file in files if file.metadata.message_count]
+        self.message_count = sum(one.message_count for one in filled)
+        self.start_time = min((one.start_time for one in filled), default=0)
+        self.end_time = max((one.end_time for one in filled), default=0)
+        self.messages = reader.messages
 
 
 class ForeignMcap:

@@ -7,6 +7,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from making_bags import (
@@ -19,19 +20,22 @@ from making_bags import (
     drive,
     raw,
     scan,
+    store,
     write_db3,
     write_folder,
     write_mcap,
     write_ros1,
     write_split,
 )
+from rosbags import rosbag2
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer
 from tf2_ros.records import MessageSource, Recording, insert_messages
 from tf2_ros_tools import bag
+from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import hear, wanted
-from tf2_ros_tools.reading import is_static
+from tf2_ros_tools.reading import is_static, open_recording
 
 pytestmark = pytest.mark.ours
 
@@ -264,6 +268,71 @@ def test_a_fault_of_a_file_is_an_error_that_names_it_and_the_tool(form, fault, t
     changed(file, change)
     tool = TOOLS[os.path.splitext(file.name.removesuffix(".zstd"))[1]]
     check_lost(path, text.format(folder=path, path=file, tool=tool))
+
+
+QOS = """\
+- {history: 3, depth: 9, reliability: 1, durability: 2, deadline: {sec: 9, nsec: 0},
+   lifespan: {sec: 9, nsec: 0}, liveliness: 1, liveliness_lease_duration: {sec: 9, nsec: 0},
+   avoid_ros_namespace_conventions: false}
+"""
+# What a metadata.yaml may say of a recording, by the key of rosbag2 and of its topics.
+WRONG = {
+    "it ends later": {"duration": {"nanoseconds": 8000 * S}},
+    "it begins earlier": {"starting_time": {"nanoseconds_since_epoch": 0}},
+    "it begins later and is empty": {
+        "starting_time": {"nanoseconds_since_epoch": 9000 * S},
+        "duration": {"nanoseconds": 0},
+    },
+    "there are no messages": {"message_count": 0},
+    "no topic has messages": {"of topics": {"message_count": 0}},
+    "each topic has a million": {"message_count": 3_000_000, "of topics": {"message_count": 1_000_000}},
+    "there are no topics": {"topics_with_message_count": []},
+    "the topics have another type": {"of topics": {"type": STRING}},
+    "the topics have another quality of service": {"of topics": {"offered_qos_profiles": QOS}},
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize(
+    "form", ["folder-mcap-message", "folder-sqlite3", "split-mcap-file", "split-sqlite3"]
+)
+def test_a_folder_is_what_its_files_hold_whatever_its_metadata_says(form, wrong, tmp_path):
+    path = FORMATS[form](tmp_path, [*DRIVE, scan(300 * S, 300 * S)])
+    heard = hear(path)
+    expected = report(heard)
+    with open_recording(path) as recorded:
+        described = (recorded.start_ns, recorded.end_ns, recorded.topics)
+    assert described[:2] == (100 * S, 300 * S)
+    metadata = yaml.safe_load((path / "metadata.yaml").read_text())
+    content = metadata["rosbag2_bagfile_information"]
+    changes = dict(WRONG[wrong])
+    of_topics = changes.pop("of topics", {})
+    for topic in content["topics_with_message_count"]:
+        for key, value in of_topics.items():
+            (topic if key in topic else topic["topic_metadata"])[key] = value
+    content.update(changes)
+    (path / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    with open_recording(path) as recorded:
+        assert (recorded.start_ns, recorded.end_ns, recorded.topics) == described
+    found = hear(path)
+    assert report(found) == expected
+    assert found.records.tolist() == heard.records.tolist()
+    assert sorted(flat_read(path)) == sorted(flat(DRIVE))
+    assert bag.stamps(path, "/scan").tolist() == [300 * S]
+
+
+def test_a_topic_without_messages_is_listed_from_the_metadata(tmp_path):
+    path = write_folder(tmp_path / "run", [scan(1, 1)])
+    with rosbag2.Writer(tmp_path / "empty", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
+        writer.add_connection("/tf", TF, typestore=store())
+    empty = yaml.safe_load((tmp_path / "empty" / "metadata.yaml").read_text())
+    metadata = yaml.safe_load((path / "metadata.yaml").read_text())
+    listed = metadata["rosbag2_bagfile_information"]["topics_with_message_count"]
+    listed += empty["rosbag2_bagfile_information"]["topics_with_message_count"]
+    (path / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    with open_recording(path) as recorded:
+        assert {name: one.count for name, one in recorded.topics.items()} == {"/scan": 1, "/tf": 0}
+    assert bag.load(path).statistics()["taken"] == 0
 
 
 def split(folder, change):

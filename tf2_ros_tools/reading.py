@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
 Raw: TypeAlias = "bytes | memoryview"
 RawMessage: TypeAlias = "tuple[Connection, int, Raw]"
-# A reader of rosbags, or a Folder or a ForeignMcap, which have this part of its interface: `connections`,
-# `start_time`, `end_time` (after the last message), `message_count`, and `messages(connections, start, stop)`.
+# A reader of rosbags, or a Folder or ForeignMcap, which have this part of its interface: `connections`,
+# `start_time`, `end_time` (after the last message), `message_count`, and `messages(connections, start,
+# stop)`.
 Reader: TypeAlias = Any
 _Made = TypeVar("_Made")
 
@@ -37,6 +38,7 @@ TOOLS = {".mcap": "`mcap recover`", ".db3": "`sqlite3 FILE .recover`", ".bag": "
 REINDEX = "`ros2 bag reindex`"  # likewise a folder
 PACKED = ".zstd"  # what rosbag2 adds to the name of a compressed file
 SUFFIXES = (*TOOLS, *(f"{suffix}{PACKED}" for suffix in TOOLS))
+LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # what a file begins with
 # The types of topics with transforms; ROS 1 has two names for the same message.
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 HEADER = "std_msgs/msg/Header"
@@ -216,8 +218,11 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
     name = str(path)
     if not source.exists():
         raise FileNotFoundError(errno.ENOENT, "the recording does not exist", name)
-    parts = sorted(one for one in source.iterdir() if one.name.endswith(SUFFIXES)) if source.is_dir() else []
+    inside = sorted(source.iterdir()) if source.is_dir() else []
+    parts = [one for one in inside if one.name.endswith(SUFFIXES) and one.is_file()]
     _refuse_others(source, parts)
+    for one in inside:
+        _refuse_special(one)
     with ExitStack() as stack:
         try:
             opened = stack.enter_context(_unpacked(source)) if source.suffix == PACKED else source
@@ -245,16 +250,34 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
     elif not path.name.endswith(SUFFIXES):
         advice = f"use a folder with a metadata.yaml, or {', '.join(TOOLS)}"
         raise BagError(f"{name} is not a recording: {advice}")
-    elif not path.is_file():  # opening a pipe would wait for its writer
-        raise BagError(f"{name} is not a recording: it is a pipe or a device")
-    elif not path.stat().st_size:
-        raise BagError(f"{name} is empty")
-    # Until a database is merged, what was written last is in a second file, which rosbags does not read.
+    else:
+        _refuse_special(path)
+        if not path.stat().st_size:
+            raise BagError(f"{name} is empty")
     for part in parts or [path]:
+        if part.is_file():
+            _refuse_pointer(part)
+        # Until a database is merged, what was written last is in a second file, which rosbags does not read.
         log = part.with_name(f"{part.name}-wal")
         if log.exists() and log.stat().st_size:
             advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
             raise BagError(f"{printable(str(part))} lacks what is in {printable(log.name)}: {advice}")
+
+
+def _refuse_special(path: Path) -> None:
+    """Refuse a pipe, because opening it would wait for its writer, and a device."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise BagError(f"{printable(str(path))} is not a recording: it is a pipe or a device")
+
+
+def _refuse_pointer(path: Path) -> None:
+    """Refuse the file that a clone has in place of one that is kept in Git LFS."""
+    with open(path, "rb") as file:
+        if file.read(len(LFS_POINTER)) == LFS_POINTER:
+            raise BagError(
+                f"{printable(str(path))} is a pointer of Git LFS, not the recording itself: `git lfs pull`"
+                " downloads it"
+            )
 
 
 @contextmanager
@@ -294,8 +317,8 @@ class Folder:
     """
     Describes a folder of rosbag2 by the indexes of its files.
 
-    A ``metadata.yaml`` may be edited, older than the files, or made by a tool that counts differently. Only the
-    list of the files, their format, and topics without messages come from there.
+    A ``metadata.yaml`` may be edited, older than the files, or made by a tool that counts differently. Only
+    the list of the files, their format, and topics without messages come from there.
 
     :param reader: a ``rosbag2.Reader`` of the folder, which is open.
     """
@@ -361,9 +384,11 @@ class ForeignMcap:
         from rosbags.interfaces import MessageDefinitionFormat as Format
 
         definition = MessageDefinition(Format.NONE, "")
-        if schema is not None and schema.encoding == "ros2msg":
+        if schema is not None and schema.encoding in ("ros1msg", "ros2msg"):
             definition = MessageDefinition(Format.MSG, schema.data.decode())
         msgtype = "__schemaless__" if schema is None else schema.name
+        if msgtype.count("/") == 1:  # as ROS 1 writes it
+            msgtype = msgtype.replace("/", "/msg/")
         ext = ConnectionExtRosbag2(channel.message_encoding, [])
         return Connection(channel.id, channel.topic, msgtype, definition, "", count, ext, self)
 

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from making_bags import (
     FORMATS,
+    SCAN,
     STRING,
     TF,
     S,
@@ -25,6 +26,7 @@ from making_bags import (
     write_folder,
     write_mcap,
     write_ros1,
+    write_ros1_mcap,
     write_split,
 )
 from rosbags import rosbag2
@@ -214,6 +216,26 @@ def test_a_prefix_replaces_the_slash_of_a_name_and_makes_no_name_of_none(tmp_pat
     assert flat_read(path)[0][2:4] == ("/map", "/base")
 
 
+@pytest.mark.parametrize("profile", ["ros1", "", "x"])
+def test_messages_of_ros_1_in_an_mcap_are_those_of_a_bag(profile, tmp_path):
+    messages = [*DRIVE, scan(105 * S, 104 * S, ros=1)]
+    path = write_ros1_mcap(tmp_path / "run.mcap", messages, profile)
+    assert bag.load(path).frames() == bag.load(write_ros1(tmp_path / "run.bag", messages)).frames()
+    assert bag.stamps(path, "/scan").tolist() == [104 * S]
+    assert {one.msgtype for one in opened_topics(path)} == {TF, SCAN}
+
+
+def opened_topics(path):
+    with open_recording(path) as recorded:
+        return [*recorded.topics.values()]
+
+
+def test_a_folder_named_like_a_file_of_a_recording_is_ignored(tmp_path):
+    path = write_folder(tmp_path / "run", DRIVE)
+    (path / "old.mcap").mkdir()
+    assert sorted(flat_read(path)) == sorted(flat(DRIVE))
+
+
 def test_a_topic_without_messages_gives_an_empty_buffer(tmp_path):
     path = write_mcap(tmp_path / "run.mcap", [], topics=[("/tf", TF)])
     assert bag.load(path).statistics()["taken"] == 0
@@ -351,6 +373,23 @@ def pipe(folder):
     return folder / "pipe.mcap"
 
 
+def pipe_inside(folder, name):
+    path = write_folder(folder / "run", DRIVE)
+    os.mkfifo(path / name)
+    return path
+
+
+def pipe_of_the_metadata(folder):
+    path = write_folder(folder / "run", DRIVE)
+    content = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(content.replace("- run.mcap", "- run"))
+    os.mkfifo(path / "run")
+    return path
+
+
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 990\n"
+
+
 def spoiled_db3(folder):
     path = write_db3(folder / "run.db3", DRIVE)
     with closing(sqlite3.connect(path)) as database, database:
@@ -396,6 +435,21 @@ def unmerged(folder):
         (lambda at: at, "is not a recording: the folder has no metadata.yaml"),
         (lambda at: file(at, "a.txt"), "a.txt is not a recording: use a folder with a metadata.yaml"),
         (pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
+        (lambda at: pipe_inside(at, "a.mcap"), "run/a.mcap is not a recording: it is a pipe or a device"),
+        (lambda at: pipe_inside(at, "a.db3.zstd"), "run/a.db3.zstd is not a recording: it is a pipe"),
+        (pipe_of_the_metadata, "run/run is not a recording: it is a pipe or a device"),
+        # What a clone has in place of a recording.
+        *(
+            (
+                lambda at, name=name: file(at, name, POINTER),
+                f"{name} is a pointer of Git LFS.*`git lfs pull`",
+            )
+            for name in ("a.mcap", "a.db3", "a.bag", "a.mcap.zstd")
+        ),
+        (
+            lambda at: split(at, lambda run: file(run, "run_1.mcap", POINTER)),
+            "run/run_1.mcap is a pointer of Git LFS, not the recording itself: `git lfs pull` downloads it$",
+        ),
     ],
 )
 def test_what_cannot_be_read_is_explained(write, text, tmp_path):

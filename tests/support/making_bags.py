@@ -23,6 +23,10 @@ TF = "tf2_msgs/msg/TFMessage"
 TF_OF_OLD = "tf/msg/tfMessage"
 STRING = "std_msgs/msg/String"
 SCAN = "sensor_msgs/msg/LaserScan"
+ODOMETRY = "nav_msgs/msg/Odometry"
+STAMPED = "geometry_msgs/msg/PoseStamped"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
+WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 
 class Tf(NamedTuple):
@@ -106,6 +110,36 @@ def scan(log_ns, stamp_ns, topic="/scan", ros=2):
     empty = np.zeros(0, np.float32)
     head = header(stamp_ns, "lidar", ros)
     return Sent(log_ns, topic, {"header": head, **numbers, "ranges": empty, "intensities": empty}, SCAN)
+
+
+def posed(ns, x, topic, msgtype, frame="map", child="base", ros=2):
+    """A message with the pose x, 2, 3 and a turn by x."""
+    types = store(ros).types
+
+    def make(name, *fields, **named):
+        return types[f"{name.replace('/', '/msg/')}"](*fields, **named)
+
+    point, rotation = make("geometry_msgs/Point", x, 2.0, 3.0), make("geometry_msgs/Quaternion", *about_z(x))
+    if msgtype == TRANSFORM:
+        moved = make("geometry_msgs/Transform", make("geometry_msgs/Vector3", x, 2.0, 3.0), rotation)
+        fields = {"header": header(ns, frame, ros), "child_frame_id": child, "transform": moved}
+        return Sent(ns, topic, fields, msgtype)
+    pose, covariance = make("geometry_msgs/Pose", point, rotation), np.zeros(36)
+    if msgtype != STAMPED:
+        pose = make("geometry_msgs/PoseWithCovariance", pose, covariance)
+    fields = {"header": header(ns, frame, ros), "pose": pose}
+    if msgtype == ODOMETRY:
+        still = [make("geometry_msgs/Vector3", 0.0, 0.0, 0.0) for _ in range(2)]
+        twist = make("geometry_msgs/TwistWithCovariance", make("geometry_msgs/Twist", *still), covariance)
+        fields |= {"child_frame_id": child, "twist": twist}
+    return Sent(ns, topic, fields, msgtype)
+
+
+STAMPS = [100 * S + i * S // 10 for i in range(20)]
+
+
+def series(topic, msgtype, **how):
+    return [posed(ns, i / 10, topic, msgtype, **how) for i, ns in enumerate(STAMPS)]
 
 
 def raw(sent):
@@ -248,6 +282,24 @@ def write_ros1(path, messages, compression=None, msgtype=TF):
     return path
 
 
+def write_ros1_mcap(path, messages, profile="ros1"):
+    """An .mcap with messages of ROS 1, whose types have names of ROS 1."""
+    writer = McapWriter(str(path), chunk_size=2000, compression=CompressionType.LZ4)
+    writer.start(profile, "tests")
+    channels = {}
+    for one in messages:
+        if one.topic not in channels:
+            text, _ = store(1).generate_msgdef(one.msgtype)
+            schema = writer.register_schema(one.msgtype.replace("/msg/", "/"), "ros1msg", text.encode())
+            channels[one.topic] = writer.register_channel(one.topic, "ros1", schema)
+        data = one.content
+        if not isinstance(data, bytes):
+            data = bytes(store(1).serialize_ros1(message(one, ros=1), one.msgtype))
+        writer.add_message(channels[one.topic], one.log_ns, data, one.log_ns)
+    writer.finish()
+    return path
+
+
 # What writes the same messages in each format; called with a folder and the messages, returns the path.
 FORMATS = {
     "folder-mcap": lambda at, m: write_folder(at / "run", m),
@@ -273,5 +325,6 @@ FORMATS = {
     "ros1": lambda at, m: write_ros1(at / "run.bag", m),
     "ros1-bz2": lambda at, m: write_ros1(at / "run.bag", m, "bz2"),
     "ros1-lz4": lambda at, m: write_ros1(at / "run.bag", m, "lz4"),
+    "ros1-mcap": lambda at, m: write_ros1_mcap(at / "run.mcap", m),
     "ros1-tf": lambda at, m: write_ros1(at / "run.bag", m, msgtype=TF_OF_OLD),
 }

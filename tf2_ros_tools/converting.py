@@ -21,7 +21,10 @@ BATCH = 1000  # messages: some MB of transforms
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ODOMETRY = "nav_msgs/msg/Odometry"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
+# The types whose messages name both frames.
+NAMED = (ODOMETRY, TRANSFORM)
 
 
 class Joints:
@@ -71,8 +74,11 @@ class Poses:
     def read(self, message: Any) -> tuple[Names, list[float]]:
         """Get the frames and the numbers of a message."""
         frames = self._frames or (message.header.frame_id, message.child_frame_id)
-        pose = message.pose if self.msgtype == POSES[0] else message.pose.pose
-        p, q = pose.position, pose.orientation
+        if self.msgtype == TRANSFORM:
+            p, q = message.transform.translation, message.transform.rotation
+        else:
+            pose = message.pose if self.msgtype == POSES[0] else message.pose.pose
+            p, q = pose.position, pose.orientation
         return tuple(frames), [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
 
     def transforms(self, names: Names, numbers: Floats) -> Moved:

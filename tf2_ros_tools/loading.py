@@ -15,7 +15,7 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
 from tf2_ros_tools import foxglove
-from tf2_ros_tools.converting import JOINT_STATE, ODOMETRY, POSES, Frames, Joints, Poses, Source, converted
+from tf2_ros_tools.converting import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
 from tf2_ros_tools.output import first_names, printable, require
 from tf2_ros_tools.reading import (
     TF_TYPES,
@@ -140,9 +140,10 @@ def load(
         the beginning. All static transforms are read, whenever they were recorded.
     :param end: the log time of the last dynamic transforms. None: to the end.
     :param poses: also read the poses of these topics as transforms: of type ``nav_msgs/Odometry``,
-        ``geometry_msgs/PoseStamped`` or ``geometry_msgs/PoseWithCovarianceStamped``. The names are mapped to
-        the parent and the child, for example ``{"/gps/pose": ("map", "gps")}``. None: the names in the
-        messages, which only odometry has.
+        ``geometry_msgs/TransformStamped``, ``geometry_msgs/PoseStamped`` or
+        ``geometry_msgs/PoseWithCovarianceStamped``. The names are mapped to the parent and the child, for
+        example ``{"/gps/pose": ("map", "gps")}``. None: the names in the messages, which only the first two
+        types have.
     :param urdf: also compute the transforms of the joints of this robot, from the joint states on
         ``/joint_states``: its path, its text, a :class:`tf2_ros_tools.urdf.Robot`, or True, which means the
         ``/robot_description`` in the recording. For other topics, a mapping from their names to these; True
@@ -262,31 +263,43 @@ def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
         _check_type(recorded, topic, *TF_TYPES, *foxglove.TYPES)
     for topic, frames in what.poses.items():
         if topic in recorded.topics:
-            _check_type(recorded, topic, ODOMETRY, *POSES)
-            if frames is None and recorded.topics[topic].msgtype != ODOMETRY:
+            _check_type(recorded, topic, *NAMED, *POSES)
+            if frames is None and recorded.topics[topic].msgtype not in NAMED:
                 raise BagError(
                     f"{name}, topic {printable(topic)}: a {recorded.topics[topic].msgtype} does not name the"
                     ' child frame; pass the frames, as in poses={"/gps/pose": ("map", "gps")}'
+                    " or --poses /gps/pose=map,gps"
                 )
     for topic in what.robots:
         if topic in recorded.topics:
             _check_type(recorded, topic, JOINT_STATE)
     if not found and not any(topic in recorded.topics for topic in what.others):
-        others = [one.name for one in recorded.topics.values() if one.msgtype in (*TF_TYPES, *foxglove.TYPES)]
-        joints = [one.name for one in recorded.topics.values() if one.msgtype == JOINT_STATE]
+        others = _topics_of(recorded, *TF_TYPES, *foxglove.TYPES)
+        joints, posed = _topics_of(recorded, JOINT_STATE), _topics_of(recorded, *NAMED, *POSES)
         advice = ": choose from these with `topics` or `--topic`" if others else ""
         if joints and not others:
-            advice = f"; with `urdf`, they are computed from the joint states on {listed(joints)}"
+            advice += f"; {WITH_URDF} computes them from the joint states on {listed(joints)}"
+        if posed and not others:
+            advice += f"; {WITH_POSES} reads the poses on {listed(posed)}"
         missing = " or ".join(map(printable, [*what.prefixes, *what.others]))
         raise BagError(f"{name} has no topic {missing}; its topics with transforms: {listed(others)}{advice}")
     return [MessageSource(topic, is_static(topic), what.prefixes[topic]) for topic in found]
+
+
+WITH_URDF, WITH_POSES = "`urdf` or `--urdf`", "`poses` or `--poses`"
+
+
+def _topics_of(recorded: Recorded, *types: str) -> list[str]:
+    return [one.name for one in recorded.topics.values() if one.msgtype in types]
 
 
 def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
     one = recorded.topics[topic]
     where = f"{printable(recorded.path)}, topic {printable(topic)}"
     if one.msgtype not in types:
-        raise BagError(f"{where}: its type is {printable(one.msgtype)}, not {types[0]}")
+        options = {JOINT_STATE: WITH_URDF, **dict.fromkeys((*NAMED, *POSES), WITH_POSES)}
+        advice = f"; {options[one.msgtype]} reads it" if one.msgtype in options else ""
+        raise BagError(f"{where}: its type is {printable(one.msgtype)}, not {types[0]}{advice}")
     encodings = [foxglove.ENCODING] if one.msgtype in foxglove.TYPES else ["cdr", "ros1"]
     if one.encoding not in encodings:
         raise BagError(f"{where}: its encoding is {printable(one.encoding)}, not {encodings[0]}")

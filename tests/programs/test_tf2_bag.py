@@ -12,8 +12,9 @@ import sys
 import numpy as np
 import pytest
 from making import transform
-from making_bags import S, Sent, Tf, drive, scan, write_mcap
+from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
 from processes import DEADLINE_S, ended, needs_dot, running, until
+from robots import ARM, description, joint_state
 from test_pictures import texts_of
 
 from tf2_ros_tools.program import RunError
@@ -73,6 +74,84 @@ def test_all_formats_of_a_lookup_hold_the_same(run, drive_mcap, tmp_path):
     assert table["valid"] == [False, True, True]
     assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses, equal_nan=True)
     assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.parquet", "a.tum"]
+
+
+class TestOtherTopics:
+    """What the programs computes from messages that are not TFMessages."""
+
+    @pytest.mark.parametrize(
+        ("options", "parent", "child"),
+        [
+            (["--poses", "/odom"], "map", "base"),
+            (["--poses", "/vicon/robot"], "map", "base"),
+            (["--poses", "/odom=world,robot"], "world", "robot"),
+            (["--poses", "/gps=/map,/gps"], "map", "gps"),
+            (["--poses", "/odom", "--poses", "/gps=map,gps"], "base", "gps"),
+        ],
+    )
+    def test_poses_are_looked_up(self, run, options, parent, child, tmp_path):
+        messages = [*series("/odom", ODOMETRY), *series("/gps", STAMPED), *series("/vicon/robot", TRANSFORM)]
+        path = write_mcap(tmp_path / "run.mcap", messages)
+        stamps, poses, valid = rows_of(run("lookup", path, parent, child, *options)[1])
+        assert (stamps, set(valid)) == (STAMPS, {"true"})
+        moved = [[0.0] * 3 if parent == "base" else [i / 10, 2.0, 3.0] for i in range(20)]
+        np.testing.assert_allclose([pose[:3] for pose in poses], moved, atol=1e-15)
+        assert f"{child}: parent " in run("info", path, *options)[1]
+
+    @pytest.mark.parametrize(
+        "options",
+        [
+            ["arm.urdf"],
+            ["recorded"],
+            ["/joint_states=arm.urdf"],
+            ["/left/joint_states=arm.urdf"],
+            ["/left/joint_states=recorded"],
+        ],
+    )
+    def test_joint_states_are_looked_up(self, run, options, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "arm.urdf").write_text(ARM)
+        left = "/left" if "left" in options[0] else ""
+        states = [joint_state(ns, ["extend"], [0.1], topic=f"{left}/joint_states") for ns in STAMPS]
+        write_mcap("run.mcap", [description(topic=f"{left}/robot_description"), *states])
+        status, out, _ = run("lookup", "run.mcap", "wheel", "slide", "--urdf", *options)
+        assert (status, rows_of(out)[0]) == (0, STAMPS)
+
+    def test_a_warning_about_a_urdf_is_one_line(self, run, tmp_path):
+        urdf = tmp_path / "arm.urdf"
+        urdf.write_text(ARM.replace("</robot>", "<gazebo><xacro:camera/></gazebo></robot>"))
+        path = write_mcap(tmp_path / "run.mcap", [joint_state(S, ["extend"], [0.1])])
+        said = "xacro was not expanded: xacro:camera; it is ignored, because it is not in a joint"
+        assert run("check", path, "--urdf", urdf)[2] == f"tf2_bag check: {urdf}: {said}\n"
+
+    @pytest.mark.parametrize(
+        ("options", "said"),
+        [
+            (["--poses", "/odom=map"], "must be TOPIC or TOPIC=PARENT,CHILD, not '/odom=map'"),
+            (["--poses", "/odom=map,"], "must be TOPIC or TOPIC=PARENT,CHILD, not '/odom=map,'"),
+            (["--poses", "=map,base"], "must be TOPIC or TOPIC=PARENT,CHILD, not '=map,base'"),
+            (["--urdf", "/joint_states="], "must be FILE or TOPIC=FILE, not '/joint_states='"),
+            (["--urdf", "=arm.urdf"], "must be FILE or TOPIC=FILE, not '=arm.urdf'"),
+        ],
+    )
+    def test_wrong_options_are_refused(self, options, said, capsys):
+        with pytest.raises(SystemExit):
+            PARSER.read(["tf2_bag", "info", "run.mcap", *options])
+        assert said in capsys.readouterr().err
+
+    def test_what_a_urdf_lacks_is_told(self, run, drive_mcap, tmp_path):
+        (tmp_path / "arm.urdf").write_text("<robot/>")
+        with pytest.raises(RunError, match=r"arm.urdf: the robot has no links$"):
+            run("info", drive_mcap, "--urdf", tmp_path / "arm.urdf")
+
+    def test_a_batch_reads_them(self, run, tmp_path):
+        parquet = pytest.importorskip("pyarrow.parquet")
+
+        write_mcap(tmp_path / "run.mcap", series("/odom", ODOMETRY))
+        command = ("batch", tmp_path, "--lookup", "map", "base", "--poses", "/odom", "--workers", 1)
+        assert run(*command, "--out", tmp_path / "tables")[0] == 0
+        [table] = (tmp_path / "tables").glob("*.parquet")
+        assert parquet.read_table(table).to_pydict()["x"] == [i / 10 for i in range(20)]
 
 
 def test_json_of_info_has_the_same(run, drive_mcap):

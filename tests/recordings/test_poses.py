@@ -6,42 +6,26 @@ import numpy as np
 import pytest
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from making import about_z
-from making_bags import FORMATS, S, Sent, Tf, drive, header, store, write_foxglove, write_mcap
+from making_bags import (
+    FORMATS,
+    ODOMETRY,
+    STAMPED,
+    STAMPS,
+    TRANSFORM,
+    WITH_COVARIANCE,
+    S,
+    Sent,
+    Tf,
+    drive,
+    series,
+    write_foxglove,
+    write_mcap,
+)
 
 from tf2_ros_tools import bag
 from tf2_ros_tools.loading import hear, wanted
 
 pytestmark = pytest.mark.ours
-
-ODOMETRY = "nav_msgs/msg/Odometry"
-STAMPED = "geometry_msgs/msg/PoseStamped"
-WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
-
-
-def posed(ns, x, topic, msgtype, frame="map", child="base", ros=2):
-    """A message with the pose x, 2, 3 and a turn by x."""
-    types = store(ros).types
-
-    def make(name, *fields, **named):
-        return types[f"{name.replace('/', '/msg/')}"](*fields, **named)
-
-    point, rotation = make("geometry_msgs/Point", x, 2.0, 3.0), make("geometry_msgs/Quaternion", *about_z(x))
-    pose, covariance = make("geometry_msgs/Pose", point, rotation), np.zeros(36)
-    if msgtype != STAMPED:
-        pose = make("geometry_msgs/PoseWithCovariance", pose, covariance)
-    fields = {"header": header(ns, frame, ros), "pose": pose}
-    if msgtype == ODOMETRY:
-        still = [make("geometry_msgs/Vector3", 0.0, 0.0, 0.0) for _ in range(2)]
-        twist = make("geometry_msgs/TwistWithCovariance", make("geometry_msgs/Twist", *still), covariance)
-        fields |= {"child_frame_id": child, "twist": twist}
-    return Sent(ns, topic, fields, msgtype)
-
-
-STAMPS = [100 * S + i * S // 10 for i in range(20)]
-
-
-def series(topic, msgtype, **how):
-    return [posed(ns, i / 10, topic, msgtype, **how) for i, ns in enumerate(STAMPS)]
 
 
 def check(buffer, target, source):
@@ -51,15 +35,16 @@ def check(buffer, target, source):
 
 
 class TestPoses:
-    @pytest.mark.parametrize("msgtype", [ODOMETRY, STAMPED, WITH_COVARIANCE])
-    @pytest.mark.parametrize("form", ["mcap", "folder-sqlite3", "ros1"])
+    @pytest.mark.parametrize("msgtype", [ODOMETRY, STAMPED, WITH_COVARIANCE, TRANSFORM])
+    @pytest.mark.parametrize("form", ["mcap", "folder-sqlite3", "ros1", "ros1-mcap"])
     def test_each_type_is_a_transform_between_the_given_frames(self, msgtype, form, tmp_path):
-        messages = series("/pose", msgtype, ros=1 if form == "ros1" else 2)
+        messages = series("/pose", msgtype, ros=1 if form.startswith("ros1") else 2)
         path = FORMATS[form](tmp_path, messages)
         check(bag.load(path, poses={"/pose": ("world", "gps")}), "world", "gps")
 
-    def test_odometry_names_its_frames(self, tmp_path):
-        path = write_mcap(tmp_path / "run.mcap", [*drive(), *series("/odom", ODOMETRY, frame="o", child="b")])
+    @pytest.mark.parametrize("msgtype", [ODOMETRY, TRANSFORM])
+    def test_some_messages_name_their_frames(self, msgtype, tmp_path):
+        path = write_mcap(tmp_path / "run.mcap", [*drive(), *series("/odom", msgtype, frame="o", child="/b")])
         buffer = bag.load(path, poses={"/odom": None})
         check(buffer, "o", "b")
         assert buffer.parent("odom") == "map"  # of /tf
@@ -82,7 +67,7 @@ class TestPoses:
                 {"/pose": None},
                 bag.BagError,
                 "run.mcap, topic /pose: a geometry_msgs/msg/PoseStamped does not name the child frame; "
-                r'pass the frames, as in poses={"/gps/pose": \("map", "gps"\)}$',
+                r'pass the frames, as in poses={"/gps/pose": \("map", "gps"\)} or --poses /gps/pose=map,gps$',
             ),
             ({"/tf": ("a", "b")}, bag.BagError, "run.mcap, topic /tf: its type is tf2_msgs/msg/TFMessage"),
             ({"/odom": "gps"}, TypeError, r"poses must map topics to \(parent, child\) or None, not /odom"),
@@ -95,6 +80,16 @@ class TestPoses:
         path = write_mcap(tmp_path / "run.mcap", [broken, *drive(), *series("/pose", STAMPED)])
         with pytest.raises(error, match=said):
             bag.load(path, poses=poses)
+
+    @pytest.mark.parametrize("msgtype", [ODOMETRY, STAMPED, WITH_COVARIANCE, TRANSFORM])
+    def test_an_error_says_which_option_reads_a_topic(self, msgtype, tmp_path):
+        path = write_mcap(tmp_path / "run.mcap", [*series("/one", msgtype), *series("/two", msgtype)])
+        advice = "; `poses` or `--poses` reads the poses on /one, /two$"
+        with pytest.raises(bag.BagError, match=f"its topics with transforms: none{advice}"):
+            bag.load(path)
+        of_type = f"topic /one: its type is {msgtype}, not tf2_msgs/msg/TFMessage"
+        with pytest.raises(bag.BagError, match=f"{of_type}; `poses` or `--poses` reads it$"):
+            bag.load(path, topics=["/one"])
 
 
 # Foxglove.

@@ -310,7 +310,7 @@ def check(buffer, stamps, values, children=FRAMES, prefix=""):
 
 
 COMPUTED = (
-    "; its topics with transforms: none; with `urdf`, they are computed from the joint states on"
+    "; its topics with transforms: none; `urdf` or `--urdf` computes them from the joint states on"
     " /joint_states, /robot/joint_states"
 )
 
@@ -398,6 +398,11 @@ class TestRecordings:
         ("how", "said"),
         [
             ({}, f" has no topic /tf or /tf_static{COMPUTED}"),
+            (
+                {"topics": ["/joint_states"]},
+                ", topic /joint_states: its type is sensor_msgs/msg/JointState, not tf2_msgs/msg/TFMessage;"
+                " `urdf` or `--urdf` reads it",
+            ),
             ({"urdf": {"/arm/states": ARM}}, f" has no topic /tf or /tf_static or /arm/states{COMPUTED}"),
             (
                 {"urdf": True},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import warnings
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from argparse import _MutuallyExclusiveGroup
 
     from tf2_ros_tools.findings import Report
-    from tf2_ros_tools.loading import Heard, Topics
+    from tf2_ros_tools.loading import Heard, Topics, Urdf
     from tf2_ros_tools.reading import Topic
     from tf2_ros_tools.streams import Stream
 
@@ -53,6 +54,7 @@ EXAMPLE = """\
 
 
 S = 1_000_000_000
+RECORDED = "recorded"  # in place of the name of a URDF
 JSON = "print one JSON object"  # the help of an option
 
 
@@ -63,6 +65,22 @@ def _topics_of(options: Namespace) -> Topics:
     return TOPICS if options.topics is None else dict(options.topics)
 
 
+def _robots_of(options: Namespace) -> dict[str, Urdf]:
+    """Get the robots whose transforms are computed from joint states, by the topics with these."""
+    from tf2_ros_tools.loading import JOINT_STATES
+    from tf2_ros_tools.urdf import load
+
+    robots: dict[str, Urdf] = {}
+    for topic, urdf in options.urdf:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # printed below, in one line
+            robot = urdf == RECORDED or load(Path(urdf))
+        robots[topic or JOINT_STATES] = robot
+        for problem in () if robot is True else robot.warnings:
+            print(f"{options.parser.prog}: {printable(urdf)}: {problem}", file=sys.stderr)
+    return robots
+
+
 def _heard_of(options: Namespace, at: str | None = None) -> Heard:
     """
     Read the transforms of the recording.
@@ -71,7 +89,8 @@ def _heard_of(options: Namespace, at: str | None = None) -> Heard:
     """
     from tf2_ros_tools.loading import hear, wanted
 
-    return hear(options.file, wanted(_topics_of(options), options.start, options.end), at=at)
+    what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
+    return hear(options.file, what, at=at)
 
 
 # List the contents and the problems of a recording.
@@ -189,6 +208,8 @@ def batch(options: Namespace) -> int:
             at=options.at,
             rate=options.rate,
             topics=_topics_of(options),
+            poses=dict(options.poses),
+            urdf=_robots_of(options),
             workers=options.workers,
             scheduler=options.scheduler,
         )
@@ -388,6 +409,24 @@ def _add_topics(made: Parser) -> None:
         help="read the transforms of this topic, and put PREFIX in front of its frame names; may be given "
         "several times; by default, /tf and /tf_static are read",
     )
+    made.add_argument(
+        "--poses",
+        action="append",
+        type=_poses,
+        metavar="TOPIC[=PARENT,CHILD]",
+        default=[],
+        help="also read the poses of this topic as transforms of the frame CHILD in the frame PARENT; "
+        "odometry and geometry_msgs/TransformStamped name both frames; may be given several times",
+    )
+    made.add_argument(
+        "--urdf",
+        action="append",
+        type=_urdf,
+        metavar="[TOPIC=]FILE",
+        default=[],
+        help="also compute the transforms of the joints of this URDF from the joint states on TOPIC, by "
+        f"default /joint_states; the word {RECORDED} instead of FILE means the description in the recording",
+    )
 
 
 def _topic(text: str) -> tuple[str, str]:
@@ -395,6 +434,21 @@ def _topic(text: str) -> tuple[str, str]:
     if not name:
         raise ArgumentTypeError(f"must begin with the name of a topic, not {text!r}")
     return name, prefix
+
+
+def _poses(text: str) -> tuple[str, tuple[str, str] | None]:
+    topic, equals, frames = text.partition("=")
+    parent, _, child = map(_frame, frames.partition(","))
+    if not topic or equals and not (parent and child):
+        raise ArgumentTypeError(f"must be TOPIC or TOPIC=PARENT,CHILD, not {text!r}")
+    return topic, (parent, child) if equals else None
+
+
+def _urdf(text: str) -> tuple[str | None, str]:
+    topic, equals, file = text.partition("=")
+    if not topic or equals and not file:
+        raise ArgumentTypeError(f"must be FILE or TOPIC=FILE, not {text!r}")
+    return (topic, file) if equals else (None, text)
 
 
 def _add_when(made: Parser) -> _MutuallyExclusiveGroup:

@@ -17,7 +17,7 @@ from tf2_ros_tools.fleet import Recordings, map_recordings
 from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs
 from tf2_ros_tools.output import counted, printable, require, write_whole
 from tf2_ros_tools.reading import BagError
-from tf2_ros_tools.tables import POSE
+from tf2_ros_tools.tables import POSE, STAMP_NS
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -32,7 +32,7 @@ class Dataset:
 
     It is a sequence of rows, each a dict with the names of LeRobot: ``episode_index``, the number of the
     recording in ``files``; ``frame_index``, the number of the message in the topic; ``timestamp``, the
-    seconds since its first message; and ``stamp`` in nanoseconds, ``pose``, ``valid`` and ``gap``, of shape
+    seconds since its first message; and ``stamp_ns``, ``pose``, ``valid`` and ``gap``, of shape
     (F, 7) or (F,), the numbers as float32. A ``DataLoader`` of torch makes batches of them.
 
     :param frames: their names.
@@ -73,7 +73,7 @@ class Dataset:
             "episode_index": int(self.episodes[row]),
             "frame_index": int(self.indices[row]),
             "timestamp": float(self.timestamps[row]),
-            "stamp": int(self.stamps_ns[row]),
+            STAMP_NS: int(self.stamps_ns[row]),
             "pose": self.poses[row].astype(np.float32),
             "valid": self.valid[row].copy(),
             "gap": self.gaps[row].astype(np.float32),
@@ -91,7 +91,7 @@ class Dataset:
         """
         Write a Parquet file in one step.
 
-        It has the columns ``file``, ``episode_index``, ``frame_index``, ``timestamp`` and ``stamp``, and
+        It has the columns ``file``, ``episode_index``, ``frame_index``, ``timestamp`` and ``stamp_ns``, and
         ``<frame>.x`` to ``<frame>.qw``, ``<frame>.valid`` and ``<frame>.gap`` for each frame.
         """
         import pyarrow
@@ -103,7 +103,7 @@ class Dataset:
             "episode_index": self.episodes,
             "frame_index": self.indices,
             "timestamp": self.timestamps,
-            "stamp": self.stamps_ns,
+            STAMP_NS: self.stamps_ns,
         }
         for i, frame in enumerate(self.frames):
             columns |= {f"{frame}.{name}": self.poses[:, i, j].copy() for j, name in enumerate(POSE)}
@@ -186,7 +186,7 @@ def dataset(
         path, problem = next(iter(result.failed.items()))
         raise BagError(problem if path in problem else f"{printable(path)}: {problem}")
     whole = pyarrow.concat_tables(tables.values())
-    stamps = [table["stamp"].to_numpy() for table in tables.values()]
+    stamps = [table[STAMP_NS].to_numpy() for table in tables.values()]
     counts = [*map(len, stamps)]
 
     def columns(name: str) -> NDArray[Any]:

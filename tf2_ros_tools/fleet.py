@@ -81,8 +81,8 @@ def _is_rosbag2(folder: str) -> bool:
 
 S = 1_000_000_000
 # The metadata of a table that says what it was made from. The number changes with the format of this
-# metadata, and with the meaning of a request.
-KEY, FORMAT = b"tf2_ros.map_recordings", 4
+# metadata or of the table, and with the meaning of a request.
+KEY, FORMAT = b"tf2_ros.map_recordings", 5
 # Files that SQLite creates next to a database that is read.
 COMPANIONS = ("-wal", "-shm", "-journal")
 
@@ -386,7 +386,7 @@ def map_recordings(
     """
     Look up the pose of ``source`` in ``target`` in many recordings, and write a Parquet file for each.
 
-    Its columns are ``file``, ``stamp`` (nanoseconds), ``x y z`` (metres), ``qx qy qz qw``, ``valid``, and
+    Its columns are ``file``, ``stamp_ns``, ``x y z`` (metres), ``qx qy qz qw``, ``valid``, and
     ``gap``: the seconds between the samples that the pose was interpolated from. The file ``_findings.csv``
     in the same folder lists the problems of the recordings, and why some cannot be read. A problem with one
     recording does not stop the others.

@@ -15,14 +15,15 @@ from tf2_ros_tools.output import require
 from tf2_ros_tools.streams import moving_on, stamps_on, taken
 
 if TYPE_CHECKING:
+    from tf2_ros import Buffer
     from tf2_ros_tools.loading import Heard
 
 S = 1_000_000_000
 # A stamp in 1970 beside current ones is a mistake, and must not make the table fill the memory.
 MOST_TIMES = 50_000_000
 PIECE = 10_000  # rows
-STAMP_NS = "stamp_ns"  # the first column of a CSV
-POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+# The columns of a table, in each format that has names.
+STAMP_NS, POSE, VALID, GAP = "stamp_ns", ("x", "y", "z", "qx", "qy", "qz", "qw"), "valid", "gap"
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ Tables = Mapping[str, Table]
 
 
 def look_up_frames(
-    buffer: BufferCore, target: str, frames: Sequence[str], times_ns: ArrayLike
+    buffer: Buffer, target: str, frames: Sequence[str], times_ns: ArrayLike
 ) -> tuple[dict[str, Table], dict[str, str]]:
     """Look up the tables of frames in ``target`` at N times, and why frames have no answer at any time."""
     stamps_ns = np.asarray(times_ns, np.int64)
@@ -73,15 +74,18 @@ def look_up_frames(
     return tables, reasons
 
 
-def look_up_table(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -> Table:
+def look_up_table(
+    buffer: BufferCore, target: str, source: str, times_ns: ArrayLike, max_gap: float | None = None
+) -> Table:
     """
     Look up the table of ``source`` in ``target`` at N times; see :func:`look_up`.
 
+    :param max_gap: there is no answer between samples that are further apart, in seconds. None: there is.
     :raises TransformException: the frames are unknown or not connected.
     """
     stamps_ns = np.asarray(times_ns, np.int64)
     between = buffer.path(target, source)
-    poses = look_up(buffer, target, source, stamps_ns)
+    poses = look_up(buffer, target, source, stamps_ns, max_gap)
     gaps = np.where(np.isnan(poses[:, 0]), np.nan, 0.0)
     moving = moving_on(buffer.frames(), between)
     histories = buffer.histories() if moving else {}
@@ -97,18 +101,22 @@ def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray
     return np.where(samples[after] == times_ns, 0.0, between / S)
 
 
-def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -> NDArray[np.float64]:
+def look_up(
+    buffer: BufferCore, target: str, source: str, times_ns: ArrayLike, max_gap: float | None = None
+) -> NDArray[np.float64]:
     """
     Look up the pose of ``source`` in ``target`` at each of N times; see ``Table.poses``.
 
     :param times_ns: shape (N,), nanoseconds. 0 is the time 0, not the latest one.
+    :param max_gap: see :func:`look_up_table`.
     :raises LookupException: a frame is unknown.
     :raises InvalidArgumentException: a name is invalid.
     """
     stamps_ns = np.asarray(times_ns, np.int64)
     # For tf2, 0 means the latest common time. Use the next nanosecond, when no frame has moved noticeably.
     times = np.where(stamps_ns == 0, 1, stamps_ns)
-    return np.concatenate(buffer.lookup_transforms(target, source, times, on_missing="nan"), axis=1)
+    found = buffer.lookup_transforms(target, source, times, on_missing="nan", max_gap=max_gap)
+    return np.concatenate(found, axis=1)
 
 
 def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> NDArray[np.int64]:
@@ -155,12 +163,14 @@ def times_when(heard: Heard, target: str, source: str, rate: float | None) -> ND
     return stamps if len(stamps) else taken(heard.records)["stamp_ns"][:1].astype(np.int64)
 
 
-def why_unanswered(buffer: BufferCore, target: str, source: str, times_ns: NDArray[np.int64]) -> str:
+def why_unanswered(
+    buffer: Buffer, target: str, source: str, times_ns: NDArray[np.int64], max_gap: float | None = None
+) -> str:
     """Say why a lookup has no answer at any of N times."""
     if not len(times_ns):
         return "the recording has no time to look up"
     try:
-        buffer.lookup_transform_core(target, source, int(times_ns[0]) or 1)
+        buffer.lookup_transform(target, source, int(times_ns[0]) or 1, max_gap=max_gap)
     except TransformException as reason:
         return str(reason)
     return f"the frames between {target} and {source} were never all known at the same time"
@@ -173,10 +183,13 @@ def as_csv(table: Table) -> bytes:
     """
     Write comma-separated values, after a line of names.
 
-    ``stamp_ns`` is in nanoseconds. ``valid`` is true or false; if it is false, the numbers are nan.
+    ``stamp_ns`` is in nanoseconds, ``gap`` in seconds. ``valid`` is true or false; if it is false, the other
+    numbers are nan.
     """
-    rows = (f"{stamp},{','.join(pose)},{str(valid).lower()}\n" for stamp, pose, valid in _rows(table))
-    return "".join([",".join((STAMP_NS, *POSE, "valid\n")), *rows]).encode()
+    rows = (
+        f"{stamp},{','.join(pose)},{str(valid).lower()},{gap!r}\n" for stamp, pose, valid, gap in _rows(table)
+    )
+    return "".join([f"{','.join((STAMP_NS, *POSE, VALID, GAP))}\n", *rows]).encode()
 
 
 def as_tum(table: Table) -> bytes:
@@ -185,7 +198,7 @@ def as_tum(table: Table) -> bytes:
 
     The format cannot represent a missing answer, so these rows are omitted.
     """
-    rows = (f"{_seconds(stamp)} {' '.join(pose)}\n" for stamp, pose, valid in _rows(table) if valid)
+    rows = (f"{_seconds(stamp)} {' '.join(pose)}\n" for stamp, pose, valid, _ in _rows(table) if valid)
     return "".join(rows).encode()
 
 
@@ -193,7 +206,7 @@ def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None
     """
     Write Parquet.
 
-    The columns are ``file`` and ``stamp``, and ``x`` to ``gap`` of one frame, or ``<frame>.x`` to
+    The columns are ``file`` and ``stamp_ns``, and ``x`` to ``gap`` of one frame, or ``<frame>.x`` to
     ``<frame>.gap`` of several.
 
     :param file: the recording's name, the same in each row.
@@ -206,9 +219,9 @@ def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None
 
     stamps = next(iter(tables.values())).stamps_ns
     name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(stamps))
-    columns: dict[str, Any] = {"file": name, "stamp": stamps}
+    columns: dict[str, Any] = {"file": name, STAMP_NS: stamps}
     for frame, table in tables.items():
-        own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {"valid": table.valid, "gap": table.gaps}
+        own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {VALID: table.valid, GAP: table.gaps}
         columns |= {f"{frame}.{name}" if frame else name: column for name, column in own.items()}
     written = BytesIO()
     parquet.write_table(pyarrow.table(columns, metadata=metadata), written)
@@ -221,9 +234,10 @@ def _seconds(stamp_ns: int) -> str:
     return f"{'-' if stamp_ns < 0 else ''}{whole}.{part:09d}"
 
 
-def _rows(table: Table) -> Iterator[tuple[int, list[str], bool]]:
+def _rows(table: Table) -> Iterator[tuple[int, list[str], bool, float]]:
     # In pieces, because as Python objects, millions of rows take several times the memory of their text.
     for begin in range(0, len(table), PIECE):
         piece = slice(begin, begin + PIECE)
         poses = ([*map(repr, pose)] for pose in table.poses[piece].tolist())
-        yield from zip(table.stamps_ns[piece].tolist(), poses, table.valid[piece].tolist(), strict=True)
+        others = (one[piece].tolist() for one in (table.valid, table.gaps))
+        yield from zip(table.stamps_ns[piece].tolist(), poses, *others, strict=True)

@@ -4,13 +4,15 @@ Draw the path of a frame, from above and as components over time.
 The functions that draw import matplotlib.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py import BufferCore, TransformException, stored_name
+from tf2_py import TransformException, stored_name
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.findings import Limits, longest_interval
 from tf2_ros_tools.output import rpy_from_matrices
@@ -18,6 +20,9 @@ from tf2_ros_tools.pictures import BLUE, GAP, GREEN, ORANGE, VERMILION, Records,
 from tf2_ros_tools.program import RunError
 from tf2_ros_tools.streams import Stream, moving_on, newest_streams, stamps_on
 from tf2_ros_tools.tables import look_up, why_unanswered
+
+if TYPE_CHECKING:
+    from tf2_ros import Buffer
 
 S = 1_000_000_000
 
@@ -33,7 +38,7 @@ MANY = 4000  # points of a line; a line with more is an image, because its file 
 
 
 def path_picture(
-    buffer: BufferCore,
+    buffer: Buffer,
     records: Records,
     streams: Sequence[Stream],
     frames: Sequence[str],

@@ -120,7 +120,7 @@ def test_parquet_has_a_column_for_each_number(path, tmp_path):
     data = made(path)
     data.save(tmp_path / "data.parquet")
     columns = parquet.read_table(tmp_path / "data.parquet").to_pydict()
-    assert list(columns)[:5] == ["file", "episode_index", "frame_index", "timestamp", "stamp"]
+    assert list(columns)[:5] == ["file", "episode_index", "frame_index", "timestamp", "stamp_ns"]
     parts = ("x", "y", "z", "qx", "qy", "qz", "qw", "valid", "gap")
     assert list(columns)[5:] == [f"{frame}.{part}" for frame in FRAMES for part in parts]
     assert set(columns["file"]) == {str(path)}

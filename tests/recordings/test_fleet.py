@@ -76,10 +76,10 @@ def test_each_recording_becomes_a_table_and_one_table_has_the_findings(runs, out
     assert set(result.done) == set(find_recordings(runs))
     run = str(runs / "monday" / "run.mcap")
     columns, _ = contents(out / os.path.basename(result.done[run]))
-    assert list(columns) == ["file", "stamp", "x", "y", "z", "qx", "qy", "qz", "qw", "valid", "gap"]
+    assert list(columns) == ["file", "stamp_ns", "x", "y", "z", "qx", "qy", "qz", "qw", "valid", "gap"]
     assert set(columns["file"]) == {run} and all(columns["valid"])
-    assert len(columns["stamp"]) == 40
-    places, rotations = bag.load(run).lookup_transforms("map", "camera", columns["stamp"])
+    assert len(columns["stamp_ns"]) == 40
+    places, rotations = bag.load(run).lookup_transforms("map", "camera", columns["stamp_ns"])
     poses = [columns[name] for name in ("x", "y", "z", "qx", "qy", "qz", "qw")]
     np.testing.assert_equal(np.transpose(poses), np.hstack([places, rotations]))
     [row] = [row for row in findings(result) if row["file"] == run]
@@ -106,7 +106,7 @@ def test_a_recording_without_the_frames_has_an_empty_table_and_a_finding(runs, o
     result = mapped(runs, out)
     assert not result.failed
     columns, _ = contents(out / os.path.basename(result.done[str(runs / "other.mcap")]))
-    assert columns["stamp"] == []
+    assert columns["stamp_ns"] == []
     [row] = [row for row in findings(result) if row["kind"] == "lookup"]
     assert row["file"] == str(runs / "other.mcap") and '"map"' in row["text"]
     assert parquet.read_table(out).num_rows == 140
@@ -176,7 +176,7 @@ def test_a_recording_that_has_changed_is_done_again(runs, out):
     second = mapped(runs, out)
     assert set(second.done) == {str(run), str(folder)} and len(second.skipped) == 2
     columns, _ = contents(out / os.path.basename(first.done[str(run)]))
-    assert len(columns["stamp"]) == 41
+    assert len(columns["stamp_ns"]) == 41
 
 
 def test_two_runs_at_once_into_one_folder_do_the_same_as_one(runs, out, tmp_path):

@@ -25,6 +25,7 @@ from tf2_ros_tools.program import (
     add_plot_options,
     format_of,
     nanoseconds,
+    non_negative_number,
     positive_number,
     run,
 )
@@ -174,9 +175,10 @@ def lookup(options: Namespace) -> int:
     times_ns = options.times if options.at is None else heard.times_ns
     if times_ns is None:
         times_ns = tables.times_when(heard, target, source, options.rate)
-    table = tables.look_up_table(heard.buffer, target, source, times_ns)
+    table = tables.look_up_table(heard.buffer, target, source, times_ns, options.max_gap)
     if not table.valid.any():
-        raise RunError(tables.why_unanswered(heard.buffer, target, source, table.stamps_ns))
+        reason = tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, options.max_gap)
+        raise RunError(reason)
     kind = "csv" if options.output is None else format_of(options.output)
     if kind == "parquet":
         contents = tables.as_parquet({"": table}, options.file)
@@ -337,6 +339,13 @@ def _parser() -> Parser:
     command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
     when = _add_when(command)
     when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help="at these times, in seconds")
+    command.add_argument(
+        "--max-gap",
+        type=non_negative_number,
+        metavar="S",
+        help="give no answer between two transforms of a frame that are more than S seconds apart; by "
+        "default, interpolate however far apart they are",
+    )
     add_output(command, "csv", "tum", "parquet", more=", instead of printing CSV")
     command = add(
         "tree",

@@ -29,7 +29,7 @@ def stored_name(name: str) -> str:
     >>> stored_name("/base_link")
     'base_link'
     """
-    return name.removeprefix("/")
+    return name.removeprefix("/")  # as `name_strip` in C
 
 
 class FrameInfo(NamedTuple):

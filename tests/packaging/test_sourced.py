@@ -252,7 +252,7 @@ class TestWhich:
 
 
 def kilted(path, ros):
-    """What is known of Kilted: the versions of its rclpy and its type support, in the place of the other's."""
+    """What is known of Kilted: the versions of its rclpy and type support, in the place of the others."""
     prefix = Prefix(path).mark("rclpy")
     shutil.copytree(ros.path / SITE, prefix.path / SITE, symlinks=True, dirs_exist_ok=True)
     rclpy = prefix.path / SITE / "rclpy"

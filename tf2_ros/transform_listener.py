@@ -82,9 +82,10 @@ class TransformListener:
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
     callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
     overrides ``callback`` or ``static_callback``; if the buffer is not a :class:`tf2_ros.Buffer`, or it or
-    its class has a ``set_transform*`` of its own; if the node overrides ``create_subscription``; and if this
-    version of rcl is not known. That is decided when the listener is made, and when another ``buffer`` is
-    assigned. The property ``receives`` names the topics that need no executor.
+    its class has a ``set_transform*`` of its own; if the node overrides ``create_subscription``; and if a
+    function of rcl is missing. That is decided when the listener is made, and when another ``buffer`` is
+    assigned. The property ``receives`` names the topics that need no executor. For an ``AsyncNode``, its
+    event loop takes the place of an executor.
 
     If its buffer is attached to the buffer of another process, or ``TF2_SHARED_BUFFER`` in the environment
     names such a buffer, it subscribes to nothing as long as that process receives the same messages; see

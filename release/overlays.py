@@ -1,0 +1,108 @@
+"""
+Test with releases of ROS 2 that are not on PyPI: `python -m release.overlays`, behind `make releases`.
+
+An overlay is an archive with another release of rclpy, compiled for one Python, which replaces that of the
+wheels when it comes first on PYTHONPATH. The wheels of the project are installed beside those of ROS, and the
+tests of nodes, with the recorded programs of users, run with the wheels alone and with each overlay.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+from release import wheels
+from release.interpreters import interpreters
+
+# rclpy-<its version>-<the wheels that it is compiled with, after "on-" of a later release>-cp<Python>.tar.xz
+NAMES = re.compile(r"rclpy-(?P<version>[\d.]+)-(?:on-)?(?P<ros>\w+)-cp(?P<python>\d{3,})")
+FOLDER = wheels.ROOT.parent / "shared" / "ros"
+# Two processes for each core, as for `make test`.
+TESTS = [f"--numprocesses={min(2 * (os.cpu_count() or 1), 8)}", "--dist=loadfile", "tests/ros"]
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(
+        prog="python -m release.overlays",
+        description="Run the tests of nodes with the wheels of Jazzy and Kilted, and with overlays on them.",
+        epilog="Further arguments go to pytest.",
+    )
+    parser.add_argument(
+        "--folder", type=Path, default=FOLDER, help="where the archives are; default: %(default)s"
+    )
+    parser.add_argument("--only", metavar="WORD", default="", help="those with this word in their names")
+    options, of_pytest = parser.parse_known_args(arguments)
+    archives = sorted(options.folder.glob("rclpy-*.tar.xz"))
+    print(f"{len(archives)} overlays in {options.folder}")
+    found = [(archive, NAMES.fullmatch(archive.name.removesuffix(".tar.xz"))) for archive in archives]
+    for archive, name in found:
+        if name is None:
+            parser.error(f"{archive.name}: expected a name like rclpy-7.1.11-jazzy-cp311.tar.xz")
+    pythons = {name["python"] for _, name in found} or {"311"}
+    results = {}
+    for python in sorted(pythons):
+        version = f"{python[0]}.{python[1:]}"
+        executable = interpreters([])[version]
+        if executable is None:
+            results[f"Python {version}"] = "not found"
+            continue
+        sources = wheels.source_distributions(wheels.RELEASES)
+        for ros in wheels.RELEASES:
+            runs = {f"wheels of {ros}": None}
+            runs |= {
+                a.name.removesuffix(".tar.xz"): a
+                for a, n in found
+                if (n["python"], n["ros"]) == (python, ros)
+            }
+            runs = {name: archive for name, archive in runs.items() if options.only in name}
+            if runs:
+                environment = _environment(executable, version, ros, sources)
+                results |= {
+                    name: _tested(environment, name, archive, of_pytest) for name, archive in runs.items()
+                }
+    for name, result in results.items():
+        print(f"{name}: {result}")
+    return 0 if set(results.values()) == {"passed"} else 1
+
+
+def _environment(executable, version, ros, sources):
+    """A Python with the wheels of a ROS 2, those of the project, and what its short tests use."""
+    python = wheels.environment_of(executable, wheels.SCRATCH / f"overlays-{version}-{ros}")
+    engine, messages = (wheels.wheel(executable, version, sources[what]) for what in ("engine", ros))
+    extras = f"{wheels.RELEASES[ros]},test"
+    wheels.run(
+        [
+            python,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            f"tf2-ros-cython[{extras}] @ file://{engine}",
+            f"tf2-ros-cython-msgs-{ros} @ file://{messages}",
+        ]
+    )
+    return python
+
+
+def _tested(python, name, archive, of_pytest):
+    environment = wheels.environment()
+    if archive is not None:
+        with tarfile.open(archive) as opened:
+            opened.extractall(wheels.SCRATCH, filter="data")
+        overlay = wheels.SCRATCH / name
+        # Tests read ROS's headers beside rclpy.
+        (overlay / "include").unlink(missing_ok=True)
+        (overlay / "include").symlink_to(python.parents[1] / "include")
+        environment["PYTHONPATH"] = str(next(overlay.glob("lib/python3.*/site-packages")))
+    suite = wheels.SCRATCH / "suite-overlays"
+    wheels.copy_suite(suite)
+    print(f"== {name}", flush=True)
+    command = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *(of_pytest or TESTS)]
+    return "passed" if subprocess.run(command, cwd=suite, env=environment).returncode == 0 else "failed"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

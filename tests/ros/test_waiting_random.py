@@ -144,7 +144,6 @@ class Player:
     )
 
 
-@pytest.mark.filterwarnings("ignore:Unhandled exception in done callback")
 @pytest.mark.parametrize("seed", range(4))
 def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
     buffer = tf2_ros.Buffer()

@@ -14,7 +14,6 @@ import os
 import sys
 import threading
 import traceback
-import warnings
 import weakref
 from heapq import heappop, heappush
 from types import FunctionType
@@ -226,9 +225,9 @@ cdef class FutureEnding(Ending):
         cdef list wakers = self.wakers
         self.done_callbacks, self.wakers = [], []
         for callback in callbacks:
-            _call(callback, (self,), 1, False, errors)
+            _call(callback, (self,), 1, errors)
         for waker in wakers:
-            _call(waker, (self,), TRIES, False, errors)
+            _call(waker, (self,), TRIES, errors)
         return 0
 
 
@@ -237,8 +236,8 @@ def log_error(error, where="In a callback"):
     log.logger("tf2_ros").error(f"{where}: {''.join(traceback.format_exception(error))}")
 
 
-cdef int _call(callback, tuple arguments, int tries, bint logs, list errors) except -1:
-    # An `Exception` of a callback is logged, or warned of as in rclpy; another one is added to the errors.
+cdef int _call(callback, tuple arguments, int tries, list errors) except -1:
+    # An `Exception` of a callback is logged; another one is added to the errors.
     error = None
     while tries > 0:
         tries -= 1
@@ -249,10 +248,7 @@ cdef int _call(callback, tuple arguments, int tries, bint logs, list errors) exc
             error = raised
     if isinstance(error, Exception):
         try:
-            if logs:
-                log_error(error)
-            else:
-                warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=2)
+            log_error(error)
         except BaseException as raised:
             errors.append(raised)
     elif error is not None:
@@ -314,8 +310,8 @@ cdef class QueuedMessage(Ending):
                     except BaseException as raised:
                         errors.append(raised)
         for callback, more in list(callbacks.values()):
-            _call(callback, (*given, *more), 1, True, errors)
-        _call(filter._warn_of_drops, (self, outcome), 1, True, errors)
+            _call(callback, (*given, *more), 1, errors)
+        _call(filter._warn_of_drops, (self, outcome), 1, errors)
         return 0
 
 
@@ -360,7 +356,7 @@ cdef class ChangeSubscription(Ending):
             except BaseException as raised:     # there is no memory
                 errors.append(raised)
                 self.cancel()
-            _call(self._callback, (result,), 1, True, errors)
+            _call(self._callback, (result,), 1, errors)
             self._is_running = False
         if errors:
             raise errors[0]

@@ -19,6 +19,7 @@ from spinning import spinning
 import tf2_py
 import tf2_ros
 from tf2_ros._receive import inboxes
+from tf2_ros._wait.endings import Deadlines
 
 pytestmark = pytest.mark.ours
 
@@ -34,13 +35,13 @@ def _raise():
 
 
 @contextmanager
-def interrupted(line, handler=_raise):
-    """Call a handler once, before the line with this number, from 1, of those that the packages run."""
+def interrupted(line, handler=_raise, files=PACKAGES):
+    """Call a handler once, before the line with this number, from 1, of those that these files run."""
     count = SimpleNamespace(left=line, reached=False)
 
     def trace(frame, event, _):
         code = frame.f_code
-        if not code.co_filename.startswith(PACKAGES):
+        if not code.co_filename.startswith(files):
             return None
         # A `with` is traced a second time before its end, where no signal is handled.
         text = linecache.getline(code.co_filename, frame.f_lineno)
@@ -169,6 +170,22 @@ class TestEachLine:
                 until(lambda line=line: passed == [line], executor)
                 passed.clear()
             assert line > 10
+
+
+def test_a_timeout_starts_its_thread_without_a_line_of_python():
+    """In a line of `Thread.start`, what a handler raises would become an error of a lock."""
+
+    class Expires:
+        def __init__(self):
+            self.expired = threading.Event()
+            self.over, self.expire = self.expired.is_set, self.expired.set
+
+    for line in range(1, 60):  # the lines of `threading` run in a `Thread.start` are fewer
+        deadlines, wait = Deadlines(), Expires()
+        with interrupted(line, files=(threading.__file__,)) as count:
+            deadlines.add(0, wait)
+        assert not count.reached
+        assert wait.expired.wait(DEADLINE_S)
 
 
 def test_a_thread_whose_start_is_interrupted_ends_or_is_the_only_one(tf2_ros, node, buffer, monkeypatch):

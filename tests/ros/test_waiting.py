@@ -123,7 +123,7 @@ class TestTimeout:
 
     def test_its_thread_ends_with_the_last(self, buffer):
         futures = [wait(buffer, timeout=LONGER) for _ in range(3)]
-        assert deadline_threads() == 1
+        until(lambda: deadline_threads() == 1)
         until(lambda: deadline_threads() == 0)
         assert all(future.exception() is not None for future in futures)
         again = wait(buffer, timeout=SHORT)

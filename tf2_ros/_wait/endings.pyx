@@ -15,6 +15,7 @@ import sys
 import threading
 import traceback
 import weakref
+from _thread import start_new_thread
 from heapq import heappop, heappush
 from types import FunctionType
 
@@ -427,18 +428,27 @@ cdef class Deadlines:
         if not self._has_thread:
             if sys.is_finalizing():     # before Python 3.12, it would wait for the thread forever
                 raise RuntimeError("no thread can be started at the end of the interpreter")
-            # Of several that start at once, all but one end at once.
-            threading.Thread(target=self._run, name="tf2_ros deadlines", daemon=True).start()
+            self._has_thread = True
+            try:
+                start_new_thread(self._start, ())
+            except BaseException:
+                self._has_thread = False
+                raise
         elif self.entries[0][1] == number or len(self.entries) > self._sweep_at:
             if self._asleep.locked():
                 self._asleep.release()
 
+    def _start(self):
+        # In a thread of its own, where no signal handler runs. `Thread.start` waits for the new thread in
+        # Python: what a handler raises there surfaces as an error of a lock, or the new thread waits forever.
+        try:
+            threading.Thread(target=self._run, name="tf2_ros deadlines", daemon=True).start()
+        except RuntimeError:    # this thread could be started, another one cannot
+            self._run()
+
     def _run(self):
         cdef int64_t left_ns
         cdef bint is_woken = True
-        if self._has_thread:
-            return
-        self._has_thread = True
         try:
             while is_woken or self.entries:
                 self._sweep()

@@ -12,11 +12,12 @@ from contextlib import suppress
 from functools import partial
 
 import pytest
+from interposing import output_with_library
 from making import S, at_ns
 from processes import PROMPT_S, run, until
 from rclpy.duration import Duration
 from repetitions import times
-from sharing import Owner, is_sound, links, new_name, pair, ring_threads
+from sharing import Intruder, Owner, is_sound, links, new_name, pair, ring_threads, small_ring
 from spinning import at_once, repeated
 
 from tf2_ros import Buffer, SharedBufferError
@@ -235,6 +236,40 @@ def test_a_malformed_message_in_shared_memory_is_counted_and_the_rest_is_read():
         assert is_sound(reader, 0)
         until(lambda: reader.statistics()["malformed_messages"] == 1)
         reader._self_check()
+
+
+# Positions of a ring; its records begin at multiples of 64.
+FAR = 2**62
+ODD = [0, 63, FAR - 64, FAR + 1, 2**63 - 64, 2**63, 2**64 - 2**17, 2**64 - 64, 2**64 - 1]
+
+
+@pytest.mark.parametrize("oldest", ODD)
+def test_positions_that_no_owner_writes_break_nothing(oldest):
+    for newest in (*ODD, oldest):  # one reader meets them all
+        with small_ring(), pair() as (owner, reader), Intruder(owner._tf2_sharing.path) as intruder:
+            owner.set_transforms(links(1 * S, 0), "owner")
+            assert is_sound(reader, 0)
+            at, end, _ = intruder.head()
+            # A valid record where the damaged head points, and a position from which on the sums wrap.
+            if oldest % 64 == 0:
+                intruder.copy(at, oldest)
+            wrapping = 2**64 - 64
+            for head in ((oldest, newest), (oldest, wrapping), (oldest, 10**6), (wrapping, newest, oldest)):
+                intruder.set_head(*head)
+                is_sound(reader, 0)
+                with suppress(SharedBufferError):
+                    is_sound(Buffer(attach=owner._tf2_sharing.name), 0)
+            reader._self_check()
+            until(lambda: reader.statistics()["malformed_messages"] > 0)
+            intruder.set_head(at, end, 0)
+            is_sound(reader, 0)  # it passes over what was overwritten
+            owner.set_transforms(links(2 * S, 0), "owner")
+            assert reader.can_transform_core("map", "f4", 2 * S)[0]
+
+
+def test_a_reader_reads_each_byte_once(tmp_path):
+    """The owner could change a byte between the check and the use."""
+    assert output_with_library("reads_once", tmp_path) == "501 frames, 0 malformed messages\n"
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="it takes a superuser to mount a file system")

@@ -1,10 +1,13 @@
 """Shared buffers for tests, and what must always be true of them."""
 
 import itertools
+import mmap
 import os
+import struct
 import subprocess
 import sys
 import threading
+import time
 from contextlib import contextmanager
 from unittest.mock import patch
 
@@ -70,6 +73,53 @@ def is_sound(buffer, first_ns, ages_ns=(0,)):
         assert abs(answer.transform.translation.x - wanted) < 1e-6, (answer, wanted)
         found = True
     return found
+
+
+class Intruder:
+    """
+    Writes into the file of a shared buffer, as another process of the same user can; for a `with` statement.
+
+    It writes to mapped memory, so no other thread gets the GIL meanwhile. The layout is that of `ring.pyx`.
+    """
+
+    HEAD, OLDEST_AT, RECORD, RING_AT, UNIT = struct.Struct("=QQQ"), 24, struct.Struct("=QQqIIII"), 1 << 16, 64
+    CAPACITY_AT, NO_CHILD = 16, 0xFFFFFFFF
+
+    def __init__(self, path):
+        with open(path, "r+b") as file:
+            self.memory = mmap.mmap(file.fileno(), 0)
+        (self.capacity,) = struct.unpack_from("=Q", self.memory, self.CAPACITY_AT)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.memory.close()
+
+    def head(self):
+        """The positions `oldest`, `next` and `cleared`."""
+        return self.HEAD.unpack_from(self.memory, self.OLDEST_AT)
+
+    def set_head(self, *positions):
+        """Replace the first ones of these."""
+        self.HEAD.pack_into(self.memory, self.OLDEST_AT, *(positions + self.head()[len(positions) :]))
+
+    def place(self, position):
+        """Where a position is in the file."""
+        return self.RING_AT + position % self.capacity
+
+    def copy(self, position, to):
+        """Write the record at a position again, as a valid one, at another one."""
+        length = 4096
+        record = self.memory[self.place(position) : self.place(position) + length]
+        self.memory[self.place(to) : self.place(to) + length] = struct.pack("=QQ", to, to) + record[16:]
+
+    def write(self, position, kind, content):
+        """Write a record; the position behind it."""
+        head = self.RECORD.pack(position, position, time.monotonic_ns(), kind, self.NO_CHILD, len(content), 0)
+        record = head + content
+        self.memory[self.place(position) : self.place(position) + len(record)] = record
+        return position + -(-len(record) // self.UNIT) * self.UNIT
 
 
 def small_ring():

@@ -12,8 +12,9 @@ The owner advances `oldest`, writes, and then publishes `next`. A reader copies 
 `oldest`. Each static transform is a record of its own. Before the newest one of a child would be overwritten,
 the owner writes it again at the end, so the ring always has the newest of each child.
 
-Records are read with `pread`, which returns less where the file is truncated. A reader checks everything it
-finds, and any byte may be wrong: at worst, that is a malformed message.
+Records are read with `pread`, which returns less where the file is truncated. Any byte may be wrong, and may
+change at any time. So a reader reads each byte once, and checks its copy before it uses it (`_is_inside`): at
+worst, what is wrong is a malformed message.
 """
 
 cimport cython
@@ -21,7 +22,7 @@ from libc.errno cimport errno
 from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc, realloc
-from libc.string cimport memcpy, memset
+from libc.string cimport memcpy, memmove, memset
 from posix.mman cimport MAP_FAILED, MAP_SHARED, PROT_READ, PROT_WRITE, mmap, munmap
 from posix.unistd cimport close, pread, pwrite
 

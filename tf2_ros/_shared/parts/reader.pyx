@@ -4,6 +4,10 @@ cdef enum:
     CHUNK_BYTES = 1 << 15       # that a reader copies at once, or else one record
 
 
+# Positions are below this, so that sums of positions and lengths do not wrap.
+cdef uint64_t POSITIONS = <uint64_t>1 << 63
+
+
 cdef enum Found:
     FOUND_NOTHING               # no record, or no memory for it
     FOUND_RECORD
@@ -17,7 +21,7 @@ cdef struct Reading:
     Head* head
     uint64_t capacity           # as found at first
     uint64_t begun              # position at which it began, or began again; it has read everything since
-    uint64_t tail               # position of the next record to read
+    uint64_t tail               # position of the next record to read; any number if the head is damaged
     unsigned char* chunk        # what was copied of the ring; MOST_RECORD bytes
     uint64_t chunk_from         # positions
     uint64_t chunk_to
@@ -26,14 +30,27 @@ cdef struct Reading:
     uint32_t nudges
 
 
+cdef bint _is_inside(uint64_t position, uint64_t length, uint64_t end) noexcept nogil:
+    # Whether a record of this length may be at this position, before this end. All three may be any numbers.
+    return (position % UNIT == 0 and position < end < POSITIONS
+            and length % UNIT == 0 and UNIT <= length <= min(end - position, <uint64_t>MOST_RECORD))
+
+
 cdef Found _copy_chunk(Reading* reading, uint64_t size, uint64_t end) noexcept nogil:
-    # Copies this many bytes from `tail` on, and further records up to `end`, unless the chunk has them.
+    # Copies this many bytes from `tail` on, which are inside, and further records up to `end`. What the chunk
+    # has is not copied again: it was checked, and may have changed since.
     cdef uint64_t further = min(end - reading.tail, reading.capacity - reading.tail % reading.capacity)
-    if reading.chunk_from <= reading.tail and reading.tail + size <= reading.chunk_to:
+    cdef uint64_t had = 0
+    if reading.chunk_from <= reading.tail < reading.chunk_to:
+        had = reading.chunk_to - reading.tail
+    if had >= size:
         return FOUND_RECORD
+    if had > 0:
+        memmove(reading.chunk, reading.chunk + (reading.tail - reading.chunk_from), had)
     size = max(size, min(further, <uint64_t>CHUNK_BYTES))
     reading.chunk_from = reading.chunk_to = reading.tail
-    if not read_file(reading.descriptor, reading.chunk, size, place_of(reading.tail, reading.capacity)):
+    if not read_file(reading.descriptor, reading.chunk + had, size - had,
+                     place_of(reading.tail, reading.capacity) + had):
         return FOUND_DAMAGE
     fence()
     if load64(&reading.head.oldest) > reading.tail:
@@ -52,11 +69,11 @@ cdef Found _find_record(Reading* reading) noexcept nogil:
     cdef Found found
     if end == reading.tail:
         return FOUND_NOTHING
-    found = _copy_chunk(reading, UNIT, end) if reading.tail + UNIT <= end else FOUND_DAMAGE
+    found = _copy_chunk(reading, UNIT, end) if _is_inside(reading.tail, UNIT, end) else FOUND_DAMAGE
     if found != FOUND_RECORD:
         return found
     if (_at_tail(reading).position != reading.tail
-            or record_length(_at_tail(reading)) > min(end - reading.tail, <uint64_t>MOST_RECORD)):
+            or not _is_inside(reading.tail, record_length(_at_tail(reading)), end)):
         return FOUND_DAMAGE
     return _copy_chunk(reading, record_length(_at_tail(reading)), end)
 

@@ -1,5 +1,6 @@
 """Owners that die, stop or fork at any moment, and files that are not what they should be: readers go on."""
 
+import fcntl
 import gc
 import os
 import random
@@ -168,7 +169,10 @@ def test_an_owner_that_ends_while_the_next_one_starts_is_followed_by_one_thread(
 REFUSED = {
     "cannot .*: .*symbolic links": lambda path: path.symlink_to("/dev/null"),
     "cannot .*: .*directory": lambda path: path.mkdir(),
-    "it is not this user's": lambda path: (path.touch(0o600), os.chown(path, 65534, 65534)),
+    "it is not this user's: '/dev/shm/": lambda path: (path.touch(0o600), os.chown(path, 65534, 65534)),
+    "it is not a regular file: '/dev/shm/": lambda path: os.mkfifo(path, 0o600),
+    "other users may write to it, its mode is 0620: ": lambda path: (path.touch(), path.chmod(0o620)),
+    "other users may write to it, its mode is 0602: ": lambda path: (path.touch(), path.chmod(0o602)),
 }
 
 
@@ -185,6 +189,18 @@ def test_a_file_that_is_not_this_users_own_is_refused(match):
                 Buffer(**{keyword: name})
     finally:
         path.rmdir() if path.is_dir() else path.unlink(missing_ok=True)
+
+
+def test_a_process_that_locks_the_file_of_a_dead_owner_is_named_and_not_waited_for():
+    with Owner() as owner, open(owner.path, "rb") as file:
+        owner.process.kill()
+        owner.process.wait()
+        fcntl.flock(file, fcntl.LOCK_SH)
+        match = f"process {os.getpid()} has locked it: '{owner.path}'$"
+        with pytest.raises(SharedBufferError, match=match):
+            Buffer(share=owner.name)
+        fcntl.flock(file, fcntl.LOCK_UN)
+        Buffer(share=owner.name)._tf2_sharing.close()
 
 
 def spoiled(path, where, data):

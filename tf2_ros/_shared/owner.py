@@ -10,7 +10,9 @@ own at once, does not keep the lock.
 import errno
 import fcntl
 import os
+import stat
 import struct
+import time
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -29,6 +31,7 @@ from tf2_ros._shared.ring import RingWriter
 # Of the file, which takes memory only for what it holds. At least, the ring has 1 MiB.
 LEAST_BYTES, MOST_BYTES = 19 << 16, 1 << 28
 PART_OF_FOLDER = 4  # no more than this part of /dev/shm
+LOCK_WAIT_S = 1.0  # for a lock on the file of a dead owner
 TEXT_AT, TEXT_BYTES = 4096, 4096  # place of the description in the file, behind the page that is mapped
 
 
@@ -116,9 +119,33 @@ def publish(descriptor: int, name: str) -> None:
                     process = read_description(other).process
                     text = f"the shared buffer {name!r} is owned by process {process}"
                     raise SharedBufferError(text) from None
-                # Of all who find it, one removes it. The lock ends with the descriptor.
-                fcntl.flock(other, fcntl.LOCK_EX)
+                _lock(other, path)  # of all who find it, one removes it
                 remove_name(path, other)
+
+
+def _lock(descriptor: int, path: Path) -> None:
+    # Until the descriptor is closed. Whoever looks at the file has a lock for a moment, and only then.
+    until = time.monotonic() + LOCK_WAIT_S
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError as error:
+            if time.monotonic() > until:
+                raise BlockingIOError(
+                    error.errno, f"{_lockers(descriptor)} has locked it", str(path)
+                ) from None
+        time.sleep(LOCK_WAIT_S / 100)
+
+
+def _lockers(descriptor: int) -> str:
+    """Which processes have locked a file, as far as this one can see them."""
+    # In a line such as "1: FLOCK ADVISORY READ 4711 00:18:1234 0 EOF", the last of the three numbers is that
+    # of the file in its file system.
+    inode = os.fstat(descriptor).st_ino
+    lines = [line.split() for line in Path("/proc/locks").read_text().splitlines()]
+    found = [line[4] for line in lines if line[1] == "FLOCK" and line[5].split(":")[2] == str(inode)]
+    return " and ".join(f"process {process}" for process in found) or "another process"
 
 
 def is_owned(descriptor: int) -> bool:
@@ -136,12 +163,18 @@ def opened(path: Path) -> Iterator[int]:
     """
     Open the file of a shared buffer; for a ``with`` statement, which gets a descriptor.
 
-    :raises OSError: there is none, or it is not this user's.
+    :raises OSError: there is none, or it is not a regular file that only this user can write.
     """
-    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
-        if os.fstat(descriptor).st_uid != os.geteuid():
-            raise PermissionError(errno.EPERM, "it is not this user's")
+        status = os.fstat(descriptor)
+        if status.st_uid != os.geteuid():
+            raise PermissionError(errno.EPERM, "it is not this user's", str(path))
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "it is not a regular file", str(path))
+        if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            mode = f"{stat.S_IMODE(status.st_mode):04o}"
+            raise PermissionError(errno.EPERM, f"other users may write to it, its mode is {mode}", str(path))
         yield descriptor
     finally:
         os.close(descriptor)

@@ -14,9 +14,10 @@ from functools import partial
 
 import pytest
 from interposing import output_with_library
-from making import S, at_ns
+from making import S, at_ns, transform
 from processes import PROMPT_S, run, until
 from rclpy.duration import Duration
+from rclpy.time import Time
 from repetitions import times
 from sharing import Intruder, Owner, is_sound, links, new_name, pair, ring_threads, small_ring
 from spinning import at_once, repeated
@@ -286,6 +287,30 @@ def test_positions_that_no_owner_writes_break_nothing(oldest):
 def test_a_reader_reads_each_byte_once(tmp_path):
     """The owner could change a byte between the check and the use."""
     assert output_with_library("reads_once", tmp_path) == "501 frames, 0 malformed messages\n"
+
+
+def test_an_answer_is_delivered_although_malformed_messages_wait_to_be_reported():
+    """A removal that ends a loop answers a future, while the thread that reports waits for the GIL."""
+    junk, removal = 1, 3  # kinds of records
+    with small_ring(), pair() as (owner, reader), Intruder(owner._tf2_sharing.path) as intruder:
+        for parent, child in (("a", "z"), ("a", "b"), ("b", "a")):
+            owner.set_transform(transform(parent, child, 1), "owner")
+        assert "b" in reader
+        future = reader.wait_for_transform_async("z", "b", Time())
+        oldest, position, _ = intruder.head()
+        ends = [position := intruder.write(position, junk, b"not a message") for _ in range(90)]
+        ends = [*ends[29::30], intruder.write(position, removal, b"a")]
+        interval = sys.getswitchinterval()
+        sys.setswitchinterval(10)
+        try:
+            for end in ends:
+                intruder.set_head(oldest, end)
+                assert "z" in reader  # a read inserts what has arrived
+        finally:
+            sys.setswitchinterval(interval)
+        until(future.done)
+        assert future.result().header.frame_id == "z"
+        assert reader.statistics()["malformed_messages"] >= 64
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="it takes a superuser to mount a file system")

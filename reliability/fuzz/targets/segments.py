@@ -17,7 +17,10 @@ _numbers = itertools.count()
 # As in tf2_ros/_shared/ring.pyx: the head, the description, the ring.
 TEXT_AT, RING_AT = 4096, 1 << 16
 HEAD_BYTES, ARRIVALS_AT, RECORD_BYTES = 72, 12, 64
+CAPACITY_AT, OLDEST_AT = 16, 24
 MOST_STEPS = 16
+# Positions around which those of the head are moved: where sums wrap, and where signs change.
+PLACES = (0, 2**46, 2**62, 2**63, 2**64 - 2**17, 2**64)
 ODD = (0, 1, 2, 0xFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 2**62, 2**63 - 1, 2**63, 2**64 - 1, 64, 4096, 5)
 
 
@@ -47,8 +50,11 @@ def run(data: bytes) -> None:
 
 def _step(given: Input, memory: "_Memory", owner: Buffer, reader: Buffer, name: str, step: int) -> None:
     match given.below(8):
-        case 0 | 1 | 2 | 3:
+        case 0 | 1 | 2:
             memory.change(given)
+        case 3:
+            memory.move(given)
+            _ask(reader)
         case 4:
             memory.publish()
             _ask(reader)
@@ -106,6 +112,20 @@ class _Memory:
             at = RING_AT + RECORD_BYTES * spot + 4 * given.below(16)
         os.pwrite(self._descriptor, self._value(given), at)
 
+    def move(self, given: Input) -> None:
+        """Move the positions of the head far away, perhaps with the oldest record, which is valid there."""
+        capacity, oldest, newest = struct.unpack("<QQQ", os.pread(self._descriptor, 24, CAPACITY_AT))
+        places = (*PLACES, oldest, newest)
+        moved = [(given.choice(places) + 64 * (given.byte() - 128)) % 2**64 for _ in range(2)]
+        if given.flag() and 0 < capacity < 2**40:
+            record = os.pread(self._descriptor, 1024, RING_AT + oldest % capacity)
+            os.pwrite(
+                self._descriptor,
+                struct.pack("<QQ", moved[0], moved[0]) + record[16:],
+                RING_AT + moved[0] % capacity,
+            )
+        os.pwrite(self._descriptor, struct.pack("<QQ", *moved), OLDEST_AT)
+
     def _value(self, given: Input) -> bytes:
         kind = given.byte()
         if kind < 128:
@@ -124,3 +144,8 @@ def seeds() -> Iterator[bytes]:
         for spot in (0, 5, 21, 33):
             for value in (bytes([3, 1, 0, 0, 0]), bytes([135 + 11 * where]) if where < 11 else bytes([146])):
                 yield bytes([0, where, spot, spot % 16]) + value + bytes([4, 7, 5])
+    for oldest in range(len(PLACES)):
+        for newest in range(len(PLACES)):
+            # To a far record, to the end of all positions behind it, and back to the beginning.
+            far = [3, oldest, 128, oldest, 132, 1]
+            yield bytes([*far, 3, oldest, 128, newest, 127, 0, 3, 0, 128, 0, 255, 0, 5])

@@ -260,7 +260,8 @@ cdef bint IS_BIG_MACHINE = sys.byteorder == "big"
 
 
 cdef struct Grid:
-    # The arrangement of a cloud's bytes, checked so that no offset leads out of them.
+    # The arrangement of a cloud's bytes, checked so that no offset leads out of them, and no product of these
+    # numbers overflows: a row has less than 2^32 bytes, and all rows together have at most `size`.
     Py_ssize_t rows
     Py_ssize_t columns
     Py_ssize_t point_step       # bytes, of the cloud given
@@ -338,18 +339,25 @@ cdef int _read_triples(dict fields, tuple names, bint is_other_order, Py_ssize_t
 
 
 cdef int _read_grid(object cloud, Py_ssize_t size, Grid* out) except -1:
+    cdef Py_ssize_t used
     out.rows = _whole(cloud, cloud_layout, "height")
     out.columns = _whole(cloud, cloud_layout, "width")
     out.point_step = _whole(cloud, cloud_layout, "point_step")
     out.row_step = _whole(cloud, cloud_layout, "row_step")
     out.size = size
     # As Python numbers, because the products may not fit into signed 64 bits.
-    used = <object>out.columns * out.point_step
-    if size < <object>out.rows * used:
+    row_bytes = <object>out.columns * out.point_step
+    if size < out.rows * row_bytes:
         raise SizeError(
             f"data has {size} bytes, less than height {out.rows} x width {out.columns} x point_step "
             f"{out.point_step}"
         )
+    if row_bytes >= 1 << 32:
+        raise SizeError(
+            f"a row of width {out.columns} x point_step {out.point_step} has {row_bytes} bytes, too many for "
+            "row_step, a uint32"
+        )
+    used = row_bytes
     out.new_point_step = out.point_step
     out.new_row_step = out.row_step
     out.new_size = size
@@ -493,8 +501,8 @@ def do_transform_cloud(
     :return: a new PointCloud2 with the transform's frame and the cloud's own stamp.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: x, y or z is missing, not a number or beyond ``point_step`` (as in tf2 also an
-        AssertionError), ``data`` is too short for the points (also a TypeError), or the transform's rotation
-        is not finite.
+        AssertionError), ``data`` is too short for the points, or a row too long for ``row_step`` (also a
+        TypeError), or the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Grid grid

@@ -6,4 +6,4 @@ class FieldError(ValueError, AssertionError):
 
 
 class SizeError(ValueError, TypeError):
-    """There are too few bytes for the points. In tf2, NumPy raises a TypeError."""
+    """There are too few bytes for the points, or too many in a row. In tf2, NumPy raises a TypeError."""

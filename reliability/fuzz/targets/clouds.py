@@ -116,7 +116,7 @@ def _transformed(cloud: PointCloud2, data: bytes, transform: Transform, only_xyz
     rows, columns, step, row_step = (
         _whole(value) for value in (cloud._height, cloud._width, cloud._point_step, cloud._row_step)
     )
-    if len(data) < rows * columns * step:
+    if len(data) < rows * columns * step or columns * step >= 2**32:
         raise SizeError
     used, new_row_step, size = columns * step, row_step, len(data)
     if rows and (row_step < used or size < rows * row_step):

@@ -439,7 +439,8 @@ cdef class BufferCore(Engine):
         :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`. With
             one, each lookup takes as long as a single one.
         :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w;
-            of a sequence of frames, (F, N, 3) and (F, N, 4).
+            of a sequence of frames, (F, N, 3) and (F, N, 4). Those of one frame describe one state of the
+            buffer: what is inserted during the call affects none of them.
         :raises TransformException: see :meth:`lookup_transform_core`.
         :raises TypeError: ``times`` are not times, or only one of ``fixed_frame`` and ``target_time`` is
             given.
@@ -529,9 +530,11 @@ cdef class BufferCore(Engine):
         catch_up(self)
         with nogil:
             answered = self.lookup_series(query, series, &status)
+        if answered == SERIES_NO_MEMORY:
+            raise MemoryError
         if answered < series.count:
             error = self.error(query, status)
-            raise error if answered < 0 else type(error)(f"times[{answered // per_time}]: {error}")
+            raise error if answered == SERIES_BAD_NAME else type(error)(f"times[{answered // per_time}]: {error}")
         return 0
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time) -> tuple[int, str]:

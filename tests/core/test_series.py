@@ -64,12 +64,15 @@ def rows_of(ask, times, width=7):
     return np.array(rows).reshape(-1, width)
 
 
-def singles(buffer, target, source, times, fixed_frame=None, target_time=None, **policy):
+def look_up(buffer, target, source, time, fixed_frame=None, target_time=None, **policy):
+    if fixed_frame is None:
+        return buffer.lookup_transform(target, source, time, **policy)
+    return buffer.lookup_transform_full(target, target_time, source, time, fixed_frame, **policy)
+
+
+def singles(buffer, target, source, times, **options):
     def ask(time):
-        if fixed_frame is None:
-            m = buffer.lookup_transform(target, source, time, **policy)
-        else:
-            m = buffer.lookup_transform_full(target, target_time, source, time, fixed_frame, **policy)
+        m = look_up(buffer, target, source, time, **options)
         return *translation(m), *rotation(m)
 
     return rows_of(ask, times)
@@ -90,8 +93,11 @@ def check(buffer, target, source, times, **options):
     assert_same_to_the_last_bit(series, rows)
     missing = np.flatnonzero(np.isnan(rows[:, 0]))
     if len(missing):
-        with pytest.raises(ExtrapolationException, match=rf"^times\[{missing[0]}\]: "):
+        with pytest.raises(ExtrapolationException) as error:
             buffer.lookup_transforms(target, source, times, **options)
+        with pytest.raises(ExtrapolationException) as single:
+            look_up(buffer, target, source, at_ns(int(times[missing[0]])), **options)
+        assert str(error.value) == f"times[{missing[0]}]: {single.value}"
     else:
         assert_same_to_the_last_bit(buffer.lookup_transforms(target, source, times, **options), rows)
 

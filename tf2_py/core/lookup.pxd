@@ -47,6 +47,10 @@ cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t t
                      bint* mixed) noexcept nogil
 
 
+# The status of a lookup for which the history of this frame has no answer.
+cdef Status gap_status(const History* history, FrameId frame, int64_t time_ns) noexcept nogil
+
+
 cdef struct Query:
     const char* target          # names as UTF-8, owned by the caller's objects
     Py_ssize_t target_size      # bytes
@@ -59,14 +63,22 @@ cdef struct Query:
     Policy policy
 
 
+cdef struct QueryFrames:
+    FrameId target
+    FrameId source
+    FrameId fixed               # of a two-time lookup
+
+
 # If `out` is NULL, only the status is computed. `stamp_ns` receives the time looked up or, if a policy let a
 # frame stay at its newest sample, the oldest stamp of such samples.
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
                          int64_t* stamp_ns) noexcept nogil
+# The same in two steps: a bad status if a name is invalid or unknown; then without the names.
+cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil
+cdef Status query_answer_between(const Tree* tree, const Query* query, const QueryFrames* frames,
+                                 Transform* out, int64_t* stamp_ns) noexcept nogil
 # The ids of the target and the source; a bad status if one of the names is invalid or unknown.
 cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,
                              FrameId* source) noexcept nogil
-# NO_FRAME if the name is invalid or unknown.
-cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept nogil
 # Whether this is a simple lookup between equal names, for which the frame need not be known.
 cdef bint query_is_identity(const Query* query) noexcept nogil

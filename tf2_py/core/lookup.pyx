@@ -2,16 +2,14 @@
 
 # Along a known path: the composed transform, or which history does not answer.
 
-cdef Status gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
-    # The status of a lookup for which the history of this frame has no answer.
-    cdef const History* history = &tree.histories[frame]
+cdef Status gap_status(const History* history, FrameId frame, int64_t time_ns) noexcept nogil:
     cdef Gap gap = history_gap(history, time_ns)
     cdef Status status
     status.code = STATUS_EXTRAPOLATION
     status.half = HALF_NONE
     status.gap = gap
     status.child = frame
-    status.parent = history_oldest_parent(history) if gap == GAP_PAST else tree_newest_parent(tree, frame)
+    status.parent = history_oldest_parent(history) if gap == GAP_PAST else history_newest_parent(history)
     status.requested_ns = time_ns
     status.edge_ns = history.oldest_ns if gap == GAP_PAST else history.newest_ns
     return status
@@ -30,7 +28,7 @@ cdef bint _has_gap(const Tree* tree, FrameId frame, int64_t time_ns, const Polic
         gap = history_gap(history, time_ns)
     if gap == GAP_NONE:
         return False
-    status[0] = gap_status(tree, frame, time_ns)
+    status[0] = gap_status(history, frame, time_ns)
     if gap == GAP_LONG:
         status.gap = GAP_LONG
         history_stamps_around(history, time_ns, &status.edge_ns, &status.newer_ns)
@@ -177,7 +175,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
         if parent == NO_FRAME and time_ns == NEWEST:
             break
         if parent == NO_FRAME:
-            return gap_status(tree, frame, time_ns)
+            return gap_status(&tree.histories[frame], frame, time_ns)
         if frame == source:
             path.top = frame
             path.source_hops = 0
@@ -191,7 +189,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
         path.top = top
         return status_of(STATUS_OK)
     if source_gap != NO_FRAME:
-        return gap_status(tree, source_gap, time_ns)
+        return gap_status(&tree.histories[source_gap], source_gap, time_ns)
     return _unconnected(top, frame)
 
 
@@ -352,33 +350,45 @@ cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* targ
     return status_of(STATUS_OK)
 
 
-cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept nogil:
-    return query_frame(tree, query.fixed, query.fixed_size)
-
-
 cdef bint query_is_identity(const Query* query) noexcept nogil:
     return (query.fixed == NULL and query.target_size == query.source_size
             and memcmp(query.target, query.source, query.source_size) == 0)
 
 
+cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil:
+    cdef Status status
+    frames.fixed = NO_FRAME
+    if query_is_identity(query):
+        frames.target = frames.source = tree_frame(tree, query.source, query.source_size)
+        return status_of(STATUS_OK)
+    status = query_end_frames(tree, query, &frames.target, &frames.source)
+    if status.code == STATUS_OK and query.fixed != NULL:
+        frames.fixed = query_frame(tree, query.fixed, query.fixed_size)
+        if frames.fixed == NO_FRAME:
+            return status_of(STATUS_BAD_FIXED)
+    return status
+
+
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
                          int64_t* stamp_ns) noexcept nogil:
+    cdef QueryFrames frames
+    cdef Status status = query_find_frames(tree, query, &frames)
+    if status.code != STATUS_OK:
+        return status
+    return query_answer_between(tree, query, &frames, out, stamp_ns)
+
+
+cdef Status query_answer_between(const Tree* tree, const Query* query, const QueryFrames* frames,
+                                 Transform* out, int64_t* stamp_ns) noexcept nogil:
     cdef Path path
-    cdef FrameId target, source, fixed
+    cdef FrameId target = frames.target
+    cdef FrameId source = frames.source
+    cdef FrameId fixed = frames.fixed
     cdef Status status
     cdef Transform source_half
     cdef int64_t source_stamp_ns
-    if query_is_identity(query):
-        source = tree_frame(tree, query.source, query.source_size)
-        return walk_lookup(tree, source, source, query.source_ns, &query.policy, &path, out, stamp_ns)
-    status = query_end_frames(tree, query, &target, &source)
-    if status.code != STATUS_OK:
-        return status
     if query.fixed == NULL:
         return walk_lookup(tree, target, source, query.source_ns, &query.policy, &path, out, stamp_ns)
-    fixed = query_fixed_frame(tree, query)
-    if fixed == NO_FRAME:
-        return status_of(STATUS_BAD_FIXED)
     if out == NULL:
         # The reason names the half that fails first. tf2's can_transform begins with the target's ...
         status = walk_lookup(tree, target, fixed, query.target_ns, &query.policy, &path, NULL, stamp_ns)

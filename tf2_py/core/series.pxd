@@ -19,8 +19,14 @@ cdef inline void series_begin(TimeSeries* series, const int64_t* times_ns, Py_ss
     series.count = count
 
 
-# Answers `query` at each of the times, which replace its source time. Returns how many are answered; fewer
-# than `count`: the next one failed with `status`. Call it without the lock: it holds it for short times.
+cdef enum:
+    SERIES_BAD_NAME = -1        # a frame's name is invalid or unknown: `status` says which
+    SERIES_NO_MEMORY = -2
+
+
+# Answers `query` at each of the times, which replace its source time, from the state of the tree at one
+# moment. Returns how many are answered; fewer than `count`: the next one failed with `status`; or one of
+# SERIES_BAD_NAME and SERIES_NO_MEMORY. Call it without the lock, which it holds for a short time only.
 cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
                               Status* status) noexcept nogil
 

@@ -293,48 +293,50 @@ cdef enum:
 
 cdef struct PinnedLookup:
     # A lookup, and pinned copies of what it reads. There are two ways to answer.
-    # In batches: one path serves all times, and all answers belong to one state of the buffer.
+    # In batches: one path serves all times.
     bint by_batches
     Path path
-    History histories[LONG_PATH]         # by hop, pinned: source side first
+    History histories[LONG_PATH]    # by hop, pinned: source side first
     uint32_t hints[LONG_PATH]       # by hop: where the last time was found
     uint32_t hops
     int64_t common_ns       # the latest common time, which time 0 means
-    # Otherwise, each time is a separate lookup in the tree.
-    FrameId target          # of a two-time lookup: the fixed frame
-    FrameId source
     bint has_fixed          # a two-time lookup: to be composed with `fixed_to_target`
     Transform fixed_to_target
+    # Otherwise, each time is a separate lookup between these frames.
+    QueryFrames frames
+    PinnedTree above        # all that is above them
 
 
-cdef void _pin_lookup(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
-    # With the lock held. Lookups that fail at any time are left to the tree.
-    cdef FrameId fixed
+cdef int _pin_lookup(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
+    # With the lock held, once the frames are known. -1: no memory.
+    cdef FrameId[3] ends = [pinned.frames.target, pinned.frames.source, pinned.frames.fixed]
+    pinned.has_fixed = query.fixed != NULL
+    pinned.hops = pinned.path.source_hops = pinned.path.target_hops = 0
+    pinned.by_batches = query_is_identity(query) or _find_path(tree, query, pinned)
+    if not pinned.by_batches:
+        return tree_pin_above(tree, ends, 3, &pinned.above)
+    pinned.common_ns = path_common_time(tree, &pinned.path)
+    _pin_path(tree, pinned)
+    return 0
+
+
+cdef bint _find_path(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
+    # Whether one path serves all times. Lookups that fail at any time have none.
+    cdef FrameId target = pinned.frames.target
+    cdef FrameId source = pinned.frames.source
     cdef Path path
     cdef int64_t stamp_ns
     cdef bint mixed = False
-    pinned.has_fixed = query.fixed != NULL
-    pinned.hops = pinned.path.source_hops = pinned.path.target_hops = 0
-    pinned.by_batches = query_is_identity(query)
-    if pinned.by_batches or query.policy.is_given:
-        return
-    if query_end_frames(tree, query, &pinned.target, &pinned.source).code != STATUS_OK:
-        return
+    if query.policy.is_given or tree.ever_looped:
+        return False
     if pinned.has_fixed:
-        fixed = query_fixed_frame(tree, query)
-        if fixed == NO_FRAME:
-            return
-        if walk_lookup(tree, pinned.target, fixed, query.target_ns, &query.policy, &path,
+        if walk_lookup(tree, target, pinned.frames.fixed, query.target_ns, &query.policy, &path,
                        &pinned.fixed_to_target, &stamp_ns).code != STATUS_OK:
-            return
-        pinned.target = fixed
-    if not tree.ever_looped and (
-            pinned.target == pinned.source
-            or walk_climb(tree, pinned.target, pinned.source, NEWEST, &pinned.path, &mixed)):
-        pinned.by_batches = not mixed and pinned.path.source_hops + pinned.path.target_hops <= LONG_PATH
-    if pinned.by_batches:
-        pinned.common_ns = path_common_time(tree, &pinned.path)
-        _pin_path(tree, pinned)
+            return False
+        target = pinned.frames.fixed
+    if target != source and not walk_climb(tree, target, source, NEWEST, &pinned.path, &mixed):
+        return False
+    return not mixed and pinned.path.source_hops + pinned.path.target_hops <= LONG_PATH
 
 
 cdef void _pin_path(const Tree* tree, PinnedLookup* pinned) noexcept nogil:
@@ -351,6 +353,9 @@ cdef void _pin_path(const Tree* tree, PinnedLookup* pinned) noexcept nogil:
 
 cdef void _unpin_lookup(PinnedLookup* pinned) noexcept nogil:
     cdef uint32_t i
+    if not pinned.by_batches:
+        tree_unpin(&pinned.above)
+        return
     for i in range(pinned.hops):
         history_unpin(&pinned.histories[i])
 
@@ -386,43 +391,62 @@ cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t 
         work_apply(work, &pinned.fixed_to_target)
 
 
-cdef Status _answer_one(const Tree* tree, Lock* lock, const Query* query, int64_t time_ns,
+cdef Status _batch_gap(const PinnedLookup* pinned, int64_t asked_ns) noexcept nogil:
+    # Why a batch does not answer for a time: the first gap, target side first, as in a single lookup.
+    cdef const Path* path = &pinned.path
+    cdef int64_t time_ns = asked_ns if asked_ns else pinned.common_ns
+    cdef uint32_t i, k
+    for i in range(path.target_hops):
+        k = path.source_hops + i
+        if history_gap(&pinned.histories[k], time_ns) != GAP_NONE:
+            return gap_status(&pinned.histories[k], path.target[i], time_ns)
+    for i in range(path.source_hops):
+        if history_gap(&pinned.histories[i], time_ns) != GAP_NONE:
+            return gap_status(&pinned.histories[i], path.source[i], time_ns)
+    return status_of(STATUS_OK)
+
+
+cdef Status _answer_one(const Query* query, const PinnedLookup* pinned, int64_t time_ns,
                         Transform* out) noexcept nogil:
     cdef Query single = query[0]
-    cdef Status status
     cdef int64_t stamp_ns
     single.source_ns = time_ns
-    lock_acquire(lock)
-    status = query_answer(tree, &single, out, &stamp_ns)
-    lock_release(lock)
-    return status
+    return query_answer_between(&pinned.above.view, &single, &pinned.frames, out, &stamp_ns)
 
 
-cdef uint32_t _answer_times(const Tree* tree, Lock* lock, const Query* query, PinnedLookup* pinned,
-                            const int64_t* times_ns, uint32_t count, bint nan_missing, SeriesWork* work,
-                            Status* status) noexcept nogil:
-    # Up to BATCH_TIMES times: those that a batch does not answer, one by one. Returns how many of `count` are
-    # answered; see series_lookup.
+cdef void _put_missing(Columns* columns, uint32_t i) noexcept nogil:
+    cdef Transform missing
+    cdef int k
+    for k in range(3):
+        missing.translation[k] = NAN
+    for k in range(4):
+        missing.rotation[k] = NAN
+    _put(columns, i, &missing)
+
+
+cdef uint32_t _answer_times(const Query* query, PinnedLookup* pinned, const int64_t* times_ns, uint32_t count,
+                            bint nan_missing, SeriesWork* work, Status* status) noexcept nogil:
+    # Up to BATCH_TIMES times. Returns how many of `count` are answered; see series_lookup.
     cdef Transform transform
     cdef uint32_t i
-    cdef int k
     if pinned.by_batches:
         _answer_batch(pinned, times_ns, count, work)
     for i in range(count):
-        if pinned.by_batches and not work.missing[i]:
-            continue
-        if not (pinned.by_batches and nan_missing):
-            status[0] = _answer_one(tree, lock, query, times_ns[i], &transform)
+        if pinned.by_batches:
+            if not work.missing[i]:
+                continue
+            if not nan_missing:
+                status[0] = _batch_gap(pinned, times_ns[i])
+                status.half = HALF_SOURCE if pinned.has_fixed else HALF_NONE
+                return i
+        else:
+            status[0] = _answer_one(query, pinned, times_ns[i], &transform)
             if status.code == STATUS_OK:
                 _put(&work.result, i, &transform)
                 continue
             if not nan_missing:
                 return i
-        for k in range(3):
-            transform.translation[k] = NAN
-        for k in range(4):
-            transform.rotation[k] = NAN
-        _put(&work.result, i, &transform)
+        _put_missing(&work.result, i)
     return count
 
 
@@ -433,13 +457,18 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
     cdef Py_ssize_t start = 0
     cdef uint32_t count = 0
     cdef uint32_t answered = 0
+    cdef bint is_pinned = False
     lock_acquire(lock)
-    _pin_lookup(tree, query, &pinned)
+    status[0] = query_find_frames(tree, query, &pinned.frames)
+    if status.code == STATUS_OK:
+        is_pinned = _pin_lookup(tree, query, &pinned) == 0
     lock_release(lock)
+    if not is_pinned:
+        return SERIES_BAD_NAME if status.code != STATUS_OK else SERIES_NO_MEMORY
     while start < series.count and answered == count:
         count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
-        answered = _answer_times(tree, lock, query, &pinned, series.times_ns + start, count,
-                                 series.nan_missing, &work, status)
+        answered = _answer_times(query, &pinned, series.times_ns + start, count, series.nan_missing, &work,
+                                 status)
         if series.points != NULL:
             work_transform_points(&work, answered, series.points + 3 * start, series.transformed + 3 * start)
         else:

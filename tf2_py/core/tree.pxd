@@ -72,6 +72,22 @@ cdef void tree_clear(Tree* tree) noexcept nogil
 # Drops all samples of a frame, and hides every frame that has no samples and is named by none. Returns
 # whether the frame had samples.
 cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil
+
+
+cdef struct PinnedTree:
+    # Some frames, and all that were ever above them, at one moment. Lookups between these frames may read
+    # `view` without the lock.
+    Tree view               # only what a walk reads is set
+    FrameId* frames         # those of which `view` has samples
+    uint32_t count          # of `frames`
+
+
+# With the lock held. 0, or -1 without memory: then nothing is pinned.
+cdef int tree_pin_above(const Tree* tree, const FrameId* frames, uint32_t count,
+                        PinnedTree* pinned) noexcept nogil
+cdef void tree_unpin(PinnedTree* pinned) noexcept nogil
+
+
 # Allocated for names and histories.
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
 # NULL, or which invariant does not hold.

@@ -326,6 +326,61 @@ cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil:
     return had_samples
 
 
+cdef void _pin_frame(const Tree* tree, FrameId frame, PinnedTree* pinned) noexcept nogil:
+    cdef const History* history = &tree.histories[frame]
+    if history.kind == HISTORY_NONE or pinned.view.histories[frame].kind != HISTORY_NONE:
+        return
+    history_pin(history, &pinned.view.histories[frame])
+    pinned.view.parents[frame] = tree.parents[frame]
+    pinned.frames[pinned.count] = frame
+    pinned.count += 1
+
+
+cdef void _pin_parents(const Tree* tree, const History* history, PinnedTree* pinned) noexcept nogil:
+    # Newest first, until all changes of the parent are found.
+    cdef uint32_t changes = history.parent_changes
+    cdef uint32_t i = history.count
+    cdef FrameId parent = history_newest_parent(history)
+    _pin_frame(tree, parent, pinned)
+    while changes:
+        i -= 1
+        if history_parent_of(history, i) != parent:
+            parent = history_parent_of(history, i)
+            _pin_frame(tree, parent, pinned)
+            changes -= 1
+
+
+cdef int tree_pin_above(const Tree* tree, const FrameId* frames, uint32_t count,
+                        PinnedTree* pinned) noexcept nogil:
+    # Zeroed pages of large arrays cost nothing until they are written to, so the cost is that of what is
+    # pinned.
+    cdef uint32_t i
+    memset(pinned, 0, sizeof(PinnedTree))
+    pinned.view.histories = <History*>calloc(tree.names.count, sizeof(History))
+    pinned.view.parents = <uint32_t*>calloc(tree.names.count, sizeof(uint32_t))
+    pinned.view.ever_looped = tree.ever_looped
+    pinned.frames = <FrameId*>malloc(tree.names.count * sizeof(FrameId))
+    if pinned.view.histories == NULL or pinned.view.parents == NULL or pinned.frames == NULL:
+        tree_unpin(pinned)
+        return -1
+    for i in range(count):
+        _pin_frame(tree, frames[i], pinned)
+    i = 0
+    while i < pinned.count:     # which grows meanwhile
+        _pin_parents(tree, &tree.histories[pinned.frames[i]], pinned)
+        i += 1
+    return 0
+
+
+cdef void tree_unpin(PinnedTree* pinned) noexcept nogil:
+    cdef uint32_t i
+    for i in range(pinned.count):
+        history_unpin(&pinned.view.histories[pinned.frames[i]])
+    free(pinned.view.histories)
+    free(pinned.view.parents)
+    free(pinned.frames)
+
+
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil:
     return (tree.names.bytes + tree.authorities.bytes + tree.history_bytes
             + tree.capacity * (sizeof(History) + sizeof(uint32_t)))

@@ -89,7 +89,7 @@ cdef class Engine:
 
     # Looking up. With `out` NULL, only whether there is an answer.
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
-    # As series_lookup; -1 if the lookup fails at any time.
+    # As series_lookup.
     cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
                                   Status* status) noexcept nogil
     # For simple lookups only.

@@ -380,23 +380,15 @@ cdef class Engine:
         return status
 
     cdef Status _check_names(self, const Query* query) noexcept nogil:
-        cdef FrameId target, source
+        cdef QueryFrames frames
         cdef Status status
         lock_acquire(&self._lock)
-        status = query_end_frames(&self._tree, query, &target, &source)
-        if query_is_identity(query):
-            status.code = STATUS_OK
-        elif status.code == STATUS_OK and query.fixed != NULL:
-            if query_fixed_frame(&self._tree, query) == NO_FRAME:
-                status.code = STATUS_BAD_FIXED
+        status = query_find_frames(&self._tree, query, &frames)
         lock_release(&self._lock)
         return status
 
     cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
                                   Status* status) noexcept nogil:
-        status[0] = self._check_names(query)
-        if status.code != STATUS_OK:
-            return -1
         return series_lookup(&self._tree, &self._lock, query, series, status)
 
     cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil:

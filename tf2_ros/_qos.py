@@ -2,6 +2,13 @@
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 
+# Messages in the queues of a listener. All publishers of static transforms send theirs to a listener that
+# starts later at the same time, and only once: what does not fit into the queue is lost for good. So it has
+# room for more publishers than any robot has; for some, tf2's 100 do not suffice. A queue needs memory for
+# the messages that wait in it, not for its depth.
+DYNAMIC_DEPTH = 100
+STATIC_DEPTH = 10_000
+
 
 def transforms_qos(depth: int, *, is_static: bool) -> QoSProfile:
     """The default profile of a topic of transforms."""

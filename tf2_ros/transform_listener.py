@@ -18,7 +18,7 @@ from tf2_py._internal import class_name
 from tf2_ros import _names
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._nodes import Spinner, hidden_node, require_node
-from tf2_ros._qos import transforms_qos
+from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (
     destroy_subscription,
@@ -67,7 +67,8 @@ class TransformListener:
         executor takes the node over, the thread no longer serves it, as in tf2. The program does not exit
         before the thread ends.
     :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100.
-    :param static_qos: the same for static transforms. None: transient local, depth 100.
+    :param static_qos: the same for static transforms. None: transient local, depth 10,000, so that
+        none is lost, however many nodes publish them.
     :param tf_topic: the topic of dynamic transforms. Unlike the default, a name without a leading ``/`` is in
         the namespace of the node.
     :param tf_static_topic: the topic of static transforms.
@@ -303,7 +304,10 @@ class TransformListener:
             self.group.hides_all = False
 
     def __subscribe(self, topic: Topic, needs_executor: bool) -> None:
-        qos = transforms_qos(100, is_static=topic.is_static) if topic.qos is None else topic.qos
+        qos = topic.qos
+        if qos is None:
+            depth = STATIC_DEPTH if topic.is_static else DYNAMIC_DEPTH
+            qos = transforms_qos(depth, is_static=topic.is_static)
         arguments = TFMessage, topic.name, getattr(self, topic.method), qos
         if not runs_in_loop(self.node):
             made = self.node.create_subscription(*arguments, callback_group=self.group)
@@ -358,7 +362,8 @@ class StaticTransformListener(TransformListener):
     :param buffer: the buffer to fill.
     :param node: gets the subscription. None: a hidden node, which a thread spins.
     :param spin_thread: spin the node in a thread.
-    :param static_qos: a profile, or the depth of the queue. None: transient local, depth 100.
+    :param static_qos: a profile, or the depth of the queue. None: transient local, depth 10,000, so that
+        none is lost, however many nodes publish them.
     :param tf_static_topic: the topic of static transforms.
     :param prefix: put before the names of all frames that arrive.
     """

@@ -133,13 +133,27 @@ def test_a_set_transform_of_the_buffer_itself_is_called(tf2_ros, buffer, node, e
 
 def test_of_the_subscriptions_the_quality_of_service_may_be_chosen(tf2_ros, buffer, node):
     usual = tf2_ros.TransformListener(buffer, node)
-    assert (usual.tf_sub.qos_profile.depth, usual.tf_static_sub.qos_profile.depth) == (100, 100)
+    assert usual.tf_sub.qos_profile.depth == 100
     assert usual.tf_sub.qos_profile.durability == DurabilityPolicy.VOLATILE
     assert usual.tf_static_sub.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     qos = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
     chosen = tf2_ros.TransformListener(buffer, node, qos=qos, static_qos=7)
     assert (chosen.tf_sub.qos_profile.depth, chosen.tf_static_sub.qos_profile.depth) == (3, 7)
     assert chosen.tf_sub.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("kind", ["TransformListener", "StaticTransformListener"])
+def test_a_listener_that_starts_last_gets_the_static_transforms_of_every_publisher(
+    tf2_ros, buffer, node, new_node, executor, kind
+):
+    publishing = new_node("many")
+    frames = [f"mount{i}" for i in range(150)]
+    for frame in frames:
+        broadcaster = tf2_ros.StaticTransformBroadcaster(publishing)
+        broadcaster.sendTransform(transform("base", frame))
+    getattr(tf2_ros, kind)(buffer, node)
+    until(lambda: all(buffer.can_transform("base", frame, LATEST) for frame in frames), executor)
 
 
 class TestThread:

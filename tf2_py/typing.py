@@ -48,7 +48,8 @@ class LookupPolicy(TypedDict, total=False):
     What a lookup accepts beyond tf2's: keyword arguments of ``tf2_ros.Buffer.lookup_transform`` and others.
 
     ``tolerance``: a duration. A frame whose newest sample is at most this much older
-    than the requested time stays at that sample. The answer has the stamp of the oldest such sample.
+    than the requested time stays at that sample. The answer has the stamp of the oldest such sample, but what
+    ``transform``, ``transform_full`` and ``transform_async`` make of data has the stamp without a tolerance.
 
     ``extrapolate``: with a tolerance, such a frame continues at the velocity of its last two samples instead,
     and the answer has the requested time as its stamp.

@@ -93,7 +93,9 @@ class BufferInterface:
         :param new_type: convert the result to this type. None: no conversion.
         :param policy: further arguments of the lookup: those of :class:`tf2_py.typing.LookupPolicy`, if this
             is a :class:`tf2_ros.Buffer`. The lookups of a :class:`tf2_ros.BufferClient` accept none.
-        :return: a new object; the one given is not changed.
+        :return: a new object; the one given is not changed. It keeps the stamp of the object, even if a
+            ``tolerance`` accepted an older transform. If that is 0, it gets the stamp of the transform,
+            except for a point cloud.
         :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
         :raises TransformException: what the lookup raises.
         :raises TypeError: ``target_frame`` is not a str, or ``timeout`` is not a timeout.
@@ -115,6 +117,8 @@ class BufferInterface:
         header = stamped.header
         look_up: Any = self.lookup_transform
         transform = look_up(target_frame, header.frame_id, header.stamp, timeout, **policy)
+        if policy:
+            transform = _at(header.stamp, transform)
         result: _New = do_transform(stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
@@ -140,7 +144,8 @@ class BufferInterface:
         :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param new_type: convert the result to this type. None: no conversion.
         :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
-        :return: a new object, stamped with the target time.
+        :return: a new object, stamped with the target time or, if that is 0, with the time of the transform;
+            a point cloud keeps its own stamp.
         """
         stamped: Any = object_stamped
         do_transform: Any = self.registration.get(type(stamped))
@@ -149,6 +154,8 @@ class BufferInterface:
         transform = look_up(
             target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout, **policy
         )
+        if policy:
+            transform = _at(target_time, transform)
         result: _New = do_transform(stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
@@ -169,7 +176,7 @@ class BufferInterface:
         :param timeout: how long to wait for the transform, in steady time. None: forever.
         :param new_type: convert the result to this type. None: no conversion.
         :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
-        :return: a new object.
+        :return: a new object, with the stamp that :meth:`transform` gives it.
         :raises TimeoutException: the transform was not available in time.
         """
         stamped: Any = object_stamped
@@ -177,6 +184,8 @@ class BufferInterface:
         header = stamped.header
         look_up: Any = self.lookup_transform_async
         transform = await look_up(target_frame, header.frame_id, header.stamp, timeout=timeout, **policy)
+        if policy:
+            transform = _at(header.stamp, transform)
         result: _New = do_transform(stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
@@ -347,6 +356,22 @@ class BufferInterface:
         except TransformException as error:
             return False, str(error)
         return True, ""
+
+
+def _at(time: TimeLike, transform: TransformStamped) -> TransformStamped:
+    """
+    The transform with the stamp that was asked for; for 0, which asks for the latest, with its own.
+
+    With a tolerance, a lookup returns the stamp of an older sample. Data does not become older by being
+    transformed.
+    """
+    stamp = time_msg(time, "time")
+    if not (stamp.sec or stamp.nanosec):
+        return transform
+    header = Header(stamp=stamp, frame_id=transform.header.frame_id)
+    return TransformStamped(
+        header=header, child_frame_id=transform.child_frame_id, transform=transform.transform
+    )
 
 
 def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:

@@ -112,7 +112,7 @@ class MessageFilter(Generic[_Message]):
     :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: forever.
     :param tolerance: a finite duration; transforms must be available for the message's stamp and for this
         much later, for example the duration of a sweep. The ``tolerance`` of a lookup is something else: the
-        lookup accepts an older transform. None: zero.
+        lookup accepts an older transform, and data transformed with it keeps its stamp. None: zero.
     :raises TypeError: ``buffer`` is not a Buffer, ``input`` is something else, its messages have no header,
         or a duration is something else.
     :raises ValueError: ``target_frames`` is empty, a name is invalid, ``queue_size`` or ``tolerance`` is

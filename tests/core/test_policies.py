@@ -3,7 +3,7 @@
 import asyncio
 
 import pytest
-from making import S, at_ns, stamp_ns, transform, translation
+from making import S, at, at_ns, stamp_ns, transform, translation
 
 pytestmark = pytest.mark.ours
 
@@ -50,6 +50,95 @@ def test_every_way_to_look_up_takes_a_policy(tf2_ros, way):
     answer = WAYS[way](buffer, tolerance=0.5, extrapolate=True)
     assert translation(answer) == (2.5, 1, 0)
     assert stamp_ns(answer) == LATE.nanoseconds
+
+
+def robot(tf2_ros):
+    """A buffer in which odom has stopped at 1 s, and base moves on until 3 s."""
+    buffer = tf2_ros.Buffer()
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    for second in (1, 2, 3):
+        buffer.set_transform(transform("odom", "base", second, (second, 0, 0)), "x")
+    return buffer
+
+
+def stamped(kind, seconds, **fields):
+    message = kind(**fields)
+    message.header.frame_id, message.header.stamp = "base", at(seconds).to_msg()
+    return message
+
+
+WAYS_TO_TRANSFORM = {
+    "transform": lambda b, data, **p: b.transform(data, "map", **p),
+    "with a timeout": lambda b, data, **p: b.transform(data, "map", 0.001, **p),
+    "transform_full": lambda b, data, **p: b.transform_full(data, "map", data.header.stamp, "odom", **p),
+    "transform_async": lambda b, data, **p: asyncio.run(b.transform_async(data, "map", 0.01, **p)),
+}
+
+
+@pytest.mark.parametrize("policy", [{}, {"extrapolate": True}, {"max_gap": 1}], ids=str)
+@pytest.mark.parametrize("way", WAYS_TO_TRANSFORM)
+def test_data_keeps_its_stamp_under_a_tolerance(tf2_ros, way, policy):
+    pytest.importorskip("tf2_geometry_msgs")
+    from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, TwistStamped
+
+    buffer, carry = robot(tf2_ros), WAYS_TO_TRANSFORM[way]
+    for kind in (PointStamped, PoseWithCovarianceStamped, TwistStamped):
+        moved = carry(buffer, stamped(kind, 2.5), tolerance=2, **policy)
+        assert (moved.header.frame_id, stamp_ns(moved)) == ("map", 5 * S // 2)
+    # And so the way back leads to where it began.
+    moved = carry(buffer, stamped(PointStamped, 2), tolerance=2, **policy)
+    assert moved.point.x == 2
+    assert buffer.transform(moved, "base", tolerance=2, **policy).point.x == 0
+    # The lookup itself says how old its answer is.
+    if not policy.get("extrapolate"):
+        assert stamp_ns(buffer.lookup_transform("map", "base", at(2), tolerance=2)) == S
+
+
+@pytest.mark.parametrize("way", WAYS_TO_TRANSFORM)
+def test_data_without_a_time_gets_that_of_the_transform_under_a_policy_too(tf2_ros, way):
+    pytest.importorskip("tf2_geometry_msgs")
+    from geometry_msgs.msg import PointStamped
+
+    buffer, point = robot(tf2_ros), stamped(PointStamped, 0)
+    for policy in ({}, {"tolerance": 2}, {"max_gap": 1}):
+        assert stamp_ns(WAYS_TO_TRANSFORM[way](buffer, point, **policy)) == S
+
+
+@pytest.mark.parametrize("way", WAYS_TO_TRANSFORM)
+@pytest.mark.parametrize("seconds", [0, 2])
+def test_a_cloud_keeps_its_own_stamp_under_a_tolerance(tf2_ros, way, seconds):
+    pytest.importorskip("tf2_sensor_msgs")
+    from sensor_msgs.msg import PointCloud2, PointField
+
+    fields = [PointField(name=name, offset=4 * i, datatype=7, count=1) for i, name in enumerate("xyz")]
+    layout = {"fields": fields, "height": 1, "width": 1, "point_step": 12, "row_step": 12, "data": bytes(12)}
+    cloud = stamped(PointCloud2, seconds, **layout)
+    moved = WAYS_TO_TRANSFORM[way](robot(tf2_ros), cloud, tolerance=2)
+    assert (moved.header.frame_id, stamp_ns(moved)) == ("map", seconds * S)
+
+
+def test_the_target_time_is_the_stamp_of_a_full_transform_under_a_tolerance(tf2_ros):
+    pytest.importorskip("tf2_geometry_msgs")
+    from geometry_msgs.msg import PointStamped
+
+    buffer, point = robot(tf2_ros), stamped(PointStamped, 2)
+    for target_time, wanted in ((at(2.75), 11 * S // 4), (11 * S // 4, 11 * S // 4), (at(0), S)):
+        moved = buffer.transform_full(point, "map", target_time, "odom", tolerance=2)
+        assert stamp_ns(moved) == wanted
+
+
+def test_a_transform_that_a_program_returns_is_not_changed(tf2_ros):
+    pytest.importorskip("tf2_geometry_msgs")
+    from geometry_msgs.msg import PointStamped
+
+    kept = transform("map", "base", 1)
+
+    class Mine(tf2_ros.BufferInterface):
+        def lookup_transform(self, target, source, time, timeout=None, **policy):
+            return kept
+
+    assert stamp_ns(Mine().transform(stamped(PointStamped, 2), "map", tolerance=2)) == 2 * S
+    assert stamp_ns(kept) == S
 
 
 def test_questions_and_points_take_a_policy(tf2_ros):

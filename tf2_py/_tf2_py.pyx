@@ -581,6 +581,47 @@ cdef class BufferCore(Engine):
             raise errors.TransformException(str(error))  # as in tf2
         raise error
 
+    def time_range(self, target_frame: str, source_frame: str) -> tuple[int, int]:
+        """
+        Get the times for which ``source_frame`` can be looked up in ``target_frame``.
+
+        :return: ``(first_ns, last_ns)``, in nanoseconds, both included: every time between them has an
+            answer. The last one is that of :meth:`get_latest_common_time`; the first one is the earliest from
+            which on all frames on the path have data. The path may differ between the times, where a frame
+            had several parents. If all frames on the path are static, or the two frames are the same, every
+            time has an answer, and the range ends at the latest stamp that fits a message:
+            ``(0, 2147483647999999999)``. So the range of several pairs is from the largest ``first_ns`` to
+            the smallest ``last_ns``.
+        :raises ExtrapolationException: the latest common time has no answer, because the data of a frame on
+            the path begins later than that of another one ends; the text names the frame and the gap.
+        :raises ConnectivityException: the frames are in different trees, or one has no data.
+        :raises LookupException: a frame is unknown, or the tree contains a loop.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``.
+
+        >>> from tf2_py import BufferCore
+        >>> from geometry_msgs.msg import TransformStamped
+        >>> robot = TransformStamped(child_frame_id="base_link")
+        >>> robot.header.frame_id = "odom"
+        >>> buffer = BufferCore()
+        >>> for robot.header.stamp.sec in (2, 3, 5):
+        ...     buffer.set_transform(robot, "example")
+        >>> buffer.time_range("odom", "base_link")
+        (2000000000, 5000000000)
+        """
+        cdef Query query
+        cdef Status status
+        cdef TimeRange answered
+        cdef int problem
+        query_frames(&query, target_frame, source_frame)
+        catch_up(self)
+        with nogil:
+            problem = self.answered_times(&query, &answered, &status)
+        if problem != 0:
+            raise MemoryError
+        if status.code != STATUS_OK:
+            raise self.error(&query, status, "time_range")
+        return answered.first, answered.last
+
     def lookupVelocityCore(
         self, tracking_frame: str, observation_frame: str, time: Time, averaging_interval: Duration
     ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -802,7 +843,9 @@ cdef class BufferCore(Engine):
             ``oldest_ns``, ``newest_ns``.
 
         The times are exact: ``oldest_ns`` and ``newest_ns`` are the earliest and the latest time at which the
-        frame can be looked up in its parent. Roots are included. The cost grows with the number of frames.
+        frame can be looked up in its parent. Roots are included; like static frames, they have None there.
+        For the times that two frames have in common, see :meth:`time_range`. The cost grows with the number
+        of frames.
         """
         return listings.as_frames(self.frame_facts(True))
 

@@ -39,11 +39,14 @@ class FrameInfo(NamedTuple):
     Fields: ``parent``: the name in the newest sample; None if the buffer has no sample of the frame, which is
     then a root. ``static``: whether its transform is valid at all times. ``count``: the number of samples.
     ``oldest_ns`` and ``newest_ns``: their stamps in nanoseconds; None for a static frame and for a frame
-    without samples.
+    without samples. So ``oldest_ns is not None`` holds exactly for the frames that move: roots are not
+    static, and have no stamps either.
 
     >>> from tf2_py import BufferCore, FrameInfo
-    >>> FrameInfo(parent="map", static=False, count=2, oldest_ns=1_000, newest_ns=3_000).parent
-    'map'
+    >>> robot = FrameInfo(parent="map", static=False, count=2, oldest_ns=1_000, newest_ns=3_000)
+    >>> root = FrameInfo(parent=None, static=False, count=0, oldest_ns=None, newest_ns=None)
+    >>> max(info.oldest_ns for info in (robot, root) if info.oldest_ns is not None)
+    1000
     """
 
     parent: str | None

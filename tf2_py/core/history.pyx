@@ -332,6 +332,28 @@ cdef FrameId history_parent_at(const History* history, int64_t time_ns) noexcept
     return history.samples[older].parent
 
 
+cdef int64_t history_same_parent_since(const History* history, int64_t time_ns) noexcept nogil:
+    cdef FrameId parent
+    cdef int64_t stamp_ns
+    cdef uint32_t i
+    if history.kind == HISTORY_STATIC:
+        return INT64_MIN
+    if history.parent_changes == 0 or time_ns == history.oldest_ns:
+        return history.oldest_ns
+    i = history_first_after(history, time_ns) - 1
+    parent = history_parent_of(history, i)
+    while True:
+        # Of equal stamps the last arrival counts, except at the oldest stamp itself, see _find_slots.
+        stamp_ns = history.stamps[history_slot(history, i)]
+        while i > 0 and history.stamps[history_slot(history, i - 1)] == stamp_ns:
+            i -= 1
+        if i == 0:
+            return stamp_ns if history_parent_of(history, 0) == parent else stamp_ns + 1
+        if history_parent_of(history, i - 1) != parent:
+            return stamp_ns
+        i -= 1
+
+
 # Inserting, pruning, replacing.
 
 cdef enum:

@@ -333,6 +333,39 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
     return path_transform(tree, path, stamp_ns[0], policy, out, stamp_ns)
 
 
+cdef int64_t _same_path_since(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
+    # The earliest time from which on every hop of a path leads to the same parent as at `time_ns`.
+    cdef int64_t since_ns = INT64_MIN
+    cdef uint32_t i
+    for i in range(path.source_hops):
+        since_ns = max(since_ns, history_same_parent_since(&tree.histories[path.source[i]], time_ns))
+    for i in range(path.target_hops):
+        since_ns = max(since_ns, history_same_parent_since(&tree.histories[path.target[i]], time_ns))
+    return since_ns
+
+
+cdef Status walk_time_range(const Tree* tree, FrameId target, FrameId source,
+                            TimeRange* answered) noexcept nogil:
+    cdef Policy nothing
+    cdef Path path
+    cdef int64_t stamp_ns
+    cdef Status status
+    nothing.is_given = False
+    status = walk_lookup(tree, target, source, 0, &nothing, &path, NULL, &answered.last)
+    if status.code != STATUS_OK:
+        return status
+    answered.first = _same_path_since(tree, &path, answered.last)
+    if answered.first == INT64_MIN:
+        answered.first = 0
+        answered.last = MAX_STAMP_NS
+        return status
+    # Before that, another path may answer. No stamp is negative, and 0 asks for the latest time.
+    while answered.first > 1 and walk_lookup(
+            tree, target, source, answered.first - 1, &nothing, &path, NULL, &stamp_ns).code == STATUS_OK:
+        answered.first = _same_path_since(tree, &path, answered.first - 1)
+    return status
+
+
 # The query: names to frames, the halves of a two-time lookup.
 
 cdef inline FrameId query_frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:

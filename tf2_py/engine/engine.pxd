@@ -94,6 +94,8 @@ cdef class Engine:
                                   Status* status) noexcept nogil
     # For simple lookups only.
     cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil
+    # As walk_time_range. 0, or -1 without memory.
+    cdef int answered_times(self, const Query* query, TimeRange* answered, Status* status) noexcept nogil
     # The ids of the frames from the source up to the common ancestor and down to the target. Raises what the
     # lookup raises.
     cdef list frames_between(self, target_frame, source_frame, int64_t time_ns)

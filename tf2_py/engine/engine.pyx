@@ -402,6 +402,22 @@ cdef class Engine:
         lock_release(&self._lock)
         return status
 
+    cdef int answered_times(self, const Query* query, TimeRange* answered, Status* status) noexcept nogil:
+        # On pinned histories: with many changes of the parent it takes long.
+        cdef FrameId[2] ends
+        cdef PinnedTree pinned
+        cdef int problem = 0
+        lock_acquire(&self._lock)
+        status[0] = query_end_frames(&self._tree, query, &ends[0], &ends[1])
+        if status.code == STATUS_OK:
+            problem = tree_pin_above(&self._tree, ends, 2, &pinned)
+        lock_release(&self._lock)
+        if status.code != STATUS_OK or problem != 0:
+            return problem
+        status[0] = walk_time_range(&pinned.view, ends[0], ends[1], answered)
+        tree_unpin(&pinned)
+        return 0
+
     cdef list frames_between(self, target_frame, source_frame, int64_t time_ns):
         # In a tree that ever had a loop the path may pass its top, and come back.
         cdef list frames = []

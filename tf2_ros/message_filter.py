@@ -127,8 +127,8 @@ class MessageFilter(Generic[_Message]):
 
     ``async for message, transform in filter`` gives the same messages, from the start of the iteration to
     :meth:`close`, or to the end of the node or its context, each with its transform into the first target
-    frame. Nothing has to spin the node for that, unless there are callbacks, too. Messages that have passed
-    are kept until they are taken, without a limit.
+    frame. An executor has to spin the node if the messages come from a topic, or if there are callbacks, too;
+    otherwise nothing has to. Messages that have passed are kept until they are taken, without a limit.
 
     It has the methods of a filter of ``message_filters`` and can be the input of one. The end of a ``with``
     block closes it.

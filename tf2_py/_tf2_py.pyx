@@ -534,7 +534,9 @@ cdef class BufferCore(Engine):
             raise MemoryError
         if answered < series.count:
             error = self.error(query, status)
-            raise error if answered == SERIES_BAD_NAME else type(error)(f"times[{answered // per_time}]: {error}")
+            if answered != SERIES_BAD_NAME:
+                error = type(error)(f"times[{answered // per_time}]: {error}")
+            raise error
         return 0
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time) -> tuple[int, str]:

@@ -78,7 +78,7 @@ cdef struct PinnedTree:
     # Some frames, and all that were ever above them, at one moment. Lookups between these frames may read
     # `view` without the lock.
     Tree view               # only what a walk reads is set
-    FrameId* frames         # those of which `view` has samples
+    FrameId* frames         # those that `view` has
     uint32_t count          # of `frames`
 
 

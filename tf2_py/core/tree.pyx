@@ -326,49 +326,55 @@ cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil:
     return had_samples
 
 
-cdef void _pin_frame(const Tree* tree, FrameId frame, PinnedTree* pinned) noexcept nogil:
-    cdef const History* history = &tree.histories[frame]
-    if history.kind == HISTORY_NONE or pinned.view.histories[frame].kind != HISTORY_NONE:
+cdef void _pin_frame(const Tree* tree, FrameId frame, unsigned char* seen, PinnedTree* pinned) noexcept nogil:
+    if seen[frame >> 3] >> (frame & 7) & 1:
         return
-    history_pin(history, &pinned.view.histories[frame])
+    seen[frame >> 3] |= 1 << (frame & 7)
+    history_pin(&tree.histories[frame], &pinned.view.histories[frame])
     pinned.view.parents[frame] = tree.parents[frame]
     pinned.frames[pinned.count] = frame
     pinned.count += 1
 
 
-cdef void _pin_parents(const Tree* tree, const History* history, PinnedTree* pinned) noexcept nogil:
+cdef void _pin_parents(const Tree* tree, FrameId frame, unsigned char* seen,
+                       PinnedTree* pinned) noexcept nogil:
     # Newest first, until all changes of the parent are found.
+    cdef const History* history = &tree.histories[frame]
     cdef uint32_t changes = history.parent_changes
     cdef uint32_t i = history.count
     cdef FrameId parent = history_newest_parent(history)
-    _pin_frame(tree, parent, pinned)
+    _pin_frame(tree, parent, seen, pinned)
     while changes:
         i -= 1
         if history_parent_of(history, i) != parent:
             parent = history_parent_of(history, i)
-            _pin_frame(tree, parent, pinned)
+            _pin_frame(tree, parent, seen, pinned)
             changes -= 1
 
 
 cdef int tree_pin_above(const Tree* tree, const FrameId* frames, uint32_t count,
                         PinnedTree* pinned) noexcept nogil:
-    # Zeroed pages of large arrays cost nothing until they are written to, so the cost is that of what is
-    # pinned.
+    # Of the large arrays only the elements of pinned frames are written, so that this costs little where a
+    # tree has many others. NO_FRAME is pinned as the parent of a root.
+    cdef unsigned char* seen = <unsigned char*>calloc(tree.names.count // 8 + 1, 1)
     cdef uint32_t i
     memset(pinned, 0, sizeof(PinnedTree))
-    pinned.view.histories = <History*>calloc(tree.names.count, sizeof(History))
-    pinned.view.parents = <uint32_t*>calloc(tree.names.count, sizeof(uint32_t))
     pinned.view.ever_looped = tree.ever_looped
+    pinned.view.histories = <History*>malloc(tree.names.count * sizeof(History))
+    pinned.view.parents = <uint32_t*>malloc(tree.names.count * sizeof(uint32_t))
     pinned.frames = <FrameId*>malloc(tree.names.count * sizeof(FrameId))
-    if pinned.view.histories == NULL or pinned.view.parents == NULL or pinned.frames == NULL:
+    if (seen == NULL or pinned.view.histories == NULL or pinned.view.parents == NULL
+            or pinned.frames == NULL):
+        free(seen)
         tree_unpin(pinned)
         return -1
     for i in range(count):
-        _pin_frame(tree, frames[i], pinned)
+        _pin_frame(tree, frames[i], seen, pinned)
     i = 0
     while i < pinned.count:     # which grows meanwhile
-        _pin_parents(tree, &tree.histories[pinned.frames[i]], pinned)
+        _pin_parents(tree, pinned.frames[i], seen, pinned)
         i += 1
+    free(seen)
     return 0
 
 

@@ -6,7 +6,7 @@ buffer: it chooses transforms, thins them out, and names them anew. ``Relaying``
 node: it subscribes and publishes.
 """
 
-from tf2_ros_tools.listening import filled_buffer
+from tf2_ros_tools.listening import Pace, filled_buffer
 
 import math
 import re
@@ -240,7 +240,7 @@ class Relay:
         self.rule = rule
         self.buffer = buffer
         self.targets: list[Target] = []  # for dynamic and static transforms, or for poses
-        self.due_s = 0.0  # of the monotonic clock
+        self.pace = Pace(1.0 / rule.rate)
         self._owners = owners
         self._tree: dict[str, tuple[str | None, bool]] = {}
         self._links: list[Link] = []
@@ -410,19 +410,20 @@ class Relaying:
 
     def run(self) -> NoReturn:
         """Relay until a signal."""
-        maintain_s = 0.0
+        maintaining = Pace(MAINTAIN_S)
+        paces = [maintaining, *(relay.pace for relay in self._relays)]
         while True:
-            now_s = time.monotonic()
-            if now_s >= maintain_s:
-                self._maintain(now_s)
-                maintain_s = now_s + MAINTAIN_S
+            now_ns = time.monotonic_ns()
+            if now_ns >= maintaining.due_ns:
+                self._maintain(now_ns / S)
             for relay in self._relays:
-                if now_s >= relay.due_s:
-                    relay.due_s = max(relay.due_s + 1.0 / relay.rule.rate, now_s)
+                if now_ns >= relay.pace.due_ns:
                     clock_ns = self._node.get_clock().now().nanoseconds
-                    relay.targets[0].send(relay.dynamic_transforms(now_s, clock_ns))
-            wake_s = min(maintain_s, *(relay.due_s for relay in self._relays))
-            time.sleep(max(wake_s - time.monotonic(), 0.0))
+                    relay.targets[0].send(relay.dynamic_transforms(now_ns / S, clock_ns))
+            for pace in paces:
+                pace.advance(now_ns)
+            wake_ns = min(pace.due_ns for pace in paces)
+            time.sleep(max(wake_ns - time.monotonic_ns(), 0) / S)
 
     def _buffer(self, topics: tuple[str, ...]) -> BufferCore:
         if topics not in self._sources:

@@ -1,13 +1,24 @@
 """The manners that all programs share: help, wrong usage, Ctrl-C, readers who leave, disks that are full."""
 
+from tf2_ros_tools.listening import Pace
+
+import fcntl
 import os
+import random
+import re
 import resource
+import select
 import signal
+import struct
 import subprocess
 import sys
+import termios
+import threading
+import time
 from importlib.util import find_spec
 
 import pytest
+from making import S
 from making_bags import Sent, Tf, drive, write_mcap
 from paths import ROOT
 from processes import DEADLINE_S, broadcasting, ended, needs_dot, run, running, until
@@ -38,7 +49,7 @@ def folder(tmp_path, monkeypatch):
     """The current folder, with the files that the command lines name."""
     monkeypatch.chdir(tmp_path)
     write_mcap(tmp_path / "drive.mcap", drive(100))
-    (tmp_path / "relay.yaml").write_text("- {to: [/relay/tf, /relay/tf_static]}")
+    (tmp_path / "relay.yaml").write_text("- {to: [/relay/tf, /relay/tf_static], rate: 1000}")
     (tmp_path / "robot.urdf").write_text("<robot name='robot'><link name='base'/></robot>")
     return tmp_path
 
@@ -122,12 +133,97 @@ def test_ctrl_c_ends_a_node_once_however_often_it_comes(name, node, folder):
 
         until(lambda: uses("/robot_1/tf_static"))
         assert not uses("/tf_static")
+        stop_for_a_while(process)
         for _ in range(3):
             process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == status, err
     assert "Traceback" not in err and "Error" not in err
     until(lambda: "ended" not in [one.node_name for one in node.get_publishers_info_by_topic("/rosout")])
+
+
+# Stalls: the programs go on, and leave out what they have missed.
+
+STALL_S = 0.3
+# For those that print repeatedly, a command line for a rate that cannot be kept, and where they print a time.
+FAST = {
+    "tf2_echo map base_link 100000": rb"At time (\d+\.\d+)",
+    "tf2_monitor --interval 1e-5 --json": rb'{"time": (\d+\.\d+)',
+}
+
+
+def stop_for_a_while(process):
+    """Stop a process and let it go on, as Ctrl-Z and `fg` do."""
+    process.send_signal(signal.SIGSTOP)
+    os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WNOWAIT)
+    threading.Event().wait(STALL_S)
+    process.send_signal(signal.SIGCONT)
+
+
+def read_nothing_for_a_while(reading):
+    """Let a process fill the pipe or terminal that it writes to."""
+    sizes = [-1]
+
+    def is_full():
+        sizes.append(*struct.unpack("i", fcntl.ioctl(reading, termios.FIONREAD, bytes(4))))
+        return sizes[-1] == sizes[-2] > 1000
+
+    until(is_full)
+    threading.Event().wait(STALL_S)
+
+
+def pause_for_a_while(terminal):
+    """Pause a terminal and let it go on, as Ctrl-S and Ctrl-Q do."""
+    termios.tcflow(terminal, termios.TCOOFF)
+    threading.Event().wait(STALL_S)
+    termios.tcflow(terminal, termios.TCOON)
+
+
+@pytest.mark.parametrize("stall", ["process stopped", "pipe full", "terminal full", "terminal paused"])
+@pytest.mark.parametrize("line", FAST)
+def test_a_program_goes_on_after_a_stall(line, stall):
+    reading, writing = os.openpty() if "terminal" in stall else os.pipe()
+    name, *arguments = line.split()
+    printed = bytearray()
+
+    def last_time():
+        assert process.poll() is None
+        if select.select([reading], [], [], 1.0)[0]:
+            printed.extend(os.read(reading, 100_000))
+        times = re.findall(FAST[line], printed)
+        del printed[:-10_000]
+        return float(times[-1]) if times else 0.0
+
+    with broadcasting(), running(name, *arguments, stdout=writing) as process:
+        until(last_time)
+        if stall == "process stopped":
+            stop_for_a_while(process)
+        elif stall == "terminal paused":
+            pause_for_a_while(writing)
+        else:
+            read_nothing_for_a_while(reading)
+        end_s = time.time()
+        until(lambda: last_time() > end_s)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=DEADLINE_S)
+    for one in (reading, writing):
+        os.close(one)
+    assert (process.returncode, "Traceback" in err) == (0, False), err
+
+
+@pytest.mark.parametrize("rate", [1e-300, 0.01, 1.0, 30.0, 100_000.0, 1e300])
+def test_missed_ticks_are_skipped_and_the_others_keep_their_times(rate):
+    generator = random.Random(rate)
+    pace = Pace(1.0 / rate)
+    begin_ns, period_ns = pace.due_ns, max(round(min(1.0 / rate, 1e9) * S), 1)
+    now_ns = begin_ns
+    for _ in range(1000):
+        now_ns += round(generator.expovariate(2.0) * period_ns)
+        before_ns = pace.due_ns
+        pace.advance(now_ns)
+        assert (pace.due_ns - begin_ns) % period_ns == 0
+        assert now_ns < pace.due_ns <= max(before_ns, now_ns + period_ns)
+    assert 0.0 < Pace(1.0 / rate).next_s() <= period_ns / S
 
 
 @pytest.mark.parametrize(

@@ -84,24 +84,22 @@ PARSER.add_argument(
 
 def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
-    from tf2_ros_tools.listening import filled_buffer, spun_node
+    from tf2_ros_tools.listening import Pace, filled_buffer, spun_node
 
     from rclpy.time import Time
 
     from tf2_py import TransformException
 
     text_of = _json if options.json else _text
-    period_s = 1.0 / options.rate
     with spun_node("tf2_echo", options) as node, filled_buffer(node) as buffer:
         transform = _first(node, buffer, options)
         if transform is None:
             return FAILURE
-        due_s = time.monotonic()
+        pace = Pace(1.0 / options.rate)
         with suppress(KeyboardInterrupt):
             print(text_of(transform, options.precision))
             while not options.once:
-                due_s = max(due_s + period_s, time.monotonic())
-                time.sleep(due_s - time.monotonic())
+                time.sleep(pace.next_s())
                 try:
                     transform = buffer.lookup_transform(options.target, options.source, Time())
                     print(text_of(transform, options.precision))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
@@ -69,17 +68,18 @@ def monitor(options: Namespace) -> int:
 
 
 def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> NoReturn:
+    from tf2_ros_tools.listening import Pace
+
     interval_s = INTERVAL_S if options.interval is None else options.interval
     if not options.json:
         what = " -> ".join(options.frames) or "all frames"
         print(f"Gathering data on {printable(what)} for {counted(interval_s, 'second')}...")
-    due = time.monotonic() + interval_s
+    pace = Pace(interval_s)
     while True:
-        heard.listen(due - time.monotonic())
+        heard.listen(pace.next_s())
         report = look()
         for line in [json.dumps(asdict(report))] if options.json else _as_of_tf2(report):
             print(printable(line))
-        due = max(due + interval_s, time.monotonic())
 
 
 def _ends(frames: list[str]) -> tuple[str, str] | None:

@@ -13,6 +13,8 @@ from tf2_ros_tools.output import not_known, write_whole
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, positive_number, run
 
 if TYPE_CHECKING:
+    from tf2_ros_tools.listening import Pace
+
     from tf2_ros_tools.rerun import Live
 
 PERIOD_S = 0.1  # from one batch to the next
@@ -64,7 +66,7 @@ PARSER.add_argument(
 
 def view(options: Namespace) -> int:
     """Listen, and send what arrives; return the exit status."""
-    from tf2_ros_tools.listening import TOPICS, filled_buffer, spun_node
+    from tf2_ros_tools.listening import TOPICS, Pace, filled_buffer, spun_node
 
     from tf2_py import stored_name
     from tf2_ros_tools.rerun import Live, ViewerError, open_viewer
@@ -88,11 +90,11 @@ def view(options: Namespace) -> int:
                 write_whole(options.output, b"")  # rerun would raise its own error
                 live.recording.save(options.output)
                 node.get_logger().info(f"Writing {options.output} until interrupted")
-                _send(live, check_names)
+                _send(live, Pace(PERIOD_S), check_names)
             with open_viewer(live.recording, web=options.web) as (viewer, page):
                 if page is not None:
                     node.get_logger().info(f"The viewer is at {page}")
-                _send(live, check_names, viewer)
+                _send(live, Pace(PERIOD_S), check_names, viewer)
     except ViewerError as failure:
         advice = "" if options.web else "; --web and -o FILE do not need a screen"
         raise RunError(f"{failure}{advice}") from None
@@ -100,7 +102,10 @@ def view(options: Namespace) -> int:
 
 
 def _send(
-    live: "Live", check_names: Callable[[], None], viewer: "subprocess.Popen[bytes] | None" = None
+    live: "Live",
+    pace: "Pace",
+    check_names: Callable[[], None],
+    viewer: "subprocess.Popen[bytes] | None" = None,
 ) -> None:
     """Send batches until interrupted, or until the viewer is closed; check the names once."""
     for number in count():
@@ -109,7 +114,7 @@ def _send(
         live.send()
         if number == CHECK_AFTER:
             check_names()
-        time.sleep(PERIOD_S)
+        time.sleep(pace.next_s())
 
 
 main = partial(run, PARSER, view, interrupted=SUCCESS)

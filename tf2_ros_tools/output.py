@@ -1,5 +1,6 @@
 """Format texts and angles, write files, and find libraries, in the same way for all tools."""
 
+import json
 import os
 import uuid
 from collections.abc import Collection, Sequence
@@ -16,6 +17,17 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
+def show(*lines: str) -> None:
+    """Print lines, without characters that could steer a terminal or begin another line."""
+    print("\n".join(map(printable, lines)))
+
+
+def show_json(content: Any) -> None:
+    """Print an object as one line of JSON."""
+    # json leaves the delete character as it is, whose usual escape is not JSON.
+    print(json.dumps(content).replace("\x7f", r"\u007f"))
 
 
 def three_digits(number: float) -> str:
@@ -38,7 +50,7 @@ def not_known(name: str, known: Collection[str]) -> str:
     """Say that a frame is unknown, and suggest similar names."""
     near = get_close_matches(name, known, n=3)
     advice = f"; did you mean {' or '.join(near)}?" if near else ""
-    return f"{name} is not known{advice}"
+    return printable(f"{name} is not known{advice}")
 
 
 def rpy_from_matrices(matrices: Any) -> Any:

@@ -25,7 +25,7 @@ class TestText:
             status, out, _ = ended("tf2_echo", "a", "b", "--once", "20", *WAIT)
         assert status == 0
         q = Rotation.from_euler("xyz", [0.1, -0.2, 2.5])
-        assert f"- Rotation: in Quaternion {listed(q.as_quat())}\n" in out
+        assert f"- Rotation: in Quaternion (xyzw) {listed(q.as_quat())}\n" in out
         assert f"- Rotation: in RPY (radian) {listed([0.1, -0.2, 2.5])}\n" in out
         assert f"- Rotation: in RPY (degree) {listed(map(math.degrees, [0.1, -0.2, 2.5]))}\n" in out
         for row in q.as_matrix():

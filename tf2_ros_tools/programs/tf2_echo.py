@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from contextlib import suppress
 from functools import partial
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
-from tf2_ros_tools.output import first_names, rpy_from_matrices
+from tf2_ros_tools.output import first_names, printable, rpy_from_matrices, show, show_json
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,
     Parser,
     UsageError,
+    nanoseconds,
     non_negative_number,
     positive_number,
     run,
@@ -30,12 +30,16 @@ if TYPE_CHECKING:
     from tf2_ros import Buffer
 
 S = 1_000_000_000  # ns
+LATEST = 0  # the time that asks for the latest transform
+RATE = 1.0  # prints per second, by default
 
-DIGITS = 3  # after the point, by default; a double has at most 17
+DIGITS = 3  # after the point, by default
+MOST_DIGITS = 1074  # that a double can have after the point
+WIDTH = 6  # of the columns of the matrix, at least
 REPORT_S = 1.0  # between two log lines about a transform that is not available yet
 
 DESCRIPTION = """\
-Print the transform that maps data from the frame SOURCE to the frame TARGET, RATE times a second. \
+Print the transform that maps data from the frame SOURCE to the frame TARGET, once a second, or RATE times. \
 Until it is available, log the reason and the known frames each second.
 
 With --json, each line is {"header": {"stamp": {"sec", "nanosec"}, "frame_id"}, "child_frame_id", \
@@ -46,21 +50,40 @@ Exit status: 0 if a transform was printed, 1 if none was available within --wait
 130 if Ctrl-C came before the first transform."""
 
 EXAMPLE = """\
-  tf2_echo map base_link 10                  ten times a second
+  tf2_echo map base_link -r 10               ten times a second; or without -r
+  tf2_echo map base_link -t 1795608204.5     where it was at this time
   tf2_echo map base_link --once --wait 5     for scripts: the exit status shows success
   tf2_echo map base_link --json --once       one line, for programs to read"""
+
+
+def _digits(text: str) -> int:
+    if not (text.isdecimal() and text.isascii() and int(text) <= MOST_DIGITS):
+        raise ArgumentTypeError(f"expected a whole number from 0 to {MOST_DIGITS}, got {text}")
+    return int(text)
 
 
 PARSER = Parser("tf2_echo", DESCRIPTION, EXAMPLE)
 PARSER.add_argument("target", metavar="TARGET", help="the frame to which data is transformed")
 PARSER.add_argument("source", metavar="SOURCE", help="the frame of the data")
+PARSER.add_argument("old_rate", metavar="RATE", nargs="?", type=positive_number, help="the same as -r RATE")
 PARSER.add_argument(
-    "rate",
-    metavar="RATE",
-    nargs="?",
-    type=positive_number,
-    default=1.0,
-    help="prints per second; 1 by default",
+    "-r", dest="rate", metavar="RATE", type=positive_number, help="prints per second; 1 by default"
+)
+PARSER.add_argument(
+    "-t",
+    dest="time_ns",
+    metavar="TIME",
+    type=nanoseconds,
+    default=LATEST,
+    help="print the transform at this time, in seconds since 1970; by default, and with 0, the latest one",
+)
+PARSER.add_argument(
+    "-p",
+    "--precision",
+    metavar="DIGITS",
+    type=_digits,
+    default=DIGITS,
+    help=f"number of decimals without --json; {DIGITS} by default",
 )
 PARSER.add_argument("--once", action="store_true", help="exit after the first transform")
 PARSER.add_argument(
@@ -72,37 +95,30 @@ PARSER.add_argument(
 PARSER.add_argument(
     "--json", action="store_true", help='print one JSON object per line; a failed lookup has an "error"'
 )
-PARSER.add_argument(
-    "--precision",
-    metavar="DIGITS",
-    type=int,
-    choices=range(18),
-    default=DIGITS,
-    help="number of decimals without --json; 3 by default",
-)
 
 
 def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
     from tf2_ros_tools.listening import Pace, filled_buffer, spun_node
 
-    from rclpy.time import Time
-
     from tf2_py import TransformException
 
-    text_of = _json if options.json else _text
+    if None not in (options.rate, options.old_rate):
+        raise UsageError("the rate was given twice")
+    rate = options.rate or options.old_rate or RATE
+    show_transform = _show_json if options.json else _show_text
     with spun_node("tf2_echo", options) as node, filled_buffer(node) as buffer:
         transform = _first(node, buffer, options)
         if transform is None:
             return FAILURE
-        pace = Pace(1.0 / options.rate)
+        pace = Pace(1.0 / rate)
         with suppress(KeyboardInterrupt):
-            print(text_of(transform, options.precision))
+            show_transform(transform, options)
             while not options.once:
                 time.sleep(pace.next_s())
                 try:
-                    transform = buffer.lookup_transform(options.target, options.source, Time())
-                    print(text_of(transform, options.precision))
+                    transform = buffer.lookup_transform(options.target, options.source, options.time_ns)
+                    show_transform(transform, options)
                 except TransformException as reason:
                     _print_failure(node, buffer, options, reason)
         return SUCCESS
@@ -110,8 +126,6 @@ def echo(options: Namespace) -> int:
 
 def _first(node: Node, buffer: Buffer, options: Namespace) -> TransformStamped | None:
     """Wait for the first transform; None: there is none after the time that the options say."""
-    from rclpy.time import Time
-
     from tf2_py import InvalidArgumentException, TransformException
 
     begin_s = time.monotonic()
@@ -119,13 +133,13 @@ def _first(node: Node, buffer: Buffer, options: Namespace) -> TransformStamped |
         waited_s = time.monotonic() - begin_s
         timeout_s = REPORT_S if options.wait is None else min(REPORT_S, max(0.0, options.wait - waited_s))
         try:
-            return buffer.lookup_transform(options.target, options.source, Time(), timeout_s)
+            return buffer.lookup_transform(options.target, options.source, options.time_ns, timeout_s)
         except InvalidArgumentException as refusal:
             raise UsageError(str(refusal)) from None
         except TransformException as reason:
             waited_s = time.monotonic() - begin_s
             node.get_logger().info(
-                f"Waiting for transform {options.target} ->  {options.source}: {reason}\n"
+                printable(f"Waiting for transform {options.target} ->  {options.source}: {reason}") + "\n"
                 f"Waited {waited_s:.1f} s in ROS domain {node.context.get_domain_id()}\n"
                 f"Known frames: {first_names(sorted(buffer.frames())) or 'none'}"
             )
@@ -141,17 +155,20 @@ def _print_failure(node: Node, buffer: Buffer, options: Namespace, reason: Trans
             "child_frame_id": options.source,
             "error": {"type": type(reason).__name__, "text": str(reason)},
         }
-        print(json.dumps(content))
+        show_json(content)
         return
-    print(f"Failure at {now.nanoseconds / S:.3f}\nException thrown:{reason}")
-    print(f"The current list of frames is:\n{buffer.all_frames_as_string()}")
+    show(f"Failure at {now.nanoseconds / S:.3f}", f"Exception thrown:{reason}")
+    # The listing ends with a line break, and tf2's own program adds another one.
+    show("The current list of frames is:", *buffer.all_frames_as_string().split("\n"))
 
 
 # What is printed of a transform: as tf2's own program does, or as JSON.
 
 
-def _text(transform: TransformStamped, digits: int) -> str:
+def _show_text(transform: TransformStamped, options: Namespace) -> None:
     from tf2_ros.numpy import to_matrix
+
+    digits: int = options.precision
 
     def listed(*values: float) -> str:
         return "[" + ", ".join(f"{value:.{digits}f}" for value in values) + "]"
@@ -160,20 +177,19 @@ def _text(transform: TransformStamped, digits: int) -> str:
     v, q = transform.transform.translation, transform.transform.rotation
     matrix = to_matrix(transform)
     rpy = rpy_from_matrices(matrix).tolist()
-    width = digits + len("-0.")
-    lines = [
+    width = max(WIDTH, digits + len("-0."))
+    show(
         f"At time {stamp.sec}.{stamp.nanosec:09d}",
         f"- Translation: {listed(v.x, v.y, v.z)}",
-        f"- Rotation: in Quaternion {listed(q.x, q.y, q.z, q.w)}",
+        f"- Rotation: in Quaternion (xyzw) {listed(q.x, q.y, q.z, q.w)}",
         f"- Rotation: in RPY (radian) {listed(*rpy)}",
         f"- Rotation: in RPY (degree) {listed(*map(degrees, rpy))}",
         "- Matrix:",
         *("".join(f" {value:{width}.{digits}f}" for value in row) for row in matrix.tolist()),
-    ]
-    return "\n".join(lines)
+    )
 
 
-def _json(transform: TransformStamped, precision: int) -> str:
+def _show_json(transform: TransformStamped, _: Namespace) -> None:
     from tf2_ros.numpy import to_matrix
 
     moved = transform.transform
@@ -184,7 +200,7 @@ def _json(transform: TransformStamped, precision: int) -> str:
         "transform": {"translation": _fields(moved.translation), "rotation": _fields(moved.rotation)},
         "rpy": dict(zip(("roll", "pitch", "yaw"), rpy, strict=True)),
     }
-    return json.dumps(content)
+    show_json(content)
 
 
 def _header(stamp: Any, frame: str) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tf2_ros_tools.output import counted, first_names, printable, three_digits
+from tf2_ros_tools.output import counted, first_names, show, show_json, three_digits
 from tf2_ros_tools.program import FAILURE, KINDS, SUCCESS, UsageError
 from tf2_ros_tools.streams import Refused, Stream, Streams, newest_streams, path_to_root, without_delays
 from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, frame_name, read_keys, read_yaml
@@ -353,7 +352,7 @@ def stream_line(stream: Stream) -> str:
     parts = [f"parent {stream.parent}", f"publisher {stream.publisher}", rate_label(stream)]
     if stream.delay is not None:
         parts += [delay_label(stream), f"jitter {milliseconds(stream.jitter)} ms"]
-    return printable(f"{stream.frame}: {', '.join(parts)}")
+    return f"{stream.frame}: {', '.join(parts)}"
 
 
 def rate_text(stream: Stream) -> str:
@@ -380,7 +379,7 @@ def milliseconds(seconds: float | None) -> str:
 
 def line_of(finding: Finding) -> str:
     """Describe a finding on one line."""
-    return f"{finding.kind}: {printable(finding.text)}"
+    return f"{finding.kind}: {finding.text}"
 
 
 def lines_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) -> Iterator[str]:
@@ -406,7 +405,7 @@ def conclude(options: Namespace, report: Any, of_what: str, head: Mapping[str, A
     """
     wrong = [finding for finding in report.findings if finding.kind not in options.ignore]
     if options.json:
-        print(json.dumps({"ok": not wrong, **head, **asdict(replace(report, findings=wrong))}))
+        show_json({"ok": not wrong, **head, **asdict(replace(report, findings=wrong))})
     else:
-        print(*lines_of(wrong, report.streams, of_what), sep="\n")
+        show(*lines_of(wrong, report.streams, of_what))
     return FAILURE if wrong else SUCCESS

@@ -151,7 +151,7 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
     except BagError as error:
         return [_row(recording, ERROR, str(error))]
     except (FileNotFoundError, PermissionError) as error:
-        return [_row(recording, ERROR, f"{printable(error.filename or recording)}: {error.strerror}")]
+        return [_row(recording, ERROR, f"{error.filename or recording}: {error.strerror}")]
     single = isinstance(request.source, str)
     frames = [request.source] if isinstance(request.source, str) else request.source
     times_ns = np.zeros(0, np.int64) if heard.times_ns is None else heard.times_ns
@@ -208,7 +208,7 @@ def _made_from(request: Request, recording: str) -> dict[str, Any]:
 
 
 def _row(recording: str, kind: str, text: str, frame: str = "") -> Row:
-    return {"file": printable(recording), "kind": kind, "frame": printable(frame), "text": text}
+    return {"file": printable(recording), "kind": kind, "frame": printable(frame), "text": printable(text)}
 
 
 # Distribute the work.
@@ -322,7 +322,7 @@ def _failed(recording: str, error: Exception) -> list[Row]:
     # A problem with one recording does not stop the others, but a library that is not installed stops all.
     if isinstance(error, ModuleNotFoundError):
         raise error
-    return [_row(recording, ERROR, f"{type(error).__name__}: {printable(str(error))}")]
+    return [_row(recording, ERROR, f"{type(error).__name__}: {error}")]
 
 
 # Report the results.

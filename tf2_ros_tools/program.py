@@ -100,8 +100,18 @@ class Parser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line and exit with status 2."""
-        line = " ".join(message.split())
-        self.exit(USAGE, f"{self.prog}: {line} (see {self.prog} --help)\n")
+        self.fail(f"{' '.join(message.split())} (see {self.prog} --help)", USAGE)
+
+    def fail(self, reason: str, status: int = FAILURE) -> NoReturn:
+        """Print one line and exit."""
+        self.exit(status, self._line(reason))
+
+    def warn(self, text: str) -> None:
+        """Print one line to standard error."""
+        sys.stderr.write(self._line(text))
+
+    def _line(self, text: str) -> str:
+        return printable(f"{self.prog}: {' '.join(text.split())}") + "\n"
 
     def read(self, arguments: list[str]) -> Namespace:
         """
@@ -170,18 +180,17 @@ def run(
     except UsageError as refusal:
         parser.error(str(refusal))
     except (RunError, MissingLibraryError) as failure:
-        parser.exit(FAILURE, f"{parser.prog}: {' '.join(str(failure).split())}\n")
+        parser.fail(str(failure))
     except ImportError as lack:
         # The error of this project's tf2_ros says what it needs, but another tf2_ros may have been imported.
-        reason = " ".join(str(lack).split())
-        parser.exit(FAILURE, f"{parser.prog}: {reason}; tf2_which shows which tf2_ros is imported\n")
+        parser.fail(f"{lack}; tf2_which shows which tf2_ros is imported")
     except OSError as failure:
         if failure.filename is not None:
-            parser.exit(FAILURE, printable(f"{parser.prog}: {failure.filename}: {failure.strerror}") + "\n")
+            parser.fail(f"{failure.filename}: {failure.strerror}")
         # From writing to standard output. What is left of it would fail again when Python ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(failure, BrokenPipeError):  # a reader who leaves has seen enough
-            parser.exit(FAILURE, f"{parser.prog}: {failure.strerror or failure}\n")
+            parser.fail(failure.strerror or str(failure))
         return FAILURE
     except Exception:
         if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -3,6 +3,7 @@
 from tf2_ros_tools.listening import Pace
 
 import fcntl
+import json
 import os
 import random
 import re
@@ -250,6 +251,86 @@ def test_another_tf2_ros_is_named(folder):
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
     assert done.stderr.startswith("tf2_echo: No module named 'tf2_ros.")
     assert done.stderr.endswith("; tf2_which shows which tf2_ros is imported\n")
+
+
+# Names: they cannot steer the terminal, nor pretend to be a line of the program.
+
+HOSTILE = "x\x1b[2J\x7f\x9b1m\u202e\nok: no findings"
+ESCAPED = r"x\x1b[2J\x7f\x9b1m\u202e\nok: no findings"
+
+
+def has_no_control_characters(text):
+    return all(line.isprintable() for line in text.split("\n"))
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_wrong_arguments_are_shown_without_control_characters(name):
+    status, out, err = ended(name, *PROGRAMS[name][0].split(), f"--{HOSTILE.replace(' ', '')}")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert has_no_control_characters(err) and ESCAPED.partition(r"\n")[0] in err
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ["tf2_bag", "info", HOSTILE],
+        ["tf2_bag", "plot", "drive.mcap", "-o", f"{HOSTILE}.png"],
+        ["tf2_bag", "plot", "drive.mcap", HOSTILE, "-o", "x.png"],
+        ["tf2_bag", "lookup", "drive.mcap", "map", HOSTILE],
+        ["tf2_check", "--expect", HOSTILE],
+        ["tf2_check", "-t", "0.1", "--expect", f"{HOSTILE}.yaml"],
+        ["tf2_echo", HOSTILE, "robot", "--wait", "0"],
+        ["tf2_echo", f"/{HOSTILE}", "robot"],
+        ["tf2_plot", "-t", "0.1", "--path", "map", HOSTILE],
+        ["tf2_relay", f"{HOSTILE}.yaml"],
+        ["tf2_shared_buffer", "--name", HOSTILE],
+        ["tf2_state_publisher", HOSTILE],
+        ["tf2_state_publisher", f"{HOSTILE}.yaml"],
+        ["view_frames", "-t", "0.1", "--tf_topic", HOSTILE],
+        ["static_transform_publisher", "--file", f"{HOSTILE}.yaml"],
+        ["static_transform_publisher", "0", "0", "0", "0", "0", HOSTILE, "a", "b"],
+        ["static_transform_publisher", *(f"--{end}frame-id={HOSTILE}" for end in ("", "child-"))],
+    ],
+    ids=lambda line: " ".join(line[:2]).replace(HOSTILE, "..."),
+)
+def test_names_on_the_command_line_are_shown_without_control_characters(line, folder):
+    (folder / f"{HOSTILE}.yaml").write_text(
+        f"frames: {{camera: {{parent: {ascii(HOSTILE)[1:-1]!r}, no: 1}}}}"
+    )
+    _, out, err = ended(*line)
+    assert has_no_control_characters(out + err), out + err
+    assert "Traceback" not in err and out + err
+
+
+@pytest.mark.parametrize(
+    ("line", "escaped"),
+    [
+        ("static_transform_publisher --x 1 --frame-id map --qx 1 --child-frame-id", "'{}'"),
+        ("static_transform_publisher 0 0 0 0 0 0 map", "to '{}'"),
+        ("tf2_monitor --interval 0.1 map", "Gathering data on map -> {} "),
+        ("tf2_echo map", "Waiting for transform map ->  {}: "),
+    ],
+)
+def test_a_name_in_a_log_is_escaped(line, escaped):
+    name, *arguments = line.split()
+    with running(name, *arguments, HOSTILE, stderr=subprocess.STDOUT) as process:
+        lines = [process.stdout.readline()]
+        until(lambda: escaped.format(ESCAPED) in lines[-1] or lines.append(process.stdout.readline()))
+    assert has_no_control_characters("".join(lines))
+
+
+@pytest.mark.parametrize(
+    "line", ["tf2_check -t 3", "tf2_check -t 3 --json", "view_frames -t 3 --text", "tf2_echo map a --once"]
+)
+def test_names_in_messages_are_shown_without_control_characters(line, peer):
+    name, *arguments = line.split()
+    with running(name, *arguments) as process:
+        talker = peer()
+        talker.send((HOSTILE, "b", S, 1.0), ("map", HOSTILE, S, 1.0), (HOSTILE, "a", S, 1.0), static=True)
+        out, err = process.communicate(timeout=DEADLINE_S)
+    assert has_no_control_characters(out + err) and out
+    if "--json" in line:
+        assert HOSTILE in {stream["frame"] for stream in json.loads(out)["streams"]}
 
 
 # Full disks: what was there before stays.

@@ -135,6 +135,25 @@ def test_a_recording_that_cannot_be_read_is_reported_and_stops_nobody(runs, out)
 # Restarting.
 
 
+def test_names_cannot_steer_the_terminal_that_shows_the_findings(tmp_path, out):
+    hostile = "x\x1b[2J\x7f\u202e\nok"
+    escaped = r"x\x1b[2J\x7f\u202e\nok"
+    frames = [Tf("map", "camera", 0), Tf(hostile, "boat", 0), Tf("map", hostile + "2", 0, (np.nan, 0, 0))]
+    write_mcap(tmp_path / "good.mcap", [Sent(S, "/tf_static", frames)])
+    (tmp_path / f"{hostile}.mcap").write_bytes(b"no recording")
+    result = mapped(tmp_path, out)
+    with open(result.findings, newline="") as file:
+        lines = file.read().split("\r\n")
+    assert [line for line in lines if not line.isprintable()] == []
+    assert {row["kind"] for row in findings(result)} == {"summary", "roots", "refused", "error"}
+    roots, refused, error = (
+        next(row for row in findings(result) if row["kind"] == kind) for kind in ("roots", "refused", "error")
+    )
+    assert roots["text"] == f"2 unconnected trees: map (2 frames), {escaped} (2 frames)"
+    assert refused["frame"] == f"{escaped}2" and f"of {escaped}2 by /tf_static is refused" in refused["text"]
+    assert error["file"] == str(tmp_path / f"{escaped}.mcap") and f"{escaped}.mcap" in error["text"]
+
+
 def state(out):
     return {path.name: path.stat().st_mtime_ns for path in out.glob("[!_]*.parquet")}
 

@@ -10,6 +10,7 @@ from math import hypot, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from tf2_ros_tools.output import printable
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, finite_number, run
 from tf2_ros_tools.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
@@ -101,7 +102,7 @@ def publish(options: Namespace) -> NoReturn:
             length = hypot(q.x, q.y, q.z, q.w)
             if abs(length * length - 1.0) >= TOLERANCE:
                 text = "does not have length one; what is published does"
-                log.warning(f"The quaternion of {one.child_frame_id} {text}")
+                log.warning(printable(f"The quaternion of {one.child_frame_id} {text}"))
                 q.x, q.y, q.z, q.w = (part / length for part in (q.x, q.y, q.z, q.w))
         log.info(_summary(options, transforms))
         StaticTransformBroadcaster(node).sendTransform(transforms)
@@ -110,14 +111,16 @@ def publish(options: Namespace) -> NoReturn:
 
 def _summary(options: Namespace, transforms: list[TransformStamped]) -> str:
     if options.file is not None:
-        return f"Spinning until stopped - publishing {len(transforms)} transforms of {options.file}"
+        return printable(
+            f"Spinning until stopped - publishing {len(transforms)} transforms of {options.file}"
+        )
     [one] = transforms
     t, q = one.transform.translation, one.transform.rotation
     return (
         "Spinning until stopped - publishing transform\n"
         f"translation: {tuple(f'{number:f}' for number in (t.x, t.y, t.z))}\n"
         f"rotation: {tuple(f'{number:f}' for number in (q.x, q.y, q.z, q.w))}\n"
-        f"from '{one.header.frame_id}' to '{one.child_frame_id}'"
+        f"from '{printable(one.header.frame_id)}' to '{printable(one.child_frame_id)}'"
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import warnings
@@ -14,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import counted, printable, require, three_digits, write_whole
+from tf2_ros_tools.output import counted, require, show, show_json, three_digits, write_whole
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,
@@ -107,25 +106,20 @@ def info(options: Namespace) -> int:
         size, span_ns = _size_of(options.file), (recorded.start_ns, recorded.end_ns)
     if not options.json:
         # First, because transforms that cannot be read end the command.
-        print(f"{printable(options.file)}: {size:,} bytes")
-        print(*_contents(topics, *span_ns), sep="\n")
+        show(f"{options.file}: {size:,} bytes", *_contents(topics, *span_ns))
     heard = _heard_of(options)
     said = report(heard)
     if options.json:
         contents = {"file": options.file, "bytes": size, "topics": [*map(asdict, topics)]}
-        print(json.dumps({**contents, **asdict(said)}))
+        show_json({**contents, **asdict(said)})
         return SUCCESS
-    print("tree:")
-    for line in heard.buffer.tree().splitlines():
-        print(f"  {line}")
-    print("frames:")
-    for stream in said.streams:
-        print(f"  {stream_line(stream)}{_gap(stream)}")
+    show("tree:", *(f"  {line}" for line in heard.buffer.tree().splitlines()))
+    show("frames:", *(f"  {stream_line(stream)}{_gap(stream)}" for stream in said.streams))
     if said.clocks_differ:
-        print("stamps and log times are of different clocks: no delays")
+        show("stamps and log times are of different clocks: no delays")
     if said.saved:
-        print("saved by a buffer, which keeps stamps but no times of reception: no delays")
-    print(*lines_of(said.findings, said.streams, _what(said)), sep="\n")
+        show("saved by a buffer, which keeps stamps but no times of reception: no delays")
+    show(*lines_of(said.findings, said.streams, _what(said)))
     return SUCCESS
 
 
@@ -151,7 +145,7 @@ def _contents(topics: Sequence[Topic], start_ns: int | None, end_ns: int | None)
         yield f"{begin:.3f} to {end:.3f} s ({length})"
     yield "topics:"
     for topic in topics:
-        yield f"  {printable(topic.name)}: {printable(topic.msgtype)}, {counted(topic.count, 'message')}"
+        yield f"  {topic.name}: {topic.msgtype}, {counted(topic.count, 'message')}"
 
 
 def _gap(stream: Stream) -> str:
@@ -188,11 +182,11 @@ def lookup(options: Namespace) -> int:
         print(contents.decode(), end="")
     else:
         write_whole(options.output, contents)
-        print(options.output)
+        show(options.output)
     missing = len(table) - int(table.valid.sum())
     if missing:
         text = f"no answer at {missing} of {len(table)} times{', which are left out' * (kind == 'tum')}"
-        print(f"{options.parser.prog}: {text}", file=sys.stderr)
+        options.parser.warn(text)
     return SUCCESS
 
 
@@ -216,15 +210,15 @@ def batch(options: Namespace) -> int:
             scheduler=options.scheduler,
         )
     except KeyboardInterrupt:
-        print(f"{options.parser.prog}: interrupted; the same command does the rest", file=sys.stderr)
+        options.parser.warn("interrupted; the same command does the rest")
         raise
     for problem in result.failed.values():
-        print(f"{options.parser.prog}: {problem}", file=sys.stderr)
+        options.parser.warn(problem)
     for recording, reason in result.unanswered.items():
-        print(f"{options.parser.prog}: {printable(recording)}: {reason}", file=sys.stderr)
+        options.parser.warn(f"{recording}: {reason}")
     lack = f", {len(result.unanswered)} without an answer" if result.unanswered else ""
-    print(f"{len(result.done)} done, {len(result.skipped)} done before, {len(result.failed)} failed{lack}")
-    print(result.findings)
+    counts = f"{len(result.done)} done, {len(result.skipped)} done before, {len(result.failed)} failed{lack}"
+    show(counts, result.findings)
     return FAILURE if result.failed or result.unanswered else SUCCESS
 
 
@@ -243,13 +237,13 @@ def tree(options: Namespace) -> int:
         require("graphviz", "cli")
     heard = _heard_of(options)
     if options.output is None:
-        print(heard.buffer.tree())
+        show(*heard.buffer.tree().splitlines())
         return SUCCESS
     said = report(heard)
     dot = tree_dot(said.streams, said.findings, heard.buffer.frames(), said.end)
     kind = format_of(options.output)
     write_whole(options.output, dot.encode() if kind == "gv" else drawn(dot, kind))
-    print(options.output)
+    show(options.output)
     return SUCCESS
 
 
@@ -274,7 +268,7 @@ def plot(options: Namespace) -> int:
         figure = path_picture(heard.buffer, heard.records, said.streams, heard.frames, options.path)
     name = options.output or f"{Path(options.file).absolute().stem}.png"
     write_plot(name, figure)
-    print(name)
+    show(name)
     return SUCCESS
 
 
@@ -285,7 +279,7 @@ def view(options: Namespace) -> int:
     heard = _heard_of(options)
     if options.output is not None:
         rerun.save(heard.buffer, options.output)
-        print(options.output)
+        show(options.output)
         return SUCCESS
     try:
         rerun.view(heard.buffer)

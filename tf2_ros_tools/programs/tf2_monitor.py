@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from argparse import Namespace
@@ -13,7 +12,7 @@ from importlib.util import find_spec
 from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
-from tf2_ros_tools.output import counted, printable
+from tf2_ros_tools.output import counted, show, show_json
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, positive_number, run
 
 if TYPE_CHECKING:
@@ -73,13 +72,15 @@ def _print_reports(heard: Listening, look: Callable[[], Report], options: Namesp
     interval_s = INTERVAL_S if options.interval is None else options.interval
     if not options.json:
         what = " -> ".join(options.frames) or "all frames"
-        print(f"Gathering data on {printable(what)} for {counted(interval_s, 'second')}...")
+        show(f"Gathering data on {what} for {counted(interval_s, 'second')}...")
     pace = Pace(interval_s)
     while True:
         heard.listen(pace.next_s())
         report = look()
-        for line in [json.dumps(asdict(report))] if options.json else _as_of_tf2(report):
-            print(printable(line))
+        if options.json:
+            show_json(asdict(report))
+        else:
+            show(*_as_of_tf2(report))
 
 
 def _ends(frames: list[str]) -> tuple[str, str] | None:

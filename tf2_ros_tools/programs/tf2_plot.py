@@ -5,7 +5,7 @@ import time
 from argparse import Namespace
 from functools import partial
 
-from tf2_ros_tools.output import counted
+from tf2_ros_tools.output import counted, show
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, add_plot_options, positive_number, run
 
 S = 1_000_000_000
@@ -59,7 +59,7 @@ def plot(options: Namespace) -> int:
             figure = path_picture(heard.buffer, drawn, *of_records[1:], options.path)
     name = options.output or time.strftime("tf2_plot_%Y-%m-%d_%H.%M.%S.png")
     write_plot(name, figure)
-    print(name)
+    show(name)
     return SUCCESS
 
 

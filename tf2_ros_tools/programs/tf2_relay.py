@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
+from tf2_ros_tools.output import printable
 from tf2_ros_tools.program import SUCCESS, Parser, run
 
 DESCRIPTION = """\
@@ -36,7 +37,7 @@ def relay(options: Namespace) -> NoReturn:
 
     with spun_node("tf2_relay", options) as node, ExitStack() as stack:
         relaying = Relaying(node, options.rules, stack)
-        node.get_logger().info(f"Relaying by the rules of {options.rules}")
+        node.get_logger().info(printable(f"Relaying by the rules of {options.rules}"))
         relaying.run()
 
 

@@ -9,7 +9,7 @@ from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import not_known, write_whole
+from tf2_ros_tools.output import not_known, printable, write_whole
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, positive_number, run
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def view(options: Namespace) -> int:
             if options.output is not None:
                 write_whole(options.output, b"")  # rerun would raise its own error
                 live.recording.save(options.output)
-                node.get_logger().info(f"Writing {options.output} until interrupted")
+                node.get_logger().info(printable(f"Writing {options.output} until interrupted"))
                 _send(live, Pace(PERIOD_S), check_names)
             with open_viewer(live.recording, web=options.web) as (viewer, page):
                 if page is not None:

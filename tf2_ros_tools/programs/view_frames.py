@@ -6,7 +6,7 @@ from argparse import Namespace
 from functools import partial
 from os.path import splitext
 
-from tf2_ros_tools.output import counted, require, write_whole
+from tf2_ros_tools.output import counted, require, show, write_whole
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, format_of, non_negative_number, run
 
 FORMATS = ("pdf", "svg", "png")
@@ -74,16 +74,16 @@ def view(options: Namespace) -> int:
             raise RunError(f"no transform was received {heard.where}; {advice}")
         if options.text:
             found = [line_of(one) for one in report.findings]
-            print(heard.buffer.tree(), *(["", *found] if found else []), sep="\n")
+            show(*heard.buffer.tree().splitlines(), *(["", *found] if found else []))
         infos = heard.buffer.frames()
     if is_drawn:
         dot = tree_dot(report.streams, report.findings, infos, report.time)
         name = options.output or time.strftime("frames_%Y-%m-%d_%H.%M.%S")
         description, picture, kind = output_files(name)
         write_whole(description, dot.encode())
-        print(description)
+        show(description)
         write_whole(picture, drawn(dot, kind))
-        print(picture)
+        show(picture)
     return SUCCESS
 
 

@@ -8,6 +8,7 @@ from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -16,7 +17,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from tf2_ros_tools.output import first_names
+from tf2_ros_tools.output import first_names, printable
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.serialised import tf_messages
 from tf2_ros_tools.urdf import fixed, parse
@@ -24,7 +25,17 @@ from tf2_ros_tools.urdf import fixed, parse
 S = 1_000_000_000
 LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
 JUMP_NS = 1_000_000_000  # stamps go back further than this when a recording begins again
+LONGEST_TEXT = 80  # of a description that is none, in an error
 SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
+
+
+def _check_text(description: str) -> None:
+    """Raise a ValueError unless this may be XML."""
+    begin = description.lstrip("\ufeff \t\r\n")
+    if not begin.startswith("<"):
+        is_path = "/" in begin or begin.lower().endswith((".urdf", ".xacro", ".xml"))
+        advice = "; to read a file, name it without a parameter: tf2_state_publisher FILE" if is_path else ""
+        raise ValueError(f"expected the text of a URDF, got {begin[:LONGEST_TEXT]!r}{advice}")
 
 
 class StatePublisher:
@@ -79,6 +90,7 @@ class StatePublisher:
                 reason = "robot_description must not be empty: set it, or name a file"
             elif one.name == "robot_description":
                 try:
+                    _check_text(value)
                     parse(value)
                 except ValueError as refusal:
                     reason = f"robot_description: {refusal}"
@@ -96,6 +108,8 @@ class StatePublisher:
         """Read the description, and publish it and the fixed joints."""
         description = self._value("robot_description")
         self._robot = parse(description, self._value("frame_prefix"))
+        self._has_warned_of_unknown = False
+        self._left_out: set[str] = set()  # the joints of which a warning has said so
         self._descriptions.publish(String(data=description))
         self._static.publish(fixed(self._robot, (), self._node.get_clock().now().nanoseconds))
         self._log.info(f"Robot initialized: {self._robot!r}")
@@ -111,11 +125,37 @@ class StatePublisher:
         stamp_ns = state.header.stamp.sec * S + state.header.stamp.nanosec
         if not self._is_due(names, stamp_ns):
             return
-        joints, translations, rotations = self._robot.transforms(names, [positions])
-        if joints:
-            frames = [(one.parent, one.child) for one in joints]
-            [message] = tf_messages(frames, [stamp_ns], translations, rotations)
+        joints, translations, rotations = self._robot.transforms(names, positions)
+        if not joints:
+            self._warn_of_unknown(names)
+            return
+        # Every listener refuses other transforms, and those in C++ log each of them.
+        finite = np.isfinite(np.hstack((translations, rotations))).all(axis=1)
+        self._warn_of_left_out([joints[k].name for k in np.flatnonzero(~finite)])
+        frames = [(joints[k].parent, joints[k].child) for k in np.flatnonzero(finite)]
+        if frames:
+            [message] = tf_messages(frames, [stamp_ns], [translations[finite]], [rotations[finite]])
             self._transforms.publish(message)
+
+    def _warn_of_unknown(self, names: Sequence[str]) -> None:
+        """Say once that joint states are of another robot."""
+        if not self._has_warned_of_unknown:
+            self._has_warned_of_unknown = True
+            own = [one.name for one in self._robot.joints if one.type != "fixed"]
+            known = f"movable joints, {first_names(own)}" if own else "joints: none is movable"
+            self._log.warning(
+                f"Joint states of {first_names(names)} have no positions of the robot's {known}"
+            )
+
+    def _warn_of_left_out(self, names: Sequence[str]) -> None:
+        """Say once for each joint that it is left out."""
+        for name in names:
+            if name not in self._left_out:
+                self._left_out.add(name)
+                text = (
+                    "is left out while its position, or that of the joint that it mimics, is NaN or infinite"
+                )
+                self._log.warning(printable(f"Joint {name} {text}"))
 
     def _is_due(self, names: Sequence[str], stamp_ns: int) -> bool:
         now_ns = self._node.get_clock().now().nanoseconds

@@ -214,8 +214,29 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
 
 # What urdfdom skips. An end that is missing is that of the text, so that this takes linear time.
 _SKIPPED = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)", re.DOTALL)
-_DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([\w.:-]+)""")
 _LONE_AMPERSAND = re.compile(rb"&(?!#?\w+;)")
+_ENCODING = re.compile(r"""(\s*<\?xml\b[^>]*?\bencoding\s*=\s*)(["'])(.*?)\2""")
+
+
+def decoded(data: bytes) -> str:
+    """
+    Decode the bytes of a URDF: as UTF-8, or else in the encoding that they declare, or else as Latin-1.
+
+    :return: the text, which declares UTF-8 if it declares an encoding: messages and parameters are UTF-8.
+    :raises UrdfError: it is not in that encoding.
+    """
+    declared = _ENCODING.match(data.decode("latin-1"))
+    try:
+        if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+            text = data.decode("utf-16")
+        else:
+            try:
+                text = data.decode("utf-8-sig")
+            except UnicodeDecodeError:
+                text = data.decode(declared[3] if declared else "latin-1")
+    except (ValueError, LookupError) as error:
+        raise UrdfError(f"it cannot be decoded: {printable(str(error))}") from None
+    return _ENCODING.sub(r"\1\2UTF-8\2", text, count=1)
 
 
 def _elements(text: str | bytes) -> ElementTree.Element:
@@ -223,19 +244,11 @@ def _elements(text: str | bytes) -> ElementTree.Element:
     Read XML as urdfdom does, and so ``robot_state_publisher``: without namespaces, up to a NUL.
 
     urdfdom also accepts much that is not well-formed XML: ``--`` in a comment, blank lines before the
-    declaration, ``&`` as it is, bytes that are not in the declared encoding. It does not decode names; here,
-    what is not UTF-8 has the declared encoding, by default Latin-1.
+    declaration, ``&`` as it is, bytes that are not in the declared encoding. It does not decode names.
     """
-    if isinstance(text, bytes) and text.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
-        text = text.decode("utf-16")
-    data = (text.encode() if isinstance(text, str) else text).partition(b"\0")[0]
-    declared = _DECLARED.match(data)
+    data = (decoded(text) if isinstance(text, bytes) else text).encode().partition(b"\0")[0]
     data = _SKIPPED.sub(lambda skipped: b"\n" * skipped[0].count(b"\n"), data)  # for the lines in errors
     data = _LONE_AMPERSAND.sub(b"&amp;", data)
-    try:
-        data.decode()
-    except UnicodeDecodeError:
-        data = data.decode(declared[1].decode() if declared else "latin-1").encode()
     builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate("utf-8")
     parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
     parser.Parse(data, True)

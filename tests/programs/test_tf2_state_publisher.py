@@ -1,11 +1,13 @@
 """The program tf2_state_publisher: a robot's transforms from real joint states."""
 
+import re
 from contextlib import contextmanager
 from functools import partial
+from math import inf, nan
 
 import numpy as np
 import pytest
-from processes import answered, running, until
+from processes import answered, ended, running, until
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -15,6 +17,7 @@ from std_msgs.msg import String
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros.numpy import to_matrix
+from tf2_ros_tools.urdf import decoded, parse
 
 pytestmark = pytest.mark.ours
 
@@ -140,6 +143,111 @@ def test_what_cannot_be_published_is_a_warning(robot, tmp_path):
         # Stamps that go back are followed.
         same(robot.moved(50 * S, ["lift"], [0.1]), shoulder)
         assert log.read_text().count("The stamps of joint states went back; going on from there") == 1
+
+
+LEFT_OUT = "is left out while its position, or that of the joint that it mimics, is NaN or infinite"
+
+
+def test_a_joint_whose_position_is_not_finite_is_left_out_with_one_warning(robot, tmp_path):
+    whole = expected(0.1, 0.2, 0.3)
+    shoulder, wheel = ({child: whole[child]} for child in ("shoulder", "wheel"))
+    with publishing(tmp_path):
+        for i, (positions, wanted) in enumerate(
+            [
+                ([nan, 0.2, nan], wheel),
+                ([0.1, inf, -inf], shoulder),
+                ([0.1, 0.2, nan], shoulder | wheel),
+                ([0.1, 0.2, 0.3], whole),
+            ]
+        ):
+            same(robot.moved((100 + i) * S, NAMES, positions), wanted)
+        # Nothing is sent where all are left out.
+        robot.send(104 * S, NAMES, [nan, inf, -inf])
+        same(robot.moved(105 * S, NAMES, [0.1, 0.2, 0.3]), whole)
+    assert 104 * S not in {ns for one in robot.moving for ns in stamps(one)}
+    log = (tmp_path / "log").read_text()
+    assert log.count(LEFT_OUT) == 5
+    for joint in (*NAMES, "grip", "pinch"):
+        assert log.count(f"Joint {joint} {LEFT_OUT}\n") == 1
+
+
+def test_joint_states_of_another_robot_are_a_warning_once(robot, tmp_path):
+    log = tmp_path / "log"
+    said = (
+        "Joint states of elbow, wrist have no positions of the robot's movable joints, "
+        "lift, roll, extend, grip, pinch\n"
+    )
+    with publishing(tmp_path):
+        stamps_ns = iter(range(200 * S, 900 * S, S))
+
+        def warned():
+            robot.send(next(stamps_ns), ["elbow", "wrist"], [1.0, 2.0])
+            return said in log.read_text()
+
+        until(warned)
+        for _ in range(3):
+            robot.send(next(stamps_ns), ["wrist", "mount", "drive", "fly"], [1.0, 2.0, 3.0, 4.0])
+        # One of several names is enough.
+        shoulder = {"shoulder": expected(0.1, 0, 0)["shoulder"]}
+        same(robot.moved(next(stamps_ns), ["lift", "wrist"], [0.1, 2.0]), shoulder)
+    assert log.read_text().count("have no positions") == 1
+
+
+class TestDescription:
+    """What the program takes for one, from a file or as the parameter."""
+
+    @pytest.mark.parametrize(
+        ("encoding", "declared"),
+        [
+            ("utf-8", 'encoding="UTF-8"'),
+            ("utf-8-sig", ""),
+            ("latin-1", "encoding='ISO-8859-1' standalone='yes'"),
+            ("cp1252", 'encoding="windows-1252"'),
+            ("utf-16", 'encoding="UTF-16"'),
+            ("shift-jis", 'encoding = "Shift_JIS"'),
+        ],
+    )
+    def test_is_in_the_encoding_that_it_declares(self, encoding, declared):
+        name = "アーム" if encoding == "shift-jis" else "bras_gâté"
+        text = f"<?xml version='1.0' {declared}?><robot name='{name}'><link name='{name}'/></robot>"
+        found = decoded(text.encode(encoding))
+        assert found == re.sub("""(encoding ?= ?.)[^"']+""", r"\1UTF-8", text)
+        assert parse(found).root == parse(found.encode()).root == name
+
+    @pytest.mark.parametrize(
+        ("data", "said"),
+        [
+            (
+                "<?xml version='1.0'?><robot name='gâté'/>".encode("latin-1"),
+                "'utf-8' codec can't decode byte",
+            ),
+            (b"<?xml version='1.0' encoding='x-no'?><robot/>", "unknown encoding: x-no"),
+            (b"<?xml version='1.0' encoding='hex'?><robot/>", "'hex' is not a text encoding"),
+            (
+                b"<?xml version='1.0' encoding='ASCII'?><robot name='\xe9'/>",
+                "'ascii' codec can't decode byte",
+            ),
+        ],
+    )
+    def test_in_another_encoding_is_refused(self, data, said, tmp_path):
+        (tmp_path / "robot.urdf").write_bytes(data)
+        status, out, err = ended(NAME, "robot.urdf", cwd=tmp_path)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert err.startswith(f"{NAME}: robot.urdf: it cannot be decoded: ") and said in err
+
+    @pytest.mark.parametrize(
+        ("value", "said"),
+        [
+            ("/opt/robot.urdf", "'/opt/robot.urdf'; to read a file, name it without a parameter"),
+            ("robot.urdf.xacro", "'robot.urdf.xacro'; to read a file, name it without a parameter"),
+            ("package://arm/urdf/arm.xml", "'package://arm/urdf/arm.xml'; to read a file"),
+            ("hello", "got 'hello' (see "),
+        ],
+    )
+    def test_is_not_a_path(self, value, said):
+        status, out, err = ended(NAME, "--ros-args", "-p", f"robot_description:={value}")
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert err.startswith(f"{NAME}: robot_description: expected the text of a URDF, got ") and said in err
 
 
 class TestParameters:

@@ -33,15 +33,16 @@ def publish(options: Namespace) -> NoReturn:
     from tf2_ros_tools.listening import spun_node, wait
 
     from tf2_ros_tools.state_publisher import StatePublisher
+    from tf2_ros_tools.urdf import UrdfError, decoded
 
     description = ""
     if options.file is not None:
         try:
-            description = options.file.read_text(encoding="utf-8")
+            description = decoded(options.file.read_bytes())
         except OSError as failure:
             raise UsageError(f"cannot read {options.file}: {failure.strerror}") from None
-        except UnicodeDecodeError as failure:
-            raise UsageError(f"{options.file} is not UTF-8: {failure}") from None
+        except UrdfError as refusal:
+            raise UsageError(f"{options.file}: {refusal}") from None
     # The name under which files of parameters configure it.
     with spun_node("robot_state_publisher", options) as node:
         StatePublisher(node, description)

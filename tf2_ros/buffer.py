@@ -29,6 +29,7 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.service import Service
 
     from tf2_msgs.srv import FrameGraph
+    from tf2_ros._graph import clock_publishers
     from tf2_ros._nodes import WaitContexts, note_filler, require_node
     from tf2_ros._wait.futures import Changes, TransformFuture, WakingFuture
 
@@ -51,7 +52,7 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 
 # What `Buffer.__init__` sets; a copy has its own.
 _OF_INIT = frozenset(
-    {"registration", "_tf2_wait_contexts", "srv", "clock", "jump_handle", "_tf2_sharing", "_tf2_attachment"}
+    "registration _tf2_wait_contexts srv clock jump_handle _tf2_node _tf2_sharing _tf2_attachment".split()
 )
 
 
@@ -97,6 +98,7 @@ class Buffer(BufferCore, BufferInterface):
     0.3
     """
 
+    _tf2_node: "weakref.ref[Node] | None" = None  # whose clock it follows
     _tf2_sharing: "Owner | None" = None  # shares it with other processes
     _tf2_attachment: "Attachment | None" = None  # fills it from another process
 
@@ -147,6 +149,7 @@ class Buffer(BufferCore, BufferInterface):
         note_filler(node, self)
         self.srv: Service | None = None
         self.clock: Clock = Clock() if node is None else node.get_clock()
+        self._tf2_node = None if node is None else weakref.ref(node)
         if node is not None:
             self.srv = node.create_service(FrameGraph, "tf2_frames", self.__get_frames)
         self.jump_handle: JumpHandle = _clear_at_jumps(self)
@@ -405,6 +408,10 @@ class Buffer(BufferCore, BufferInterface):
         """
         log.logger("tf2_buffer").warning("Detected jump back in time. Clearing TF buffer.")
         self.clear()
+        names = clock_publishers(None if self._tf2_node is None else self._tf2_node())
+        if len(names) > 1:
+            text = f"/clock has {len(names)} publishers, {' and '.join(names)}"
+            log.logger("tf2_buffer").warning(f"{text}: the time jumps between theirs, and clears the buffer")
 
     async def __answer(self, lookup: Lookup, timeout: DurationLike | None) -> TransformStamped:
         """Await a lookup; then look up again, because the latest time may have changed meanwhile."""

@@ -17,6 +17,7 @@ from tf2_py import BufferCore, stored_name
 from tf2_py._internal import class_name
 from tf2_ros import _names
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
+from tf2_ros._graph import name_unfit_publishers
 from tf2_ros._nodes import Spinner, hidden_node, require_node
 from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
 from tf2_ros._rcl import problem
@@ -319,6 +320,7 @@ class TransformListener:
         if is_subscription(made):
             topic.subscription, topic.name = made, made.topic_name
             topic.context = getattr(self.node, "context", None)
+            name_unfit_publishers(self.node, made)
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own keeps the program alive.

@@ -141,7 +141,7 @@ def find(
         moving = [one for one in own if not one.static]
         for stream in moving:
             judged = stream if _clock_offset(stream) is None else without_delays(stream)
-            found += _of_stream(judged, _told_apart(stream, moving), own_limits, recorded)
+            found += _of_stream(judged, _told_apart(stream, moving, recorded), own_limits, recorded)
     # The static transforms of a publisher that has exited no longer reach anybody.
     refused = [one for one in refused if not one.static or alive is None or one.publisher_id in alive]
     for one in refused:
@@ -215,12 +215,16 @@ def _of_other_clocks(streams: Sequence[Stream], clock: str) -> Iterator[Finding]
         yield Finding("clocks", "", text, tuple(offsets))
 
 
-def _told_apart(stream: Stream, others: Sequence[Stream]) -> str:
-    """A name for one of the dynamic streams of a frame, with what the others do not share."""
+def _told_apart(stream: Stream, others: Sequence[Stream], recorded: bool) -> str:
+    """
+    A name for one of the dynamic streams of a frame: its publisher, and what the others do not share.
+
+    In a recording, the publisher may be unknown: its name is then that of the topic.
+    """
     text = stream.frame
     if any(one.parent != stream.parent for one in others):
         text += f" in {stream.parent}"
-    if any(one.publisher_id != stream.publisher_id for one in others):
+    if not recorded or any(one.publisher_id != stream.publisher_id for one in others):
         text += f" by {stream.publisher}"
     return text
 

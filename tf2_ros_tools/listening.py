@@ -6,6 +6,7 @@ from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC
 
 # isort: split
 
+import re
 import threading
 import time
 from argparse import Namespace
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from rclpy.exceptions import InvalidHandle, NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.signals import SignalHandlerOptions
 
 from tf2_py import TransformException
@@ -234,14 +236,14 @@ class Listening:
         now_ns = self._node.get_clock().now().nanoseconds
         gids = self._recording.publishers()
         alive = self._look_up_publishers()
-        publishers = [self._names.get(gid) or f"{gid.hex()[:12]}..{gid.hex()[-8:]}" for gid in gids]
+        publishers = [self._name_of(gid) for gid in gids]
         streams, refused = self._streams.report(now_ns, self.frames(), publishers)
         if now_ns <= 0:
             text = "use_sim_time is set, and no time was received on /clock, so nothing is judged"
             findings = [Finding("clock", "", text)]
         else:
             alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
-            also, where = self._of_reception(now_ns), self.where
+            also, where = [*self._of_reception(now_ns), *self._of_unfit_publishers()], self.where
             findings = find(streams, limits, expectations, alive_ids, refused=refused, where=where, also=also)
         chain = None if ends is None else self._chain(ends, now_ns)
         if chain is not None and chain.frames is not None:
@@ -251,25 +253,44 @@ class Listening:
 
     def _of_reception(self, now_ns: int) -> Iterator[Finding]:
         """Find what is wrong with the clock and with what could not be accounted for."""
+        clocks = [self._name_of(gid) for gid in self._publishers_of("/clock")]
+        several = f"/clock has {len(clocks)} publishers, {' and '.join(sorted(clocks))}"
         jump = self._streams.jump_back(now_ns)
         if jump is not None:
-            text = f"the clock jumped back by {three_digits(jump)} s"
+            text = f"the clock jumped back by {three_digits(jump)} s{f': {several}' * (len(clocks) > 1)}"
             yield Finding("clock", "", f"{text}; only what was received after that is judged")
+        elif len(clocks) > 1:
+            yield Finding("clock", "", f"{several}: a jump from one time to the other clears buffers")
         if count := self._recording.malformed:
             yield Finding("malformed", "", f"{counted(count, 'message')} could not be read")
         if count := self._recording.lost:
             yield Finding("lost", "", f"{counted(count, 'transform')} arrived too fast to be recorded")
 
+    def _of_unfit_publishers(self) -> Iterator[Finding]:
+        for subscription in self._node.subscriptions:
+            if (topic := subscription.topic_name) in self.topics:
+                for gid, qos in self._publishers_of(topic).items():
+                    compatibility, reasons = qos_check_compatible(qos, subscription.qos_profile)
+                    if compatibility == QoSCompatibility.ERROR:
+                        errors = ", ".join(re.findall("ERROR: ([^;]+)", reasons)).lower()
+                        text = f"listeners receive nothing from {self._name_of(gid)} on {topic}: {errors}"
+                        yield Finding("qos", "", text)
+
     def _look_up_publishers(self) -> set[bytes]:
-        alive = set()
-        for topic in self.topics:
-            for one in self._node.get_publishers_info_by_topic(topic):
-                gid = bytes(one.endpoint_gid)
-                alive.add(gid)
-                # A publisher that has exited keeps its name.
-                if one.node_name != UNKNOWN_NODE:
-                    self._names[gid] = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
-        return alive
+        return {gid for topic in self.topics for gid in self._publishers_of(topic)}
+
+    def _publishers_of(self, topic: str) -> dict[bytes, QoSProfile]:
+        """Get the gids and profiles of a topic's publishers, and note their names."""
+        infos = {bytes(one.endpoint_gid): one for one in self._node.get_publishers_info_by_topic(topic)}
+        for gid, one in infos.items():
+            # A publisher that has exited keeps its name.
+            if one.node_name != UNKNOWN_NODE:
+                self._names[gid] = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
+        return {gid: one.qos_profile for gid, one in infos.items()}
+
+    def _name_of(self, gid: bytes) -> str:
+        """The name of a publisher; until the graph knows it, a part of its gid."""
+        return self._names.get(gid) or f"{gid.hex()[:12]}..{gid.hex()[-8:]}"
 
     def _chain(self, ends: tuple[str, str], now_ns: int) -> Chain:
         try:

@@ -89,7 +89,7 @@ def tree_dot(
         node_attr={**FONT, "shape": "box", "style": "rounded,filled", "fillcolor": "#F4F6F8"},
         edge_attr={**FONT, "fontsize": "10", "arrowsize": "0.7"},
     )
-    problems = _problems(findings)
+    problems = _problems(findings, streams)
     stale = {finding.frame for finding in findings if finding.kind == "stale"}
     drawn = {name for one in streams for name in (one.frame, one.parent)}
     names = sorted(drawn | problems.keys())
@@ -122,13 +122,19 @@ def tree_dot(
     return source
 
 
-def _problems(findings: Sequence[Finding]) -> dict[str, list[str]]:
+def _problems(findings: Sequence[Finding], streams: Sequence[Stream]) -> dict[str, list[str]]:
     """Get the lines that mark the edges of each frame, by the name of the frame."""
     problems: dict[str, list[str]] = {}
+    publishers: dict[str, set[str]] = {}
+    for stream in streams:
+        publishers.setdefault(stream.frame, set()).add(stream.publisher)
     for finding in findings:
         # What is about the whole tree names no frame, and has its place below the tree.
         for frame in finding.frames or filter(None, (finding.frame,)):
-            text = label(finding.text.removeprefix(f"{frame} "), LONGEST_FINDING)
+            text = finding.text.removeprefix(f"{frame} ")
+            if len(names := publishers.get(frame, ())) == 1:
+                text = text.removeprefix(f"by {min(names)} ")  # which the edge shows
+            text = label(text, LONGEST_FINDING)
             problems.setdefault(frame, []).extend(wrap(text, REASON_WIDTH))
     return problems
 

@@ -265,8 +265,8 @@ def listed_endings(*formats: str) -> str:
 
 # The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
 KINDS = tuple(
-    "nothing clock clocks roots loop parents publishers mixed refused stale future gap rate missing parent "
-    "delay static malformed lost".split()
+    "nothing qos clock clocks roots loop parents publishers mixed refused stale future gap rate missing "
+    "parent delay static malformed lost".split()
 )
 
 

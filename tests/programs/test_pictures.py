@@ -79,6 +79,13 @@ def drawn(*arguments, **how):
     return render(tree_dot(*arguments, **how), "svg")
 
 
+def test_an_edge_names_its_publisher_once():
+    finding = Finding("future", "odom", "odom by /robot is stamped up to 1 s ahead")
+    assert tree_dot(ROBOT, [finding]).count("by /robot") == 1  # below the tree
+    # Unless there are several.
+    assert tree_dot([*ROBOT, stream("odom", publisher="/other")], [finding]).count("by /robot") > 1
+
+
 @needs_dot
 class TestTree:
     def test_has_a_node_for_each_frame_and_an_edge_for_each_stream(self):

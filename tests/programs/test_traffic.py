@@ -204,21 +204,27 @@ FINDINGS = {
             "refused: 80 transforms of odom",
         ],
     ),
-    "no longer published": case(steady("odom", end=2), says="stale: odom was last received 2.02 s ago"),
+    "no longer published": case(
+        steady("odom", end=2), says="stale: odom by /odometry was last received 2.02 s ago"
+    ),
     "a stamp that stands still": case(
         [heard(time, "odom", delay=time) for time in np.arange(200) / 50],
-        says="stale: odom has had no newer stamp for 4 s",
+        says="stale: odom by /odometry has had no newer stamp for 4 s",
     ),
     "a single transform": case([heard(0, "odom")], now=1000),
     "static frames do not get stale": case(
         static(0, "camera", "map"), static(0.01, "camera", "map"), now=1000
     ),
-    "late for a slow frame": case(steady("odom", rate=0.5, end=20, delay=7), now=20, says="delay: odom"),
+    "late for a slow frame": case(
+        steady("odom", rate=0.5, end=20, delay=7),
+        now=20,
+        says="delay: odom by /odometry is on average 7 s old",
+    ),
     "one is later than allowed": case(
         steady("odom"),
         [heard(3, "odom", delay=0.5)],
         limits=Limits(max_delay=0.25),
-        says="delay: odom is up to 0.5 s old when it is received, more than 0.25 s",
+        says="delay: odom by /odometry is up to 0.5 s old when it is received, more than 0.25 s",
     ),
     "another clock": case(
         *ROBOT[:1],
@@ -235,7 +241,7 @@ FINDINGS = {
     "too low a rate": case(
         steady("odom", rate=10),
         limits=Limits(min_rate=20),
-        says="rate: odom is published at 10 Hz, less than 20 Hz",
+        says="rate: odom by /odometry is published at 10 Hz, less than 20 Hz",
     ),
     "the expected rate goes first": case(
         *ROBOT, limits=Limits(min_rate=40), expectations={"odom": Expectation(min_rate=10)}

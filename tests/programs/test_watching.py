@@ -8,6 +8,9 @@ import time
 import pytest
 from making import S
 from processes import DEADLINE_S, broadcasting, ended, running, until
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from tf2_msgs.msg import TFMessage
 
 pytestmark = pytest.mark.ours
 
@@ -76,6 +79,47 @@ class TestCheck:
         finding, verdict = out.splitlines()
         assert re.fullmatch(said, finding)
         assert verdict.startswith("wrong: 1 finding in ")
+
+    def test_two_publishers_of_the_clock_are_named(self, peer):
+        with running("tf2_check", *TOLERANT, "--ros-args", *SIMULATED, *ALONE) as process:
+            talkers = peer(*ALONE, "-r", "__node:=player"), peer(*ALONE, "-r", "__node:=simulator")
+            while process.poll() is None:
+                for talker, seconds in zip(talkers, (100, 500), strict=True):
+                    talker.set_clock(seconds, subscribed=False)
+                    talker.send_without_subscriber(("map", "base", seconds * S, 0.0))
+                threading.Event().wait(0.05)
+            out, _ = process.communicate(timeout=DEADLINE_S)
+        assert process.returncode == 1
+        [finding] = [line for line in out.splitlines() if line.startswith("clock: ")]
+        several = "/clock has 2 publishers, /player and /simulator"
+        jump = f"the clock jumped back by 400 s: {several}; only what was received after that is judged"
+        assert finding in (
+            f"clock: {jump}",
+            f"clock: {several}: a jump from one time to the other clears buffers",
+        )
+
+    @pytest.mark.parametrize(
+        ("topic", "qos", "reason"),
+        [
+            ("/tf_static", {}, "volatile publisher and transient local subscription"),
+            (
+                "/tf",
+                {"reliability": ReliabilityPolicy.BEST_EFFORT},
+                "best effort publisher and reliable subscription",
+            ),
+        ],
+    )
+    def test_a_publisher_whose_qos_does_not_fit_is_named(self, topic, qos, reason, new_node):
+        with running("tf2_check", "--json", "--ignore", "nothing", "--ignore", "clock") as process:
+            name = f"unfit_{topic[1:]}"
+            profile = QoSProfile(depth=1, **qos)
+            new_node(name, namespace="/fleet").create_publisher(TFMessage, topic, profile)
+            out, err = process.communicate(timeout=DEADLINE_S)
+        text = f"listeners receive nothing from /fleet/{name} on {topic}: {reason}"
+        found = json.loads(out)["findings"]
+        assert {"kind": "qos", "frame": "", "text": text, "frames": []} in found
+        # The listener's own log names it, too.
+        assert f"Nothing is received from /fleet/{name} on {topic}: {reason[0].upper()}{reason[1:]}\n" in err
 
 
 class TestMonitor:

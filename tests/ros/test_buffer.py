@@ -10,11 +10,12 @@ import weakref
 import pytest
 from geometry_msgs.msg import PointStamped
 from making import at, transform
-from processes import DEADLINE_S, PROMPT_S, seconds_of, start, until
+from processes import DEADLINE_S, PROMPT_S, errors_so_far, seconds_of, start, until
 from rclpy.clock import ClockChange
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
 
 pytestmark = pytest.mark.ours
 
@@ -212,6 +213,32 @@ class TestTimeJump:
         clock.set_ros_time_override(Time(seconds=198.5, clock_type=clock.clock_type))
         assert not full.can_transform("map", "robot", LATEST)
         assert "jump back in time. Clearing" in capfd.readouterr().err
+
+    def test_two_publishers_of_the_clock_are_named_at_a_jump(self, tf2_ros, new_node, executor, capfd):
+        listening = new_node("listening", parameter_overrides=[Parameter("use_sim_time", value=True)])
+        executor.add_node(listening)
+        buffer = tf2_ros.Buffer(node=listening)
+        player = new_node("player", namespace="/bag").create_publisher(Clock, "/clock", 10)
+
+        def jumps(publishers):
+            capfd.readouterr()
+
+            def seen():
+                for seconds, publisher in zip((200, 100), publishers, strict=True):
+                    publisher.publish(Clock(clock=Time(seconds=seconds).to_msg()))
+                    executor.spin_once(timeout_sec=0.1)
+                return "Clearing TF buffer." in errors_so_far()
+
+            until(seen)
+            return errors_so_far()
+
+        # A recording that is played again and again has one.
+        assert "publishers" not in jumps([player, player])
+        other = new_node("simulator").create_publisher(Clock, "/clock", 10)
+        until(lambda: len(listening.get_publishers_info_by_topic("/clock")) == 2)
+        said = "/clock has 2 publishers, /bag/player and /simulator: the time jumps between theirs"
+        assert said in jumps([player, other])
+        assert not buffer.frames()
 
     def test_a_subclass_may_do_otherwise(self, tf2_ros, node):
         seen = []

@@ -65,6 +65,10 @@ class TestWithoutAnExecutor:
         other = new_node("volatile")
         other.create_publisher(TFMessage, "/tf_static", 10)
         until(lambda: "incompatible QoS" in errors_so_far())
+        said = (
+            "Nothing is received from /volatile on /tf_static: Volatile publisher and transient local subscr"
+        )
+        until(lambda: said in errors_so_far())
 
 
 def test_a_message_of_any_size_is_taken(buffer, listener, peer):

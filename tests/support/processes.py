@@ -160,8 +160,9 @@ class Peer:
         """Wait until /tf has so many subscribers."""
         self.do("matched", count=count)
 
-    def set_clock(self, seconds):
-        self.do("clock", seconds=seconds)
+    def set_clock(self, seconds, *, subscribed=True):
+        """Publish a time, the first once there is a subscriber."""
+        self.do("clock", seconds=seconds, subscribed=subscribed)
 
     def end(self):
         if not self.process.stdin.closed:

@@ -30,10 +30,11 @@ class Peer:
                 raise TimeoutError(f"too few subscribers of {publisher.topic_name}")
             threading.Event().wait(0.005)
 
-    def publisher(self, kind, topic):
+    def publisher(self, kind, topic, subscribed=True):
         if topic not in self.publishers:
             self.publishers[topic] = self.node.create_publisher(kind, topic, 100)
-        self.wait_for_subscribers(self.publishers[topic])
+        if subscribed:
+            self.wait_for_subscribers(self.publishers[topic])
         return self.publishers[topic]
 
     def do_send(self, transforms, static, subscribed=True):
@@ -49,11 +50,11 @@ class Peer:
     def do_bytes(self, topic, hex):
         self.publisher(TFMessage, topic).publish(bytes.fromhex(hex))
 
-    def do_clock(self, seconds):
+    def do_clock(self, seconds, subscribed):
         message = Clock()
         message.clock.sec = seconds
         # Only the first has to arrive: it may be what the subscriber ends at.
-        publisher = self.publishers.get("/clock") or self.publisher(Clock, "/clock")
+        publisher = self.publishers.get("/clock") or self.publisher(Clock, "/clock", subscribed)
         publisher.publish(message)
 
 

@@ -90,8 +90,7 @@ class TransformListener:
     event loop takes the place of an executor.
 
     If its buffer is attached to the buffer of another process, or ``TF2_SHARED_BUFFER`` in the environment
-    names such a buffer, it subscribes to nothing as long as that process receives the same messages; see
-    docs/sharing.md.
+    names such a buffer, it subscribes to nothing as long as that process receives the same messages.
 
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
     ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the

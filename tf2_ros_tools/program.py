@@ -16,6 +16,7 @@ import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from decimal import Decimal
+from difflib import get_close_matches
 from io import TextIOWrapper
 from os.path import splitext
 from pathlib import Path
@@ -122,13 +123,24 @@ class Parser(ArgumentParser):
             and the name of the ``command``, if the program has any.
         """
         own = self._without_ros_arguments(arguments)[1:]
-        read = self.parse_args(own) if self._commands else self.parse_intermixed_args(own)
+        parse = self.parse_known_args if self._commands else self.parse_known_intermixed_args
+        read, unknown = parse(own)
+        if unknown:
+            read.parser.refuse(unknown)
         read.ros_arguments = [*arguments]
         if self._node and read.namespace is not None:
             remaps = (f"__ns:={read.namespace}", "/tf:=tf", "/tf_static:=tf_static")
             # Behind the user's own, the first of which is taken.
             read.ros_arguments += [_ROS_ARGS, *(part for one in remaps for part in ("-r", one))]
         return read
+
+    def refuse(self, unknown: list[str]) -> NoReturn:
+        """Say which arguments are unknown, and which options have similar names."""
+        options = [name for name in self._option_string_actions if name.startswith("--")]
+        names = [one.partition("=")[0] for one in unknown if one.startswith("--")]
+        near = [match for name in names for match in get_close_matches(name, options, n=1, cutoff=0.8)]
+        advice = f"; did you mean {' and '.join(dict.fromkeys(near))}?" if near else ""
+        self.error(f"unrecognized arguments: {' '.join(unknown)}{advice}")
 
     def _without_ros_arguments(self, arguments: list[str]) -> list[str]:
         if not self._node or _ROS_ARGS not in arguments:
@@ -270,16 +282,23 @@ KINDS = tuple(
 )
 
 
+EXPECTATIONS = (
+    "{frames: {odom: {parent: map, max_future: 1.0}, "
+    "base: {parent: odom, min_rate: 20, max_delay: 0.1, static: false}}}"
+)
+
+
 def add_check_options(made: ArgumentParser) -> None:
     """Add the options for expectations, limits and ignored kinds."""
-    summary = "compare the frames with the expectations in this YAML file"
+    summary = f"compare the frames with the expectations in this YAML file, such as {EXPECTATIONS}"
     made.add_argument("--expect", metavar="FILE", type=Path, help=summary)
     made.add_argument("--min-rate", type=positive_number, metavar="HZ", help="minimum rate of dynamic frames")
     made.add_argument(
         "--max-delay",
         type=non_negative_number,
         metavar="S",
-        help="maximum delay of dynamic transforms; without it, the average of a frame may be 1 s",
+        help="maximum delay of dynamic transforms; without it, the average of a frame may be 1 s or 3 of its "
+        "periods, whichever is longer",
     )
     made.add_argument(
         "--ignore",

@@ -1,7 +1,7 @@
 """
 Send chosen transforms on to other topics, by rules: what the program tf2_relay does.
 
-A ``Rule`` is read from YAML; docs/programs/tf2_relay.md explains its keys. A ``Relay`` applies a rule to a
+A ``Rule`` is read from YAML; the help of tf2_relay explains its keys. A ``Relay`` applies a rule to a
 buffer: it chooses transforms, thins them out, and names them anew. ``Relaying`` runs all rules of a file in a
 node: it subscribes and publishes.
 """
@@ -44,6 +44,7 @@ S = 1_000_000_000
 LATEST = 0  # asks a buffer for the newest time at which it has everything that a lookup needs
 TOPICS = DYNAMIC, STATIC = "/tf", "/tf_static"
 POSE = "PoseStamped"
+EXAMPLE = "{to: [/remote/tf, /remote/tf_static], frames: [map, base_link], rate: 5}"
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Rule:
-    """One rule; docs/programs/tf2_relay.md explains the keys."""
+    """One rule; the help of tf2_relay explains the keys."""
 
     label: str  # for messages
     source: tuple[str, ...]
@@ -138,7 +139,7 @@ def read_rules(path: Path, resolve: Callable[[str], str]) -> list[Rule]:
     :param resolve: gives the full name of a topic.
     :raises UsageError: it cannot be read, or something in it is wrong; the text names the rule and the key.
     """
-    document = read_list(path, "rules")
+    document = read_list(path, "rules", EXAMPLE)
     try:
         rules = [_rule(f"rule {number}", given, resolve) for number, given in enumerate(document, start=1)]
         sources = {topic for rule in rules for topic in rule.source}

@@ -30,16 +30,17 @@ def read_yaml(path: Path) -> Any:
         raise UsageError(f"{path} is not YAML: {refusal}") from None
 
 
-def read_list(path: Path, what: str) -> list[Any]:
+def read_list(path: Path, what: str, example: str) -> list[Any]:
     """
     Read a YAML file that contains a list.
 
     :param what: what the list contains, for the error.
+    :param example: an entry of it, for the error.
     :raises MissingLibraryError, UsageError: see :func:`read_yaml`; or it contains no list with entries.
     """
     entries = read_yaml(path)
     if not isinstance(entries, list) or not entries:
-        raise UsageError(f"{path} must contain a list of {what}")
+        raise UsageError(f"{path} must contain a list of {what}, such as: - {example}")
     return entries
 
 
@@ -84,22 +85,26 @@ def number_in(least: float, most: float = LAST_S) -> Callable[[Any], float | Non
 NOT_NEGATIVE = Key("a number that is not negative", number_in(0.0))
 
 
-def read_keys(label: str, given: Any, keys: Mapping[str, Key]) -> dict[str, Any]:
+def read_keys(label: str, given: Any, keys: Mapping[str, Key], example: str = "") -> dict[str, Any]:
     """
     Read a mapping.
 
     :param label: what has the mapping, for the error.
+    :param example: such a mapping, for errors about its shape.
     :return: the values of the keys that it has.
     :raises ValueError: it is no mapping, a key is unknown or missing, or a value is not as expected.
     """
     required = [key for key in keys if keys[key].is_required]
     if not isinstance(given, dict):
-        raise ValueError(f"{label}: expected a mapping with {' and '.join(required or keys)}, got {given!r}")
+        expected = f"a mapping with {' and '.join(required or keys)}{f', such as {example}' * bool(example)}"
+        raise ValueError(f"{label}: expected {expected}, got {given!r}")
     for key in given:
         if key not in keys:
             near = get_close_matches(str(key), keys, n=1)
             advice = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(keys)}"
-            raise ValueError(f"{label}: {key!r} is not a key; {advice}")
+            raise ValueError(
+                f"{label}: {key!r} is not a key; {advice}{f'; an example is {example}' * bool(example)}"
+            )
     read = {}
     for key in dict.fromkeys([*given, *required]):
         try:

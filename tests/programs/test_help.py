@@ -44,6 +44,12 @@ def test_a_public_class_has_an_example(name):
     assert any(examples(cls) for cls in PUBLIC[name].__mro__ if cls in PUBLIC.values())
 
 
+@pytest.mark.parametrize("name", PUBLIC)
+def test_no_text_refers_to_files_that_are_not_installed(name):
+    members = vars(PUBLIC[name]).values() if inspect.isclass(PUBLIC[name]) else ()
+    assert not [one for one in (PUBLIC[name], *members) if ".md" in (getattr(one, "__doc__", None) or "")]
+
+
 @pytest.mark.parametrize("name", OF_ARRAYS.__all__)
 def test_a_function_of_arrays_has_an_example(name):
     assert examples(PUBLIC[name])

@@ -75,6 +75,8 @@ class TestEveryProgram:
         assert done.stdout.startswith(f"usage: {name} ") and f"\nexample:\n  {name} " in done.stdout
         assert ("--ros-args" in done.stdout) == (name in NODES)
         assert max(map(len, done.stdout.splitlines())) <= 110
+        # It says all that it needs: who installed with pip has no folder docs.
+        assert "docs/" not in done.stdout and ".md" not in done.stdout
 
     def test_wrong_usage_is_one_line_and_status_2(self, name):
         status, out, err = ended(name, "--no-such-option")

@@ -151,5 +151,10 @@ def folder(tmp_path_factory):
     (folder / "types.yaml").write_text(
         "- {to: [/relay, /relay_static]}\n- {to: /relay, as: PoseStamped, frames: [a, b]}\n"
     )
+    (folder / "message.yaml").write_text(
+        "- header: {frame_id: a}\n  child_frame_id: b\n  transform: {translation: {x: 1, y: 2, z: 3}}\n"
+    )
+    (folder / "values.yaml").write_text("- [0, 0, 0, 0, 0, 0, a, b]")
+    (folder / "parent.yaml").write_text("- {frame: a, child_frame_id: b}")
     (folder / "transforms.yaml").write_text("- {frame_id: a, child_frame_id: b, x: near}")
     return folder

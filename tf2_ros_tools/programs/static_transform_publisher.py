@@ -34,13 +34,15 @@ default to the identity. Lengths are in metres, angles in radians.
 The old form, X Y Z YAW PITCH ROLL FRAME_ID CHILD_FRAME_ID or X Y Z QX QY QZ QW FRAME_ID CHILD_FRAME_ID, \
 also works, with a warning."""
 
-EXAMPLE = """\
+ENTRY = "{frame_id: base_link, child_frame_id: camera, x: 0.3, yaw: -1.57}"  # of a file
+
+EXAMPLE = f"""\
   static_transform_publisher --x 0.3 --yaw -1.57 --frame-id base_link --child-frame-id camera
   static_transform_publisher --file transforms.yaml
 
 where transforms.yaml uses the names of the options:
-  - {frame_id: base_link, child_frame_id: camera, x: 0.3, yaw: -1.57}
-  - {frame_id: base_link, child_frame_id: lidar, z: 0.5, qx: 0.0, qy: 0.0, qz: 1.0, qw: 0.0}"""
+  - {ENTRY}
+  - {{frame_id: base_link, child_frame_id: lidar, z: 0.5, qx: 0.0, qy: 0.0, qz: 1.0, qw: 0.0}}"""
 
 # The meaning of the values of the old form, by their number: with Euler angles, or with a quaternion.
 OLD_FORMS = {8: (*TRANSLATION, *reversed(EULER), *FRAMES), 9: (*TRANSLATION, *QUATERNION, *FRAMES)}
@@ -68,6 +70,11 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
 
     :raises UsageError: it contradicts itself, or lacks something.
     """
+    if (period := _period_of_ros1(options.old)) is not None:
+        reason = "the last value, the period of ROS 1, does not exist in ROS 2"
+        raise UsageError(
+            f"{reason}: leave out {period}, because the transform is sent once, to all listeners"
+        )
     given = {name: value for name in (*FRAMES, *NUMBERS) if (value := getattr(options, name)) is not None}
     if sum(map(bool, (given, options.old, options.file))) > 1:
         raise UsageError("options, values of the old form and --file cannot be combined")
@@ -75,6 +82,9 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
         if options.file is not None:
             return read_file(options.file)
         if not options.old:
+            for name in FRAMES:
+                if name not in given:
+                    raise UsageError(f"--{name.replace('_', '-')} is required, or --file")
             return [transform_of("the command line", given)]
         names = OLD_FORMS.get(len(options.old))
         if names is None:
@@ -82,6 +92,26 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
         return [transform_of("the old form", dict(zip(names, options.old, strict=True)))]
     except ValueError as refusal:
         raise UsageError(str(refusal)) from None
+
+
+def _period_of_ros1(values: list[str]) -> str | None:
+    """The last value of a command line for ROS 1: the old form, and then the period in milliseconds."""
+
+    def is_number(text: str) -> bool:
+        try:
+            float(text)
+        except ValueError:
+            return False
+        return True
+
+    if len(values) - 1 not in OLD_FORMS:
+        return None
+    *numbers, frame, _, period = values
+    # Otherwise these are the nine values of a quaternion and names that look like numbers.
+    is_period = all(map(is_number, [*numbers, period])) and not (
+        len(values) in OLD_FORMS and is_number(frame)
+    )
+    return period if is_period else None
 
 
 def publish(options: Namespace) -> NoReturn:
@@ -141,7 +171,7 @@ def read_file(path: Path) -> list[TransformStamped]:
     """
     from tf2_ros_tools.urdf import one_in_a_loop
 
-    entries = enumerate(read_list(path, "transforms"), start=1)
+    entries = enumerate(read_list(path, "transforms", ENTRY), start=1)
     transforms = [transform_of(f"{path}: transform {place}", entry) for place, entry in entries]
     parents: dict[str, str] = {}
     for one in transforms:
@@ -162,7 +192,7 @@ def transform_of(label: str, given: Any) -> TransformStamped:
     """
     from geometry_msgs.msg import TransformStamped
 
-    read = read_keys(label, given, KEYS)
+    read = read_keys(label, given, KEYS, ENTRY)
     frame, child = (read[name] for name in FRAMES)
     if frame == child:
         raise ValueError(f"{label}: frame_id and child_frame_id must differ, both are {frame!r}")

@@ -77,7 +77,7 @@ def _robots_of(options: Namespace) -> dict[str, Urdf]:
             robot = urdf == RECORDED or load(Path(urdf))
         robots[topic or JOINT_STATES] = robot
         for problem in () if robot is True else robot.warnings:
-            print(f"{options.parser.prog}: {printable(urdf)}: {problem}", file=sys.stderr)
+            options.parser.warn(f"{urdf}: {problem}")
     return robots
 
 

@@ -14,15 +14,29 @@ from tf2_ros_tools.program import SUCCESS, Parser, run
 
 DESCRIPTION = """\
 Send transforms on to other topics, until interrupted, by the rules in a YAML file: chosen frames, at a \
-lower rate, only what has moved, chains of frames as one transform, under other names, or as poses.
-
-docs/programs/tf2_relay.md explains the rules."""
+lower rate, only what has moved, chains of frames as one transform, under other names, or as poses."""
 
 EXAMPLE = """\
   tf2_relay relay.yaml
 
 where relay.yaml contains, for example:
-  - {to: [/remote/tf, /remote/tf_static], frames: [map, base_link], collapse: true, rate: 5}"""
+  - {to: [/remote/tf, /remote/tf_static], frames: [map, base_link], collapse: true, rate: 5}
+  - {to: /robot1/pose, as: PoseStamped, frames: [map, base_link], rate: 20}
+
+keys of a rule:
+  to         two topics, for dynamic and static transforms; with `as`, one topic; required
+  from       the two topics that are read; by default [/tf, /tf_static]
+  name       a name for messages
+  frames     send these frames, and all frames between them
+  subtree    send this frame, or these, with all frames below
+  exclude    leave out this frame, or these, with all frames below
+  collapse   true: leave out the frames between the chosen ones
+  rate       send at most this often, in Hz, from 0.0001 to 1000; 10 by default
+  threshold  {translation: METRES, rotation: RADIANS, repeat: SECONDS}: send only what has moved further,
+             and every `repeat` seconds, 1 by default, what has not
+  rename     {OLD: NEW}: new names for frames
+  prefix     put this before the names of all other frames
+  as         PoseStamped: send the pose of the second of two `frames` in the first one"""
 
 
 PARSER = Parser("tf2_relay", DESCRIPTION, EXAMPLE)

@@ -66,6 +66,7 @@ RECORD = np.dtype([
 cdef enum:
     CAPACITY = 1 << 17      # records; memory is used only for those that exist
     MAX_NAMES = 1 << 20     # so that a publisher that makes up names does not fill the memory
+    NOTE_SLICE = 1024       # transforms of a message that are noted before other threads may read the records
     COUNT_EVERY = 256       # messages between two calls of `progress`
     MOST_MESSAGES = 32      # that are inserted together
     MOST_TRANSFORMS = 32    # from which on no further message is added to them
@@ -91,6 +92,9 @@ cdef void records_add(
     records.messages += 1
     publisher = _intern(&records.publishers, <const char*>gid, gid_size)
     for i in range(batch.count):
+        if i % NOTE_SLICE == NOTE_SLICE - 1:
+            lock_release(&records.lock)
+            lock_acquire(&records.lock)
         if records.count == records.capacity or publisher == NAME_NO_MEMORY:
             records.lost += 1
             continue

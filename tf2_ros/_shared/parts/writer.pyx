@@ -5,6 +5,7 @@ cdef enum:
     MOST_OTHER = 2 * UNIT
     # Bytes that are kept free: for a record that is written again, and for what is not given back yet.
     RESERVE = MOST_RECORD + STEP
+    COPY_SLICE = 512            # transforms that are copied before other threads may write
 
 cdef int64_t MARGIN_NS = 2000000000             # for which records are kept beyond the cache time
 
@@ -151,19 +152,21 @@ cdef void _append(
            now_ns)
 
 
-cdef void _copy_batch(Writing* writing, const Batch* batch, int64_t now_ns) noexcept nogil:
+cdef void _copy_slice(
+    Writing* writing, const Batch* batch, size_t start, size_t end, int64_t now_ns
+) noexcept nogil:
     # Also copies what this buffer refuses: readers refuse, count and log it, too.
     cdef Incoming clean
     cdef size_t i
-    for i in range(batch.count):
+    for i in range(start, end):
         clean = batch.entries[i].incoming
         if batch.is_static:
             _append(writing, batch, i, i + 1, now_ns)       # a record of its own
         elif writing.statics != NULL and not incoming_refusals(&clean):
             # A static transform that is written again would precede what is dynamic from now on.
             _forget_static(writing, clean.child, clean.child_size)
-    if batch.count and not batch.is_static:
-        _append(writing, batch, 0, batch.count, now_ns)
+    if start < end and not batch.is_static:
+        _append(writing, batch, start, end, now_ns)
 
 
 cdef void _copy_removal(Writing* writing, const char* name, size_t size, int64_t now_ns) noexcept nogil:
@@ -182,16 +185,23 @@ cdef void _copy_removal(Writing* writing, const char* name, size_t size, int64_t
 cdef void _share(Writing* writing, const Batch* batch, const char* name, size_t size) noexcept nogil:
     # Copies a batch or, if that is NULL, the removal of a name, and wakes the readers that sleep.
     cdef int64_t now_ns
-    lock_acquire(&writing.lock)
-    if writing.descriptor >= 0 and not writing.has_failed:
-        now_ns = monotonic_ns()
-        if batch == NULL:
-            _copy_removal(writing, name, size, now_ns)
-        else:
-            _copy_batch(writing, batch, now_ns)
-        word_store(&writing.head.arrivals, writing.head.arrivals + 1)
-        futex_wake(&writing.head.arrivals)
-    lock_release(&writing.lock)
+    cdef size_t start = 0
+    cdef size_t end
+    cdef bint is_behind = True
+    while is_behind:
+        end = 0 if batch == NULL else min(start + COPY_SLICE, batch.count)
+        lock_acquire(&writing.lock)
+        if writing.descriptor >= 0 and not writing.has_failed:
+            now_ns = monotonic_ns()
+            if batch == NULL:
+                _copy_removal(writing, name, size, now_ns)
+            else:
+                _copy_slice(writing, batch, start, end, now_ns)
+            word_store(&writing.head.arrivals, writing.head.arrivals + 1)
+            futex_wake(&writing.head.arrivals)
+        lock_release(&writing.lock)
+        start = end
+        is_behind = batch != NULL and start < batch.count
 
 
 cdef void _copy(Copier* copier, const Batch* batch) noexcept nogil:

@@ -30,6 +30,8 @@ from tf2_py._core cimport (
     is_utf8,
     links_empty,
     lock_acquire,
+    lock_ask,
+    lock_await,
     lock_free,
     lock_init,
     lock_release,

@@ -29,10 +29,21 @@ def taken(listener):
     return listener._tf2_topics[0].arrivals.taken()[0]
 
 
-def test_every_read_sees_what_arrived_before_it():
-    # The profiles of the tests would have the middleware deliver later.
+def output_with_own_settings(program, *arguments):
+    """The profiles of the tests would have the middleware deliver later."""
     env = {name: value for name, value in os.environ.items() if not name.endswith("_PROFILES_FILE")}
-    assert output_of(PROGRAMS / "finds_its_own.py", 50, 5000, env=env) == "{}\n"
+    return output_of(PROGRAMS / program, *arguments, env=env)
+
+
+def test_every_read_sees_what_arrived_before_it():
+    assert output_with_own_settings("finds_its_own.py", 50, 5000) == "{}\n"
+
+
+def test_a_large_message_is_inserted_as_a_whole_without_the_gil_and_leaves_no_memory():
+    assert output_with_own_settings("large_message.py").splitlines() == [
+        "whole: 10 of 10; other threads ran: True",
+        "memory is given back: True",
+    ]
 
 
 class TestWithoutAReader:

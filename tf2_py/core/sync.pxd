@@ -206,19 +206,33 @@ cdef inline void lock_free(Lock* lock) noexcept nogil:
     pthread_mutex_destroy(&lock.mutex)
 
 
-cdef inline void lock_acquire(Lock* lock) noexcept nogil:
-    cdef uint32_t number = word_add(&lock.asked, 1)
+# The two steps of lock_acquire: asking for a turn, which must then be awaited and released ...
+cdef inline uint32_t lock_ask(Lock* lock) noexcept nogil:
+    return word_add(&lock.asked, 1)
+
+
+# ... and waiting for it. Returns whether it has come within `ns`, or a little later.
+cdef inline bint lock_await(Lock* lock, uint32_t number, int64_t ns) noexcept nogil:
+    cdef int64_t until_ns
     cdef int spins = 0
+    cdef bint has_come
     while word_load(&lock.released) != number and spins < SPINS:
         _pause()
         spins += 1
     if spins < SPINS:
-        return
+        return True
+    until_ns = INT64_MAX if ns == INT64_MAX else monotonic_ns() + ns
     pthread_mutex_lock(&lock.mutex)
-    while word_load(&lock.released) != number:
+    while word_load(&lock.released) != number and monotonic_ns() < until_ns:
         # Not without end: condition variables of glibc before 2.41 may lose a wake-up (its bug 25847).
-        condition_wait(&lock.turn, &lock.mutex, SLEEP_NS)
+        condition_wait(&lock.turn, &lock.mutex, min(ns, <int64_t>SLEEP_NS))
+    has_come = word_load(&lock.released) == number
     pthread_mutex_unlock(&lock.mutex)
+    return has_come
+
+
+cdef inline void lock_acquire(Lock* lock) noexcept nogil:
+    lock_await(lock, lock_ask(lock), INT64_MAX)
 
 
 cdef inline void lock_release(Lock* lock) noexcept nogil:

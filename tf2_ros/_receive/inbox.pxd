@@ -3,11 +3,15 @@
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
-from tf2_py._internal cimport Batch, Engine, ReadHook, Tap
+from tf2_py._internal cimport Batch, Engine, Lock, ReadHook, Tap
 
 cdef enum:
     ROUND_NS = 100000000        # how long a message waits if nothing asks for it
-    DRAIN_SLICE = 16            # messages that are inserted before other threads may drain
+    # Work is counted in messages of up to WORK_BYTES; a longer one counts as several.
+    DRAIN_SLICE = 16            # work until other threads may drain
+    READ_SLICE = 64             # work of a read until it releases the GIL
+    WORK_BYTES = 2048
+    LARGE_BYTES = READ_SLICE * WORK_BYTES   # a longer message is inserted without the lock of all inboxes
 
 
 cdef struct Parcel:
@@ -52,11 +56,17 @@ cdef struct State:
     uint32_t needs_report       # atomic: `reports` may hold something
     Watcher* watcher            # or NULL
     # Guarded by the lock of all inboxes.
-    # Takes and inserts at most this many messages. Returns how many.
+    # Takes and inserts messages until it has done this much work, or more. Returns how much. The last one may
+    # be large: it is only taken.
     size_t (*take)(State* inbox, size_t most) noexcept nogil
-    void* source                # `data` of the Source, for `take`
+    # Parses the large message in `parcel`. False: it is malformed. NULL: the source takes no large ones.
+    bint (*parse)(State* inbox) noexcept nogil
+    void* source                # `data` of the Source, for these functions
     void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message; NULL: not allocated yet
+    bint has_large              # `parcel` has a large message, which is to be inserted next
+    bint is_inserting           # a thread inserts it: parcel, engine and copier must stay as they are
+    Lock inserting              # is held by that thread
     Parcels reports             # messages with something to report
     Copier* copier              # of the buffer, if that is shared; or NULL
     State* next                 # in the list of all that the draining thread serves
@@ -72,12 +82,17 @@ cdef void inboxes_unlock() noexcept nogil
 # Drains one slice, with the lock held. Returns whether more may be left.
 cdef bint inbox_serve(State* inbox) noexcept nogil
 
+# The work of inserting a message of this many bytes.
+cdef inline size_t message_work(size_t size) noexcept nogil:
+    return 1 + size // WORK_BYTES
+
+
 # The rest is for the function `take` of a source, with the lock held. This one is called before each message:
 # it returns whether there is memory for it, in `parcel`.
 cdef bint inbox_has_parcel(State* inbox) noexcept nogil
 # Bytes of the parcel's message; NULL: no memory.
 cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
-# Parses the message of the parcel, and sets a default authority. False: it is malformed.
+# Parses the message of the parcel, and sets a default authority. False: it is malformed. Also for `parse`.
 cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil
 # Inserts what was parsed, or keeps a malformed message until it is reported.
 cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil
@@ -100,7 +115,8 @@ cdef class Source:
     # Where the messages of one inbox come from.
     cdef State* inbox           # that inbox, which sets this
     cdef size_t (*take)(State* inbox, size_t most) noexcept nogil      # as in State
-    cdef void* data             # for `take`, which finds it as `source`
+    cdef bint (*parse)(State* inbox) noexcept nogil     # as in State
+    cdef void* data             # for these functions, which find it as `source`
     cdef bint serves_itself     # it is `asked` at each read, and calls `inbox_serve` in a thread of its own
     cdef list names             # of the topics, for errors
     # All of the following are called with the GIL.

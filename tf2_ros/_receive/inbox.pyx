@@ -12,7 +12,7 @@ second thread (`run_reports`). So nothing here runs user code, and the first thr
 
 cimport cython
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport INT64_MAX, int64_t, uint32_t
 from libc.stdlib cimport calloc, free, realloc
 from libc.string cimport strlen
 
@@ -32,6 +32,9 @@ from tf2_py._internal cimport (
     event_wait,
     links_empty,
     lock_acquire,
+    lock_ask,
+    lock_await,
+    lock_free,
     lock_init,
     lock_release,
     monotonic_ns,
@@ -53,10 +56,12 @@ AUTHORITY = "default_authority"     # of what is received: messages do not name 
 cdef const char* DEFAULT_AUTHORITY = "default_authority"
 
 cdef enum:
-    READ_SLICE = 64             # messages that a read inserts before it releases the GIL
     MAX_REPORTS = 64            # messages whose refused transforms are kept for the log
     BEING_INSERTED = 2          # of State.pending: nothing has arrived since a thread began to insert
 
+# How long a read waits for the lock with the GIL, which it may not get back for 5 ms. Only taking a large
+# message from the middleware takes longer: 17 MB take 20 ms.
+cdef int64_t PATIENCE_NS = 2000000
 # How long the two threads sleep while nothing arrives, at most.
 cdef int64_t IDLE_NS = 1500000000
 # After this, a read returns even if messages arrive faster than it can insert them.
@@ -108,10 +113,15 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
 
 # Parcels.
 
+cdef void _shrink_parcel(Parcel* parcel) noexcept nogil:
+    batch_free(&parcel.batch)
+    free(parcel.data)
+    parcel.data, parcel.capacity = NULL, 0
+
+
 cdef void _free_parcel(Parcel* parcel) noexcept nogil:
     if parcel != NULL:
-        batch_free(&parcel.batch)
-        free(parcel.data)
+        _shrink_parcel(parcel)
         free(parcel)
 
 
@@ -184,13 +194,18 @@ cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
     return batch_read_cdr(&parcel.batch, parcel.data, parcel.size)
 
 
-cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
+cdef bint _insert(State* inbox, bint is_readable) noexcept nogil:
+    # Returns whether there is something to report.
     cdef Parcel* parcel = inbox.parcel
     if inbox.copier != NULL and is_readable:
         inbox.copier.copy(inbox.copier, &parcel.batch)
     while is_readable and (<Engine>inbox.engine).insert_some(&parcel.batch):
         pass
-    if not is_readable or parcel.batch.needs_report:
+    return not is_readable or parcel.batch.needs_report
+
+
+cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
+    if _insert(inbox, is_readable):
         _report_later(inbox)
 
 
@@ -215,12 +230,46 @@ cdef void inbox_refuse(State* inbox, size_t topic, const char* problem) noexcept
     _report_later(inbox)
 
 
+cdef void _insert_large(State* inbox) noexcept nogil:
+    # Inserts the large message, during which the lock is released: others wait for that with the GIL, and
+    # 200,000 transforms take 0.3 s. Whatever needs this inbox waits in `_await_insert`.
+    cdef Parcel* parcel = inbox.parcel
+    cdef bint needs_report
+    inbox.is_inserting = True
+    lock_acquire(&inbox.inserting)
+    lock_release(&_lock)
+    needs_report = _insert(inbox, inbox.parse(inbox))
+    if parcel.batch.refused == 0:       # otherwise the log names some of it
+        _shrink_parcel(parcel)
+    lock_acquire(&_lock)
+    inbox.is_inserting = inbox.has_large = False
+    lock_release(&inbox.inserting)
+    if needs_report:
+        _report_later(inbox)
+    if inbox.parcel != NULL:
+        _shrink_parcel(inbox.parcel)
+    if inbox.watcher != NULL:
+        inbox.watcher.arrived(inbox.watcher.data)
+    event_set(&_work)                   # the thread that drains may have passed over this inbox meanwhile
+
+
+cdef void _await_insert(State* inbox) noexcept nogil:
+    # Until no thread inserts a large message; meanwhile the lock is released.
+    while inbox.is_inserting:
+        lock_release(&_lock)
+        lock_acquire(&inbox.inserting)
+        lock_release(&inbox.inserting)
+        lock_acquire(&_lock)
+
+
 cdef bint _take(State* inbox, size_t most) noexcept nogil:
-    # Inserts at most this many messages; returns whether more may be left.
+    # Does this much work, or a little more; returns whether more may be left.
     cdef size_t taken
     if inbox.engine == NULL:
         word_store(&inbox.pending, 0)
         return False
+    if inbox.has_large:
+        return True
     # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
     # inserted, readers must find something pending, and wait here.
     word_store(&inbox.pending, BEING_INSERTED)
@@ -229,7 +278,21 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
     word_replace(&inbox.pending, BEING_INSERTED, 0)
     if taken and inbox.watcher != NULL:
         inbox.watcher.arrived(inbox.watcher.data)
-    return taken == most
+    return taken >= most
+
+
+cdef bint _read_on(State* inbox) noexcept nogil:
+    # One more step of a read, without the GIL. Returns whether more may be left.
+    cdef bint more = True
+    lock_acquire(&_lock)
+    if inbox.is_inserting:
+        _await_insert(inbox)
+    elif inbox.has_large and inbox.engine != NULL:
+        _insert_large(inbox)
+    else:
+        more = _take(inbox, DRAIN_SLICE)
+    lock_release(&_lock)
+    return more
 
 
 # The thread that drains.
@@ -260,7 +323,13 @@ cdef bint _serve_all(bint is_round) noexcept nogil:
             read = word_load(&inbox.read)
             if is_round and read > 0 and not is_rest:
                 word_store(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
-            if is_round or is_rest or inbox_wants_all(inbox) or word_load(&inbox.is_full):
+            if inbox.is_inserting:
+                pass    # a reader inserts a large message, and wakes this thread afterwards
+            elif inbox.has_large and inbox.engine != NULL:
+                _insert_large(inbox)
+                is_behind = True
+                break   # the list may have changed
+            elif is_round or is_rest or inbox_wants_all(inbox) or word_load(&inbox.is_full):
                 is_behind = inbox_serve(inbox) or is_behind
             inbox = inbox.next
         lock_release(&_lock)
@@ -358,12 +427,14 @@ cdef class Inbox(ReadHook):
 
     def __cinit__(self, Source source not None, hand_over):
         global _first
+        if lock_init(&self._state.inserting) != 0:
+            raise MemoryError
         self._source, self._hand_over, self._used = source, hand_over, set()
         self._always = 1
         self.pending = &self._always if source.serves_itself else &self._state.pending
         self.read = &self._was_read if source.serves_itself else &self._state.read
         self.armed = &self._state.armed
-        self._state.take, self._state.source = source.take, source.data
+        self._state.take, self._state.parse, self._state.source = source.take, source.parse, source.data
         source.inbox = &self._state
         if not source.serves_itself:
             lock_acquire(&_lock)
@@ -375,6 +446,7 @@ cdef class Inbox(ReadHook):
         self._discharge()
         _free_parcel(self._state.parcel)
         _free_parcels(&self._state.reports)
+        lock_free(&self._state.inserting)
 
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
@@ -384,6 +456,7 @@ cdef class Inbox(ReadHook):
         self._is_closed = True
         self._source.silence()
         lock_acquire(&_lock)
+        _await_insert(&self._state)
         while link[0] != NULL and link[0] != &self._state:
             link = &link[0].next
         if link[0] != NULL:
@@ -392,6 +465,7 @@ cdef class Inbox(ReadHook):
 
     cdef void engine_ended(self) noexcept:
         lock_acquire(&_lock)
+        _await_insert(&self._state)
         self._state.engine = NULL
         self._source.redirected()
         lock_release(&_lock)
@@ -428,6 +502,7 @@ cdef class Inbox(ReadHook):
             self._used.add(copying)
         self._reference = reference
         lock_acquire(&_lock)
+        _await_insert(&self._state)
         _take_reports(&self._state, &parcels)
         self._state.engine = <void*>buffer if buffer is not None else NULL
         self._state.copier = NULL if copying is None else &copying.copier
@@ -444,20 +519,24 @@ cdef class Inbox(ReadHook):
 
     cdef int drain(self) except -1:
         cdef bint more
+        cdef uint32_t number
         cdef int64_t until_ns
         if self._source.serves_itself and not self._source.asked():
             return 0
-        # With the GIL: the holder of the lock does not need the GIL, and taking it again may take long.
-        lock_acquire(&_lock)
-        more = _take(&self._state, READ_SLICE)
-        lock_release(&_lock)
+        number = lock_ask(&_lock)
+        if lock_await(&_lock, number, PATIENCE_NS):
+            more = _take(&self._state, READ_SLICE)
+            lock_release(&_lock)
+        else:
+            with nogil:
+                lock_await(&_lock, number, INT64_MAX)
+                more = _take(&self._state, READ_SLICE)
+                lock_release(&_lock)
         if more:
             until_ns = monotonic_ns() + READ_NS
             with nogil:
                 while more and monotonic_ns() < until_ns:
-                    lock_acquire(&_lock)
-                    more = _take(&self._state, DRAIN_SLICE)
-                    lock_release(&_lock)
+                    more = _read_on(&self._state)
         return 0
 
     def catch_up(self):
@@ -487,6 +566,7 @@ cdef class Inbox(ReadHook):
         cdef bint has_received = self._state.engine != NULL
         keep_for_ever(self)
         self._state.engine = NULL
+        self._state.is_inserting = False
         self.pending = &self._state.pending
         word_store(self.pending, 0)
         return has_received

@@ -34,9 +34,9 @@ from tf2_ros._rcl cimport (
     rcutils_get_default_allocator,
     rcutils_reset_error,
     require_rcl,
-    rmw_message_info_t,
 )
 from tf2_ros._receive.inbox cimport (
+    LARGE_BYTES,
     Parcel,
     Source,
     State,
@@ -46,6 +46,7 @@ from tf2_ros._receive.inbox cimport (
     inbox_read,
     inboxes_lock,
     inboxes_unlock,
+    message_work,
 )
 from tf2_ros.records cimport Recording, Records, records_add, records_add_malformed
 
@@ -76,6 +77,9 @@ cdef struct Subscribed:
     size_t prefix_size
     rcl_clock_t* clock          # whose time is recorded while it is simulated; or NULL
     rcl_allocator_t allocator   # that of malloc
+    # Of the message in the parcel.
+    const Arrivals* topic
+    MessageInfo information             # if it is recorded
 
 
 cdef void _arrived(const void* data, size_t count) noexcept nogil:
@@ -97,9 +101,9 @@ cdef bint _simulated_now(rcl_clock_t* clock, int64_t* now_ns) noexcept nogil:
     return rcl_clock_get_now(clock, now_ns) == RCL_RET_OK
 
 
-cdef void _record(State* inbox, const rmw_message_info_t* information, bint is_readable) noexcept nogil:
+cdef void _record(State* inbox, bint is_readable) noexcept nogil:
     cdef Subscribed* source = <Subscribed*>inbox.source
-    cdef int64_t received_ns = information.received_timestamp
+    cdef int64_t received_ns = source.information.known.received_timestamp
     if not is_readable:
         records_add_malformed(source.records)
         return
@@ -108,47 +112,58 @@ cdef void _record(State* inbox, const rmw_message_info_t* information, bint is_r
     word_store(&inbox.wants_each, is_simulated)
     if not is_simulated and received_ns <= 0:
         received_ns = system_ns()
-    records_add(source.records, &inbox.parcel.batch, received_ns, information.publisher_gid.data,
+    records_add(source.records, &inbox.parcel.batch, received_ns, source.information.known.publisher_gid.data,
                 RMW_GID_STORAGE_SIZE)
 
 
-cdef bint _take_message(State* inbox, Arrivals* topic, int64_t now_ns) noexcept nogil:
-    # Takes one message and inserts it; False if there was none.
+cdef bint _parse(State* inbox) noexcept nogil:
+    # As in State.
+    cdef Subscribed* source = <Subscribed*>inbox.source
+    cdef bint is_readable = inbox_read(inbox, source.topic.number, source.topic.is_static)
+    if is_readable and source.prefix != NULL:
+        batch_prefix(&inbox.parcel.batch, source.prefix, source.prefix_size)
+    if source.records != NULL:
+        _record(inbox, is_readable)
+    return is_readable
+
+
+cdef size_t _take_message(State* inbox, Arrivals* topic, int64_t now_ns) noexcept nogil:
+    # Takes one message, and inserts it unless it is large. Returns the work; 0: there was none.
     cdef Subscribed* source = <Subscribed*>inbox.source
     cdef Parcel* parcel = inbox.parcel
-    cdef MessageInfo information
     cdef rcl_serialized_message_t message
     cdef rcl_ret_t result
-    cdef bint is_readable
     message.buffer, message.buffer_length, message.buffer_capacity = parcel.data, 0, parcel.capacity
     message.allocator = source.allocator
     result = rcl_take_serialized_message(
-        topic.subscription, &message, &information.known if source.records != NULL else NULL, NULL)
+        topic.subscription, &message, &source.information.known if source.records != NULL else NULL, NULL)
     # rcl may have allocated more.
     parcel.data, parcel.size, parcel.capacity = message.buffer, message.buffer_length, message.buffer_capacity
     if result != RCL_RET_OK:
         rcutils_reset_error()
-        return False
+        return 0
     topic.taken += 1
     topic.taken_at_ns = now_ns
-    is_readable = inbox_read(inbox, topic.number, topic.is_static)
-    if is_readable and source.prefix != NULL:
-        batch_prefix(&parcel.batch, source.prefix, source.prefix_size)
-    if source.records != NULL:
-        _record(inbox, &information.known, is_readable)
-    inbox_insert(inbox, is_readable)
-    return True
+    source.topic = topic
+    inbox.has_large = message.buffer_length > LARGE_BYTES
+    if not inbox.has_large:
+        inbox_insert(inbox, _parse(inbox))
+    return message_work(message.buffer_length)
 
 
 cdef size_t _take_subscribed(State* inbox, size_t most) noexcept nogil:
     cdef int64_t now_ns = monotonic_ns()
     cdef size_t left = most
+    cdef size_t work
     cdef Arrivals* topic = (<Subscribed*>inbox.source).first
     while topic != NULL:
         # First the count, then the messages: `_arrived` is called after its message has arrived.
         if topic.subscription != NULL and word_exchange(&topic.arrived, 0):
-            while left > 0 and inbox_has_parcel(inbox) and _take_message(inbox, topic, now_ns):
-                left -= 1
+            while left > 0 and inbox_has_parcel(inbox):
+                work = _take_message(inbox, topic, now_ns)
+                if work == 0:
+                    break
+                left -= min(left, work)     # nothing is left after a large message
             if left == 0 or not inbox_has_parcel(inbox):
                 # Without memory, the next round tries again.
                 word_store(&topic.arrived, 1)
@@ -166,18 +181,20 @@ cdef class TopicArrivals:
 
     def count(self):
         """Count a message with which an executor has called the listener."""
-        inboxes_lock()
-        self._arrivals.taken += 1
-        self._arrivals.taken_at_ns = monotonic_ns()
-        inboxes_unlock()
+        with nogil:
+            inboxes_lock()
+            self._arrivals.taken += 1
+            self._arrivals.taken_at_ns = monotonic_ns()
+            inboxes_unlock()
 
     def taken(self):
         """Return how many messages there were, and the steady time of the last one in nanoseconds."""
         cdef uint64_t count
         cdef int64_t at_ns
-        inboxes_lock()
-        count, at_ns = self._arrivals.taken, self._arrivals.taken_at_ns
-        inboxes_unlock()
+        with nogil:
+            inboxes_lock()
+            count, at_ns = self._arrivals.taken, self._arrivals.taken_at_ns
+            inboxes_unlock()
         return count, at_ns
 
 
@@ -201,7 +218,7 @@ cdef class Subscriptions(Source):
     def __cinit__(self, Recording recording=None, clock=None, str prefix=""):
         require_rcl()
         self.names, self._topics, self.is_told = [], [], True
-        self.take, self.data = _take_subscribed, &self._subscribed
+        self.take, self.parse, self.data = _take_subscribed, _parse, &self._subscribed
         self._recording, self._clock, self._prefix = recording, clock, prefix.encode()
         self._subscribed.allocator = rcutils_get_default_allocator()
         if recording is not None:

@@ -68,6 +68,7 @@ from tf2_ros._receive.inbox cimport (
     inbox_wants_all,
     inboxes_lock,
     inboxes_unlock,
+    message_work,
     parcel_reserve,
 )
 from tf2_ros._shared.memory cimport fence, futex_wait, futex_wake, give_back, load64, store64

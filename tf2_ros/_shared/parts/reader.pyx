@@ -126,11 +126,16 @@ cdef void _begin_anew(State* inbox) noexcept nogil:
 cdef size_t _take(State* inbox, size_t most) noexcept nogil:
     cdef Reading* reading = <Reading*>inbox.source
     cdef size_t taken = 0
+    cdef uint64_t tail
     cdef Found found
     while taken < most and inbox_has_parcel(inbox):
+        tail = reading.tail
         found = _take_record(inbox)
         if found == FOUND_NOTHING:
             break
+        if found == FOUND_RECORD:
+            taken += message_work(reading.tail - tail)
+            continue
         if found == FOUND_LAPPED:
             _begin_anew(inbox)
         elif found == FOUND_DAMAGE:

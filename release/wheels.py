@@ -49,6 +49,7 @@ OF_SOURCES = {
     "programs/test_manners.py": "reads the sources",
     "packaging/test_public_names.py": "reads the sources",
     "packaging/test_sourced.py": "builds the project",
+    "ros/test_sources.py": "compiles an extension",
     "core/test_types_table.py": "reads the sources",
     "packaging/test_typing.py": "reads the sources",
     "packaging/test_without_ros.py": "reads the sources",

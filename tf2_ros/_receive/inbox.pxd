@@ -4,6 +4,7 @@ from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from tf2_py._internal cimport Batch, Engine, Lock, ReadHook, Tap
+from tf2_ros.records cimport Recording, Records
 
 cdef enum:
     ROUND_NS = 100000000        # how long a message waits if nothing asks for it
@@ -14,13 +15,34 @@ cdef enum:
     LARGE_BYTES = READ_SLICE * WORK_BYTES   # a longer message is inserted without the lock of all inboxes
 
 
+cdef enum ParcelKind:
+    PARCEL_NOTHING              # something was taken, but there is nothing to insert
+    PARCEL_MESSAGE              # a serialised TFMessage
+    PARCEL_REMOVAL              # all dynamic transforms are removed; with a name in `data`, all of one frame
+    PARCEL_DAMAGE               # no message could be read; `problem` says why
+
+cdef enum:
+    SENDER_BYTES = 16
+
+
 cdef struct Parcel:
     # One message. It does not move: waiters refer to its batch.
-    Batch batch
-    unsigned char* data         # the message; of malloc
-    size_t size                 # its bytes
+    # What a source fills in; everything is reset before, except for the memory.
+    ParcelKind kind
+    unsigned char* data         # the message, of malloc, and behind it the authority
+    size_t size                 # bytes of the message
+    size_t authority_size
+    bint has_authority          # otherwise it is AUTHORITY
     size_t capacity             # bytes allocated
     size_t topic                # index of its name in `names` of the Source
+    bint is_static
+    const char* problem
+    # If messages are recorded: the publisher, and the time of reception.
+    unsigned char[SENDER_BYTES] sender
+    int64_t received_ns
+    bint is_simulated           # that time is simulated, so each message must be taken when it arrives
+    # What the inbox needs.
+    Batch batch
     Parcel* next
 
 
@@ -46,22 +68,35 @@ cdef struct Copier:
     bint (*is_wanted)(Copier* copier) noexcept nogil
 
 
+# Of a source to which nothing reports arrivals. Its functions are called without a lock.
+cdef struct Polling:
+    # A program reads the buffer: whether there is a message.
+    bint (*has_message)(void* source) noexcept nogil
+    # The thread that polls: it notes `watch`, finds out whether each message is wanted at once, takes all
+    # messages if so, and rests: until another message is there if they are wanted, and otherwise until it is
+    # nudged; not if either has happened since `watch`. `at_once`: also while it waits for a message.
+    uint64_t (*watch)(void* source) noexcept nogil
+    void (*rest)(void* source, uint64_t watched, bint is_wanted) noexcept nogil
+    void (*nudge)(void* source, bint at_once) noexcept nogil
+
+
 cdef struct State:
     # What is used without the GIL.
     uint32_t pending            # atomic; 0: no message waits
     uint32_t is_full            # atomic: so many messages wait that they must be taken
     uint32_t armed              # atomic: the engine wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
-    uint32_t wants_each         # atomic: the source must take each message when it arrives
+    uint32_t wants_each         # atomic: each message must be taken when it arrives
     uint32_t needs_report       # atomic: `reports` may hold something
     Watcher* watcher            # or NULL
+    # Set once.
+    bint (*take_next)(void* source, Parcel* parcel) noexcept nogil     # `next` of the Source
+    void* source                # `data` of the Source, for that
+    const Polling* polling      # of the Source
+    Records* records            # NULL: nothing is recorded
+    const char* prefix          # of all names; NULL: they stay as they are
+    size_t prefix_size
     # Guarded by the lock of all inboxes.
-    # Takes and inserts messages until it has done this much work, or more. Returns how much. The last one may
-    # be large: it is only taken.
-    size_t (*take)(State* inbox, size_t most) noexcept nogil
-    # Parses the large message in `parcel`. False: it is malformed. NULL: the source takes no large ones.
-    bint (*parse)(State* inbox) noexcept nogil
-    void* source                # `data` of the Source, for these functions
     void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message; NULL: not allocated yet
     bint has_large              # `parcel` has a large message, which is to be inserted next
@@ -74,32 +109,11 @@ cdef struct State:
 
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
 cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil
-# Whether each message is wanted at once.
-cdef bint inbox_wants_all(State* inbox) noexcept nogil
+# Bytes for the parcel's message; NULL: no memory.
+cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
 # The lock of all inboxes. A thread that holds it takes at most that of an engine, of records or of a ring.
 cdef void inboxes_lock() noexcept nogil
 cdef void inboxes_unlock() noexcept nogil
-# Drains one slice, with the lock held. Returns whether more may be left.
-cdef bint inbox_serve(State* inbox) noexcept nogil
-
-# The work of inserting a message of this many bytes.
-cdef inline size_t message_work(size_t size) noexcept nogil:
-    return 1 + size // WORK_BYTES
-
-
-# The rest is for the function `take` of a source, with the lock held. This one is called before each message:
-# it returns whether there is memory for it, in `parcel`.
-cdef bint inbox_has_parcel(State* inbox) noexcept nogil
-# Bytes of the parcel's message; NULL: no memory.
-cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
-# Parses the message of the parcel, and sets a default authority. False: it is malformed. Also for `parse`.
-cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil
-# Inserts what was parsed, or keeps a malformed message until it is reported.
-cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil
-# Removes all dynamic transforms of the engine; or, with a name, all of one frame.
-cdef void inbox_remove(State* inbox, const char* name, size_t size) noexcept nogil
-# Counts and logs bytes that are not a message; `problem` says why.
-cdef void inbox_refuse(State* inbox, size_t topic, const char* problem) noexcept nogil
 
 
 cdef class Copying(Tap):
@@ -112,19 +126,18 @@ cdef class Watching:
 
 
 cdef class Source:
-    # Where the messages of one inbox come from.
+    # Where the messages of one inbox come from. A subclass has three duties:
+    # 1. `next` fills a parcel with the next message; False: there is none, or no memory for it. It calls
+    #    nothing of the inbox but `parcel_reserve`. It runs under the lock of all inboxes, without the GIL.
+    #    What was filled before has been inserted when it is called again.
+    # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there;
+    #    or, if nothing reports arrivals to it, by `polling`.
+    # 3. `silence` ends that: it is called with the GIL when the inbox ends.
     cdef State* inbox           # that inbox, which sets this
-    cdef size_t (*take)(State* inbox, size_t most) noexcept nogil      # as in State
-    cdef bint (*parse)(State* inbox) noexcept nogil     # as in State
-    cdef void* data             # for these functions, which find it as `source`
-    cdef bint serves_itself     # it is `asked` at each read, and calls `inbox_serve` in a thread of its own
+    cdef bint (*next)(void* source, Parcel* parcel) noexcept nogil
+    cdef void* data             # what `next` and the functions of `polling` get as `source`
+    cdef const Polling* polling     # or NULL
     cdef list names             # of the topics, for errors
-    # All of the following are called with the GIL.
-    # A program reads the buffer; returns whether there is anything to take.
-    cdef bint asked(self) except -1
-    # The messages go into another engine, or none. With the lock held.
-    cdef void redirected(self) noexcept
-    # The inbox ends: `inbox_arrived` must not be called any more.
     cdef void silence(self) noexcept
 
 
@@ -133,12 +146,15 @@ cdef class Inbox(ReadHook):
     cdef Source _source
     cdef bint _is_closed            # in a forked child, one that was closed before must not take the lock
     cdef object _hand_over
+    cdef Recording _recording       # keeps the records
+    cdef bytes _prefix
     cdef object _reference          # called, gives the engine or None
     cdef set _used                  # keeps the watchers and copiers that threads without the lock may use
-    cdef uint32_t _always           # `pending` of a source that is asked at each read
-    cdef uint32_t _was_read         # `read` of such a source, which counts reads itself
+    cdef uint32_t _always           # `pending` of a source that is polled
+    cdef uint32_t _was_read         # `read` of such a source: reads do not make it take each message at once
     cdef object __weakref__
 
     cdef void _discharge(self) noexcept
     cdef object _engine(self)
+    cdef void _nudge(self) noexcept
     cdef int _report(self, Engine engine, Parcels* parcels) except -1

@@ -2,6 +2,7 @@ from collections.abc import Callable
 from typing import Any, final
 
 from tf2_py import BufferCore
+from tf2_ros.records import Recording
 
 AUTHORITY: str
 
@@ -11,7 +12,14 @@ class Source: ...
 
 @final
 class Inbox:
-    def __new__(cls, source: Source, hand_over: Callable[[list[Any]], object]) -> Inbox: ...
+    def __new__(
+        cls,
+        source: Source,
+        hand_over: Callable[[list[Any]], object],
+        recording: Recording | None = None,
+        prefix: str = "",
+    ) -> Inbox: ...
+    def follow(self) -> None: ...
     def close(self) -> None: ...
     def inform(self, watching: Watching) -> None: ...
     def fill(self, buffer: BufferCore | None) -> None: ...

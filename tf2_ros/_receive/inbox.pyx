@@ -2,12 +2,14 @@
 Keep what has arrived for a buffer until somebody reads it.
 
 An inbox takes messages from its `Source`: the subscriptions of a listener (`subscriptions`), or the ring of
-another process (`tf2_ros._shared.ring`). Its owner decides when it begins and ends. Every read of the buffer
-takes the messages and inserts them (`drain`). So does one thread of the process: as soon as many messages
-wait, at most ROUND_NS after the first one, and at once while something waits for a transform, or while the
-buffer is read more often than the thread has rounds, so that such a reader finds everything inserted. Log
-lines, the completion of waits and everything else that follows from an insert and needs the GIL are left to a
-second thread (`run_reports`). So nothing here runs user code, and the first thread never waits for the GIL.
+another process (`tf2_ros._shared.ring`); the declaration of `Source` says what a source has to do. Its owner
+decides when it begins and ends. Everything goes one way: the source fills a `Parcel`, and the inbox parses,
+prefixes, records, copies and inserts it. Every read of the buffer takes the messages (`drain`). So does one
+thread of the process: as soon as many messages wait, at most ROUND_NS after the first one, and at once while
+something waits for a transform, or while the buffer is read more often than the thread has rounds, so that
+such a reader finds everything inserted. Log lines, the completion of waits and everything else that follows
+from an insert and needs the GIL are left to a second thread (`run_reports`). So nothing here runs user code,
+and the first thread never waits for the GIL.
 """
 
 cimport cython
@@ -26,10 +28,12 @@ from tf2_py._internal cimport (
     Tap,
     batch_begin,
     batch_free,
+    batch_prefix,
     batch_read_cdr,
     event_init,
     event_set,
     event_wait,
+    is_utf8,
     links_empty,
     lock_acquire,
     lock_ask,
@@ -40,11 +44,14 @@ from tf2_py._internal cimport (
     monotonic_ns,
     pthread_mutex_lock,
     pthread_mutex_unlock,
+    system_ns,
     word_exchange,
     word_load,
     word_replace,
     word_store,
 )
+from tf2_ros.records cimport Recording, records_add, records_add_malformed
+
 import traceback
 import weakref
 from functools import partial
@@ -85,8 +92,6 @@ cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
     pthread_mutex_unlock(&event.mutex)
 
 
-# What sources call.
-
 cdef void inboxes_lock() noexcept nogil:
     lock_acquire(&_lock)
 
@@ -95,7 +100,7 @@ cdef void inboxes_unlock() noexcept nogil:
     lock_release(&_lock)
 
 
-cdef bint inbox_wants_all(State* inbox) noexcept nogil:
+cdef bint _wants_all(State* inbox) noexcept nogil:
     if word_load(&inbox.armed) or word_load(&inbox.read) or word_load(&inbox.wants_each):
         return True
     if inbox.watcher != NULL and inbox.watcher.is_armed(inbox.watcher.data):
@@ -107,7 +112,7 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
     word_store(&inbox.pending, 1)
     if is_full:
         word_store(&inbox.is_full, 1)
-    if is_full or inbox_wants_all(inbox) or word_load(&_is_idle):
+    if is_full or _wants_all(inbox) or word_load(&_is_idle):
         event_set(&_work)
 
 
@@ -153,10 +158,20 @@ cdef void _free_parcels(Parcels* parcels) noexcept:
         parcel = next_parcel
 
 
-cdef bint inbox_has_parcel(State* inbox) noexcept nogil:
-    if inbox.parcel == NULL:
-        inbox.parcel = <Parcel*>calloc(1, sizeof(Parcel))
-    return inbox.parcel != NULL
+cdef bint _begin_parcel(State* inbox) noexcept nogil:
+    # Has an empty parcel for the next message; False: there is no memory.
+    cdef Parcel* parcel = inbox.parcel
+    if parcel == NULL:
+        parcel = inbox.parcel = <Parcel*>calloc(1, sizeof(Parcel))
+        if parcel == NULL:
+            return False
+    parcel.kind = PARCEL_NOTHING
+    parcel.size = parcel.authority_size = parcel.topic = 0
+    parcel.problem = NULL
+    parcel.has_authority = parcel.is_static = parcel.is_simulated = False
+    parcel.received_ns = 0
+    batch_begin(&parcel.batch)
+    return True
 
 
 cdef void _take_reports(State* inbox, Parcels* reports) noexcept nogil:
@@ -184,50 +199,67 @@ cdef void _report_later(State* inbox) noexcept nogil:
     event_set(&_reporting)
 
 
-cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
+cdef bint _parse(State* inbox) noexcept nogil:
+    # Reads the message of the parcel; False: it is malformed.
     cdef Parcel* parcel = inbox.parcel
-    parcel.topic = topic
-    parcel.batch.is_static = is_static
-    parcel.batch.authority = DEFAULT_AUTHORITY
-    parcel.batch.authority_size = strlen(DEFAULT_AUTHORITY)
-    batch_begin(&parcel.batch)
-    return batch_read_cdr(&parcel.batch, parcel.data, parcel.size)
+    cdef Batch* batch = &parcel.batch
+    cdef const char* authority = <const char*>parcel.data + parcel.size
+    cdef bint is_readable
+    batch.is_static = parcel.is_static
+    batch.authority, batch.authority_size = DEFAULT_AUTHORITY, strlen(DEFAULT_AUTHORITY)
+    if parcel.has_authority and is_utf8(<const unsigned char*>authority, parcel.authority_size):
+        batch.authority, batch.authority_size = authority, parcel.authority_size
+    is_readable = batch_read_cdr(batch, parcel.data, parcel.size)
+    if is_readable and inbox.prefix != NULL:
+        batch_prefix(batch, inbox.prefix, inbox.prefix_size)
+    if inbox.records != NULL:
+        word_store(&inbox.wants_each, parcel.is_simulated)
+        if is_readable:
+            received_ns = parcel.received_ns if parcel.received_ns > 0 or parcel.is_simulated else system_ns()
+            records_add(inbox.records, batch, received_ns, parcel.sender, SENDER_BYTES)
+        else:
+            records_add_malformed(inbox.records)
+    return is_readable
 
 
-cdef bint _insert(State* inbox, bint is_readable) noexcept nogil:
-    # Returns whether there is something to report.
-    cdef Parcel* parcel = inbox.parcel
-    if inbox.copier != NULL and is_readable:
-        inbox.copier.copy(inbox.copier, &parcel.batch)
-    while is_readable and (<Engine>inbox.engine).insert_some(&parcel.batch):
-        pass
-    return not is_readable or parcel.batch.needs_report
-
-
-cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
-    if _insert(inbox, is_readable):
-        _report_later(inbox)
-
-
-cdef void inbox_remove(State* inbox, const char* name, size_t size) noexcept nogil:
+cdef bint _insert(State* inbox) noexcept nogil:
+    # Inserts the message of the parcel. Returns whether there is something to report.
     cdef Batch* batch = &inbox.parcel.batch
-    inbox.parcel.size = 0
-    (<Engine>inbox.engine).begin_to_remove(batch, name, size)
+    if not _parse(inbox):
+        return True
+    if inbox.copier != NULL:
+        inbox.copier.copy(inbox.copier, batch)
     while (<Engine>inbox.engine).insert_some(batch):
         pass
-    if batch.needs_report:
-        _report_later(inbox)
+    return batch.needs_report
 
 
-cdef void inbox_refuse(State* inbox, size_t topic, const char* problem) noexcept nogil:
+cdef bint _remove(State* inbox) noexcept nogil:
     cdef Parcel* parcel = inbox.parcel
-    parcel.topic = topic
-    parcel.size = 0
-    batch_begin(&parcel.batch)
-    parcel.batch.count = 0
-    parcel.batch.problem = problem
-    parcel.batch.problem_at = 0
-    _report_later(inbox)
+    cdef Batch* batch = &parcel.batch
+    (<Engine>inbox.engine).begin_to_remove(
+        batch, <const char*>parcel.data if parcel.size else NULL, parcel.size)
+    while (<Engine>inbox.engine).insert_some(batch):
+        pass
+    return batch.needs_report
+
+
+cdef void _process(State* inbox) noexcept nogil:
+    # Does what the parcel says.
+    cdef Parcel* parcel = inbox.parcel
+    cdef bint needs_report = False
+    if parcel.kind == PARCEL_MESSAGE:
+        needs_report = _insert(inbox)
+    elif parcel.kind == PARCEL_REMOVAL:
+        needs_report = _remove(inbox)
+        parcel.size = 0
+    elif parcel.kind == PARCEL_DAMAGE:
+        parcel.size = 0
+        parcel.batch.count = 0
+        parcel.batch.problem, parcel.batch.problem_at = parcel.problem, 0
+        needs_report = True
+    if needs_report:
+        _report_later(inbox)
 
 
 cdef void _insert_large(State* inbox) noexcept nogil:
@@ -238,7 +270,7 @@ cdef void _insert_large(State* inbox) noexcept nogil:
     inbox.is_inserting = True
     lock_acquire(&inbox.inserting)
     lock_release(&_lock)
-    needs_report = _insert(inbox, inbox.parse(inbox))
+    needs_report = _insert(inbox)
     if parcel.batch.refused == 0:       # otherwise the log names some of it
         _shrink_parcel(parcel)
     lock_acquire(&_lock)
@@ -264,7 +296,7 @@ cdef void _await_insert(State* inbox) noexcept nogil:
 
 cdef bint _take(State* inbox, size_t most) noexcept nogil:
     # Does this much work, or a little more; returns whether more may be left.
-    cdef size_t taken
+    cdef size_t work = 0
     if inbox.engine == NULL:
         word_store(&inbox.pending, 0)
         return False
@@ -274,11 +306,19 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
     # inserted, readers must find something pending, and wait here.
     word_store(&inbox.pending, BEING_INSERTED)
     word_store(&inbox.is_full, 0)
-    taken = inbox.take(inbox, most)
-    word_replace(&inbox.pending, BEING_INSERTED, 0)
-    if taken and inbox.watcher != NULL:
+    while work < most and _begin_parcel(inbox) and inbox.take_next(inbox.source, inbox.parcel):
+        work += 1 + inbox.parcel.size // WORK_BYTES
+        inbox.has_large = inbox.parcel.kind == PARCEL_MESSAGE and inbox.parcel.size > LARGE_BYTES
+        if inbox.has_large:
+            break
+        _process(inbox)
+    if work >= most or inbox.parcel == NULL:
+        word_store(&inbox.pending, 1)   # without memory, the next round tries again
+    else:
+        word_replace(&inbox.pending, BEING_INSERTED, 0)
+    if work and inbox.watcher != NULL:
         inbox.watcher.arrived(inbox.watcher.data)
-    return taken >= most
+    return work >= most
 
 
 cdef bint _read_on(State* inbox) noexcept nogil:
@@ -297,7 +337,7 @@ cdef bint _read_on(State* inbox) noexcept nogil:
 
 # The thread that drains.
 
-cdef bint inbox_serve(State* inbox) noexcept nogil:
+cdef bint _serve(State* inbox) noexcept nogil:
     # A reader may have taken the rest since the last slice.
     if word_load(&inbox.pending) and _take(inbox, DRAIN_SLICE):
         return True
@@ -329,12 +369,33 @@ cdef bint _serve_all(bint is_round) noexcept nogil:
                 _insert_large(inbox)
                 is_behind = True
                 break   # the list may have changed
-            elif is_round or is_rest or inbox_wants_all(inbox) or word_load(&inbox.is_full):
-                is_behind = inbox_serve(inbox) or is_behind
+            elif is_round or is_rest or _wants_all(inbox) or word_load(&inbox.is_full):
+                is_behind = _serve(inbox) or is_behind
             inbox = inbox.next
         lock_release(&_lock)
         is_rest = True
     return found
+
+
+# A thread that polls a source.
+
+cdef void _follow(State* inbox) noexcept nogil:
+    # Inserts each message at once while something waits; otherwise it rests.
+    cdef const Polling* polling = inbox.polling
+    cdef uint64_t watched
+    cdef bint is_wanted
+    cdef bint is_behind
+    while inbox.engine != NULL:
+        # A read does this in the opposite order: it first wants messages, and then nudges.
+        watched = polling.watch(inbox.source)
+        is_wanted = is_behind = _wants_all(inbox)
+        while is_behind:
+            word_store(&inbox.pending, 1)
+            lock_acquire(&_lock)
+            is_behind = _serve(inbox)
+            lock_release(&_lock)
+        if inbox.engine != NULL:
+            polling.rest(inbox.source, watched, is_wanted)
 
 
 def run_inboxes():
@@ -405,12 +466,6 @@ cdef class Watching:
 cdef class Source:
     """Where the messages of one inbox come from. An Inbox keeps it, and ends before it does."""
 
-    cdef bint asked(self) except -1:
-        return True
-
-    cdef void redirected(self) noexcept:
-        pass
-
     cdef void silence(self) noexcept:
         pass
 
@@ -423,20 +478,29 @@ cdef class Inbox(ReadHook):
 
     :param source: of its messages; for no other inbox.
     :param hand_over: called with a list of callables that run user code, to have them called.
+    :param recording: notes the sender and time of each transform; or None.
+    :param prefix: put before all names.
     """
 
-    def __cinit__(self, Source source not None, hand_over):
+    def __cinit__(self, Source source not None, hand_over, Recording recording=None, str prefix=""):
         global _first
         if lock_init(&self._state.inserting) != 0:
             raise MemoryError
         self._source, self._hand_over, self._used = source, hand_over, set()
+        self._recording, self._prefix = recording, prefix.encode()
         self._always = 1
-        self.pending = &self._always if source.serves_itself else &self._state.pending
-        self.read = &self._was_read if source.serves_itself else &self._state.read
+        self.pending = &self._state.pending if source.polling == NULL else &self._always
+        self.read = &self._state.read if source.polling == NULL else &self._was_read
         self.armed = &self._state.armed
-        self._state.take, self._state.parse, self._state.source = source.take, source.parse, source.data
+        self._state.take_next, self._state.source = source.next, source.data
+        self._state.polling = source.polling
+        if recording is not None:
+            self._state.records = &recording._records
+            self._state.wants_each = True   # the first message says whether the clock is simulated
+        if prefix:
+            self._state.prefix, self._state.prefix_size = self._prefix, len(self._prefix)
         source.inbox = &self._state
-        if not source.serves_itself:
+        if source.polling == NULL:
             lock_acquire(&_lock)
             self._state.next = _first
             _first = &self._state
@@ -467,8 +531,18 @@ cdef class Inbox(ReadHook):
         lock_acquire(&_lock)
         _await_insert(&self._state)
         self._state.engine = NULL
-        self._source.redirected()
         lock_release(&_lock)
+        self._nudge()
+
+    cdef void _nudge(self) noexcept:
+        # The thread that polls must learn of a change at once.
+        if self._state.polling != NULL:
+            self._state.polling.nudge(self._state.source, True)
+
+    def follow(self):
+        """Insert what a source has that is polled, until there is no buffer; for a thread of its own."""
+        with nogil:
+            _follow(&self._state)
 
     def close(self):
         """Receive nothing more. What has arrived is dropped; what was inserted is reported."""
@@ -506,8 +580,8 @@ cdef class Inbox(ReadHook):
         _take_reports(&self._state, &parcels)
         self._state.engine = <void*>buffer if buffer is not None else NULL
         self._state.copier = NULL if copying is None else &copying.copier
-        self._source.redirected()
         lock_release(&_lock)
+        self._nudge()
         if buffer is not None:
             buffer.add_inbox(self)
             inbox_arrived(&self._state, True)   # messages may have arrived while there was no buffer
@@ -521,8 +595,14 @@ cdef class Inbox(ReadHook):
         cdef bint more
         cdef uint32_t number
         cdef int64_t until_ns
-        if self._source.serves_itself and not self._source.asked():
-            return 0
+        cdef const Polling* polling = self._state.polling
+        cdef bint has_message
+        if polling != NULL:
+            has_message = polling.has_message(self._state.source)
+            if _wants_all(&self._state):
+                polling.nudge(self._state.source, False)
+            if not has_message:
+                return 0
         number = lock_ask(&_lock)
         if lock_await(&_lock, number, PATIENCE_NS):
             more = _take(&self._state, READ_SLICE)

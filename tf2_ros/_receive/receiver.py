@@ -110,8 +110,9 @@ class Receiver:
         self._group.hides_all = False
         clock: Any = getattr(listener.buffer, "clock", None)
         handle = clock.handle if is_ros_clock(clock) else None
-        self._source = Subscriptions(listener._tf2_recording, handle, listener._tf2_prefix)
-        self.inbox = Inbox(self._source, partial(hand_over, queue))
+        recording = listener._tf2_recording
+        self._source = Subscriptions(recording is not None, handle)
+        self.inbox = Inbox(self._source, partial(hand_over, queue), recording, listener._tf2_prefix)
         if isinstance(queue, CallbackQueue):  # an executor waits for arrivals
             self.inbox.inform(queue)
             queue.receivers.add(self)

@@ -1,7 +1,6 @@
 from typing import Any
 
 from tf2_ros._receive.inbox import Source
-from tf2_ros.records import Recording
 
 class TopicArrivals:
     def count(self) -> None: ...
@@ -9,9 +8,7 @@ class TopicArrivals:
 
 class Subscriptions(Source):
     is_told: bool
-    def __new__(
-        cls, recording: Recording | None = None, clock: object = None, prefix: str = ""
-    ) -> Subscriptions: ...
+    def __new__(cls, is_recorded: bool = False, clock: object = None) -> Subscriptions: ...
     def subscribe(
         self, topic: TopicArrivals, handle: Any, name: str, is_static: bool, depth: int
     ) -> None: ...

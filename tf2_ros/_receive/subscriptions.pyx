@@ -8,19 +8,12 @@ inbox is drained.
 cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
+from libc.string cimport memcpy
 
-from tf2_py._internal cimport (
-    batch_prefix,
-    monotonic_ns,
-    system_ns,
-    word_add,
-    word_exchange,
-    word_store,
-)
+from tf2_py._internal cimport monotonic_ns, word_add, word_exchange
 from tf2_ros._rcl cimport (
     RCL_RET_OK,
     MessageInfo,
-    RMW_GID_STORAGE_SIZE,
     c_bool,
     rcl_allocator_t,
     rcl_clock_get_now,
@@ -34,21 +27,18 @@ from tf2_ros._rcl cimport (
     rcutils_get_default_allocator,
     rcutils_reset_error,
     require_rcl,
+    rmw_message_info_t,
 )
 from tf2_ros._receive.inbox cimport (
-    LARGE_BYTES,
+    PARCEL_MESSAGE,
+    SENDER_BYTES,
     Parcel,
     Source,
     State,
     inbox_arrived,
-    inbox_has_parcel,
-    inbox_insert,
-    inbox_read,
     inboxes_lock,
     inboxes_unlock,
-    message_work,
 )
-from tf2_ros.records cimport Recording, Records, records_add, records_add_malformed
 
 cdef enum:
     THRESHOLD = 16              # messages of a topic that may wait, which a lookup would have to insert first
@@ -61,6 +51,7 @@ cdef struct Arrivals:
     uint32_t threshold          # messages that may wait
     State* inbox                # NULL: nothing is taken any more
     # Guarded by the lock of all inboxes.
+    bint has_more               # the last attempt to take a message found one
     const rcl_subscription_t* subscription      # NULL: nothing is taken
     Arrivals* following         # in the order in which they are taken
     size_t number               # of the topic, in `names` of the Source
@@ -72,14 +63,9 @@ cdef struct Arrivals:
 cdef struct Subscribed:
     # Guarded by the lock of all inboxes.
     Arrivals* first             # of all topics
-    Records* records            # NULL: nothing is recorded
-    const char* prefix          # of all names; NULL: they stay as they are
-    size_t prefix_size
-    rcl_clock_t* clock          # whose time is recorded while it is simulated; or NULL
+    bint is_recorded            # the inbox needs the sender and the time of each message
+    rcl_clock_t* clock          # whose time is the time of reception while it is simulated; or NULL
     rcl_allocator_t allocator   # that of malloc
-    # Of the message in the parcel.
-    const Arrivals* topic
-    MessageInfo information             # if it is recorded
 
 
 cdef void _arrived(const void* data, size_t count) noexcept nogil:
@@ -93,84 +79,51 @@ cdef void _arrived(const void* data, size_t count) noexcept nogil:
 
 # Taking; with the lock held.
 
-cdef bint _simulated_now(rcl_clock_t* clock, int64_t* now_ns) noexcept nogil:
-    # Returns whether the clock's time is simulated; only then, sets the time.
-    cdef c_bool simulated = False
-    if clock == NULL or rcl_is_enabled_ros_time_override(clock, &simulated) != RCL_RET_OK or not simulated:
-        return False
-    return rcl_clock_get_now(clock, now_ns) == RCL_RET_OK
+cdef void _note_reception(
+    const Subscribed* source, const rmw_message_info_t* info, Parcel* parcel
+) noexcept nogil:
+    cdef c_bool is_simulated = False
+    memcpy(parcel.sender, info.publisher_gid.data, SENDER_BYTES)
+    parcel.received_ns = info.received_timestamp
+    if (source.clock != NULL
+            and rcl_is_enabled_ros_time_override(source.clock, &is_simulated) == RCL_RET_OK and is_simulated):
+        parcel.is_simulated = rcl_clock_get_now(source.clock, &parcel.received_ns) == RCL_RET_OK
 
 
-cdef void _record(State* inbox, bint is_readable) noexcept nogil:
-    cdef Subscribed* source = <Subscribed*>inbox.source
-    cdef int64_t received_ns = source.information.known.received_timestamp
-    if not is_readable:
-        records_add_malformed(source.records)
-        return
-    # A simulated clock must be read when a message arrives.
-    is_simulated = _simulated_now(source.clock, &received_ns)
-    word_store(&inbox.wants_each, is_simulated)
-    if not is_simulated and received_ns <= 0:
-        received_ns = system_ns()
-    records_add(source.records, &inbox.parcel.batch, received_ns, source.information.known.publisher_gid.data,
-                RMW_GID_STORAGE_SIZE)
-
-
-cdef bint _parse(State* inbox) noexcept nogil:
-    # As in State.
-    cdef Subscribed* source = <Subscribed*>inbox.source
-    cdef bint is_readable = inbox_read(inbox, source.topic.number, source.topic.is_static)
-    if is_readable and source.prefix != NULL:
-        batch_prefix(&inbox.parcel.batch, source.prefix, source.prefix_size)
-    if source.records != NULL:
-        _record(inbox, is_readable)
-    return is_readable
-
-
-cdef size_t _take_message(State* inbox, Arrivals* topic, int64_t now_ns) noexcept nogil:
-    # Takes one message, and inserts it unless it is large. Returns the work; 0: there was none.
-    cdef Subscribed* source = <Subscribed*>inbox.source
-    cdef Parcel* parcel = inbox.parcel
+cdef bint _take_message(const Subscribed* source, Arrivals* topic, Parcel* parcel) noexcept nogil:
+    # Returns whether there was one.
+    cdef MessageInfo information
     cdef rcl_serialized_message_t message
     cdef rcl_ret_t result
     message.buffer, message.buffer_length, message.buffer_capacity = parcel.data, 0, parcel.capacity
     message.allocator = source.allocator
     result = rcl_take_serialized_message(
-        topic.subscription, &message, &source.information.known if source.records != NULL else NULL, NULL)
+        topic.subscription, &message, &information.known if source.is_recorded else NULL, NULL)
     # rcl may have allocated more.
     parcel.data, parcel.size, parcel.capacity = message.buffer, message.buffer_length, message.buffer_capacity
     if result != RCL_RET_OK:
         rcutils_reset_error()
-        return 0
+        return False
     topic.taken += 1
-    topic.taken_at_ns = now_ns
-    source.topic = topic
-    inbox.has_large = message.buffer_length > LARGE_BYTES
-    if not inbox.has_large:
-        inbox_insert(inbox, _parse(inbox))
-    return message_work(message.buffer_length)
+    topic.taken_at_ns = monotonic_ns()
+    parcel.kind, parcel.topic, parcel.is_static = PARCEL_MESSAGE, topic.number, topic.is_static
+    if source.is_recorded:
+        _note_reception(source, &information.known, parcel)
+    return True
 
 
-cdef size_t _take_subscribed(State* inbox, size_t most) noexcept nogil:
-    cdef int64_t now_ns = monotonic_ns()
-    cdef size_t left = most
-    cdef size_t work
-    cdef Arrivals* topic = (<Subscribed*>inbox.source).first
+cdef bint _next(void* data, Parcel* parcel) noexcept nogil:
+    # Of the first topic that has one, so static messages come first.
+    cdef const Subscribed* source = <const Subscribed*>data
+    cdef Arrivals* topic = source.first
     while topic != NULL:
-        # First the count, then the messages: `_arrived` is called after its message has arrived.
-        if topic.subscription != NULL and word_exchange(&topic.arrived, 0):
-            while left > 0 and inbox_has_parcel(inbox):
-                work = _take_message(inbox, topic, now_ns)
-                if work == 0:
-                    break
-                left -= min(left, work)     # nothing is left after a large message
-            if left == 0 or not inbox_has_parcel(inbox):
-                # Without memory, the next round tries again.
-                word_store(&topic.arrived, 1)
-                word_store(&inbox.pending, 1)
-                break
+        # First the count, then the message: `_arrived` is called after its message has arrived.
+        if topic.subscription != NULL and (topic.has_more or word_exchange(&topic.arrived, 0)):
+            topic.has_more = _take_message(source, topic, parcel)
+            if topic.has_more:
+                return True
         topic = topic.following
-    return most - left
+    return False
 
 
 cdef class TopicArrivals:
@@ -203,31 +156,23 @@ cdef class Subscriptions(Source):
     """
     Takes the messages of a listener's topics.
 
-    :param recording: notes the sender and time of each transform; or None.
-    :param clock: the handle of a clock, whose time is recorded while it is simulated; or None.
-    :param prefix: put before all names.
+    :param is_recorded: the inbox records sender and time of each message.
+    :param clock: the handle of a clock, whose time is that of reception while it is simulated; or None.
     """
 
     cdef Subscribed _subscribed
-    cdef Recording _recording       # keeps the records
     cdef object _clock              # keeps the clock
-    cdef bytes _prefix
     cdef list _topics               # in the order in which they were added
     cdef public bint is_told        # whether the middleware reports arrivals to this object
 
-    def __cinit__(self, Recording recording=None, clock=None, str prefix=""):
+    def __cinit__(self, bint is_recorded=False, clock=None):
         require_rcl()
         self.names, self._topics, self.is_told = [], [], True
-        self.take, self.parse, self.data = _take_subscribed, _parse, &self._subscribed
-        self._recording, self._clock, self._prefix = recording, clock, prefix.encode()
+        self.next, self.data, self._clock = _next, &self._subscribed, clock
+        self._subscribed.is_recorded = is_recorded
         self._subscribed.allocator = rcutils_get_default_allocator()
-        if recording is not None:
-            self._subscribed.records = &recording._records
         if clock is not None:
             self._subscribed.clock = <rcl_clock_t*><uintptr_t>clock.pointer
-        if prefix:
-            self._subscribed.prefix = self._prefix
-            self._subscribed.prefix_size = len(self._prefix)
 
     def subscribe(self, TopicArrivals topic not None, handle, str name not None, bint is_static,
                   uint32_t depth):
@@ -244,8 +189,6 @@ cdef class Subscriptions(Source):
         topic._handle = handle
         self._topics.append(topic)
         self.names.append(name)
-        # The first message says whether the clock is simulated.
-        word_store(&self.inbox.wants_each, self._recording is not None)
         inboxes_lock()
         arrivals.number = len(self.names) - 1
         arrivals.is_static = is_static

@@ -60,9 +60,7 @@ class Attachment:
         # Callbacks run in the queue of the buffer. No method of this, which would keep it alive.
         self.inbox = Inbox(reader, lambda calls: hand_over(queue_of(reference()), calls))
         self.inbox.fill(buffer)
-        self._thread = threading.Thread(
-            target=reader.follow, args=(self.inbox,), name="tf2_ros ring", daemon=True
-        )
+        self._thread = threading.Thread(target=self.inbox.follow, name="tf2_ros ring", daemon=True)
         try:
             self._thread.start()
         except BaseException:

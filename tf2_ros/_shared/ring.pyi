@@ -1,5 +1,5 @@
 from tf2_py import BufferCore
-from tf2_ros._receive.inbox import Inbox, Source
+from tf2_ros._receive.inbox import Source
 
 class RingWriter:
     def __init__(self, descriptor: int, size: int, buffer: BufferCore) -> None: ...
@@ -12,6 +12,5 @@ class RingWriter:
 
 class RingReader(Source):
     def __init__(self, descriptor: int) -> None: ...
-    def follow(self, inbox: Inbox) -> None: ...
     @property
     def descriptor(self) -> int: ...

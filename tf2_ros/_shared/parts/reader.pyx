@@ -22,6 +22,7 @@ cdef struct Reading:
     uint64_t capacity           # as found at first
     uint64_t begun              # position at which it began, or began again; it has read everything since
     uint64_t tail               # position of the next record to read; any number if the head is damaged
+    uint64_t following          # of the one behind that which `_next` has filled into a parcel last
     unsigned char* chunk        # what was copied of the ring; MOST_RECORD bytes
     uint64_t chunk_from         # positions
     uint64_t chunk_to
@@ -78,110 +79,98 @@ cdef Found _find_record(Reading* reading) noexcept nogil:
     return _copy_chunk(reading, record_length(_at_tail(reading)), end)
 
 
-cdef Found _take_record(State* inbox) noexcept nogil:
-    # Inserts the record at `tail`, if it is new.
-    cdef Reading* reading = <Reading*>inbox.source
-    cdef Parcel* parcel = inbox.parcel
-    cdef Found found = _find_record(reading)
-    cdef const Record* record
-    cdef unsigned char* content
-    cdef bint is_readable
-    if found != FOUND_RECORD:
-        return found
-    record = _at_tail(reading)
-    # A record that was written again is new only to a reader that began after it was written before.
-    if record.previous == record.position or record.previous < reading.begun:
-        content = parcel_reserve(parcel, <size_t>record.size + record.authority_size)
-        if content == NULL:
-            return FOUND_NOTHING
-        memcpy(content, <const char*>record + sizeof(Record), parcel.size)
-        parcel.size = record.size
-        if record.kind == KIND_REMOVAL:
-            inbox_remove(inbox, <const char*>content if record.size else NULL, record.size)
-        elif record.kind == KIND_STATIC or record.kind == KIND_DYNAMIC:
-            is_readable = inbox_read(inbox, 0, record.kind == KIND_STATIC)
-            if is_utf8(content + record.size, record.authority_size):
-                parcel.batch.authority = <const char*>content + record.size
-                parcel.batch.authority_size = record.authority_size
-            inbox_insert(inbox, is_readable)
-        else:
-            return FOUND_DAMAGE
-    # Only now: a thread that finds no new record relies on all of them being inserted.
-    store64(&reading.tail, reading.tail + record_length(record))
-    return FOUND_RECORD
+cdef bint _fill(Reading* reading, const Record* record, Parcel* parcel) noexcept nogil:
+    # Copies a record; False: there is no memory.
+    cdef unsigned char* content = parcel_reserve(parcel, <size_t>record.size + record.authority_size)
+    if content == NULL:
+        return False
+    memcpy(content, <const char*>record + sizeof(Record), parcel.size)
+    parcel.size, parcel.authority_size, parcel.has_authority = record.size, record.authority_size, True
+    parcel.is_static = record.kind == KIND_STATIC
+    parcel.kind = PARCEL_REMOVAL if record.kind == KIND_REMOVAL else PARCEL_MESSAGE
+    return True
 
 
-cdef void _begin_anew(State* inbox) noexcept nogil:
+cdef void _begin_anew(Reading* reading, Parcel* parcel) noexcept nogil:
     # At the oldest record. Of what was before it, only a clear and static transforms matter, and those were
     # written again.
-    cdef Reading* reading = <Reading*>inbox.source
     cdef uint64_t cleared
     reading.begun = load64(&reading.head.oldest)
     cleared = load64(&reading.head.cleared)     # only now: the ring may be cleared and lapped in between
     if reading.tail < cleared <= reading.begun:
-        inbox_remove(inbox, NULL, 0)
-    store64(&reading.tail, reading.begun)
+        parcel.kind = PARCEL_REMOVAL
+    reading.following = reading.begun
 
 
-cdef size_t _take(State* inbox, size_t most) noexcept nogil:
-    cdef Reading* reading = <Reading*>inbox.source
-    cdef size_t taken = 0
-    cdef uint64_t tail
+cdef void _skip_damage(Reading* reading, Parcel* parcel) noexcept nogil:
+    # Continue behind it, as after a malformed message.
+    parcel.kind, parcel.problem = PARCEL_DAMAGE, "the shared memory is damaged"
+    reading.following = reading.begun = load64(&reading.head.next)
+
+
+cdef bint _next(void* source, Parcel* parcel) noexcept nogil:
+    cdef Reading* reading = <Reading*>source
+    cdef const Record* record
     cdef Found found
-    while taken < most and inbox_has_parcel(inbox):
-        tail = reading.tail
-        found = _take_record(inbox)
-        if found == FOUND_NOTHING:
-            break
-        if found == FOUND_RECORD:
-            taken += message_work(reading.tail - tail)
-            continue
-        if found == FOUND_LAPPED:
-            _begin_anew(inbox)
-        elif found == FOUND_DAMAGE:
-            # Continue behind it, as after a malformed message.
-            inbox_refuse(inbox, 0, "the shared memory is damaged")
-            reading.begun = load64(&reading.head.next)
-            store64(&reading.tail, reading.begun)
-        taken += 1
-    return taken
+    # Only now: a thread that finds no new record relies on all of them being inserted.
+    store64(&reading.tail, reading.following)
+    found = _find_record(reading)
+    if found == FOUND_NOTHING:
+        return False
+    if found == FOUND_LAPPED:
+        _begin_anew(reading, parcel)
+        return True
+    if found == FOUND_RECORD:
+        record = _at_tail(reading)
+        if record.kind in (KIND_DYNAMIC, KIND_STATIC, KIND_REMOVAL):
+            # One that was written again is new only to a reader that began after it was written before.
+            if record.previous == record.position or record.previous < reading.begun:
+                if not _fill(reading, record, parcel):
+                    return False
+            reading.following = reading.tail + record_length(record)
+            return True
+    _skip_damage(reading, parcel)
+    return True
 
 
-cdef void _want(Reading* reading) noexcept nogil:
+# Polling: readers and the owner sleep and wake each other by words in the memory.
+
+cdef bint _has_message(void* source) noexcept nogil:
+    cdef Reading* reading = <Reading*>source
+    # First this: the owner must not miss that each message is wanted at once from now on.
+    cdef bint has_new = load64(&reading.head.next) != load64(&reading.tail)
     store64(&reading.head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
+    return has_new
 
 
-cdef void _nudge(Reading* reading) noexcept nogil:
-    word_store(&reading.nudges, reading.nudges + 1)
-    futex_wake(&reading.nudges)
+cdef uint64_t _watch(void* source) noexcept nogil:
+    cdef Reading* reading = <Reading*>source
+    return <uint64_t>word_load(&reading.nudges) << 32 | word_load(&reading.head.arrivals)
 
 
-cdef void _catch_up(State* inbox) noexcept nogil:
-    cdef bint is_behind = True
-    while is_behind:
-        word_store(&inbox.pending, 1)
-        inboxes_lock()
-        is_behind = inbox_serve(inbox)
-        inboxes_unlock()
+cdef void _rest(void* source, uint64_t watched, bint is_wanted) noexcept nogil:
+    # Both sleeps return at once if the word has changed.
+    cdef Reading* reading = <Reading*>source
+    if is_wanted:
+        store64(&reading.head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
+        futex_wait(&reading.head.arrivals, <uint32_t>watched, ROUND_NS)
+    else:
+        word_store(&reading.is_quiet, 1)
+        futex_wait(&reading.nudges, <uint32_t>(watched >> 32), INT64_MAX)
+        word_store(&reading.is_quiet, 0)
 
 
-cdef void _follow(State* inbox) noexcept nogil:
-    # Inserts each message at once while something waits; otherwise it sleeps.
-    cdef Reading* reading = <Reading*>inbox.source
-    cdef uint32_t seen, nudges
-    while inbox.engine != NULL:
-        nudges = word_load(&reading.nudges)
-        seen = word_load(&reading.head.arrivals)
-        if inbox_wants_all(inbox):
-            _want(reading)
-            _catch_up(inbox)
-            futex_wait(&reading.head.arrivals, seen, ROUND_NS)      # returns if the count has changed
-        else:
-            # First this, then the need; `asked` does this in the opposite order.
-            word_store(&reading.is_quiet, 1)
-            if not inbox_wants_all(inbox) and inbox.engine != NULL:
-                futex_wait(&reading.nudges, nudges, INT64_MAX)
-            word_store(&reading.is_quiet, 0)
+cdef void _nudge(void* source, bint at_once) noexcept nogil:
+    cdef Reading* reading = <Reading*>source
+    word_add(&reading.nudges, 1)
+    if word_load(&reading.is_quiet):
+        futex_wake(&reading.nudges)
+    if at_once:
+        futex_wake(&reading.head.arrivals)
+
+
+cdef Polling POLLING
+POLLING.has_message, POLLING.watch, POLLING.rest, POLLING.nudge = _has_message, _watch, _rest, _nudge
 
 
 cdef class RingReader(Source):
@@ -201,8 +190,7 @@ cdef class RingReader(Source):
         if self._reading.chunk == NULL:
             raise MemoryError
         self.names = ["shared memory"]
-        self.take, self.data = _take, &self._reading
-        self.serves_itself = True
+        self.next, self.data, self.polling = _next, &self._reading, &POLLING
 
     def __init__(self, int descriptor):
         cdef Reading* reading = &self._reading
@@ -217,7 +205,7 @@ cdef class RingReader(Source):
         reading.capacity = found.capacity
         reading.head = map_head(descriptor)
         reading.begun = load64(&reading.head.oldest)
-        reading.tail = reading.begun
+        reading.tail = reading.following = reading.begun
 
     def __dealloc__(self):
         # The thread refers to this object, so there is no thread; nor is there an inbox.
@@ -226,26 +214,6 @@ cdef class RingReader(Source):
         free(self._reading.chunk)
         if self._reading.descriptor >= 0:
             close(self._reading.descriptor)
-
-    cdef void redirected(self) noexcept:
-        _nudge(&self._reading)
-        futex_wake(&self._reading.head.arrivals)
-
-    cdef bint asked(self) except -1:
-        cdef bint has_new = load64(&self._reading.head.next) != load64(&self._reading.tail)
-        _want(&self._reading)
-        if inbox_wants_all(self.inbox) and word_load(&self._reading.is_quiet):
-            _nudge(&self._reading)
-        return has_new
-
-    def follow(self, Inbox inbox not None):
-        """
-        Keep the buffer up to date while something waits, until it or the inbox ends.
-
-        :param inbox: that of this, which fills a buffer already; kept meanwhile.
-        """
-        with nogil:
-            _follow(self.inbox)
 
     @property
     def descriptor(self):

@@ -1,0 +1,109 @@
+"""What an inbox does with the parcels of a source: here, of one that needs no middleware."""
+
+import pytest
+from compiling import compiled
+from making import S, at, transform, translation
+from processes import errors_so_far
+from rclpy.serialization import serialize_message
+from rclpy.time import Time
+
+from tf2_msgs.msg import TFMessage
+from tf2_ros._receive.inbox import Inbox
+from tf2_ros.records import Recording
+
+pytestmark = pytest.mark.ours
+
+LATEST = Time()
+NOTHING, MESSAGE, REMOVAL, DAMAGE = range(4)
+MANY = 5000  # transforms, of more bytes than are inserted under the lock of all inboxes
+
+
+def serialised(*transforms):
+    return bytes(serialize_message(TFMessage(transforms=transforms)))
+
+
+@pytest.fixture
+def source():
+    return compiled("listed_source").ListedSource()
+
+
+@pytest.fixture
+def inbox(source, buffer):
+    """Fills the buffer from the source."""
+    inbox = Inbox(source, list)
+    inbox.fill(buffer)
+    yield inbox
+    inbox.close()
+
+
+def test_a_read_finds_all_parcels_in_their_order(source, inbox, buffer):
+    for second in (1, 2):
+        source.put(serialised(transform("map", "robot", second, (second, 0, 0))))
+    source.put(b"", NOTHING)
+    source.put(serialised(transform("robot", "arm")), is_static=True, authority=b"arm_driver")
+    assert translation(buffer.lookup_transform("map", "robot", at(2))) == (2, 0, 0)
+    assert buffer.lookup_transform("robot", "arm", at(9))
+    listing = buffer.all_frames_as_yaml()
+    assert (
+        listing.count("broadcaster: 'default_authority'") == listing.count("broadcaster: 'arm_driver'") == 1
+    )
+
+
+def test_a_malformed_message_and_a_damaged_source_are_counted_and_logged(source, inbox, buffer, capfd):
+    source.put(b"", DAMAGE)
+    source.put(b"\0\1\0\0\1")
+    source.put(serialised(transform("map", "robot", 1)))
+    assert buffer.can_transform("map", "robot", LATEST)
+    inbox.report_pending()
+    assert buffer.statistics()["malformed_messages"] == 2
+    # Once a second for a topic.
+    assert "on the list: malformed TFMessage: it is torn, at byte 0 of 0\n" in errors_so_far()
+
+
+def test_a_removal_concerns_one_frame_or_all(source, inbox, buffer):
+    source.put(serialised(transform("map", "robot", 1), transform("map", "person", 1)))
+    source.put(b"robot", REMOVAL)
+    assert buffer.can_transform("map", "person", LATEST)
+    assert not buffer.can_transform("map", "robot", LATEST)
+    source.put(b"", REMOVAL)
+    assert not buffer.can_transform("map", "person", LATEST)
+
+
+def test_a_prefix_is_put_before_all_names(source, buffer):
+    inbox = Inbox(source, list, prefix="left/")
+    inbox.fill(buffer)
+    source.put(serialised(transform("/map", "robot", 1)))
+    assert buffer.can_transform("left/map", "left/robot", LATEST)
+    inbox.close()
+
+
+def test_each_transform_is_recorded_with_its_sender_and_time(source, buffer):
+    recording = Recording()
+    inbox = Inbox(source, list, recording)
+    inbox.fill(buffer)
+    source.put(serialised(transform("map", "robot", 1), transform("map", "map", 2)), received_ns=7 * S)
+    source.put(b"torn")
+    assert buffer.can_transform("map", "robot", LATEST)
+    assert [(one["received_ns"], one["stamp_ns"]) for one in recording.take()] == [(7 * S, S), (7 * S, 2 * S)]
+    assert recording.publishers() == [b"0123456789abcdef"]
+    assert (recording.messages, recording.malformed) == (1, 1)
+    inbox.close()
+
+
+def test_what_was_put_before_a_large_message_and_after_it_is_found_too(source, inbox, buffer):
+    source.put(serialised(transform("map", "before", 1)))
+    source.put(serialised(*(transform("map", f"frame{i}", 1) for i in range(MANY))))
+    source.put(serialised(transform("map", "after", 1)))
+    assert buffer.can_transform("map", "after", LATEST)
+    assert len(buffer.frames()) == MANY + 3  # with the map
+    buffer._self_check()
+
+
+def test_what_was_put_while_there_was_no_buffer_goes_into_the_next_one(source, inbox, buffer, tf2_ros):
+    inbox.fill(None)
+    source.put(serialised(transform("map", "robot", 1)))
+    assert not buffer.can_transform("map", "robot", LATEST)
+    other = tf2_ros.Buffer()
+    inbox.fill(other)
+    assert other.can_transform("map", "robot", LATEST)
+    assert not buffer.can_transform("map", "robot", LATEST)

@@ -28,7 +28,7 @@ from tf2_ros._rclpy import (
     mark_shut_down,
     wake,
 )
-from tf2_ros._receive.inboxes import check_regularly
+from tf2_ros._threads import check_regularly
 
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
 
@@ -157,7 +157,7 @@ class Spinner:
             self.thread.join(CALLBACK_END_WAIT_S)
 
     def _tf2_check(self) -> None:
-        """Wake the executor after a shutdown, see ``CallbackQueue._tf2_check``, and end with the node."""
+        """Wake the executor after a shutdown, see ``Completions._tf2_check``, and end with the node."""
         node = self._node()
         if context_was_shut_down(self.executor.context):
             wake(self.executor)
@@ -193,23 +193,23 @@ def _stop_all() -> None:
 class WaitContexts:
     """
     The contexts of everything that fills one buffer: that of its node, and those of its listeners, also of
-    ended ones; and the queues of callbacks of the listeners' nodes.
+    ended ones; and the completions of the listeners' nodes.
     """
 
     def __init__(self) -> None:
         # Replaced, never changed: read without a lock.
         self.known: tuple[Any, ...] = ()  # without those that had been shut down when the last was added
-        self.queues: tuple[weakref.ref[Any], ...] = ()  # of the latest listener last
+        self.completions: tuple[weakref.ref[Any], ...] = ()  # of the latest listener last
 
 
 _NOTHING_KNOWN = WaitContexts()
 
 
-def note_filler(node: Any, buffer: object, queue: object = None) -> None:
+def note_filler(node: Any, buffer: object, completions: object = None) -> None:
     """
     Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.
 
-    :param queue: the NodeQueue of a listener's node; not of anything else.
+    :param completions: those of a listener's node; not of anything else.
     """
     contexts = getattr(buffer, "_tf2_wait_contexts", None)
     if is_node(node) and isinstance(contexts, WaitContexts):
@@ -217,9 +217,9 @@ def note_filler(node: Any, buffer: object, queue: object = None) -> None:
         with LOCK:
             others = (one for one in contexts.known if one is not context and not context_was_shut_down(one))
             contexts.known = (*others, context)
-            if queue is not None:
-                queues = (one for one in contexts.queues if one() not in (None, queue))
-                contexts.queues = (*queues, weakref.ref(queue))
+            if completions is not None:
+                known = (one for one in contexts.completions if one() not in (None, completions))
+                contexts.completions = (*known, weakref.ref(completions))
 
 
 class Shutdown:

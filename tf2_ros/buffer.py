@@ -52,7 +52,10 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 
 # What `Buffer.__init__` sets; a copy has its own.
 _OF_INIT = frozenset(
-    "registration _tf2_wait_contexts srv clock jump_handle _tf2_node _tf2_sharing _tf2_attachment".split()
+    (
+        "registration _tf2_kept _tf2_wait_contexts srv clock jump_handle _tf2_node _tf2_sharing"
+        " _tf2_attachment"
+    ).split()
 )
 
 
@@ -143,6 +146,8 @@ class Buffer(BufferCore, BufferInterface):
 
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)
+        # What waits for this buffer and is awaited or has callbacks: nothing else may refer to it.
+        self._tf2_kept: dict[Any, None] = {}
         if not HAS_ROS:
             return
         self._tf2_wait_contexts = WaitContexts()
@@ -414,10 +419,12 @@ class Buffer(BufferCore, BufferInterface):
             log.logger("tf2_buffer").warning(f"{text}: the time jumps between theirs, and clears the buffer")
 
     async def __answer(self, lookup: Lookup, timeout: DurationLike | None) -> TransformStamped:
-        """Await a lookup; then look up again, because the latest time may have changed meanwhile."""
+        """Await a lookup."""
         answer: TransformStamped = await TransformFuture(self, lookup.wait, timeout)
+        if not lookup.is_latest():
+            return answer
         try:
-            return lookup.now(self)
+            return lookup.now(self)  # what is the latest when the coroutine goes on, as in tf2
         except TransformException:
             return answer  # the buffer has lost it meanwhile
 

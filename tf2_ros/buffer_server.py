@@ -28,10 +28,11 @@ from tf2_ros._forking import is_inherited
 from tf2_ros._nodes import Spinner, companion_node, node_has_ended, require_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import runs_in_loop
-from tf2_ros._receive.inboxes import check_regularly
+from tf2_ros._threads import check_regularly
 from tf2_ros._wait.blocking import Lookup
-from tf2_ros._wait.callbacks import CallbackQueue
+from tf2_ros._wait.completions import Completions
 from tf2_ros._wait.futures import TransformFuture
+from tf2_ros._wait.runners import ExecutorRunner
 
 __all__ = ["BufferServer"]
 
@@ -93,10 +94,10 @@ class BufferServer:
         self._spinner: Spinner | None = None
         if runs_in_loop(node):
             node, ns = self._hide(node, ns)
-        # Both are in one group, so that no other thread ends a goal while its cancellation is decided. The
-        # queue is a separate one.
+        # Both are in one group, so that no other thread ends a goal while its cancellation is decided.
         group = MutuallyExclusiveCallbackGroup()
-        self._queue = CallbackQueue(node, group)
+        self._completions = Completions(node, ExecutorRunner(node, group))
+        check_regularly(self._completions)
         self._server: ActionServer | None = ActionServer(
             node,
             LookupTransform,
@@ -127,7 +128,7 @@ class BufferServer:
         server, self._server = self._server, None
         if server is None or is_inherited(self._process):
             return
-        self._queue.close("the server has ended")
+        self._completions.close("the server has ended")
         for lookup in list(self._lookups.values()):
             lookup.cancel()
         self._lookups.clear()
@@ -144,7 +145,7 @@ class BufferServer:
     def _begin(self, handle: Any) -> None:
         lookup = self._lookups[bytes(handle.goal_id.uuid)] = self._look_up(handle.request)
         # The executor answers, not the thread that inserts the transform.
-        lookup.add_done_callback(lambda _: self._queue.put(handle.execute))
+        lookup.add_done_callback(lambda _: self._completions.put(handle.execute))
 
     def _look_up(self, goal: Any) -> Future:
         fixed = (goal.fixed_frame, goal.target_time) if goal.advanced else ()

@@ -31,10 +31,12 @@ from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended, require_node
 from tf2_ros._rclpy import destroy_subscription
-from tf2_ros._receive.inboxes import check_regularly
-from tf2_ros._wait.callbacks import CallbackQueue, call_where_served, callback_queue
-from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, deadlines, first_key
+from tf2_ros._threads import check_regularly
+from tf2_ros._wait.completions import complete
+from tf2_ros._wait.deadlines import deadlines
+from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, first_key
 from tf2_ros._wait.futures import WakingFuture
+from tf2_ros._wait.runners import ExecutorRunner, completions_of
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
@@ -170,7 +172,7 @@ class MessageFilter(Generic[_Message]):
         # Replaced, never changed, because any thread reads it.
         self._streams: tuple[weakref.ref[MessageStream[_Message]], ...] = ()
         self._buffer, self._node = buffer, node
-        self._queue = callback_queue(node)
+        self._completions = completions_of(node)
         self._subscription: Any = None
         self._closed = False
         self._process = os.getpid()
@@ -322,10 +324,10 @@ class MessageFilter(Generic[_Message]):
                     "input: expected (message type, topic, qos), in this order, of messages with a header, "
                     f"got {input!r}"
                 )
-            # In the group of the queue, so that no two threads of an executor call back at the same time.
-            queue, options = self._queue, {}
-            if isinstance(queue, CallbackQueue):
-                options["callback_group"] = queue.callback_group
+            # In the group of the calls, so that no two threads of an executor call back at the same time.
+            runner, options = self._completions.runner, {}
+            if isinstance(runner, ExecutorRunner):
+                options["callback_group"] = runner.callback_group
             self._subscription = self._node.create_subscription(message_type, topic, self.add, qos, **options)
         elif register := getattr(input, "registerCallback", None):
             register(lambda message, *_: self.add(message))
@@ -389,7 +391,7 @@ class MessageFilter(Generic[_Message]):
     def _expire(self, queued: QueuedMessage) -> None:
         """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
         call = queued.end_or_queue(self._look_up(queued) or FilterFailureReason.TIMEOUT)
-        call_where_served(self._queue, call)
+        complete(self._completions, call)
 
     def _is_too_old(self, queued: QueuedMessage) -> bool:
         """Whether the buffer would refuse data of a message's time for every frame on the path."""

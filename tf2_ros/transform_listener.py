@@ -32,7 +32,8 @@ from tf2_ros._rclpy import (
 from tf2_ros._receive.inbox import AUTHORITY
 from tf2_ros._receive.receiver import ListenerGroup, Receiver, Topic, note_listener
 from tf2_ros._shared.naming import is_wanted
-from tf2_ros._wait.callbacks import NodeQueue, callback_queue
+from tf2_ros._wait.completions import Completions
+from tf2_ros._wait.runners import completions_of
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
 
@@ -125,7 +126,7 @@ class TransformListener:
     _tf2_process: int | None = None
     _tf2_attachment: "Attachment | None" = None  # another thread may set this to None
     _tf2_prefix = ""
-    _tf2_queue: NodeQueue | None = None  # of the node; None: that is of a program's own kind
+    _tf2_completions: Completions | None = None  # of the node; None: that is of a program's own kind
 
     def __init__(
         self,
@@ -162,7 +163,7 @@ class TransformListener:
         self._tf2_buffer = buffer
         try:
             if is_node(self.node):
-                self._tf2_queue = callback_queue(self.node)
+                self._tf2_completions = completions_of(self.node)
             given = [one for one in (qos, static_qos, recording) if one is not None]
             if not self.__attach(bool(static_only or prefix or given)):
                 self._tf2_listen_itself()
@@ -285,10 +286,10 @@ class TransformListener:
 
     def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""
-        queue = self._tf2_queue
+        completions = self._tf2_completions
         # An EventsExecutor has arrivals reported to itself.
-        is_direct = self._tf2_direct_buffer() is not None
-        needs_executor = problem() is not None or queue is None or not queue.in_sets or not is_direct
+        can_receive = completions is not None and completions.runner.in_sets and problem() is None
+        needs_executor = not can_receive or self._tf2_direct_buffer() is None
         if self._tf2_recording is not None and needs_executor:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
@@ -299,7 +300,7 @@ class TransformListener:
                 self.__subscribe(topic, needs_executor)
             made = [topic.subscription for topic in self._tf2_topics]
             if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
-                self._tf2_receiver = Receiver(self, queue)
+                self._tf2_receiver = Receiver(self, completions)
         finally:
             self.group.hides_all = False
 

@@ -242,7 +242,7 @@ class TestWithoutServer:
 
     def test_a_shutdown_that_wakes_nobody_ends_its_thread(self, tf2_ros, node):
         client = tf2_ros.BufferClient(node, "lookup")
-        shut_down_at_sleep(client._tf2_goal_sender._queue)
+        shut_down_at_sleep(client._tf2_goal_sender._completions)
         until(lambda: client._tf2_goal_sender._ended)
 
     def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):

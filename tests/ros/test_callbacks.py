@@ -17,8 +17,9 @@ from sharing import new_name
 from spinning import EXECUTOR, spinning
 
 from tf2_ros import MessageFilter
-from tf2_ros._wait import callbacks
-from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
+from tf2_ros._wait import completions
+from tf2_ros._wait.completions import Completions
+from tf2_ros._wait.runners import ExecutorRunner, completions_of
 
 pytestmark = pytest.mark.ours
 
@@ -27,7 +28,7 @@ HERE, DEADLINES = "MainThread", "tf2_ros deadlines"
 
 @pytest.fixture
 def queue(node):
-    return callback_queue(node)
+    return completions_of(node)
 
 
 @pytest.fixture
@@ -146,7 +147,7 @@ class TestPlaces:
     def test_while_nobody_spins_they_wait_and_one_warning_says_so(
         self, buffer, listener, node, peer, names, note, monkeypatch, capfd
     ):
-        monkeypatch.setattr(callbacks, "WARN_S", 0.5)
+        monkeypatch.setattr(completions, "WARN_S", 0.5)
         future = wait(buffer, note)
         peer().send(("map", "robot", 10**9, 1))
         until(lambda: buffer.can_transform("map", "robot", Time(seconds=1)))
@@ -157,7 +158,7 @@ class TestPlaces:
         executor.add_node(node)
         until(lambda: names == [HERE], executor)
         assert future.result().child_frame_id == "robot"
-        callback_queue(node)._tf2_check()
+        completions_of(node)._tf2_check()
         assert capfd.readouterr().err.count("nobody spins") == 1
         executor.shutdown()
 
@@ -212,7 +213,7 @@ class TestEndOfTheNode:
 
     def test_calls_that_are_put_afterwards_are_dropped(self, new_node, note, names):
         node = new_node("dropped")
-        queue = CallbackQueue(node)
+        queue = Completions(node, ExecutorRunner(node))
         queue.put(note)
         queue.close("it has ended")
         queue.put(note)
@@ -323,7 +324,7 @@ class TestBadInput:
     def test_a_node_that_was_destroyed(self, tf2_ros, node, buffer):
         node.destroy_node()
         for use in (
-            lambda: callback_queue(node),
+            lambda: completions_of(node),
             lambda: tf2_ros.MessageFilter(None, buffer, "map", 1, node=node),
             lambda: tf2_ros.BufferClient(node, "lookup"),
             lambda: tf2_ros.BufferServer(buffer, node, "lookup"),

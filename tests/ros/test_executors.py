@@ -12,7 +12,7 @@ from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning import knows, repeated, shut_down_at_sleep, spinning
 
-from tf2_ros._wait.callbacks import callback_queue
+from tf2_ros._wait.runners import completions_of
 
 S = 10**9
 LATEST = Time()
@@ -122,7 +122,7 @@ class TestSpinOnce:
         executor = kind()
         executor.add_node(node)
         with spinning(executor):
-            shut_down_at_sleep(callback_queue(node))
+            shut_down_at_sleep(completions_of(node))
 
     def test_a_task_that_polls_runs(self, buffer, listener, executor, peer):
         turns = itertools.count()

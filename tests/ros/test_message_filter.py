@@ -20,7 +20,7 @@ from rclpy.time import Time
 from spinning import at_once, spinning
 from std_msgs.msg import Header
 
-from tf2_ros._wait.callbacks import callback_queue
+from tf2_ros._wait.runners import completions_of
 
 pytestmark = pytest.mark.ours
 
@@ -339,7 +339,7 @@ class TestCallbacks:
         listener = tf2_ros.TransformListener(script.buffer)
         script.filter.add(point())
         sender.send(("map", "lidar", S, 1))
-        until(lambda: callback_queue(node).calls)
+        until(lambda: completions_of(node).calls)
         script.filter.clear() if how == "clear" else node.destroy_node()
         until(lambda: script.filter.statistics()["cleared"] == 1)
         executor.spin_once(0.1)

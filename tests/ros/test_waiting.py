@@ -143,7 +143,7 @@ class TestTimeout:
         assert future.exception() is not None
 
     def test_waits_that_ended_leave_nothing_until_their_deadline(self, buffer):
-        from tf2_ros._wait.endings import deadlines
+        from tf2_ros._wait.deadlines import deadlines
 
         for _ in range(5000):
             wait(buffer, timeout=Duration(seconds=3)).cancel()
@@ -173,7 +173,7 @@ def test_an_infinite_timeout_is_none(buffer, timeout):
 
 
 def has_deadline(future):
-    from tf2_ros._wait.endings import deadlines
+    from tf2_ros._wait.deadlines import deadlines
 
     return any(entry[2]() is future for entry in deadlines.entries)
 

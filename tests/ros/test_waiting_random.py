@@ -16,7 +16,7 @@ from rclpy.time import Time
 from spinning import spinning
 
 from tf2_py import BufferCore
-from tf2_ros._wait.endings import deadlines
+from tf2_ros._wait.deadlines import deadlines
 
 pytestmark = pytest.mark.ours
 

@@ -71,7 +71,7 @@ def shut_down_at_sleep(queue):
     """
     Quietly shut down the context of a node, while the executor that spins it goes to sleep.
 
-    :param queue: a CallbackQueue of the node.
+    :param queue: the Completions of the node.
     """
     context, rounds, began = queue.node().context, itertools.count(), threading.Event()
 
@@ -90,12 +90,12 @@ def shut_down_at_sleep(queue):
 
         def add_to_wait_set(self, _):
             if not began.is_set() or next(rounds) < 3:
-                queue.wake()  # until all that has woken the executor before is used up
+                queue.runner.wake()  # until all that has woken the executor before is used up
             elif context.ok():
                 shut_down_quietly(context)
 
     queue.node().add_waitable(AtSleep(ReentrantCallbackGroup()))
-    queue.wake()
+    queue.runner.wake()
     began.set()
     until(lambda: not context.ok())
 

@@ -52,7 +52,6 @@ cdef class Engine:
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
-    cdef readonly dict _tf2_kept        # its keys wait for this engine, and nothing else may refer to them
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef Tap _tap                       # of what a program inserts here; or None
 
@@ -70,9 +69,8 @@ cdef class Engine:
     # lets other threads run.
     cdef bint insert_some(self, Batch* batch) noexcept nogil
     cdef void insert(self, Batch* batch)
-    # `later`: a list that receives the callables that run a user's code, for the caller to hand over; None:
-    # they run at once.
-    cdef int report(self, Batch* batch, list later) except -1
+    # `hand_over` is called with each callable that runs a user's code; None: these are called here.
+    cdef int report(self, Batch* batch, object hand_over) except -1
     # Counts a message that could not be read, and returns the ValueError that states why. `size`: its bytes.
     # With a topic, logs the error as well.
     cdef object malformed(self, const Batch* batch, size_t size, str topic=*)
@@ -128,7 +126,7 @@ cdef class Engine:
     cdef int _log_refused(self, Batch* batch) except -1
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil
     # Returns the first of the errors that were raised, or None.
-    cdef object _deliver(self, Batch* batch, list later)
+    cdef object _deliver(self, Batch* batch, object hand_over)
     # Takes the tree over.
     cdef int _replace_tree(self, const Tree* tree) except -1
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil

@@ -126,7 +126,6 @@ cdef class Engine:
             raise MemoryError
         self._throttle, self._refusals = Throttle(), Throttle()
         self._advice = Advice()
-        self._tf2_kept = {}
         self._names, self._authorities = [], []
 
     def __dealloc__(self):
@@ -235,8 +234,8 @@ cdef class Engine:
         if change != NULL:
             batch.waking = wake_begin(&self._waiters, &batch.wake)
 
-    cdef int report(self, Batch* batch, list later) except -1:
-        error = self._deliver(batch, later)
+    cdef int report(self, Batch* batch, object hand_over) except -1:
+        error = self._deliver(batch, hand_over)
         self._log_refused(batch)
         if error is not None:
             raise error
@@ -273,7 +272,7 @@ cdef class Engine:
             log.malformed(topic, str(error))
         return error
 
-    cdef object _deliver(self, Batch* batch, list later):
+    cdef object _deliver(self, Batch* batch, object hand_over):
         # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises.
         cdef Waiter* waiter
         cdef list errors = []
@@ -287,8 +286,8 @@ cdef class Engine:
             call = _deliver_one(<WaiterOwner>waiter.owner, errors)
             if call is None:
                 continue
-            if later is not None:
-                later.append(call)
+            if hand_over is not None:
+                _hand_over_one(hand_over, call, errors)
                 continue
             try:
                 call()
@@ -602,6 +601,17 @@ cdef object _deliver_one(WaiterOwner owner, list errors):
         except BaseException as raised:
             errors.append(raised)
     return None
+
+
+cdef int _hand_over_one(hand_over, call, list errors) except -1:
+    # Likewise. Whoever is given it twice ends it once.
+    for _ in range(TRIES):
+        try:
+            hand_over(call)
+            break
+        except BaseException as raised:
+            errors.append(raised)
+    return 0
 
 
 cdef size_t _copy_owners(const Link* head, void** owners, size_t count, size_t most) noexcept:

@@ -54,7 +54,6 @@ from tf2_ros.records cimport Recording, records_add, records_add_malformed
 
 import traceback
 import weakref
-from functools import partial
 
 from tf2_py._internal import keep_for_ever, log
 from tf2_ros._forking import LiveObjects
@@ -81,7 +80,6 @@ cdef Lock _lock                 # of all inboxes: guards their list, and what th
 cdef State* _first = NULL
 cdef uint32_t _is_idle = 0      # atomic: the draining thread must be woken by the next message
 cdef uint32_t _is_stopping = 0  # atomic
-cdef list _handed = []          # what the reporting thread is to call
 
 
 cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
@@ -428,11 +426,9 @@ def run_reports(report):
             _sleep(&_reporting, IDLE_NS)
 
 
-def take_handed():
-    """Return what hands over the waits that have ended; for the thread that reports."""
-    global _handed
-    handed, _handed = _handed, []
-    return handed
+def report_soon():
+    """Wake the thread that reports."""
+    event_set(&_reporting)
 
 
 def stop_inboxes():
@@ -446,7 +442,6 @@ def begin_anew():
     """In a forked child: forget the inboxes of the parent, and what its threads held."""
     global _first
     _first = NULL
-    take_handed()
     event_init(&_work)
     event_init(&_reporting)
     lock_init(&_lock)
@@ -477,7 +472,7 @@ cdef class Inbox(ReadHook):
     Keeps what has arrived for a buffer.
 
     :param source: of its messages; for no other inbox.
-    :param hand_over: called with a list of callables that run user code, to have them called.
+    :param hand_over: called with each callable that runs user code, to have it called.
     :param recording: notes the sender and time of each transform; or None.
     :param prefix: put before all names.
     """
@@ -653,23 +648,18 @@ cdef class Inbox(ReadHook):
 
     cdef int _report(self, Engine engine, Parcels* parcels) except -1:
         cdef Parcel* parcel = parcels.first
-        cdef list later = []
         while parcel != NULL:
             try:
                 if parcel.batch.problem != NULL:
                     engine.malformed(&parcel.batch, parcel.size, self._source.names[parcel.topic])
                 else:
-                    engine.report(&parcel.batch, later)
+                    engine.report(&parcel.batch, self._hand_over)
             except BaseException:
                 # Usually for lack of memory; the next message may succeed.
                 if engine._throttle.passes("receiver"):
                     log.receiving_failed(traceback.format_exc())
             parcel = parcel.next
         _free_parcels(parcels)
-        if later:
-            # In this thread, a signal handler could raise, and nothing else would have the waits ended.
-            _handed.append(partial(self._hand_over, later))
-            event_set(&_reporting)
         return 0
 
 

@@ -24,9 +24,9 @@ from tf2_ros._rclpy import (
     report_event,
 )
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import add_owner
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
-from tf2_ros._wait.callbacks import CallbackQueue, hand_over
+from tf2_ros._threads import add_owner
+from tf2_ros._wait.runners import ExecutorRunner
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.
@@ -93,16 +93,16 @@ class Receiver:
     Inserts what arrives on a listener's topics into a buffer when that is read: the owner of an inbox.
 
     :param listener: a TransformListener, which has found that no user code handles the messages.
-    :param queue: that of the node; an executor's is informed of what arrives.
+    :param completions: those of the node; an executor is informed of what arrives.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked
     child it is dead. The listener and the subscriptions keep it alive, and the buffer does not.
     """
 
-    def __init__(self, listener: Any, queue: Any) -> None:
+    def __init__(self, listener: Any, completions: Any) -> None:
         self._group: ListenerGroup = listener.group
         self._context = listener.node.context
-        self._queue = queue
+        self._runner = runner = completions.runner
         self._process = os.getpid()
         # The destroyed ones remain hidden: an executor that has just met the event handler of one, and may
         # wait for it, raises InvalidHandle.
@@ -112,10 +112,10 @@ class Receiver:
         handle = clock.handle if is_ros_clock(clock) else None
         recording = listener._tf2_recording
         self._source = Subscriptions(recording is not None, handle)
-        self.inbox = Inbox(self._source, partial(hand_over, queue), recording, listener._tf2_prefix)
-        if isinstance(queue, CallbackQueue):  # an executor waits for arrivals
-            self.inbox.inform(queue)
-            queue.receivers.add(self)
+        self.inbox = Inbox(self._source, completions.receive, recording, listener._tf2_prefix)
+        if isinstance(runner, ExecutorRunner):
+            self.inbox.inform(runner)
+            runner.receivers.add(self)
         try:
             for topic in self._taken:
                 subscription = topic.subscription
@@ -131,7 +131,7 @@ class Receiver:
             self._leave_to_executors()  # this middleware does not report arrivals
         add_owner(self)
         self.redirect(listener._tf2_direct_buffer())
-        if not queue.in_sets:
+        if not runner.in_sets:
             self.leave_sets()  # the node has moved meanwhile
 
     @property
@@ -184,7 +184,7 @@ class Receiver:
     def _leave_to_executors(self) -> None:
         self.stop()
         self._group.hidden = ()
-        self._queue.wake()
+        self._runner.wake()
 
     def _destroy(self, topic: Topic) -> None:
         """Destroy the subscription, after this has stopped using it."""
@@ -205,7 +205,7 @@ def note_listener(listener: Any) -> None:
     buffer = listener.buffer
     _listeners.add(listener)
     # A subclass that does not call __init__ may not have a node yet.
-    note_filler(getattr(listener, "node", None), buffer, listener._tf2_queue)
+    note_filler(getattr(listener, "node", None), buffer, listener._tf2_completions)
     if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
         BufferCore._ask_for_silence(buffer, _silence)
     sharing = getattr(buffer, "_tf2_sharing", None)

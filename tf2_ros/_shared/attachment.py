@@ -14,12 +14,12 @@ from tf2_ros._nodes import node_has_ended
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import is_node, is_simulated
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import RingReader
-from tf2_ros._wait.callbacks import CallbackQueue, hand_over, queue_of
-from tf2_ros._wait.endings import call_logged
+from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged
+from tf2_ros._wait.completions import completions_for
+from tf2_ros._wait.runners import ExecutorRunner, without_node
 
 
 def open_ring(name: str) -> RingReader:
@@ -57,8 +57,8 @@ class Attachment:
         reference = self._buffer = weakref.ref(buffer)
         self._process = os.getpid()
         self._has_ended = False
-        # Callbacks run in the queue of the buffer. No method of this, which would keep it alive.
-        self.inbox = Inbox(reader, lambda calls: hand_over(queue_of(reference()), calls))
+        # No method of this, which would keep it alive.
+        self.inbox = Inbox(reader, lambda one: (completions_for(reference()) or without_node).receive(one))
         self.inbox.fill(buffer)
         self._thread = threading.Thread(target=self.inbox.follow, name="tf2_ros ring", daemon=True)
         try:
@@ -130,8 +130,9 @@ class Attachment:
         """Replace the subscriptions of a listener of the buffer, and keep it alive, until :meth:`remove`."""
         self._listeners[id(listener)] = listener
         listener._tf2_attachment = self
-        if isinstance(listener._tf2_queue, CallbackQueue):
-            self.inbox.inform(listener._tf2_queue)  # its executor returns from `spin_once` for what arrives
+        runner = listener._tf2_completions.runner
+        if isinstance(runner, ExecutorRunner):
+            self.inbox.inform(runner)  # its executor returns from `spin_once` for what arrives
 
     def remove(self, listener: Any) -> None:
         """Undo :meth:`add`, if the listener is there."""

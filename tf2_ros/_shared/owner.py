@@ -23,10 +23,10 @@ from typing import Any
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_simulated
-from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._receive.receiver import open_topics
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
+from tf2_ros._threads import check_regularly
 
 # Of the file, which takes memory only for what it holds. At least, the ring has 1 MiB.
 LEAST_BYTES, MOST_BYTES = 19 << 16, 1 << 28

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tf2_py import BufferCore
-from tf2_py._internal import errors
+from tf2_py._internal import errors, time_ns
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
@@ -27,6 +27,11 @@ class Lookup(NamedTuple):
     fixed_frame: str | None = None
     target_time: Any = None
     policy: Any = None
+
+    def is_latest(self) -> bool:
+        """Whether it asks for the latest transform, at one of its times."""
+        times = (self.source_time,) if self.fixed_frame is None else (self.source_time, self.target_time)
+        return any(time_ns(one, "time") == 0 for one in times)
 
     def now(self, core: BufferCore) -> Any:
         """Look up without a wait: return the answer or raise the error."""

@@ -24,8 +24,9 @@ from tf2_ros._rclpy import (
     running_task,
     task_executor,
 )
-from tf2_ros._wait.callbacks import call_where_served, queue_of
-from tf2_ros._wait.endings import FutureEnding, Waker, deadlines, notify
+from tf2_ros._wait.completions import complete, completions_for
+from tf2_ros._wait.deadlines import deadlines
+from tf2_ros._wait.endings import FutureEnding, Waker, notify
 
 if TYPE_CHECKING:
     import asyncio
@@ -223,7 +224,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
     def __init__(self, core: BufferCore, begin: Callable[..., Any], timeout: Any = None) -> None:
         self.__shutdown = Shutdown(core)
-        super().__init__(self.__shutdown.happened, core._tf2_kept)
+        super().__init__(self.__shutdown.happened, getattr(core, "_tf2_kept", None))
         self.__core = weakref.ref(core)  # which the wait keeps
         self.__begin_ns = time.monotonic_ns()
         self.__timeout_ns = optional_timeout_ns(timeout)
@@ -252,7 +253,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
             return
         answer = wait.answer
         call = self.end_or_queue(answer, None if answer is not None else self.__unanswered(wait))
-        call_where_served(queue_of(self.__core()), call)
+        complete(completions_for(self.__core()), call)
 
     def __unanswered(self, wait: Any) -> TimeoutException:
         waited_ns = time.monotonic_ns() - self.__begin_ns

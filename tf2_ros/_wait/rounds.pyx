@@ -19,9 +19,7 @@ from tf2_ros._rcl cimport (
 from tf2_ros._receive.inbox cimport Watching
 
 import sys
-from collections import deque
 from contextlib import suppress
-from threading import get_ident, main_thread
 
 import rclpy
 from rclpy.executors import Executor
@@ -29,7 +27,6 @@ from rclpy.waitable import NumberOfEntities
 
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import has_tasks
-from tf2_ros._wait.endings import Ending, log_error
 
 cdef extern from *:
     """
@@ -103,56 +100,20 @@ def is_below_own_loop(frame):
     return False
 
 
-cdef class Calls(Watching):
-    """Calls of functions of a program that are to be made, one at a time."""
-
-    cdef readonly object calls  # the oldest first
-    cdef public int64_t waits_from_ns   # steady time since which the oldest call waits
-
-    def __cinit__(self, *_, **__):
-        self.calls = deque()
-
-    def run(self, count):
-        """
-        Run at most this many calls, the oldest first.
-
-        What a call raises is logged, because later calls and other callbacks of the node do not depend on it.
-        In the main thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other
-        calls remain.
-        """
-        while count > 0 and self.calls:
-            count -= 1
-            call = self.calls.popleft()
-            try:
-                call()
-            except BaseException as error:
-                if not isinstance(error, Exception) and get_ident() == main_thread().ident:
-                    raise
-                log_error(error)
-            del call
-        self.waits_from_ns = monotonic_ns()
-
-    def drop(self, why):
-        """Drop the calls; what waits ends, for this reason."""
-        while self.calls:
-            call = self.calls.popleft()
-            if isinstance(call, Ending):
-                call.drop(why)
-
-
 @cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed
-cdef class ExecutorRounds(Calls):
+cdef class ExecutorRounds(Watching):
     """The part of an ``rclpy.waitable.Waitable`` that an executor calls in each of its rounds."""
 
     cdef ExecutorState state
     cdef object _handle         # keeps the guard condition
+    cdef public object calls    # those that are to be made in rounds
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
     cdef readonly bint in_sets  # no executor has had the node that does not wait for sets
 
     def __cinit__(self, *_, **__):
         self.watcher.data = &self.state
         self.watcher.arrived, self.watcher.is_armed = executor_arrived, executor_is_armed
-        self.in_sets = True
+        self.in_sets, self.calls = True, ()
 
     def set_up(self, guard):
         """

@@ -12,7 +12,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from tf2_ros import Buffer, TransformListener, transform_listener
-from tf2_ros._wait.callbacks import callback_queue
+from tf2_ros._wait.runners import completions_of
 
 printed = []
 
@@ -57,7 +57,7 @@ def main(how, inserter):
     elif how == "called back":
         TransformListener(buffer, node)
         rclpy.spin_once(node, timeout_sec=0)  # an executor has the queue, and runs nothing any more
-        callback_queue(node).put(print)
+        completions_of(node).put(print)
     print("at the end", flush=True)
 
 

@@ -1,0 +1,140 @@
+"""
+The background threads of a process.
+
+| thread | started by | woken by | ends |
+|---|---|---|---|
+| receiver | the first listener or attached buffer | arrivals, see ``inbox.pyx`` | at exit |
+| reports | the same, or what is checked regularly | inboxes with something to report | at exit |
+| deadlines | the first timeout | an earlier deadline | one second after the last |
+| ring | an attached buffer | see ``Polling`` in ``inbox.pxd`` | with the attachment |
+
+All are daemons, so that the interpreter does not wait for them before it runs the exit handlers. A forked
+child has none of them, and starts its own at their first use; what its parent's inboxes were doing is lost
+there. The threads that spin nodes are in ``_nodes``.
+"""
+
+import atexit
+import logging
+import os
+import threading
+import time
+from _thread import start_new_thread
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from tf2_ros._forking import LiveObjects
+from tf2_ros._receive.inbox import begin_anew, report_soon, run_inboxes, run_reports, stop_inboxes
+from tf2_ros._wait.endings import log_error
+
+CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
+THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
+
+
+def call_logged(call: Callable[[], object], where: str) -> None:
+    """Call something, and log what it raises, because no caller would catch it."""
+    try:
+        call()
+    except BaseException as error:
+        log_error(error, where)
+
+
+def start(name: str, target: Callable[..., object], *arguments: object) -> None:
+    """
+    Start a thread; returns at once.
+
+    :raises RuntimeError: no thread can be started.
+    """
+    start_new_thread(_begin, (name, target, arguments))
+
+
+def _begin(name: str, target: Callable[..., object], arguments: tuple[object, ...]) -> None:
+    # In a thread of its own, where no signal handler runs. `Thread.start` waits for the new thread in Python:
+    # what a handler raises there surfaces as an error of a lock, or the new thread waits forever.
+    try:
+        threading.Thread(target=target, args=arguments, name=name, daemon=True).start()
+    except RuntimeError:  # this thread could be started, another one cannot
+        target(*arguments)
+
+
+_threads: dict[str, threading.Thread] = {}  # those of this process of which there is one, by their names
+
+
+def _start_once(name: str, target: Callable[..., object], *arguments: object) -> None:
+    if name not in _threads:
+        start(name, _run_once, name, target, *arguments)
+
+
+def _run_once(name: str, target: Callable[..., object], *arguments: object) -> None:
+    # Of several that were started, one runs.
+    this = threading.current_thread()
+    if _threads.setdefault(name, this) is this:
+        target(*arguments)
+
+
+# Each decides when an inbox, its attribute ``inbox``, begins and ends, and has a method ``stop``, for good.
+_owners: LiveObjects[Any] = LiveObjects()
+_checked: LiveObjects[Any] = LiveObjects()  # the method ``_tf2_check`` of each is called regularly
+_checked_at = 0.0
+_served: list[Callable[[], object]] = []
+
+
+def add_owner(owner: Any) -> None:
+    """Serve the inbox of an owner, and check the owner regularly."""
+    _start_once("tf2_ros receiver", run_inboxes)
+    _start_once("tf2_ros reports", run_reports, _report)
+    _owners.add(owner)
+    _checked.add(owner)
+
+
+def check_regularly(checked: Any) -> None:
+    """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
+    _checked.add(checked)
+    with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
+        _start_once("tf2_ros reports", run_reports, _report)
+
+
+def serve_in_reports(serve: Callable[[], object]) -> Callable[[], None]:
+    """Have the thread that reports call a function whenever it is woken; return what wakes it."""
+    _served.append(serve)
+    return report_soon
+
+
+def _report() -> None:
+    global _checked_at
+    where = "In the thread that reports"
+    for owner in _owners:
+        call_logged(owner.inbox.report_pending, where)
+    for serve in _served:
+        call_logged(serve, where)
+    now = time.monotonic()
+    if now - _checked_at >= CHECK_S:
+        _checked_at = now
+        for checked in _checked:
+            call_logged(checked._tf2_check, where)
+
+
+@atexit.register
+def _stop_all() -> None:
+    for owner in _owners:
+        owner.stop()
+    stop_inboxes()
+    for thread in list(_threads.values()):
+        thread.join(THREAD_END_WAIT_S)
+
+
+def _after_fork_in_child() -> None:
+    begin_anew()
+    _threads.clear()
+    lost = sum([owner.inbox.leave_to_parent() for owner in _owners])
+    _owners.clear()
+    _checked.clear()
+    if lost:
+        # Not logged through ROS, whose locks another thread may have held.
+        logging.getLogger("tf2_ros").warning(
+            f"Process {os.getpid()} was forked from one with {lost} listener(s) or attached buffer(s), which "
+            "receive nothing here. Spawn the process instead of forking it, and make its own listeners."
+        )
+
+
+os.register_at_fork(after_in_child=_after_fork_in_child)

@@ -1,0 +1,166 @@
+"""
+Hand what has ended to whatever runs a node: an executor, an event loop, or the thread that reports.
+
+This is Cython so that no signal handler runs between taking something from the queue and calling it.
+"""
+
+from libc.stdint cimport int64_t
+
+from tf2_py._internal cimport monotonic_ns
+
+import os
+import weakref
+from collections import deque
+from threading import get_ident, main_thread
+
+from tf2_py._internal import log
+from tf2_ros._forking import is_inherited
+from tf2_ros._nodes import WaitContexts, node_has_ended
+from tf2_ros._rclpy import context_was_shut_down
+from tf2_ros._wait.endings import Ending, log_error
+
+WARN_S = 10.0   # how long calls wait for what runs the node before a warning says so
+
+
+cdef class Completions:
+    """
+    The waits of a node that have ended and run code of a program: one queue for each node.
+
+    What ends a wait puts an `Ending` here: an insert of a listener, a timeout, a shutdown. Only a program's
+    own insert, and its own `cancel`, run the code at once. This class promises:
+
+    1. **Order.** Calls are made in the order of :meth:`put`, one at a time.
+    2. **Threads.** They are made by what runs the node, as callbacks of subscriptions are. While nothing runs
+       the node they wait; after WARN_S, one warning says so.
+    3. **Exceptions.** What a call raises is logged, because later calls and other callbacks of the node do
+       not depend on it. In the main thread, what ends a program is raised instead, such as a
+       KeyboardInterrupt; the other calls remain.
+    4. **Interrupts.** Threads, signal handlers and finalizers may put. No signal handler comes between taking
+       a call from the queue and making it. One that raises inside :meth:`put` at most delays the call until
+       the next regular check.
+    5. **The end.** When the node has ended, which is noticed within two seconds, the calls are dropped, and
+       their futures end with a TimeoutException that says why.
+    6. **Forks.** In a forked child it is dead: calls are dropped silently.
+
+    :param node: keeps this alive, not the other way round. None: the thread that reports makes the calls.
+    :param runner: a :class:`~tf2_ros._wait.runners.Runner`, only for this.
+    """
+
+    cdef object __weakref__
+    cdef readonly object node       # a weak reference; None: there is no node
+    cdef readonly object runner
+    cdef readonly object calls      # the oldest first
+    cdef int64_t _waits_from_ns     # steady time since which the oldest call waits
+    cdef object _context
+    cdef str _name
+    cdef str _why_closed
+    cdef bint _has_warned
+    cdef object _process            # of the node
+
+    def __init__(self, node, runner):
+        self.calls, self.runner, self._why_closed = deque(), runner, ""
+        if node is not None:
+            self.node, self._context, self._process = weakref.ref(node), node.context, os.getpid()
+            self._name = node.get_fully_qualified_name()
+        runner.begin(self)
+
+    def put(self, call):
+        """Add a call, or drop it after the end of the node."""
+        if is_inherited(self._process):
+            return  # the node is the parent's
+        if not self.calls:
+            self._waits_from_ns = monotonic_ns()
+        self.calls.append(call)
+        if self._why_closed:
+            self.drop(self._why_closed)
+        else:
+            self.runner.wake()
+
+    def receive(self, ending):
+        """Add what a listener's insert has ended, to those of its own node if it names any."""
+        (ending.completions or self).put(ending)
+
+    def run(self, Py_ssize_t count):
+        """Make at most this many calls, the oldest first; for the runner."""
+        while count > 0 and self.calls:
+            count -= 1
+            call = self.calls.popleft()
+            try:
+                call()
+            except BaseException as error:
+                if not isinstance(error, Exception) and get_ident() == main_thread().ident:
+                    raise
+                log_error(error)
+            del call
+        self._waits_from_ns = monotonic_ns()
+
+    def drop(self, why):
+        """Drop the calls; what waits ends, for this reason."""
+        while self.calls:
+            call = self.calls.popleft()
+            if isinstance(call, Ending):
+                call.drop(why)
+
+    def close(self, str why not None):
+        """Drop the calls, now and from now on, and leave the node; may be called again."""
+        self._why_closed = self._why_closed or why
+        self.runner.leave()
+        self.drop(self._why_closed)
+
+    def __del__(self):
+        """Drop the calls, because the node was not destroyed, but collected."""
+        if self.calls and not is_inherited(self._process):
+            self.close(f"the node [{self._name}] was collected")
+
+    def has_ended(self):
+        """Whether calls are dropped, now or soon."""
+        if self._why_closed or is_inherited(self._process):
+            return True
+        node = None if self.node is None else self.node()
+        return self.node is not None and (node is None or node_has_ended(node))
+
+    def is_served(self):
+        """Whether something runs the node now."""
+        return not self.has_ended() and self.runner.is_running()
+
+    def _tf2_check(self):
+        """Drop the calls if the node has ended; warn if they have waited for long."""
+        node = self.node()
+        if node is None:
+            self.close(f"the node [{self._name}] was collected")
+        if self._why_closed or node is None:
+            return
+        if node_has_ended(node):
+            if context_was_shut_down(self._context):
+                self.close(f"the context of the node [{self._name}] was shut down")
+                # After a signal, rclpy first wakes its executors and then shuts the contexts down. One that
+                # goes to sleep in between would sleep until a message wakes it.
+                self.runner.wake()
+            else:
+                self.close(f"the node [{self._name}] was destroyed")
+        elif self.calls:
+            self.runner.wake()      # a signal handler may have raised in `put`
+            if not self._has_warned and monotonic_ns() - self._waits_from_ns > WARN_S * 1e9:
+                self._has_warned = True
+                why = self.runner.why_late(self._name)
+                log.logger("tf2_ros").warning(f"Callbacks of tf2 have been waiting for {WARN_S:g} s: {why}")
+
+
+def completions_for(buffer):
+    """Those of the node of a buffer's latest listener whose node has not ended, or None."""
+    contexts = getattr(buffer, "_tf2_wait_contexts", None)
+    for reference in reversed(contexts.completions if isinstance(contexts, WaitContexts) else ()):
+        found = reference()
+        if found is not None and not found.has_ended():
+            return found
+    return None
+
+
+def complete(Completions completions, ending):
+    """Have what runs a node end something; if nothing runs it now, or there is no node, do it here."""
+    if ending is None:
+        return
+    if completions is not None and completions.is_served():
+        completions.put(ending)
+    else:
+        ending()

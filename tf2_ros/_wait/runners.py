@@ -1,0 +1,173 @@
+"""What makes the calls of Completions: the executor or the event loop that runs a node, or a thread."""
+
+import os
+import weakref
+from typing import Any
+
+from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.guard_condition import GuardCondition
+from rclpy.node import Node
+from rclpy.waitable import Waitable
+
+from tf2_ros._forking import LOCK, LiveObjects
+from tf2_ros._nodes import keep_in_children
+from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop
+from tf2_ros._threads import check_regularly, serve_in_reports
+from tf2_ros._wait.completions import Completions
+from tf2_ros._wait.rounds import ExecutorRounds
+
+# How often rclpy's EventsExecutor looks for calls. It waits for no guard condition, and a thread that wakes
+# it in any other way hangs in some releases, with the GIL.
+POLL_S = 0.02
+
+
+class Runner:
+    """What makes the calls of a :class:`~tf2_ros._wait.completions.Completions`."""
+
+    _completions: "weakref.ref[Completions]"  # which keeps this
+
+    @property
+    def in_sets(self) -> bool:
+        """Whether nothing else has arrivals at the node's subscriptions reported."""
+        return True
+
+    def begin(self, completions: Completions) -> None:
+        """Serve this, which is being made, from now on."""
+        self._completions = weakref.ref(completions)
+
+    def run(self, count: int | None = None) -> None:
+        """Make this many calls, or all that there are now."""
+        completions = self._completions()
+        if completions is not None:
+            completions.run(len(completions.calls) if count is None else count)
+
+    def wake(self) -> None:
+        """Have the calls made soon, from any thread."""
+        raise NotImplementedError
+
+    def is_running(self) -> bool:
+        """Whether it would make calls now."""
+        raise NotImplementedError
+
+    def leave(self) -> None:
+        """Undo what has made the node know this."""
+
+    def why_late(self, name: str) -> str:
+        """What a user can do about calls that wait."""
+        raise NotImplementedError
+
+
+class ExecutorRunner(ExecutorRounds, Runner, Waitable):
+    """
+    The executor that spins a node.
+
+    :param group: the callback group of the calls; None: a separate one.
+    """
+
+    def __init__(self, node: Node, group: CallbackGroup | None = None) -> None:
+        Waitable.__init__(self, MutuallyExclusiveCallbackGroup() if group is None else group)
+        self._node = weakref.ref(node)
+        self.receivers: LiveObjects[Any] = LiveObjects()  # of the node's listeners
+        self.set_up(GuardCondition(None, None, node.context).handle)  # of no node
+        keep_in_children(node)
+
+    def begin(self, completions: Completions) -> None:
+        Runner.begin(self, completions)
+        self.calls = completions.calls
+        node = self._node()
+        if node is not None:
+            node.add_waitable(self)
+
+    def is_running(self) -> bool:
+        node = self._node()
+        return node is not None and is_in_executor(node)
+
+    def leave(self) -> None:
+        node = self._node()
+        if node is not None and self in node.waitables:
+            node.remove_waitable(self)
+
+    def why_late(self, name: str) -> str:
+        return (
+            f"nobody spins the node [{name}], or one of its callbacks does not return. Spin it in a thread, "
+            "for example with rclpy.spin(node)."
+        )
+
+    def executor(self) -> Any:
+        """The executor that has the node, or had it last; None if there was none, or if it is gone."""
+        return getattr(self._node(), "executor", None)
+
+    def leave_sets(self) -> None:
+        """Have a timer look for calls, in any executor, because an ``EventsExecutor`` has taken the node."""
+        for receiver in self.receivers:
+            receiver.leave_sets()
+        node, clock = self._node(), Clock(clock_type=ClockType.STEADY_TIME)
+        if node is not None:
+            node.create_timer(POLL_S, self.run, self.callback_group, clock=clock)
+
+    async def execute(self, taken_data: int) -> None:
+        """Make this many calls, in an executor."""
+        self.run(taken_data)
+
+
+class LoopRunner(Runner):
+    """The asyncio loop that runs a node, which is the one in which this is made."""
+
+    def __init__(self, node: Any) -> None:
+        self._loop = loop_of(node)
+        keep_in_children(node)
+
+    def wake(self) -> None:
+        try:
+            self._loop.call_soon_threadsafe(self._run)
+        except RuntimeError:
+            completions = self._completions()
+            if completions is not None:
+                completions.drop("the event loop of the node was closed")
+
+    def _run(self) -> None:
+        completions = self._completions()
+        if completions is not None and completions.has_ended():
+            completions.drop("the node was destroyed")
+        else:
+            self.run()
+
+    def is_running(self) -> bool:
+        return bool(self._loop.is_running())
+
+    def why_late(self, name: str) -> str:
+        return f"the event loop of the node [{name}] does not run, or something in it does not return."
+
+
+class ThreadRunner(Runner):
+    """The thread that reports: for a buffer that another process fills, and no node of this one."""
+
+    def __init__(self) -> None:
+        self._wake = serve_in_reports(self.run)
+
+    def wake(self) -> None:
+        self._wake()
+
+    def is_running(self) -> bool:
+        return True
+
+
+# Of buffers without a node.
+without_node = Completions(None, ThreadRunner())
+os.register_at_fork(after_in_child=without_node.calls.clear)  # they are the parent's
+
+
+def completions_of(node: Any) -> Completions:
+    """
+    Get the queue of a node.
+
+    :raises RuntimeError: an event loop runs the node, but not the one that runs here.
+    """
+    with LOCK:
+        found: Completions | None = node.__dict__.get("_tf2_completions")
+        if found is None:
+            found = Completions(node, LoopRunner(node) if runs_in_loop(node) else ExecutorRunner(node))
+            node.__dict__["_tf2_completions"] = found
+            check_regularly(found)
+    return found

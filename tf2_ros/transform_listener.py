@@ -47,6 +47,7 @@ _names.offer(globals())
 
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"
+_CANNOT_RECORD = "who sends transforms cannot be recorded here"
 
 
 class TransformSink(Protocol):
@@ -85,10 +86,10 @@ class TransformListener:
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
     callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
     overrides ``callback`` or ``static_callback``; if the buffer is not a :class:`tf2_ros.Buffer`, or it or
-    its class has a ``set_transform*`` of its own; if the node overrides ``create_subscription``; and if a
-    function of rcl is missing. That is decided when the listener is made, and when another ``buffer`` is
-    assigned. The property ``receives`` names the topics that need no executor. For an ``AsyncNode``, its
-    event loop takes the place of an executor.
+    its class has a ``set_transform*`` of its own; if the node overrides ``create_subscription``; if a
+    function of rcl is missing; and if the middleware does not report arrivals. That is decided when the
+    listener is made, and when another ``buffer`` is assigned. The property ``receives`` names the topics that
+    need no executor. For an ``AsyncNode``, its event loop takes the place of an executor.
 
     If its buffer is attached to the buffer of another process, or ``TF2_SHARED_BUFFER`` in the environment
     names such a buffer, it subscribes to nothing as long as that process receives the same messages.
@@ -292,7 +293,7 @@ class TransformListener:
         needs_executor = not can_receive or self._tf2_direct_buffer() is None
         if self._tf2_recording is not None and needs_executor:
             reason = problem() or "code of this program handles what is received"
-            raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
+            raise NotImplementedError(f"{_CANNOT_RECORD}: {reason}")
         # Of what arrives while an executor waits for a subscription, the receiver is not informed.
         self.group.hides_all = not needs_executor
         try:
@@ -303,6 +304,8 @@ class TransformListener:
                 self._tf2_receiver = Receiver(self, completions)
         finally:
             self.group.hides_all = False
+        if self._tf2_recording is not None and not self.receives:
+            raise NotImplementedError(f"{_CANNOT_RECORD}: the middleware does not report arrivals")
 
     def __subscribe(self, topic: Topic, needs_executor: bool) -> None:
         qos = topic.qos

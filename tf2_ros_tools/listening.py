@@ -132,7 +132,8 @@ def filled_buffer(
     :param recording: records what arrives.
     :param topics: the topic of dynamic transforms and the topic of static transforms.
     :param cache_time: how far each frame's history reaches back, in seconds. None: the default of buffers.
-    :raises UsageError: the receiver, which recording needs, does not support this release of ROS 2.
+    :raises UsageError: the receiver, which recording needs, does not support this release of ROS 2 or its
+        middleware.
     """
     buffer = Buffer(cache_time, node)
     # A program that only observes must not answer those who ask the robot for its frames.

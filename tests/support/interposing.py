@@ -10,9 +10,12 @@ from paths import PROGRAMS, SUPPORT
 from processes import output_of
 
 
-def output_with_library(name, folder, *arguments):
+def output_with_library(name, folder, *arguments, program=None, **variables):
     """
     Run `programs/<name>.py` with `interposed/<name>.c`, compiled into a folder; its standard output.
+
+    :param program: another name in `programs`.
+    :param variables: of the environment.
 
     Without glibc or a compiler the test is skipped.
     """
@@ -24,4 +27,5 @@ def output_with_library(name, folder, *arguments):
     subprocess.run([compiler, *options, "-o", library, source, "-ldl"], check=True)
     # After the runtime of a sanitizer, which must be the first.
     preload = f"{os.environ.get('LD_PRELOAD', '')} {library}".strip()
-    return output_of(PROGRAMS / f"{name}.py", *arguments, env={**os.environ, "LD_PRELOAD": preload})
+    environment = {**os.environ, "LD_PRELOAD": preload, **variables}
+    return output_of(PROGRAMS / f"{program or name}.py", *arguments, env=environment)

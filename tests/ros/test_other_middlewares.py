@@ -1,0 +1,39 @@
+"""
+What a middleware may lack is done without.
+
+`interposed/middleware.c` takes it away from the one that the tests run with.
+"""
+
+import json
+
+import pytest
+from interposing import output_with_library
+
+pytestmark = pytest.mark.ours
+
+
+@pytest.fixture
+def output_with(tmp_path):
+    """Run a program with a fault of the middleware; its standard output."""
+
+    def run(fault, program, *arguments):
+        variables = {"TF2_TEST_MIDDLEWARE": fault}
+        return output_with_library("middleware", tmp_path, *arguments, program=program, **variables)
+
+    return run
+
+
+@pytest.fixture
+def recorded_with(output_with):
+    """What `programs/middleware.py` prints after so many messages, with a fault of the middleware."""
+    return lambda fault, messages: json.loads(output_with(fault, "middleware", str(messages)))
+
+
+class TestArrivalsThatAreNotReported:
+    def test_executors_take_the_messages(self, output_with):
+        printed = output_with("no_arrivals", "unknown_release").splitlines()
+        assert (printed[0], printed[-1]) == ("without an executor: nothing", "threads of listeners")
+
+    def test_nothing_can_be_recorded(self, recorded_with):
+        reason = "who sends transforms cannot be recorded here: the middleware does not report arrivals"
+        assert recorded_with("no_arrivals", 1) == {"error": reason, "subscriptions": 0}

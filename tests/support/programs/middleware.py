@@ -1,0 +1,42 @@
+"""
+Records so many messages: `middleware.py MESSAGES`, with `interposed/middleware.c`.
+
+Prints a line of JSON: when the transforms were received, and what a report says; or why none can be recorded.
+"""
+
+# First, as in the programs of the project.
+from tf2_ros_tools.listening import listening
+
+import json
+import sys
+
+import rclpy
+from processes import until
+
+from tf2_ros_tools.findings import Limits
+from tf2_ros_tools.program import UsageError
+
+
+def record(node, messages):
+    with listening(node) as heard:
+        until(lambda: heard._recording.messages >= messages)
+        report = heard.report(Limits())
+        return {
+            "received_ns": heard.records()["received_ns"].tolist(),
+            "publishers": {one.frame: one.publisher for one in report.streams},
+            "findings": [one.text for one in report.findings],
+        }
+
+
+def main():
+    rclpy.init()
+    node = rclpy.create_node("recording")
+    try:
+        outcome = record(node, int(sys.argv[1]))
+    except UsageError as error:
+        outcome = {"error": str(error), "subscriptions": len([*node.subscriptions])}
+    print(json.dumps(outcome))
+    rclpy.shutdown()
+
+
+main()

@@ -5,7 +5,9 @@ What a middleware may lack is done without.
 """
 
 import json
+import time
 
+import numpy as np
 import pytest
 from interposing import output_with_library
 
@@ -37,3 +39,15 @@ class TestArrivalsThatAreNotReported:
     def test_nothing_can_be_recorded(self, recorded_with):
         reason = "who sends transforms cannot be recorded here: the middleware does not report arrivals"
         assert recorded_with("no_arrivals", 1) == {"error": reason, "subscriptions": 0}
+
+
+@pytest.mark.parametrize("fault", ["no_times", "times_of_taking"])
+def test_the_time_of_reception_is_that_of_the_arrival(recorded_with, flood, fault):
+    """Not that at which several messages are taken together."""
+    rate = 50
+    flood(rate, 1)
+    before_ns = time.time_ns()
+    received_ns = recorded_with(fault, 100)["received_ns"]
+    assert before_ns < received_ns[0] and received_ns[-1] < time.time_ns()
+    together = np.diff(received_ns) < 10**9 / rate / 10
+    assert np.count_nonzero(together) < len(together) / 2

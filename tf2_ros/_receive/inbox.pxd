@@ -40,7 +40,6 @@ cdef struct Parcel:
     # If messages are recorded: the publisher, and the time of reception.
     unsigned char[SENDER_BYTES] sender
     int64_t received_ns
-    bint is_simulated           # that time is simulated, so each message must be taken when it arrives
     # What the inbox needs.
     Batch batch
     Parcel* next

@@ -44,7 +44,6 @@ from tf2_py._internal cimport (
     monotonic_ns,
     pthread_mutex_lock,
     pthread_mutex_unlock,
-    system_ns,
     word_exchange,
     word_load,
     word_replace,
@@ -166,7 +165,7 @@ cdef bint _begin_parcel(State* inbox) noexcept nogil:
     parcel.kind = PARCEL_NOTHING
     parcel.size = parcel.authority_size = parcel.topic = 0
     parcel.problem = NULL
-    parcel.has_authority = parcel.is_static = parcel.is_simulated = False
+    parcel.has_authority = parcel.is_static = False
     parcel.received_ns = 0
     batch_begin(&parcel.batch)
     return True
@@ -211,10 +210,8 @@ cdef bint _parse(State* inbox) noexcept nogil:
     if is_readable and inbox.prefix != NULL:
         batch_prefix(batch, inbox.prefix, inbox.prefix_size)
     if inbox.records != NULL:
-        word_store(&inbox.wants_each, parcel.is_simulated)
         if is_readable:
-            received_ns = parcel.received_ns if parcel.received_ns > 0 or parcel.is_simulated else system_ns()
-            records_add(inbox.records, batch, received_ns, parcel.sender, SENDER_BYTES)
+            records_add(inbox.records, batch, parcel.received_ns, parcel.sender, SENDER_BYTES)
         else:
             records_add_malformed(inbox.records)
     return is_readable
@@ -491,7 +488,9 @@ cdef class Inbox(ReadHook):
         self._state.polling = source.polling
         if recording is not None:
             self._state.records = &recording._records
-            self._state.wants_each = True   # the first message says whether the clock is simulated
+            # A simulated clock must be read when a message arrives, and some middlewares read a clock only
+            # when a message is taken.
+            self._state.wants_each = True
         if prefix:
             self._state.prefix, self._state.prefix_size = self._prefix, len(self._prefix)
         source.inbox = &self._state

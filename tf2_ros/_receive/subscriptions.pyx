@@ -10,7 +10,7 @@ from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
 from libc.string cimport memcpy
 
-from tf2_py._internal cimport monotonic_ns, word_add, word_exchange
+from tf2_py._internal cimport monotonic_ns, system_ns, word_add, word_exchange
 from tf2_ros._rcl cimport (
     RCL_RET_OK,
     MessageInfo,
@@ -84,10 +84,11 @@ cdef void _note_reception(
 ) noexcept nogil:
     cdef c_bool is_simulated = False
     memcpy(parcel.sender, info.publisher_gid.data, SENDER_BYTES)
-    parcel.received_ns = info.received_timestamp
     if (source.clock != NULL
-            and rcl_is_enabled_ros_time_override(source.clock, &is_simulated) == RCL_RET_OK and is_simulated):
-        parcel.is_simulated = rcl_clock_get_now(source.clock, &parcel.received_ns) == RCL_RET_OK
+            and rcl_is_enabled_ros_time_override(source.clock, &is_simulated) == RCL_RET_OK and is_simulated
+            and rcl_clock_get_now(source.clock, &parcel.received_ns) == RCL_RET_OK):
+        return
+    parcel.received_ns = info.received_timestamp if info.received_timestamp > 0 else system_ns()
 
 
 cdef bint _take_message(const Subscribed* source, Arrivals* topic, Parcel* parcel) noexcept nogil:

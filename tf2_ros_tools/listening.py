@@ -243,7 +243,10 @@ class Listening:
             text = "use_sim_time is set, and no time was received on /clock, so nothing is judged"
             findings = [Finding("clock", "", text)]
         else:
-            alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
+            alive_ids = None
+            # With some middlewares, messages have no gids, or others than those of the graph.
+            if not {*alive, *self._names}.isdisjoint(gids):
+                alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
             also, where = [*self._of_reception(now_ns), *self._of_unfit_publishers()], self.where
             findings = find(streams, limits, expectations, alive_ids, refused=refused, where=where, also=also)
         chain = None if ends is None else self._chain(ends, now_ns)
@@ -290,8 +293,9 @@ class Listening:
         return {gid: one.qos_profile for gid, one in infos.items()}
 
     def _name_of(self, gid: bytes) -> str:
-        """The name of a publisher; until the graph knows it, a part of its gid."""
-        return self._names.get(gid) or f"{gid.hex()[:12]}..{gid.hex()[-8:]}"
+        """The name of a publisher; until the graph knows it, a part of its gid, if it has any."""
+        unknown = f"{gid.hex()[:12]}..{gid.hex()[-8:]}" if any(gid) else "an unknown publisher"
+        return self._names.get(gid) or unknown
 
     def _chain(self, ends: tuple[str, str], now_ns: int) -> Chain:
         try:

@@ -13,6 +13,8 @@ from interposing import output_with_library
 
 pytestmark = pytest.mark.ours
 
+REFUSED = "1 transform of map by {} is refused: frame_id and child_frame_id are the same"
+
 
 @pytest.fixture
 def output_with(tmp_path):
@@ -51,3 +53,22 @@ def test_the_time_of_reception_is_that_of_the_arrival(recorded_with, flood, faul
     assert before_ns < received_ns[0] and received_ns[-1] < time.time_ns()
     together = np.diff(received_ns) < 10**9 / rate / 10
     assert np.count_nonzero(together) < len(together) / 2
+
+
+class TestPublishersThatTheGraphDoesNotKnow:
+    @pytest.fixture(autouse=True)
+    def publishers(self, peer):
+        peer().send_without_subscriber(("map", "map", 0, 0), ("map", "arm", 0, 0), static=True)
+        peer().send_without_subscriber(("robot", "arm", 0, 0), static=True)
+
+    def test_without_gids_all_are_one_that_exists(self, recorded_with):
+        recorded = recorded_with("no_gids", 2)
+        assert recorded["publishers"] == {"arm": "an unknown publisher"}
+        assert REFUSED.format("an unknown publisher") in recorded["findings"]
+
+    def test_with_other_gids_they_are_told_apart(self, recorded_with):
+        findings = recorded_with("local_gids", 2)["findings"]
+        [by_several] = [one for one in findings if one.startswith("arm is published by 2 publishers: ")]
+        names = by_several.rpartition(": ")[2].split(", ")
+        assert len({*names}) == 2 and all(name.endswith("..00000000") for name in names)
+        assert sum(REFUSED.format(name) in findings for name in names) == 1

@@ -11,7 +11,7 @@ import pytest
 from installing import Prefix, backend_at, build, checkout_copy, messages_copy, sourced, unsourced
 from packaging.requirements import Requirement
 from paths import ROOT
-from processes import run
+from processes import output_of, run
 
 # By their places and not by the path: that must not make the checkout's packages importable.
 environment = backend_at(ROOT / "build_backend", "build_backend").environment
@@ -174,3 +174,16 @@ def test_beside_a_sourced_ros_nothing_is_built(tmp_path):
     said = r"a ROS 2 is sourced \(.*\), whose own is used: .* apt install ros-"
     with pytest.raises(SystemExit, match=said):
         messages.refuse_sourced({"AMENT_PREFIX_PATH": overlay})
+
+
+def test_pytest_runs_without_the_plugins_of_a_sourced_ros(tmp_path):
+    """On Jazzy, pytest 9 refuses their hooks."""
+    for name in ("launch_testing", "launch_pytest", "launch_ros"):
+        (tmp_path / f"{name}_plugin.py").write_text("def pytest_pycollect_makemodule(path, parent): ...")
+        information = tmp_path / f"{name}-1.0.0.dist-info"
+        information.mkdir()
+        (information / "METADATA").write_text(f"Name: {name}\nVersion: 1.0.0\n")
+        (information / "entry_points.txt").write_text(f"[pytest11]\n{name} = {name}_plugin\n")
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ['PYTHONPATH']}"}
+    collecting = ["-m", "pytest", "--collect-only", "-q", "tests/core/test_lookup.py"]
+    assert "test_lookup.py" in output_of(*collecting, cwd=ROOT, env=environment)

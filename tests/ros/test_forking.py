@@ -10,6 +10,7 @@ from making import transform
 from paths import PROGRAMS
 from processes import output_of
 from rclpy.time import Time
+from rclpy.utilities import get_rmw_implementation_identifier
 from sharing import links, new_name
 
 pytestmark = pytest.mark.ours
@@ -18,7 +19,15 @@ LATEST = Time()
 DEAD = "dead in this forked process"
 
 
-@pytest.mark.parametrize(("what", "count"), [("use", 20), ("drop", 40), ("have_a_node", 1)])
+fast_dds_only = pytest.mark.skipif(
+    get_rmw_implementation_identifier() != "rmw_fastrtps_cpp",
+    reason="in a forked child, nodes of its own need Fast DDS",
+)
+
+
+@pytest.mark.parametrize(
+    ("what", "count"), [("use", 20), ("drop", 40), pytest.param("have_a_node", 1, marks=fast_dds_only)]
+)
 def test_children_of_a_process_whose_every_thread_is_busy(what, count, flood):
     """In an insert, a vector lookup, a listing, a wait, a callback, the receiver and an executor."""
     flood(500, 20)

@@ -102,6 +102,7 @@ lint: $(VENV)/dev.stamp $(VENV)/test-all.stamp
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
 	$(PY) -m build_backend.hints $(PACKAGES)
 	$(PY) -m mypy $(PACKAGES)
+	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
 build: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(PY) setup.py -q build_ext --inplace

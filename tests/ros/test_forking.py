@@ -21,7 +21,7 @@ DEAD = "dead in this forked process"
 
 fast_dds_only = pytest.mark.skipif(
     get_rmw_implementation_identifier() != "rmw_fastrtps_cpp",
-    reason="in a forked child, nodes of its own need Fast DDS",
+    reason="a forked child's own node in the domain of its parent's receives nothing",
 )
 
 

@@ -104,7 +104,8 @@ class ExecutorRunner(ExecutorRounds, Runner, Waitable):
             receiver.leave_sets()
         node, clock = self._node(), Clock(clock_type=ClockType.STEADY_TIME)
         if node is not None:
-            node.create_timer(POLL_S, self.run, self.callback_group, clock=clock)
+            # Some releases pass a callback that takes an argument when its timer was due.
+            node.create_timer(POLL_S, lambda: self.run(), self.callback_group, clock=clock)
 
     async def execute(self, taken_data: int) -> None:
         """Make this many calls, in an executor."""

@@ -8,7 +8,7 @@ functions, its code (``.pyx``). A chapter uses those before it, in this order.
 from libc.float cimport DBL_MAX, DBL_MIN
 from libc.math cimport NAN, acos, atan2, cos, fabs, isfinite, isnan, sin, sqrt
 from libc.stddef cimport size_t
-from libc.stdint cimport INT64_MAX, INT64_MIN, UINT32_MAX, int32_t, int64_t, uint32_t, uint64_t
+from libc.stdint cimport INT64_MAX, INT64_MIN, UINT32_MAX, UINT64_MAX, int32_t, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport calloc, free, malloc, realloc
 from libc.string cimport memchr, memcmp, memcpy, memset
 from posix.time cimport CLOCK_MONOTONIC, CLOCK_REALTIME, clock_gettime, timespec

@@ -1,6 +1,7 @@
 """The buffer and a slow model of tf2, side by side; and the model beside the recordings of the real tf2."""
 
 import random
+import re
 
 import pytest
 import repetitions
@@ -47,6 +48,27 @@ def test_the_model_answers_as_tf2_did(scenario):
     model = Model(scenario["cache_ns"])
     for (op, *args), want in zip(scenario["ops"], scenario["want"], strict=True):
         check_answer(CALLS, model, op, args, want, ModelError)
+
+
+def with_six_decimals(text):
+    return re.sub(r"\d+\.\d{9}", lambda found: f"{float(found[0]):.6f}", text)
+
+
+def test_the_model_knows_which_time_tf2_quotes_in_an_extrapolation_error():
+    compared = 0
+    for scenario in SCENARIOS:
+        model = Model(scenario["cache_ns"])
+        for (op, *args), want in zip(scenario["ops"], scenario["want"], strict=True):
+            try:
+                CALLS[op](model, *args)
+            except ModelError as error:
+                # tf2 says nothing about a frame without samples.
+                if error.of_tf2 is None or want["msg"].startswith(","):
+                    continue
+                sentence, _, _ = with_six_decimals(error.of_tf2).partition(";")
+                assert sentence == want["msg"], (scenario["name"], op, args)
+                compared += 1
+    assert compared > 4000
 
 
 # The buffer beside the model.

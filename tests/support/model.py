@@ -44,11 +44,15 @@ REASONS = (
 
 
 class ModelError(Exception):
-    """What a lookup raises: the name of tf2's class, and the text, or one of several."""
+    """
+    What a lookup raises: the name of tf2's class, and the text, or one of several.
 
-    def __init__(self, kind, *texts):
+    ``of_tf2`` begins with the sentence that tf2 raises, if that may be another one.
+    """
+
+    def __init__(self, kind, *texts, of_tf2=None):
         super().__init__(texts[0])
-        self.kind, self.texts = kind, texts
+        self.kind, self.texts, self.of_tf2 = kind, texts, of_tf2
 
 
 class Policy(NamedTuple):
@@ -65,18 +69,19 @@ TF2 = Policy()
 class Gap(Exception):
     """A frame has no data at a time: the text of tf2, and what is said after it."""
 
-    def __init__(self, text, addition):
+    def __init__(self, text, addition, missing=math.inf, newest_ns=0, from_1970=False):
         super().__init__(text, addition)
         self.text, self.addition = text, addition
+        self.missing, self.newest_ns, self.from_1970 = missing, newest_ns, from_1970
 
 
-def gap(name, time, sample, text, where):
+def gap(name, time, sample, text, where, newest_ns):
     """That of a frame without data at a time, which a sample is next to."""
-    addition = f"{seconds(abs(time - sample[0]))} s are missing {where} sample of {name} in {sample[1]}"
+    stamp, parent = sample[:2]
+    missing = abs(time - stamp)
+    addition = f"{seconds(missing)} s are missing {where} sample of {name} in {parent} at {seconds(stamp)} s"
     year = 365 * 86400 * 10**9
-    if 0 < time < year and sample[0] > 30 * year:
-        addition += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
-    return Gap(f"extrapolation {text}", addition)
+    return Gap(f"extrapolation {text}", addition, missing, newest_ns, 0 < time < year and stamp > 30 * year)
 
 
 def interpolated(older, newer, ns):
@@ -137,16 +142,16 @@ class Frame:
             return (last[1], last[2:])
         if len(samples) == 1:
             tf2s = f"at time {seconds(time)}, but only time {seconds(last[0])} is in the buffer"
-            raise gap(name, time, last, tf2s, "beside the one")
+            raise gap(name, time, last, tf2s, "beside the one", last[0])
         if time == first[0]:
             return (first[1], first[2:])
         requested = f"Requested time {seconds(time)} but the"
         if time > last[0]:
             tf2s = f"into the future.  {requested} latest data is at time {seconds(last[0])}"
-            raise gap(name, time, last, tf2s, "after the newest")
+            raise gap(name, time, last, tf2s, "after the newest", last[0])
         if time < first[0]:
             tf2s = f"into the past.  {requested} earliest data is at time {seconds(first[0])}"
-            raise gap(name, time, first, tf2s, "before the oldest")
+            raise gap(name, time, first, tf2s, "before the oldest", last[0])
         older = [sample for sample in samples if sample[0] <= time][-1]
         newer = [sample for sample in samples if sample[0] > time][0]
         if older[1] == newer[1]:
@@ -440,7 +445,7 @@ class Model(Listings):
             if data is None:
                 break
             if isinstance(data, Gap):
-                raise self._extrapolation(target, source, time, data)
+                raise self._extrapolation(target, source, time, source_gap, data)
             if frame == source:
                 return self._found_path(target, source, inverse(to_top), [], passed_down)
             to_top = composed(data[1], to_top)
@@ -449,7 +454,7 @@ class Model(Listings):
                 raise self._loop(target, source)
         if frame != top:
             if source_gap is not None:
-                raise self._extrapolation(target, source, time, source_gap)
+                raise self._extrapolation(target, source, time, source_gap, None)
             raise self._unconnected(target, source, frame, top)
         transform = composed(inverse(to_top), source_to_top)
         return self._found_path(target, source, transform, passed, passed_down)
@@ -479,27 +484,26 @@ class Model(Listings):
             f"The root of {target} is {target_root}, that of {source} is {source_root}.",
         )
 
-    def _extrapolation(self, target, source, time, gap):
-        """tf2 names its gap; here it is one on the path, if that is known."""
-        texts = [
-            f"Lookup would require {gap.text}, when looking up transform from frame [{source}] to frame "
-            f"[{target}]; {gap.addition}"
-            for gap in (self._gap_on_path(target, source, time) or gap, gap)
-        ]
-        return ModelError("ExtrapolationException", *texts[: 2 if self.looped else 1])
+    def _extrapolation(self, target, source, time, source_gap, target_gap):
+        """tf2 names one of the gaps of its walks; here they are those on the path, if that is known."""
+        met = [[gap] if gap else [] for gap in (source_gap, target_gap)]
+        of_tf2 = extrapolation_text(target, source, *met)
+        known = self._gaps_on_path(target, source, time)
+        texts = [extrapolation_text(target, source, *known)] if known else []
+        if not known or self.looped:
+            texts.append(of_tf2)
+        return ModelError("ExtrapolationException", *texts, of_tf2=of_tf2)
 
-    def _gap_on_path(self, target, source, time):
+    def _gaps_on_path(self, target, source, time):
+        """Those from the source up, and those from the target up; None if the path is unknown."""
         up, down = self._known_chain(source, time), self._known_chain(target, time)
         common = [frame for frame in up if frame in down]
         if not common:
             return None
-        sides = down[: down.index(common[0])], up[: up.index(common[0])]
-        for side in sides:
-            for frame in side:
-                data = self.data_at(frame, time)
-                if isinstance(data, Gap):
-                    return data
-        return None
+        sides = up[: up.index(common[0])], down[: down.index(common[0])]
+        found = [[self.data_at(frame, time) for frame in side] for side in sides]
+        gaps = [[data for data in side if isinstance(data, Gap)] for side in found]
+        return gaps if any(gaps) else None
 
     def _known_chain(self, frame, time):
         """Upwards as far as parents are known: at the time, or because a frame has never had another one."""
@@ -589,6 +593,25 @@ class Model(Listings):
                 at_point = added(linear, cross(angular, lever))
                 answers.append((turned(into, at_point), turned(into, angular), abs(duration)))
         return [], answers
+
+
+def extrapolation_text(target, source, source_gaps, target_gaps):
+    """
+    What is said of the gaps of a lookup; each side's are in the order of the hops up from its end.
+
+    tf2 names the first one of a side: where both have one, that of the frame with the newer data, or the
+    source's. The addition names the frame that lacks the most.
+    """
+    firsts = source_gaps[:1] + target_gaps[:1]
+    quoted = max(firsts, key=lambda gap: gap.newest_ns)
+    lack = max(source_gaps + target_gaps, key=lambda gap: gap.missing)
+    addition = lack.addition
+    if quoted.from_1970 or lack.from_1970:
+        addition += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
+    return (
+        f"Lookup would require {quoted.text}, when looking up transform from frame [{source}] to frame "
+        f"[{target}]; {addition}"
+    )
 
 
 def as_reason(text):

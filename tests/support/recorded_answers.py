@@ -1,4 +1,4 @@
-"""The recorded answers of tf2 (ROS 2 Jazzy), and asking a buffer for the same."""
+"""The recorded answers of tf2 0.36.20 (ROS 2 Jazzy), and asking a buffer for the same."""
 
 import gzip
 import json

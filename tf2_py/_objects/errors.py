@@ -130,26 +130,39 @@ def unconnected(target: str, source: str, target_root: str, source_root: str) ->
 
 
 def extrapolation(
-    gap: str, child: str, parent: str, requested_ns: int, edge_ns: int, target: str, source: str
+    requested_ns: int,
+    quoted_gap: str,
+    quoted_ns: int,
+    target: str,
+    source: str,
+    gap: str,
+    edge_ns: int,
+    child: str,
+    parent: str,
 ) -> ExtrapolationException:
-    """The error for a history without data for a time; ``gap`` is 'empty', 'single', 'future' or 'past'."""
+    """
+    The error for a time for which frames lack data: tf2's sentence, and the frame that lacks the most.
+
+    :param quoted_gap: of the frame that tf2's sentence is about: 'empty', 'single', 'future' or 'past'.
+    :param quoted_ns: the stamp of its data nearest to the time.
+    :param gap: of ``child``, whose data is furthest from the time; ``edge_ns`` is its nearest stamp.
+    """
     child, parent, target, source = map(printable, (child, parent, target, source))
     requested = seconds(requested_ns)
-    edge = seconds(edge_ns)
-    apart = seconds(abs(requested_ns - edge_ns))
-    if gap == "future":
-        fact = f"into the future.  Requested time {requested} but the latest data is at time {edge}"
-        lack = f"{apart} s are missing after the newest sample of {child} in {parent}"
-    elif gap == "past":
-        fact = f"into the past.  Requested time {requested} but the earliest data is at time {edge}"
-        lack = f"{apart} s are missing before the oldest sample of {child} in {parent}"
-    elif gap == "single":
-        fact = f"at time {requested}, but only time {edge} is in the buffer"
-        lack = f"{apart} s are missing beside the one sample of {child} in {parent}"
-    else:
-        fact = f"at time {requested}"
+    quoted = seconds(quoted_ns)
+    fact = {
+        "future": f"into the future.  Requested time {requested} but the latest data is at time {quoted}",
+        "past": f"into the past.  Requested time {requested} but the earliest data is at time {quoted}",
+        "single": f"at time {requested}, but only time {quoted} is in the buffer",
+        "empty": f"at time {requested}",
+    }[quoted_gap]
+    if gap == "empty":
         lack = f"no sample of {child} is held"
-    if 0 < requested_ns < YEAR_NS and edge_ns > 30 * YEAR_NS:
+    else:
+        where = {"future": "after the newest", "past": "before the oldest", "single": "beside the one"}[gap]
+        apart = seconds(abs(requested_ns - edge_ns))
+        lack = f"{apart} s are missing {where} sample of {child} in {parent} at {seconds(edge_ns)} s"
+    if 0 < requested_ns < YEAR_NS and max(quoted_ns, edge_ns) > 30 * YEAR_NS:
         lack += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
     return ExtrapolationException(
         f"Lookup would require extrapolation {fact}, when looking up transform from frame [{source}] to "

@@ -51,8 +51,21 @@ cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t t
                      bint* mixed) noexcept nogil
 
 
-# The status of a lookup for which the history of this frame has no answer.
-cdef Status gap_status(const History* history, FrameId frame, int64_t time_ns) noexcept nogil
+cdef struct Lack:
+    # What one side of a path lacks for a time. NULL: no such frame.
+    const History* first        # of the first frame without an answer, on the way up
+    const History* furthest     # of the one whose data is furthest from the time
+    FrameId furthest_frame
+    const History* torn         # of the first one whose samples around it are too far apart for the policy
+    FrameId torn_frame
+
+
+cdef void lack_init(Lack* lack) noexcept nogil
+# Adds a frame, in the order of the way up, if its history has no answer.
+cdef void lack_check(Lack* lack, const History* history, FrameId frame, int64_t time_ns,
+                     const Policy* policy) noexcept nogil
+# The status of a lookup along a path whose sides lack this; STATUS_OK: they lack nothing.
+cdef Status lack_status(const Lack* source, const Lack* target, int64_t time_ns) noexcept nogil
 
 
 cdef struct Query:

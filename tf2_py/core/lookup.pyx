@@ -1,24 +1,39 @@
 """Look a transform up: names to frames, the path between them, and what is computed along it."""
 
-# Along a known path: the composed transform, or which history does not answer.
+# Which of the frames that lack data an error describes. tf2 quotes the nearest stamp of one of them: of the
+# first one on a side, and where both sides lack data, of the side whose frame has the newer data. That may
+# be any of them, so the error also describes the one whose data is furthest away.
 
-cdef Status gap_status(const History* history, FrameId frame, int64_t time_ns) noexcept nogil:
+cdef void lack_init(Lack* lack) noexcept nogil:
+    lack.first = lack.furthest = lack.torn = NULL
+    lack.furthest_frame = lack.torn_frame = NO_FRAME
+
+
+cdef Gap _gap_and_edge(const History* history, int64_t time_ns, int64_t* edge_ns) noexcept nogil:
+    # `edge_ns`: the stamp nearest to the time; 0 without samples.
     cdef Gap gap = history_gap(history, time_ns)
-    cdef Status status
-    status.code = STATUS_EXTRAPOLATION
-    status.half = HALF_NONE
-    status.gap = gap
-    status.child = frame
-    status.parent = history_oldest_parent(history) if gap == GAP_PAST else history_newest_parent(history)
-    status.requested_ns = time_ns
-    status.edge_ns = history.oldest_ns if gap == GAP_PAST else history.newest_ns
-    return status
+    edge_ns[0] = history.oldest_ns if gap == GAP_PAST else history.newest_ns
+    return gap
 
 
-cdef bint _has_gap(const Tree* tree, FrameId frame, int64_t time_ns, const Policy* policy,
-                   Status* status) noexcept nogil:
-    # Whether the history of a frame of the path does not answer; then `status` is about it.
-    cdef const History* history = &tree.histories[frame]
+cdef uint64_t _missing_ns(const History* history, int64_t time_ns) noexcept nogil:
+    cdef int64_t edge_ns
+    if _gap_and_edge(history, time_ns, &edge_ns) == GAP_EMPTY:
+        return UINT64_MAX
+    return <uint64_t>max(time_ns, edge_ns) - <uint64_t>min(time_ns, edge_ns)
+
+
+cdef void _lack_add(Lack* lack, const History* history, FrameId frame, int64_t time_ns) noexcept nogil:
+    if lack.first == NULL:
+        lack.first = history
+    elif _missing_ns(history, time_ns) <= _missing_ns(lack.furthest, time_ns):
+        return
+    lack.furthest = history
+    lack.furthest_frame = frame
+
+
+cdef void lack_check(Lack* lack, const History* history, FrameId frame, int64_t time_ns,
+                     const Policy* policy) noexcept nogil:
     cdef Transform not_needed
     cdef int64_t used_ns
     cdef Gap gap
@@ -27,26 +42,71 @@ cdef bint _has_gap(const Tree* tree, FrameId frame, int64_t time_ns, const Polic
     else:
         gap = history_gap(history, time_ns)
     if gap == GAP_NONE:
-        return False
-    status[0] = gap_status(history, frame, time_ns)
-    if gap == GAP_LONG:
-        status.gap = GAP_LONG
-        history_stamps_around(history, time_ns, &status.edge_ns, &status.newer_ns)
-    return True
+        return
+    if gap != GAP_LONG:
+        _lack_add(lack, history, frame, time_ns)
+    elif lack.torn == NULL:
+        lack.torn = history
+        lack.torn_frame = frame
 
 
-cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns,
-                       const Policy* policy) noexcept nogil:
-    # The first gap, target side first; STATUS_OK: there is none.
-    cdef uint32_t i
-    cdef Status status
-    for i in range(path.target_hops):
-        if _has_gap(tree, path.target[i], time_ns, policy, &status):
-            return status
-    for i in range(path.source_hops):
-        if _has_gap(tree, path.source[i], time_ns, policy, &status):
-            return status
+cdef Status _extrapolation(const Lack* source, const Lack* target, int64_t time_ns) noexcept nogil:
+    # At least one of the two has a `first`.
+    cdef Status status = status_of(STATUS_EXTRAPOLATION)
+    cdef const History* quoted = source.first
+    cdef Lack both = source[0]
+    if quoted == NULL or (target.first != NULL and target.first.newest_ns > quoted.newest_ns):
+        quoted = target.first
+    if target.first != NULL:
+        _lack_add(&both, target.furthest, target.furthest_frame, time_ns)
+    status.requested_ns = time_ns
+    status.quoted_gap = _gap_and_edge(quoted, time_ns, &status.quoted_ns)
+    status.child = both.furthest_frame
+    status.gap = _gap_and_edge(both.furthest, time_ns, &status.edge_ns)
+    if status.gap == GAP_PAST:
+        status.parent = history_oldest_parent(both.furthest)
+    else:
+        status.parent = history_newest_parent(both.furthest)
+    return status
+
+
+cdef Status _long_gap(const Lack* lack, int64_t time_ns) noexcept nogil:
+    cdef Status status = status_of(STATUS_EXTRAPOLATION)
+    status.gap = GAP_LONG
+    status.child = lack.torn_frame
+    status.parent = NO_FRAME
+    status.requested_ns = time_ns
+    history_stamps_around(lack.torn, time_ns, &status.edge_ns, &status.newer_ns)
+    return status
+
+
+cdef Status lack_status(const Lack* source, const Lack* target, int64_t time_ns) noexcept nogil:
+    if target.torn != NULL:
+        return _long_gap(target, time_ns)
+    if source.torn != NULL:
+        return _long_gap(source, time_ns)
+    if source.first != NULL or target.first != NULL:
+        return _extrapolation(source, target, time_ns)
     return status_of(STATUS_OK)
+
+
+# Along a known path: the composed transform, or which histories do not answer.
+
+cdef inline void _check_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
+                             const Policy* policy, Lack* lack) noexcept nogil:
+    cdef uint32_t i
+    lack_init(lack)
+    for i in range(hops):
+        lack_check(lack, &tree.histories[frames[i]], frames[i], time_ns, policy)
+
+
+cdef Status _path_lack(const Tree* tree, const Path* path, int64_t time_ns,
+                       const Policy* policy) noexcept nogil:
+    # STATUS_OK: every history of the path has an answer.
+    cdef Lack source, target
+    _check_side(tree, path.source, path.source_hops, time_ns, policy, &source)
+    _check_side(tree, path.target, path.target_hops, time_ns, policy, &target)
+    return lack_status(&source, &target, time_ns)
 
 
 cdef inline void _prefetch_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
@@ -102,17 +162,17 @@ cdef Status path_transform(const Tree* tree, Path* path, int64_t time_ns, const 
     if given != NULL:
         _cut_common(path)
     if out == NULL:
-        return _first_gap(tree, path, time_ns, policy)
+        return _path_lack(tree, path, time_ns, policy)
     transform_identity(&source_side)
     transform_identity(&target_side)
     _prefetch_side(tree, path.target, path.target_hops, time_ns, target_hints)
     _prefetch_side(tree, path.source, path.source_hops, time_ns, source_hints)
     if path.target_hops and not _compose_side(
             tree, path.target, target_hints, path.target_hops, time_ns, given, &target_side, stamp_ns):
-        return _first_gap(tree, path, time_ns, policy)
+        return _path_lack(tree, path, time_ns, policy)
     if path.source_hops and not _compose_side(
             tree, path.source, source_hints, path.source_hops, time_ns, given, &source_side, stamp_ns):
-        return _first_gap(tree, path, time_ns, policy)
+        return _path_lack(tree, path, time_ns, policy)
     if path.target_hops:
         transform_between(&target_side, &source_side, out)
     else:
@@ -149,7 +209,9 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
     cdef FrameId frame = source
     cdef FrameId top = source
     cdef FrameId parent
-    cdef FrameId source_gap = NO_FRAME
+    cdef Lack source_lack, target_lack
+    lack_init(&source_lack)
+    lack_init(&target_lack)
     path.source_hops = path.target_hops = 0
     while frame != NO_FRAME:
         top = frame
@@ -157,7 +219,8 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
             break
         parent = _parent_within(tree, frame, time_ns, tolerance_ns)
         if parent == NO_FRAME:
-            source_gap = NO_FRAME if time_ns == NEWEST else frame
+            if time_ns != NEWEST:
+                _lack_add(&source_lack, &tree.histories[frame], frame, time_ns)
             break
         if frame == target:
             path.top = frame
@@ -175,7 +238,8 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
         if parent == NO_FRAME and time_ns == NEWEST:
             break
         if parent == NO_FRAME:
-            return gap_status(&tree.histories[frame], frame, time_ns)
+            _lack_add(&target_lack, &tree.histories[frame], frame, time_ns)
+            return _extrapolation(&source_lack, &target_lack, time_ns)
         if frame == source:
             path.top = frame
             path.source_hops = 0
@@ -188,8 +252,8 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
     if frame == top:
         path.top = top
         return status_of(STATUS_OK)
-    if source_gap != NO_FRAME:
-        return gap_status(&tree.histories[source_gap], source_gap, time_ns)
+    if source_lack.first != NULL:
+        return _extrapolation(&source_lack, &target_lack, time_ns)
     return _unconnected(top, frame)
 
 
@@ -328,6 +392,10 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
             found = walk_climb(tree, target, source, stamp_ns[0], path, &mixed)
     if not found:
         status = reference_walk(tree, target, source, stamp_ns[0], tolerance_ns, path)
+        if status.code == STATUS_EXTRAPOLATION and policy.is_given and not tree.ever_looped \
+                and walk_climb(tree, target, source, stamp_ns[0], path, &mixed):
+            # The path is known nevertheless. The walk stops at the first gaps, perhaps above the path.
+            return _path_lack(tree, path, stamp_ns[0], policy)
         if status.code != STATUS_OK:
             return status
     return path_transform(tree, path, stamp_ns[0], policy, out, stamp_ns)

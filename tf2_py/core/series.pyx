@@ -391,19 +391,20 @@ cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t 
         work_apply(work, &pinned.fixed_to_target)
 
 
-cdef Status _batch_gap(const PinnedLookup* pinned, int64_t asked_ns) noexcept nogil:
-    # Why a batch does not answer for a time: the first gap, target side first, as in a single lookup.
+cdef Status _batch_lack(const Query* query, const PinnedLookup* pinned, int64_t asked_ns) noexcept nogil:
+    # Why a batch does not answer for a time, as in a single lookup.
     cdef const Path* path = &pinned.path
     cdef int64_t time_ns = asked_ns if asked_ns else pinned.common_ns
+    cdef Lack source, target
     cdef uint32_t i, k
+    lack_init(&source)
+    lack_init(&target)
+    for i in range(path.source_hops):
+        lack_check(&source, &pinned.histories[i], path.source[i], time_ns, &query.policy)
     for i in range(path.target_hops):
         k = path.source_hops + i
-        if history_gap(&pinned.histories[k], time_ns) != GAP_NONE:
-            return gap_status(&pinned.histories[k], path.target[i], time_ns)
-    for i in range(path.source_hops):
-        if history_gap(&pinned.histories[i], time_ns) != GAP_NONE:
-            return gap_status(&pinned.histories[i], path.source[i], time_ns)
-    return status_of(STATUS_OK)
+        lack_check(&target, &pinned.histories[k], path.target[i], time_ns, &query.policy)
+    return lack_status(&source, &target, time_ns)
 
 
 cdef Status _answer_one(const Query* query, const PinnedLookup* pinned, int64_t time_ns,
@@ -436,7 +437,7 @@ cdef uint32_t _answer_times(const Query* query, PinnedLookup* pinned, const int6
             if not work.missing[i]:
                 continue
             if not nan_missing:
-                status[0] = _batch_gap(pinned, times_ns[i])
+                status[0] = _batch_lack(query, pinned, times_ns[i])
                 status.half = HALF_SOURCE if pinned.has_fixed else HALF_NONE
                 return i
         else:

@@ -62,7 +62,7 @@ cdef struct Policy:
 
 cdef enum StatusCode:
     STATUS_OK
-    STATUS_EXTRAPOLATION    # the history of `child` does not reach `requested_ns`
+    STATUS_EXTRAPOLATION    # frames lack data for `requested_ns`, `child` the most
     STATUS_UNCONNECTED      # no path between the frames; `child` is the source's root, `parent` the target's
     STATUS_LOOP             # a walk took more than MAX_HOPS
     STATUS_BAD_TARGET       # the target frame's name is empty, begins with '/', or is unknown
@@ -83,11 +83,13 @@ cdef struct Status:
     StatusCode code
     Half half               # the part that failed
     Gap gap                 # unless stated above, the fields below are facts of STATUS_EXTRAPOLATION only
-    FrameId child           # the frame that lacks data ...
+    FrameId child           # the frame whose data is furthest from requested_ns ...
     FrameId parent          # ... and its parent in the sample nearest to requested_ns; NO_FRAME: none
     int64_t requested_ns    # the time looked up
-    int64_t edge_ns         # the stamp of its data nearest to requested_ns; undefined for GAP_EMPTY
+    int64_t edge_ns         # the stamp of its data nearest to requested_ns; 0 for GAP_EMPTY
     int64_t newer_ns        # of GAP_LONG only: the stamp after requested_ns; edge_ns is the one before it
+    Gap quoted_gap          # as `gap` and `edge_ns`, of the frame that tf2's sentence is about;
+    int64_t quoted_ns       # ... not of GAP_LONG
 
 
 cdef inline Status status_of(StatusCode code) noexcept nogil:

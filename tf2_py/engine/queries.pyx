@@ -224,7 +224,8 @@ cdef object query_error(const Query* query, Status status, str child, str parent
             target, source,
         )
     error = errors.extrapolation(
-        GAP_NAMES[<int>status.gap], child, parent, status.requested_ns, status.edge_ns, target, source
+        status.requested_ns, GAP_NAMES[<int>status.quoted_gap], status.quoted_ns, target, source,
+        GAP_NAMES[<int>status.gap], status.edge_ns, child, parent,
     )
     # Data that may still arrive does not help with the past.
     if status.gap == GAP_EMPTY or status.requested_ns > status.edge_ns:

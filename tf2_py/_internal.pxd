@@ -27,6 +27,7 @@ from tf2_py._core cimport (
     fork_forget,
     fork_watch,
     incoming_refusals,
+    is_unnormalised,
     is_utf8,
     links_empty,
     lock_acquire,

@@ -1,7 +1,7 @@
 """Note the sender and the time of reception of each transform that a receiver inserts."""
 
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 
 from tf2_py._internal cimport Batch, ForkedLock, Lock, Names
 
@@ -13,7 +13,8 @@ cdef struct Record:
     uint32_t child              # id in `frames`
     uint32_t parent             # likewise
     uint32_t publisher          # id in `publishers`
-    uint16_t is_static          # 0 or 1
+    uint8_t is_static           # 0 or 1
+    uint8_t unnormalised        # 1: accepted, with a rotation that tf2 of Kilted and later refuses
     uint16_t refusals           # for what every buffer refuses it: REFUSED_* bits
 
 

@@ -34,6 +34,7 @@ from tf2_py._internal cimport (
     fork_forget,
     fork_watch,
     incoming_refusals,
+    is_unnormalised,
     lock_acquire,
     lock_free,
     lock_init,
@@ -59,7 +60,8 @@ RECORD = np.dtype([
     ("child", np.uint32),
     ("parent", np.uint32),
     ("publisher", np.uint32),
-    ("static", np.uint16),
+    ("static", np.uint8),
+    ("unnormalised", np.uint8),
     ("refusals", np.uint16),
 ])
 
@@ -107,6 +109,7 @@ cdef void records_add(
         record.publisher = publisher
         record.is_static = batch.is_static
         record.refusals = incoming_refusals(&incoming)
+        record.unnormalised = record.refusals == 0 and is_unnormalised(incoming.squared_length)
         if record.child == NAME_NO_MEMORY or record.parent == NAME_NO_MEMORY:
             records.lost += 1
         else:
@@ -151,7 +154,9 @@ cdef class Recording:
 
         :return: an array of :data:`RECORD`, in the order of arrival. ``child`` and ``parent`` are indices
             into :meth:`frames`, ``publisher`` into :meth:`publishers`; ``refusals`` is not 0 if every
-            buffer refuses the transform, see :func:`refusal_text`.
+            buffer refuses the transform, see :func:`refusal_text`; ``unnormalised`` is 1 if buffers
+            accept it, but those of tf2 of Kilted and later refuse it because the length of its rotation is
+            not 1.
         """
         cdef size_t count
         taken, fresh = self._array, np.empty(self._records.capacity, RECORD)

@@ -1,11 +1,13 @@
 """What a BufferCore inserts, and what it refuses."""
 
+import copy
 import math
+import random
 from types import SimpleNamespace as N
 
 import pytest
 from encoding import encode
-from making import S, at, transform
+from making import S, at, rotation, transform
 from ros_optional import Duration
 
 NAN, INF = math.nan, math.inf
@@ -102,6 +104,81 @@ class TestLogging:
         assert len(line) < 700
         assert name[:80] in line
         assert f"({len(name.encode())} bytes)" in line
+
+
+@pytest.mark.ours
+class TestUnnormalisedRotations:
+    """Buffers normalise them, as tf2 of Jazzy does; tf2 of Kilted and later refuses them, which is logged."""
+
+    @pytest.mark.parametrize("method", ["set_transform", "set_transform_static"])
+    @pytest.mark.parametrize(
+        ("xyzw", "is_logged"),
+        [
+            ((0, 0, 0, 2), True),
+            ((0, 0, 0, 0.5), True),
+            ((0, 0, 0.11, 1), True),  # its squared length is 1.0121
+            ((0, 0, 0.0999, 1), False),
+            ((0.5, 0.5, 0.5, 0.491), False),  # 0.991
+            ((0.5, 0.5, 0.5, -0.489), True),  # 0.989
+            ((0, 0, 0, -1), False),
+            ((0, 0, 0.7071, 0.7071), False),
+        ],
+    )
+    def test_a_rotation_is_logged_if_newer_releases_refuse_it(self, buffer, lines, method, xyzw, is_logged):
+        getattr(buffer, method)(transform("map", "arm", 1, xyzw=xyzw), "driver")
+        logged = lines()
+        assert len(logged) == is_logged
+        if is_logged:
+            for part in ("'map'", "'arm'", "'driver'", f"length {math.hypot(*xyzw):.6g}", "Kilted and later"):
+                assert part in logged[0]
+        x, y, z, w = rotation(buffer.lookup_transform_core("map", "arm", at(1)))
+        assert math.hypot(x, y, z, w) == pytest.approx(1, abs=1e-15)
+
+    def test_the_limit_is_that_of_tf2_to_the_last_bit(self, tf2_py, lines):
+        # Found with tf2 0.41.7 and 0.46.0, which sum the squares from w on.
+        generator = random.Random(5)
+        for _ in range(500):
+            xyzw = [generator.gauss(0, 1) for _ in range(4)]
+            scale = math.sqrt(generator.choice((0.99, 1.01))) / math.hypot(*xyzw)
+            x, y, z, w = (scale * one for one in xyzw)
+            # One buffer would not log all of them.
+            tf2_py.BufferCore().set_transform(transform("map", "arm", 1, xyzw=(x, y, z, w)), "x")
+            assert len(lines()) == (abs(w * w + x * x + y * y + z * z - 1.0) >= 0.01)
+
+    def test_only_the_first_one_of_each_frame_is_logged(self, buffer, lines):
+        for second in range(1, 4):
+            buffer.set_transform(transform("map", "arm", second, xyzw=(0, 0, 0, 2)), "x")
+            buffer.set_transform(transform("arm", "/hand", second, xyzw=(0, 0, 0, 3)), "x")
+        assert ["'arm'" in line.split("child_frame_id")[1] for line in lines()] == [True, False]
+        buffer.clear()
+        buffer.set_transform(transform("map", "arm", 5, xyzw=(0, 0, 0, 2)), "x")
+        buffer.set_transform_static(transform("map", "arm", 5, xyzw=(0, 0, 0, 2)), "x")
+        assert lines() == []
+
+    def test_of_a_serialised_message_exactly_those_are_logged(self, buffer, lines):
+        turns = {
+            "a": (0, 0, 0, 1),
+            "b": (0, 0, 0, 2),
+            "c": (0, 0, 0, 0),
+            "d": (0, 0, 1, 1),
+            "e": (0, 1, 0, 0),
+        }
+        message = encode([transform("map", name, 1, xyzw=xyzw) for name, xyzw in turns.items()])
+        assert buffer.set_transforms_cdr(message, "x") == 4
+        refused, *logged = lines()
+        assert "TF_DENORMALIZED_QUATERNION" in refused and "child_frame_id 'c'" in refused
+        assert [line.split("child_frame_id ")[1][:3] for line in logged] == ["'b'", "'d'"]
+
+    def test_a_flood_of_them_is_no_flood_of_lines(self, buffer, lines):
+        message = encode([transform("map", f"link_{i}", 1, xyzw=(0, 0, 0, 2)) for i in range(1000)])
+        assert buffer.set_transforms_cdr(message, "x") == 1000
+        assert len(lines()) == PER_SECOND
+
+    def test_a_copy_of_a_buffer_logs_nothing(self, buffer, lines):
+        buffer.set_transform(transform("map", "arm", 1, xyzw=(0, 0, 0, 2)), "x")
+        lines()
+        assert copy.deepcopy(buffer).lookup_transform_core("map", "arm", at(1))
+        assert lines() == []
 
 
 HEADER, WRONG_PARTS = (

@@ -4,9 +4,10 @@ from tf2_ros_tools.listening import listening
 
 import numpy as np
 import pytest
-from making import S
+from making import S, transform
 from processes import until
 
+from tf2_msgs.msg import TFMessage
 from tf2_ros.records import RECORD, Recording
 from tf2_ros_tools.findings import Limits
 
@@ -77,6 +78,28 @@ def test_each_transform_has_its_publisher_times_and_names(heard, node, peer):
     assert records["static"].tolist() == [0, 0, 0, 1] and len(recording.publishers()) == 3
 
 
+def test_a_rotation_that_newer_releases_refuse_is_marked(heard, node, capfd):
+    recording = heard()
+    publisher = node.create_publisher(TFMessage, "/tf", 10)
+    turns = {"odom": (0, 0, 0, 1), "arm": (0, 0, 0, 2), "hand": (0, 0, 0, 0)}
+    until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(
+        TFMessage(transforms=[transform("map", child, 1, xyzw=turns[child]) for child in turns])
+    )
+    records = take(recording, 3)
+    marks = {recording.frames()[one["child"]]: (one["unnormalised"], one["refusals"] != 0) for one in records}
+    assert marks == {"odom": (0, False), "arm": (1, False), "hand": (0, True)}
+    logged = ""
+
+    def has_logged():
+        nonlocal logged
+        logged += capfd.readouterr().err
+        return "rotation of length 2." in logged
+
+    until(has_logged)
+    assert logged.count("of length") == 1
+
+
 def test_what_there_is_no_place_for_and_what_cannot_be_read_is_counted(heard, peer):
     recording, talker = heard(3), peer()
     talker.send(*(("map", f"f{i}", S, 0.0) for i in range(5)))
@@ -93,8 +116,8 @@ def test_what_there_is_no_place_for_and_what_cannot_be_read_is_counted(heard, pe
 @pytest.mark.parametrize("overridden", [("callback",), ("static_callback",), ("callback", "static_callback")])
 def test_a_listener_that_cannot_record_every_topic_says_so(tf2_ros, node, overridden):
     def insert(self, data):
-        for transform in data.transforms:
-            self.buffer.set_transform(transform, "example")
+        for one in data.transforms:
+            self.buffer.set_transform(one, "example")
 
     listener = type("Listener", (tf2_ros.TransformListener,), dict.fromkeys(overridden, insert))
     with pytest.raises(NotImplementedError, match="cannot be recorded here: code of this program handles"):

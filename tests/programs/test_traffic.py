@@ -24,7 +24,16 @@ def at(seconds):
     return START_NS + round(seconds * S)
 
 
-def heard(received, child, parent="map", publisher="/odometry", delay=0.01, static=False, refusals=0):
+def heard(
+    received,
+    child,
+    parent="map",
+    publisher="/odometry",
+    delay=0.01,
+    static=False,
+    unnormalised=False,
+    refusals=0,
+):
     """One record; times in seconds, `received` from the start."""
     return (
         at(received),
@@ -33,6 +42,7 @@ def heard(received, child, parent="map", publisher="/odometry", delay=0.01, stat
         FRAMES.index(parent),
         PUBLISHERS.index(publisher),
         static,
+        unnormalised,
         refusals,
     )
 
@@ -203,6 +213,21 @@ FINDINGS = {
             "refused: 1 transform of camera by /odometry is refused: ",
             "refused: 80 transforms of odom",
         ],
+    ),
+    "normalised by buffers, and refused by newer ones": case(
+        *ROBOT,
+        [heard(0.5, "lidar", "base", static=True, unnormalised=True)],
+        steady("world", "base", 20, publisher="/other", unnormalised=True),
+        says=[
+            "unnormalised: 1 transform of lidar by /odometry has a rotation",
+            "unnormalised: 80 transforms of world by /other have a rotation whose length is not 1: tf2 of "
+            "ROS 2 Kilted and later refuses them",
+        ],
+    ),
+    "unnormalised by a static publisher that has ended": case(
+        *ROBOT,
+        [heard(0.5, "lidar", "base", publisher="/other", static=True, unnormalised=True)],
+        alive={0, 1},
     ),
     "no longer published": case(
         steady("odom", end=2), says="stale: odom by /odometry was last received 2.02 s ago"

@@ -61,6 +61,16 @@ def refused(reasons: int, parent: str, child: str, authority: str, stamp_ns: int
         logger().error(text)
 
 
+def unnormalised(length: float, parent: str, child: str, authority: str) -> None:
+    """Log the first transform of a frame whose rotation newer releases of ROS 2 refuse."""
+    text = (
+        f"The transform from frame_id '{parent}' to child_frame_id '{child}' from authority '{authority}' "
+        f"has a rotation of length {length:.6g}. It is normalised here, and refused by tf2 of ROS 2 Kilted "
+        "and later. Further ones of this child_frame_id are not logged"
+    )
+    logger().warning(printable(text))
+
+
 def not_logged(count: int) -> None:
     """Log how many more transforms were refused than logged."""
     logger().warning(f"{count} more transforms were refused and not logged; statistics() counts them all")

@@ -24,6 +24,7 @@ cdef bint reader_finish(Reader* reader) noexcept nogil
 cdef struct Entry:
     Incoming incoming
     uint32_t refused            # outcome: REFUSED_* bits; 0: accepted
+    bint unnormalised           # outcome: accepted, the first one of its frame with an unnormalised rotation
 
 
 cdef struct Batch:
@@ -38,6 +39,7 @@ cdef struct Batch:
     bint is_static              # all entries are static transforms
     size_t taken                # outcome: entries accepted
     size_t refused              # outcome: entries refused
+    size_t unnormalised         # outcome: entries for which `unnormalised` is set
     bint no_memory              # outcome: memory ran out, and the rest was dropped
     Link ready                  # outcome: waiters that have an answer which must still be delivered
     bint needs_report           # outcome: there is something to log, or an answer to deliver

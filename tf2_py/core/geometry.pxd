@@ -55,12 +55,18 @@ cdef inline bint quaternion_normalise(double* q) noexcept nogil:
     return True
 
 
-cdef inline bint quaternion_normalise_once(double* q) noexcept nogil:
+cdef inline bint quaternion_normalise_once(double* q, double* squared_length) noexcept nogil:
     # The same as quaternion_normalise, except that a quaternion that it has normalised before remains
     # identical to the last bit. Its rounding errors add up to at most 14 half units in the last place of the
-    # squared length.
-    cdef double squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    # squared length. That is summed in the order of tf2, so that is_unnormalised agrees to the last bit.
+    cdef double squared = q[3] * q[3] + q[0] * q[0] + q[1] * q[1] + q[2] * q[2]
+    squared_length[0] = squared
     return fabs(squared - 1.0) <= 2e-15 or quaternion_normalise(q)
+
+
+cdef inline bint is_unnormalised(double squared_length) noexcept nogil:
+    # Whether tf2 of Kilted and later refuses a rotation that can be normalised.
+    return fabs(squared_length - 1.0) >= 0.01
 
 
 cdef inline bint quaternion_normalise_any(double* q) noexcept nogil:

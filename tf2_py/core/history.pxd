@@ -38,6 +38,7 @@ cdef struct History:
     uint32_t authority          # id of the sender of the last sample; NAME_UNKNOWN: there was none
     bint is_parent              # a sample of some frame has named this frame as its parent
     bint is_hidden              # forgotten: the name counts as unknown until a transform uses it again
+    bint was_unnormalised       # an unnormalised rotation of this frame has been reported
 
 
 cdef enum:
@@ -89,7 +90,7 @@ cdef enum HistoryInsert:
     HISTORY_NO_MEMORY
     HISTORY_FULL              # the memory would have to grow by more than the limit allows
 
-# Zero a History before its first use; history_free zeroes it again except for the last three.
+# Zero a History before its first use; history_free zeroes it again except for what the tree writes.
 cdef void history_free(History* history) noexcept nogil
 # Drops all samples and keeps the memory. Not for static histories.
 cdef void history_clear(History* history) noexcept nogil

@@ -386,6 +386,7 @@ cdef HistoryInsert _change_kind(History* history, HistoryKind kind, uint32_t cap
     fresh.authority = history.authority
     fresh.is_parent = history.is_parent
     fresh.is_hidden = history.is_hidden
+    fresh.was_unnormalised = history.was_unnormalised
     outcome = _move(&fresh, capacity, history_allocated(history) + growth_limit)
     if outcome == HISTORY_INSERTED:
         history_free(history)

@@ -54,13 +54,25 @@ cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept
 cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcept nogil    # NO_FRAME: unknown
 
 # Every reason to refuse a transform that does not depend on the tree: REFUSED_* bits. Strips one leading '/'
-# from the names and normalises the rotation, both in `incoming`.
+# from the names and normalises the rotation, both in `incoming`, and fills its `squared_length`.
 cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
 # Inserts a transform. 0, or REFUSED_* bits, or TREE_NO_MEMORY and the tree is unchanged. Changes `incoming`
 # as incoming_refusals does. `change` is always filled, because even a transform that is too old adds its
 # names; NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil
+
+
+cdef inline bint tree_first_unnormalised(Tree* tree, const Incoming* incoming) noexcept nogil:
+    # Whether the transform just inserted is the first one of its frame with an unnormalised rotation.
+    cdef History* history
+    if not is_unnormalised(incoming.squared_length):
+        return False
+    history = &tree.histories[tree.last_child]
+    if history.was_unnormalised:
+        return False
+    history.was_unnormalised = True
+    return True
 
 
 cdef inline FrameId tree_newest_parent(const Tree* tree, FrameId frame) noexcept nogil:

@@ -137,7 +137,7 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil:
         refused |= REFUSED_NEGATIVE_STAMP
     elif incoming.stamp_ns > MAX_STAMP_NS:
         refused |= REFUSED_STAMP_TOO_LATE
-    if quaternion_normalise_once(q):
+    if quaternion_normalise_once(q, &incoming.squared_length):
         quaternion_canonicalise(q)
     else:
         refused |= REFUSED_QUATERNION

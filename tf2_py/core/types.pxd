@@ -40,6 +40,7 @@ cdef struct Incoming:
     const char* child       # UTF-8, not terminated
     size_t child_size
     Transform transform
+    double squared_length   # outcome: of the rotation, before it was normalised
 
 
 cdef enum Gap:

@@ -212,7 +212,8 @@ cdef class Engine:
                 work = self._tree.work
                 self._insert_next(batch, authority)
                 left -= <int64_t>(1 + self._tree.work - work)
-        batch.needs_report = batch.refused > 0 or batch.no_memory or not links_empty(&batch.ready)
+        batch.needs_report = (batch.refused > 0 or batch.unnormalised > 0 or batch.no_memory
+                              or not links_empty(&batch.ready))
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return batch.waking or batch.done < batch.count
 
@@ -221,11 +222,14 @@ cdef class Engine:
         cdef Change* change = &batch.wake.change if self._waiters.count else NULL
         batch.done += 1
         entry.refused = 0
+        entry.unnormalised = False
         if batch.no_memory:
             return
         entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, change)
         if entry.refused == 0:
             batch.taken += 1
+            entry.unnormalised = tree_first_unnormalised(&self._tree, &entry.incoming)
+            batch.unnormalised += entry.unnormalised
         elif entry.refused == TREE_NO_MEMORY:
             entry.refused = 0
             batch.no_memory = True
@@ -237,6 +241,7 @@ cdef class Engine:
     cdef int report(self, Batch* batch, object hand_over) except -1:
         error = self._deliver(batch, hand_over)
         self._log_refused(batch)
+        self._log_unnormalised(batch)
         if error is not None:
             raise error
         if batch.no_memory:
@@ -263,6 +268,22 @@ cdef class Engine:
         if throttle.unlogged and self._throttle.passes("refusals"):
             log.not_logged(throttle.unlogged)
             throttle.unlogged = 0
+        return 0
+
+    cdef int _log_unnormalised(self, Batch* batch) except -1:
+        # Once for each frame, except for those beyond the throttle's limit.
+        cdef const Entry* entry
+        cdef size_t i
+        for i in range(batch.count if batch.unnormalised else 0):
+            entry = &batch.entries[i]
+            if entry.unnormalised and self._throttle.passes(
+                    name_hash(entry.incoming.child, entry.incoming.child_size)):
+                log.unnormalised(
+                    sqrt(entry.incoming.squared_length),
+                    name_for_log(entry.incoming.parent, entry.incoming.parent_size),
+                    name_for_log(entry.incoming.child, entry.incoming.child_size),
+                    name_for_log(batch.authority, batch.authority_size),
+                )
         return 0
 
     cdef object malformed(self, const Batch* batch, size_t size, str topic=None):

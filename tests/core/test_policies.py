@@ -23,6 +23,18 @@ def test_a_gap_that_is_too_long_is_described(tf2_ros):
         buffer.lookup_transforms("map", "base", [2 * S, 3 * S], max_gap=1)
 
 
+def test_a_frame_without_data_is_described_rather_than_one_with_a_gap_that_is_too_long(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    for parent, child, stamps in (("map", "torn", (2, 6)), ("map", "late", (2, 3))):
+        for second in stamps:
+            buffer.set_transform(transform(parent, child, second), "x")
+    for ends in (("torn", "late"), ("late", "torn")):
+        with pytest.raises(tf2_ros.ExtrapolationException, match="1.0+ s are missing .* of late in map"):
+            buffer.lookup_transform(*ends, at_ns(4 * S), max_gap=1)
+        with pytest.raises(tf2_ros.ExtrapolationException, match="the samples of torn at 2.0+ and 6.0+"):
+            buffer.lookup_transform(*ends, at_ns(4 * S), max_gap=1, tolerance=1)
+
+
 LATE = at_ns(5 * S // 2)
 ONE, TWO, DATA = ("map", "base", LATE), ("map", LATE, "base", LATE, "odom"), transform("base", "data", 2.5)
 WAYS = {

@@ -1,5 +1,5 @@
 """
-Programs as users write them, unchanged: each prints here what it printed on tf2 0.36.4, of ROS 2 Jazzy.
+Programs as users write them, unchanged: each prints here what it printed on tf2 0.36.20, of ROS 2 Jazzy.
 
 CONTRIBUTING.md tells how to record that anew. No program prints anything that docs/differences.md lists.
 """

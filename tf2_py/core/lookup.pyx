@@ -60,7 +60,7 @@ cdef Status _extrapolation(const Lack* source, const Lack* target, int64_t time_
     if target.first != NULL:
         _lack_add(&both, target.furthest, target.furthest_frame, time_ns)
     status.requested_ns = time_ns
-    status.quoted_gap = _gap_and_edge(quoted, time_ns, &status.quoted_ns)
+    status.quoted_gap = _gap_and_edge(quoted, time_ns, &status.other_ns)
     status.child = both.furthest_frame
     status.gap = _gap_and_edge(both.furthest, time_ns, &status.edge_ns)
     if status.gap == GAP_PAST:
@@ -76,17 +76,17 @@ cdef Status _long_gap(const Lack* lack, int64_t time_ns) noexcept nogil:
     status.child = lack.torn_frame
     status.parent = NO_FRAME
     status.requested_ns = time_ns
-    history_stamps_around(lack.torn, time_ns, &status.edge_ns, &status.newer_ns)
+    history_stamps_around(lack.torn, time_ns, &status.edge_ns, &status.other_ns)
     return status
 
 
 cdef Status lack_status(const Lack* source, const Lack* target, int64_t time_ns) noexcept nogil:
+    if source.first != NULL or target.first != NULL:
+        return _extrapolation(source, target, time_ns)
     if target.torn != NULL:
         return _long_gap(target, time_ns)
     if source.torn != NULL:
         return _long_gap(source, time_ns)
-    if source.first != NULL or target.first != NULL:
-        return _extrapolation(source, target, time_ns)
     return status_of(STATUS_OK)
 
 

@@ -61,18 +61,8 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
 # names; NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil
-
-
-cdef inline bint tree_first_unnormalised(Tree* tree, const Incoming* incoming) noexcept nogil:
-    # Whether the transform just inserted is the first one of its frame with an unnormalised rotation.
-    cdef History* history
-    if not is_unnormalised(incoming.squared_length):
-        return False
-    history = &tree.histories[tree.last_child]
-    if history.was_unnormalised:
-        return False
-    history.was_unnormalised = True
-    return True
+# Marks the frame of the transform just inserted as one whose rotation was unnormalised. Whether it is new.
+cdef bint tree_mark_unnormalised(Tree* tree) noexcept nogil
 
 
 cdef inline FrameId tree_newest_parent(const Tree* tree, FrameId frame) noexcept nogil:

@@ -281,6 +281,13 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     return TREE_NO_MEMORY if outcome == HISTORY_NO_MEMORY else 0
 
 
+cdef bint tree_mark_unnormalised(Tree* tree) noexcept nogil:
+    cdef History* history = &tree.histories[tree.last_child]
+    cdef bint is_new = not history.was_unnormalised
+    history.was_unnormalised = True
+    return is_new
+
+
 cdef void tree_clear(Tree* tree) noexcept nogil:
     cdef uint32_t id
     for id in range(1, tree.names.count):

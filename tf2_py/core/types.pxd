@@ -84,13 +84,12 @@ cdef struct Status:
     StatusCode code
     Half half               # the part that failed
     Gap gap                 # unless stated above, the fields below are facts of STATUS_EXTRAPOLATION only
+    Gap quoted_gap          # of the frame that tf2's sentence is about; not for GAP_LONG
     FrameId child           # the frame whose data is furthest from requested_ns ...
     FrameId parent          # ... and its parent in the sample nearest to requested_ns; NO_FRAME: none
     int64_t requested_ns    # the time looked up
     int64_t edge_ns         # the stamp of its data nearest to requested_ns; 0 for GAP_EMPTY
-    int64_t newer_ns        # of GAP_LONG only: the stamp after requested_ns; edge_ns is the one before it
-    Gap quoted_gap          # as `gap` and `edge_ns`, of the frame that tf2's sentence is about;
-    int64_t quoted_ns       # ... not of GAP_LONG
+    int64_t other_ns        # the stamp that tf2's sentence quotes; for GAP_LONG, the stamp after edge_ns
 
 
 cdef inline Status status_of(StatusCode code) noexcept nogil:

@@ -228,8 +228,9 @@ cdef class Engine:
         entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, change)
         if entry.refused == 0:
             batch.taken += 1
-            entry.unnormalised = tree_first_unnormalised(&self._tree, &entry.incoming)
-            batch.unnormalised += entry.unnormalised
+            if is_unnormalised(entry.incoming.squared_length) and tree_mark_unnormalised(&self._tree):
+                entry.unnormalised = True
+                batch.unnormalised += 1
         elif entry.refused == TREE_NO_MEMORY:
             entry.refused = 0
             batch.no_memory = True

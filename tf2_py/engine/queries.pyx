@@ -220,11 +220,11 @@ cdef object query_error(const Query* query, Status status, str child, str parent
         return errors.loop(target, source)
     if status.gap == GAP_LONG:
         return errors.long_gap(
-            child, status.requested_ns, status.edge_ns, status.newer_ns, query.policy.max_gap_ns,
+            child, status.requested_ns, status.edge_ns, status.other_ns, query.policy.max_gap_ns,
             target, source,
         )
     error = errors.extrapolation(
-        status.requested_ns, GAP_NAMES[<int>status.quoted_gap], status.quoted_ns, target, source,
+        status.requested_ns, GAP_NAMES[<int>status.quoted_gap], status.other_ns, target, source,
         GAP_NAMES[<int>status.gap], status.edge_ns, child, parent,
     )
     # Data that may still arrive does not help with the past.

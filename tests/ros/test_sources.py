@@ -1,5 +1,7 @@
 """What an inbox does with the parcels of a source: here, of one that needs no middleware."""
 
+import signal
+
 import pytest
 from compiling import compiled
 from making import S, at, transform, translation
@@ -107,3 +109,25 @@ def test_what_was_put_while_there_was_no_buffer_goes_into_the_next_one(source, i
     inbox.fill(other)
     assert other.can_transform("map", "robot", LATEST)
     assert not buffer.can_transform("map", "robot", LATEST)
+
+
+def test_an_interrupt_while_answers_are_handed_over_is_raised_after_the_last_one(source, buffer, tf2_ros):
+    handed = []
+
+    def hand_over(call):
+        handed.append(call)
+        if len(handed) == 1:
+            signal.raise_signal(signal.SIGINT)
+
+    inbox = Inbox(source, hand_over)
+    inbox.fill(buffer)
+    futures = [buffer.wait_for_transform_async("map", "robot", at(second)) for second in (1, 2)]
+    for future in futures:
+        future.add_done_callback(lambda _: None)
+    for second in (1, 2):
+        source.put(serialised(transform("map", "robot", second)))
+    inbox.catch_up()
+    with pytest.raises(KeyboardInterrupt):
+        inbox.fill(tf2_ros.Buffer())
+    assert set(handed) == set(futures)
+    inbox.close()

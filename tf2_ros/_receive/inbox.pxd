@@ -157,3 +157,4 @@ cdef class Inbox(ReadHook):
     cdef object _engine(self)
     cdef void _nudge(self) noexcept
     cdef int _report(self, Engine engine, Parcels* parcels) except -1
+    cdef int _report_one(self, Engine engine, Parcel* parcel) except -1

@@ -646,19 +646,30 @@ cdef class Inbox(ReadHook):
         return has_received
 
     cdef int _report(self, Engine engine, Parcels* parcels) except -1:
+        # All are reported, even if a signal handler raises meanwhile in a thread of the program.
         cdef Parcel* parcel = parcels.first
+        cdef list interrupts = []
         while parcel != NULL:
             try:
-                if parcel.batch.problem != NULL:
-                    engine.malformed(&parcel.batch, parcel.size, self._source.names[parcel.topic])
-                else:
-                    engine.report(&parcel.batch, self._hand_over)
-            except BaseException:
-                # Usually for lack of memory; the next message may succeed.
-                if engine._throttle.passes("receiver"):
-                    log.receiving_failed(traceback.format_exc())
+                self._report_one(engine, parcel)
+            except BaseException as raised:
+                interrupts.append(raised)
             parcel = parcel.next
         _free_parcels(parcels)
+        if interrupts:
+            raise interrupts[0]
+        return 0
+
+    cdef int _report_one(self, Engine engine, Parcel* parcel) except -1:
+        try:
+            if parcel.batch.problem != NULL:
+                engine.malformed(&parcel.batch, parcel.size, self._source.names[parcel.topic])
+            else:
+                engine.report(&parcel.batch, self._hand_over)
+        except Exception:
+            # Usually for lack of memory; the next message may succeed.
+            if engine._throttle.passes("receiver"):
+                log.receiving_failed(traceback.format_exc())
         return 0
 
 

@@ -50,7 +50,7 @@ JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 # The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
-# What `Buffer.__init__` sets; a copy has its own.
+# What belongs to one buffer; a copy has its own.
 _OF_INIT = frozenset(
     (
         "registration _tf2_kept _tf2_wait_contexts srv clock jump_handle _tf2_node _tf2_sharing"
@@ -144,10 +144,15 @@ class Buffer(BufferCore, BufferInterface):
             self._tf2_sharing = Owner(self, buffer_name(share, node))
         self.__connect(node)
 
+    @property
+    def _tf2_kept(self) -> dict[Any, None]:
+        """What waits for this buffer and is awaited or has callbacks: nothing else may refer to it."""
+        # Made at its first use, because a subclass need not call __init__.
+        kept: dict[Any, None] = self.__dict__.setdefault("_tf2_kept", {})
+        return kept
+
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)
-        # What waits for this buffer and is awaited or has callbacks: nothing else may refer to it.
-        self._tf2_kept: dict[Any, None] = {}
         if not HAS_ROS:
             return
         self._tf2_wait_contexts = WaitContexts()

@@ -120,7 +120,8 @@ def _stop_all() -> None:
         owner.stop()
     stop_inboxes()
     for thread in list(_threads.values()):
-        thread.join(THREAD_END_WAIT_S)
+        with suppress(AssertionError, RuntimeError):  # of a thread that `_begin` did not start, but is
+            thread.join(THREAD_END_WAIT_S)
 
 
 def _after_fork_in_child() -> None:

@@ -13,7 +13,7 @@ import pytest
 from geometry_msgs.msg import PointStamped
 from making import at, transform
 from paths import PROGRAMS
-from processes import DEADLINE_S, output_of, until
+from processes import DEADLINE_S, output_of, run, until
 from spinning import spinning
 
 import tf2_py
@@ -209,3 +209,32 @@ def test_of_several_threads_that_start_one_runs():
         _threads._start_once("of the process", ran.append, "once")
     until(lambda: ran and "of the process" not in [one.name for one in threading.enumerate()])
     assert ran == ["once"]
+
+
+NEARLY_FULL = """
+import sys
+import threading
+
+import rclpy
+import tf2_ros
+
+start = threading.Thread.start
+
+
+def refused(thread):
+    if thread.name in ("tf2_ros receiver", "tf2_ros reports"):
+        raise RuntimeError("can't start new thread")
+    start(thread)
+
+
+threading.Thread.start = refused
+rclpy.init()
+node = rclpy.create_node("nearly_full")
+listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
+"""
+
+
+def test_a_process_with_room_for_one_more_thread_ends_without_an_error():
+    # The thread that was to start another one does its work.
+    done = run(sys.executable, "-c", NEARLY_FULL)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -624,6 +624,41 @@ cdef class BufferCore(Engine):
             raise self.error(&query, status, "time_range")
         return answered.first, answered.last
 
+    def _tf2_read_clock(self) -> tuple[int, bool]:
+        """The time now on the clock by which ages are counted, and whether it is the system's time."""
+        raise ValueError("this buffer has no clock, which ages need: a tf2_ros.Buffer has one, a BufferCore and "
+                         "the buffer of a recording do not")
+
+    def ages(self, target_frame: str, source_frame: str) -> dict[str, float]:
+        """
+        Get how old the newest sample of each moving frame between two frames is.
+
+        :return: the ages in seconds on the buffer's clock, by the names of the frames, from ``source_frame``
+            up to the common ancestor and down to ``target_frame``, along the parents of their newest samples.
+            Static frames have no age. A stamp later than the clock results in a negative age. While the
+            clock is at 0, because simulated time has not begun, all ages are infinite.
+        :raises ConnectivityException: the frames are in different trees, or one has no data.
+        :raises LookupException: a frame is unknown, or the tree contains a loop.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``.
+        :raises ValueError: the buffer has no clock. Only a ``tf2_ros.Buffer`` has one, unless it is that of a
+            recording.
+
+        Unlike for a lookup, the frames need not have data for a common time.
+        """
+        cdef Query query
+        cdef Status status
+        cdef uint32_t count
+        cdef FrameId frames[2 * MAX_HOPS]
+        cdef int64_t stamps_ns[2 * MAX_HOPS]
+        query_frames(&query, target_frame, source_frame)
+        catch_up(self)
+        count = self.newest_stamps(&query, frames, stamps_ns, &status)
+        if status.code != STATUS_OK:
+            raise self.error(&query, status, "ages")
+        now_ns, _ = self._tf2_read_clock()
+        ages = [(now_ns - stamps_ns[i]) / 1e9 if now_ns > 0 else float("inf") for i in range(count)]
+        return dict(zip(self.frame_names([frames[i] for i in range(count)]), ages, strict=True))
+
     def lookupVelocityCore(
         self, tracking_frame: str, observation_frame: str, time: Time, averaging_interval: Duration
     ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

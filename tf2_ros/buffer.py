@@ -1,5 +1,6 @@
 """Look up and await transforms in a buffer with a clock and a service."""
 
+import time
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from tf2_py.typing import LookupPolicy
 if TYPE_CHECKING or HAS_ROS:
-    from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
+    from rclpy.clock import Clock, ClockType, JumpHandle, JumpThreshold, TimeJump
     from rclpy.duration import Duration
     from rclpy.exceptions import InvalidHandle
     from rclpy.node import Node
@@ -31,6 +32,7 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._graph import clock_publishers
     from tf2_ros._nodes import WaitContexts, note_filler, require_node
+    from tf2_ros._rclpy import is_simulated
     from tf2_ros._wait.futures import Changes, TransformFuture, WakingFuture
 
     if TYPE_CHECKING:
@@ -432,6 +434,19 @@ class Buffer(BufferCore, BufferInterface):
             return lookup.now(self)  # what is the latest when the coroutine goes on, as in tf2
         except TransformException:
             return answer  # the buffer has lost it meanwhile
+
+    def _tf2_read_clock(self) -> tuple[int, bool]:
+        if not HAS_ROS and "clock" not in self.__dict__:
+            return time.time_ns(), True
+        clock: Any = self.clock
+        if clock is None:
+            return super()._tf2_read_clock()
+        try:
+            is_system = clock.clock_type != ClockType.STEADY_TIME and not is_simulated(clock)
+            # A program's own clock may say anything.
+            return clock.now().nanoseconds, is_system and type(clock).now is Clock.now
+        except InvalidHandle:  # an AsyncNode has ended, and its clock with it
+            return time.time_ns(), True
 
     def __get_frames(self, req: Any, res: Any) -> Any:
         res.frame_yaml = self.all_frames_as_yaml()

@@ -173,7 +173,10 @@ def new_buffer(cache_time: DurationLike | None) -> "Buffer":
     """Create a buffer that keeps everything, or the last ``cache_time``."""
     import tf2_ros
 
-    return tf2_ros.Buffer(inf if cache_time is None else cache_time, max_bytes=UNLIMITED_BYTES)
+    buffer = tf2_ros.Buffer(inf if cache_time is None else cache_time, max_bytes=UNLIMITED_BYTES)
+    # How old the samples are today means nothing; `ages` says so.
+    buffer.clock = None  # type: ignore[assignment]
+    return buffer
 
 
 def fill_buffer(

@@ -135,6 +135,12 @@ def test_everything_is_kept_unless_a_cache_time_says_how_much(tmp_path, monkeypa
     assert bag.load(path, cache_time=60).statistics()["samples"] < 10
 
 
+def test_nothing_in_a_recording_has_an_age(tmp_path):
+    buffer = bag.load(write_mcap(tmp_path / "run.mcap", DRIVE))
+    with pytest.raises(ValueError, match="has no clock.* the buffer of a recording"):
+        buffer.ages("map", "base")
+
+
 def test_repeated_static_transforms_jumps_of_the_clock_and_refused_transforms_lose_nothing_else(tmp_path):
     again = [one._replace(log_ns=one.log_ns + 100 * S) for one in drive(5, begin_ns=50 * S)]
     spoiled = Sent(101 * S, "/tf", [Tf("map", "odom", 101 * S, (float("nan"), 0, 0)), Tf("", "odom", 0)])

@@ -94,6 +94,10 @@ cdef class Engine:
     cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil
     # As walk_time_range. 0, or -1 without memory.
     cdef int answered_times(self, const Query* query, TimeRange* answered, Status* status) noexcept nogil
+    # Fills in the moving frames on the path of the newest samples, up from the source and down to the target,
+    # and their newest stamps. There is room for 2 * MAX_HOPS of each; returns how many there are.
+    cdef uint32_t newest_stamps(self, const Query* query, FrameId* frames, int64_t* stamps_ns,
+                                Status* status) noexcept nogil
     # The ids of the frames from the source up to the common ancestor and down to the target. Raises what the
     # lookup raises.
     cdef list frames_between(self, target_frame, source_frame, int64_t time_ns)

@@ -439,6 +439,27 @@ cdef class Engine:
         tree_unpin(&pinned)
         return 0
 
+    cdef uint32_t newest_stamps(self, const Query* query, FrameId* frames, int64_t* stamps_ns,
+                                Status* status) noexcept nogil:
+        cdef Path path
+        cdef FrameId target, source
+        cdef int64_t common_ns
+        cdef uint32_t i
+        cdef uint32_t count = 0
+        path.source_hops = path.target_hops = 0
+        lock_acquire(&self._lock)
+        status[0] = query_end_frames(&self._tree, query, &target, &source)
+        if status.code == STATUS_OK:
+            status[0] = walk_common_time(&self._tree, target, source, &path, &common_ns)
+        if status.code == STATUS_OK:
+            for i in range(path.source_hops + path.target_hops):
+                frames[count] = (path.source[i] if i < path.source_hops
+                                 else path.target[path.source_hops + path.target_hops - 1 - i])
+                stamps_ns[count] = self._tree.histories[frames[count]].newest_ns
+                count += stamps_ns[count] != 0
+        lock_release(&self._lock)
+        return count
+
     cdef list frames_between(self, target_frame, source_frame, int64_t time_ns):
         # In a tree that ever had a loop the path may pass its top, and come back.
         cdef list frames = []

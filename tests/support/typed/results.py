@@ -61,6 +61,7 @@ def core(message: TransformStamped, data: bytes, when: TimeLike, interval: Durat
     assert_type(buffer.lookupVelocityCore("a", "b", when, interval), Twist)
     assert_type(buffer.statistics()["refused"]["REFUSED_NAN"], int)
     assert_type(buffer.time_range("a", "b"), tuple[int, int])
+    assert_type(buffer.ages("a", "b"), dict[str, float])
     facts: FrameInfo = buffer.frames()["a"]
     assert_type(facts.oldest_ns or facts.newest_ns, int | None)
     history: History = buffer.histories()["a"]

@@ -1,0 +1,131 @@
+"""How old the data of the frames between two frames is, on the clock of the buffer."""
+
+import copy
+import math
+import time
+
+import pytest
+from making import S, transform
+from rclpy.clock import ClockType
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+
+from tf2_py import BufferCore, ConnectivityException, InvalidArgumentException, LookupException
+
+pytestmark = pytest.mark.ours
+
+
+def set_clock(node, seconds):
+    node.set_parameters([Parameter("use_sim_time", value=True)])
+    node.get_clock().set_ros_time_override(Time(seconds=seconds, clock_type=ClockType.ROS_TIME))
+
+
+def insert(buffer, parent, child, *seconds):
+    buffer.set_transforms([transform(parent, child, one) for one in seconds], "x")
+
+
+@pytest.fixture
+def buffer(tf2_ros, node):
+    """map > odom > base > arm and lidar; the clock is at 100 s."""
+    set_clock(node, 100)
+    buffer = tf2_ros.Buffer(node=node)
+    insert(buffer, "map", "odom", 98, 98.5)
+    insert(buffer, "odom", "base", 99.875, 99.75)
+    insert(buffer, "base", "arm", 97)
+    buffer.set_transform_static(transform("base", "lidar", 50), "x")
+    return buffer
+
+
+def test_each_moving_frame_of_the_path_has_the_age_of_its_newest_sample(buffer):
+    assert buffer.ages("map", "base") == {"base": 0.125, "odom": 1.5}
+    assert list(buffer.ages("map", "base")) == ["base", "odom"]  # up from the source ...
+    assert list(buffer.ages("arm", "map")) == ["odom", "base", "arm"]  # ... and down to the target
+    assert buffer.ages("arm", "map") == {"odom": 1.5, "base": 0.125, "arm": 3.0}
+    assert buffer.ages("lidar", "arm") == {"arm": 3.0}
+
+
+def test_static_frames_have_no_age(buffer):
+    assert buffer.ages("base", "lidar") == {}
+    assert buffer.ages("map", "map") == {}
+    assert buffer.ages("map", "lidar") == buffer.ages("map", "base")
+
+
+def test_frames_without_a_common_time_have_ages(tf2_ros, buffer):
+    insert(buffer, "base", "camera", 50)
+    insert(buffer, "camera", "lens", 99)
+    with pytest.raises(tf2_ros.ExtrapolationException):
+        buffer.lookup_transform("base", "lens", Time())
+    assert buffer.ages("base", "lens") == {"lens": 1.0, "camera": 50.0}
+
+
+def test_the_path_is_that_of_the_newest_samples(buffer):
+    insert(buffer, "gate", "base", 99.9375)
+    insert(buffer, "map", "gate", 99)
+    assert buffer.ages("map", "base") == {"base": 0.0625, "gate": 1.0}
+
+
+def test_a_frame_has_no_age_while_it_has_no_data(buffer):
+    buffer.clear()
+    assert buffer.ages("base", "lidar") == {}
+    with pytest.raises(ConnectivityException):
+        buffer.ages("map", "base")
+
+
+def test_a_stamp_that_is_later_than_the_clock_has_a_negative_age(buffer):
+    insert(buffer, "odom", "base", 102)
+    assert buffer.ages("odom", "base") == {"base": -2.0}
+
+
+def test_ages_follow_the_clock(buffer, node):
+    set_clock(node, 103)
+    assert buffer.ages("odom", "base") == {"base": 3.125}
+    set_clock(node, 102.5)  # less than what clears the buffer
+    assert buffer.ages("odom", "base") == {"base": 2.625}
+
+
+def test_all_is_infinitely_old_until_simulated_time_begins(tf2_ros, node):
+    node.set_parameters([Parameter("use_sim_time", value=True)])
+    buffer = tf2_ros.Buffer(node=node)
+    insert(buffer, "map", "base", 1)
+    assert buffer.ages("map", "base") == {"base": math.inf}
+
+
+def test_a_buffer_without_a_node_counts_system_time(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    before_ns = time.time_ns()
+    buffer.set_transform(transform("map", "base", ns=before_ns - 5 * S), "x")
+    age = buffer.ages("map", "base")["base"]
+    assert 5 <= age <= 5 + (time.time_ns() - before_ns) / S
+
+
+def test_a_copy_counts_system_time(buffer):
+    assert copy.deepcopy(buffer).ages("odom", "base")["base"] > 10**9
+
+
+def test_errors_are_those_of_a_lookup(buffer):
+    insert(buffer, "elsewhere", "cup", 99)
+    with pytest.raises(
+        LookupException, match=r'"bse" passed to ages argument source_frame .*Did you mean \[base\]'
+    ):
+        buffer.ages("map", "bse")
+    with pytest.raises(ConnectivityException, match="'map' and 'cup'"):
+        buffer.ages("map", "cup")
+    with pytest.raises(InvalidArgumentException, match="target_frame"):
+        buffer.ages("/map", "base")
+    with pytest.raises(TypeError, match="source_frame: expected a str"):
+        buffer.ages("map", 1)
+
+
+def test_what_has_no_clock_says_so():
+    buffer = BufferCore()
+    insert(buffer, "map", "base", 1)
+    with pytest.raises(ValueError, match="has no clock"):
+        buffer.ages("map", "base")
+
+
+@pytest.mark.parametrize("hops", [1, 999])
+def test_long_paths_have_the_ages_of_all_their_frames(buffer, hops):
+    buffer.set_transforms([transform(f"f{i}", f"f{i + 1}", ns=95 * S + i) for i in range(hops)], "x")
+    ages = buffer.ages("f0", f"f{hops}")
+    assert list(ages) == [f"f{i}" for i in range(hops, 0, -1)]
+    assert ages["f1"] == 5.0

@@ -20,7 +20,7 @@ import os
 import sys
 import types
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from threading import get_ident, main_thread
 
@@ -350,6 +350,13 @@ cdef class BufferCore(Engine):
             raise self.error(query, status)
         return 0
 
+    cdef int _refuse_unknown_limits(self, const Query* query) except -1:
+        # After a lookup that has succeeded; one that has not raises the same.
+        error = self.unknown_limits(query, status_of(STATUS_OK))
+        if error is not None:
+            raise error
+        return 0
+
     cdef object _answer(self, const Query* query, target_frame, source_frame):
         cdef Transform transform
         cdef int64_t stamp_ns
@@ -450,6 +457,7 @@ cdef class BufferCore(Engine):
         The GIL is released, so other threads run meanwhile.
         """
         cdef Query query
+        cdef ClockReading reading
         cdef TimeSeries series
         cdef Status status
         cdef Py_ssize_t i
@@ -469,6 +477,7 @@ cdef class BufferCore(Engine):
                 raise self.error(&query, status)
         for i, frame in enumerate(frames if count else ()):
             query_fill_series(&query, target_frame, frame, fixed_frame, target_time, accepted)
+            self._read_clock_for(&query, times_ns, &reading)
             series.translations = doubles_of(translations, 3) + 3 * count * i
             series.rotations = doubles_of(rotations, 4) + 4 * count * i
             self._lookup_series(&query, &series)
@@ -508,6 +517,7 @@ cdef class BufferCore(Engine):
             are NaT or do not fit into 64 bits.
         """
         cdef Query query
+        cdef ClockReading reading
         cdef TimeSeries series
         rows, dtype = as_points(points)
         times_ns = as_times_ns(times)
@@ -515,13 +525,21 @@ cdef class BufferCore(Engine):
         if len(rows) != series.count:
             raise ValueError(f"{len(rows)} points, {series.count} times: each point needs its own time")
         transformed = new_array((series.count, 3))
-        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time,
-                          policy_of("transform_points", **policy))
+        accepted = policy_of("transform_points", **policy)      # whose memory the query refers to
+        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
+        self._read_clock_for(&query, times_ns, &reading)
         if series.count:
             series.points = doubles_of(rows, 3)
             series.transformed = doubles_of(transformed, 3)
             self._lookup_series(&query, &series)
         return transformed.astype(dtype, copy=False)
+
+    cdef int _read_clock_for(self, Query* query, times_ns, ClockReading* reading) except -1:
+        if query.policy.is_given and query.policy.judges_age:
+            for time_ns in times_ns[times_ns != 0][:1]:
+                _require_latest(time_ns, "every time")
+            self.read_clock(query, reading)
+        return 0
 
     cdef int _lookup_series(self, Query* query, const TimeSeries* series, Py_ssize_t per_time=1) except -1:
         # `per_time`: how many times of the series belong to each time that the program gave.
@@ -537,7 +555,7 @@ cdef class BufferCore(Engine):
             if answered != SERIES_BAD_NAME:
                 error = type(error)(f"times[{answered // per_time}]: {error}")
             raise error
-        return 0
+        return self._refuse_unknown_limits(query)
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time) -> tuple[int, str]:
         """
@@ -626,8 +644,8 @@ cdef class BufferCore(Engine):
 
     def _tf2_read_clock(self) -> tuple[int, bool]:
         """The time now on the clock by which ages are counted, and whether it is the system's time."""
-        raise ValueError("this buffer has no clock, which ages need: a tf2_ros.Buffer has one, a BufferCore and "
-                         "the buffer of a recording do not")
+        raise ValueError("this buffer has no clock, which ages need: a tf2_ros.Buffer has one, a BufferCore "
+                         "and the buffer of a recording do not")
 
     def ages(self, target_frame: str, source_frame: str) -> dict[str, float]:
         """
@@ -800,8 +818,14 @@ cdef class BufferCore(Engine):
     ) -> TransformStamped:
         """Look up as :meth:`lookup_transform_core`, or at two times, under a policy of ``policy_of``."""
         cdef Query query
+        cdef ClockReading reading
         query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, policy)
-        return self._answer(&query, target_frame, source_frame)
+        if query.policy.is_given and query.policy.judges_age:
+            self.read_clock(&query, &reading)
+        answer = self._answer(&query, target_frame, source_frame)
+        if query.policy.is_given:
+            self._refuse_unknown_limits(&query)
+        return answer
 
     # Waiting.
 
@@ -819,10 +843,11 @@ cdef class BufferCore(Engine):
         """
         Wait for a lookup, which is at two times if ``fixed_frame`` and ``target_time`` are given.
 
-        :param notify: called with the answer by the thread that inserts what was missing; not called if the
-            answer is available at once. If it raises, it is called again, because a signal handler may have
-            raised in it. It runs no user code, but may return a callable that does. A user's thread
-            calls that at once; a receiver hands it over. None: :meth:`Wait.wait_for` waits.
+        :param notify: called with the answer by the thread that inserts what was missing, or with None and
+            the error that ends the wait; not called if the answer is available at once. If it raises, it is
+            called again, because a signal handler may have raised in it. It runs no user code, but may
+            return a callable that does. A user's thread calls that at once; a receiver hands it over. None:
+            :meth:`Wait.wait_for` waits.
         :param policy: of ``policy_of``.
         :param after: a previous wait for the same simple lookup at the latest time: wait for an answer
             that differs from its answer.
@@ -834,7 +859,7 @@ cdef class BufferCore(Engine):
         query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, policy)
         if after is not None:
             wait.only_after(after)
-        wait.begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
+        wait.begin(self, (target_frame, source_frame, fixed_frame), &query, policy, notify)
         return wait
 
     def _pending_waits(self, size_t most=1000) -> list[str]:

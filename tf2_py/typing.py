@@ -1,6 +1,6 @@
 """The types of times and durations, for the signatures of this project and of programs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import timedelta
 from typing import Protocol, TypedDict
 
@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 __all__ = [
     "DurationLike",
+    "DurationsLike",
     "HasNanoseconds",
     "HasSecNanosec",
     "LookupPolicy",
@@ -42,21 +43,35 @@ TimesLike = npt.ArrayLike | Sequence[TimeLike]
 # A timeout, a tolerance, an interval, how far a history reaches back; a number means seconds.
 DurationLike = HasNanoseconds | HasSecNanosec | timedelta | float
 
+# One duration for all frames, or one for each of some frames, by name.
+DurationsLike = DurationLike | Mapping[str, DurationLike]
+
 
 class LookupPolicy(TypedDict, total=False):
     """
     What a lookup accepts beyond tf2's: keyword arguments of ``tf2_ros.Buffer.lookup_transform`` and others.
 
-    ``tolerance``: a duration. A frame whose newest sample is at most this much older
-    than the requested time stays at that sample. The answer has the stamp of the oldest such sample, but what
-    ``transform``, ``transform_full`` and ``transform_async`` make of data has the stamp without a tolerance.
+    ``tolerance``: a duration, or a mapping of frames to durations. A frame whose newest sample is at most
+    this much older than the requested time stays at that sample. Frames that a mapping does not name must
+    have data. The answer has the stamp of the oldest such sample, but what ``transform``, ``transform_full`` and
+    ``transform_async`` make of data has the stamp without a tolerance.
 
     ``extrapolate``: with a tolerance, such a frame continues at the velocity of its last two samples instead,
     and the answer has the requested time as its stamp.
 
     ``max_gap``: a duration. There is no answer between samples that are further apart.
+
+    ``max_age``: a duration, or a mapping of frames to durations, for lookups at the latest time, 0. There is
+    no answer while the newest sample of a moving frame on the path is older than this, on the clock of the
+    buffer; a wait goes on until there is one. Static frames have no age, and frames that a mapping does not
+    name may have any. A time other than 0 is a ``ValueError``, and so is a buffer without a clock: only a
+    ``tf2_ros.Buffer`` has one, unless it is that of a recording.
+
+    The frames of a mapping are children: the limit of ``base_link`` is that of the transform from its parent.
+    One that the buffer does not know, although it has a path between the two frames, is a ``ValueError``.
     """
 
-    tolerance: DurationLike | None
+    tolerance: DurationsLike | None
     extrapolate: bool
     max_gap: DurationLike | None
+    max_age: DurationsLike | None

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from tf2_py.typing import LookupPolicy
 if TYPE_CHECKING or HAS_ROS:
-    from rclpy.clock import Clock, ClockType, JumpHandle, JumpThreshold, TimeJump
+    from rclpy.clock import Clock, ClockChange, ClockType, JumpHandle, JumpThreshold, TimeJump
     from rclpy.duration import Duration
     from rclpy.exceptions import InvalidHandle
     from rclpy.node import Node
@@ -207,15 +207,18 @@ class Buffer(BufferCore, BufferInterface):
         :param timeout: how long to wait for an answer. A number is seconds. Ctrl-C ends the wait, and so does
             the shutdown of the contexts of the buffer's node and listeners, even before the wait; without
             these, the shutdown of the default context during the wait. Zero or negative: do not wait.
-        :param policy: what the lookup accepts beyond tf2's: ``tolerance``, ``extrapolate`` and ``max_gap``
-            of :class:`tf2_py.typing.LookupPolicy`.
+        :param policy: what the lookup accepts beyond tf2's: ``tolerance``, ``extrapolate``, ``max_gap`` and
+            ``max_age`` of :class:`tf2_py.typing.LookupPolicy`.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises ConnectivityException: the frames are in different trees.
-        :raises ExtrapolationException: a frame on the path has no data for the time.
+        :raises ExtrapolationException: a frame on the path has no data for the time, or only data that is
+            older than ``max_age``.
         :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
+        :raises ValueError: a limit is negative or of an unknown frame, or ``max_age`` is given for a time
+            that is not 0, or to a buffer without a clock.
 
         After a wait, the text of an error also says how long it took, or that a shutdown ended it.
 
@@ -286,7 +289,8 @@ class Buffer(BufferCore, BufferInterface):
         node; while nobody spins it they wait, the future is not done, and no timeout ends it. If the node or
         its context ends before, the future holds a ``TimeoutException``. At the timeout, callbacks run in the
         executor that has the node of the latest listener, or else in a thread for timeouts. With an invalid
-        name, the future holds an ``InvalidArgumentException`` at once.
+        name, the future holds an ``InvalidArgumentException`` at once. Under a ``max_age``, the age counts
+        when the transform arrives; what :meth:`lookup_transform_async` returns is also fresh when it returns.
         """
         accepted = policy_of("wait_for_transform_async", **policy)
         return TransformFuture(self, Lookup(target_frame, source_frame, time, policy=accepted).wait, timeout)
@@ -427,13 +431,17 @@ class Buffer(BufferCore, BufferInterface):
 
     async def __answer(self, lookup: Lookup, timeout: DurationLike | None) -> TransformStamped:
         """Await a lookup."""
-        answer: TransformStamped = await TransformFuture(self, lookup.wait, timeout)
-        if not lookup.is_latest():
-            return answer
-        try:
-            return lookup.now(self)  # what is the latest when the coroutine goes on, as in tf2
-        except TransformException:
-            return answer  # the buffer has lost it meanwhile
+        begin_ns = time.monotonic_ns()
+        while True:
+            answer: TransformStamped = await TransformFuture(self, lookup.wait, timeout, begin_ns)
+            if not lookup.is_latest():
+                return answer
+            try:
+                return lookup.now(self)  # what is the latest when the coroutine goes on, as in tf2
+            except TransformException:
+                if not lookup.judges_age:
+                    return answer  # the buffer has lost it meanwhile
+                # It has become too old before this ran.
 
     def _tf2_read_clock(self) -> tuple[int, bool]:
         if not HAS_ROS and "clock" not in self.__dict__:
@@ -473,12 +481,19 @@ def _clear_at_jumps(buffer: Any) -> "JumpHandle":
 
     def on_jump(time_jump: "TimeJump") -> None:
         jumping = reference()
-        if jumping is not None:
+        if jumping is None:
+            return
+        is_switched = time_jump.clock_change in (
+            ClockChange.ROS_TIME_ACTIVATED,
+            ClockChange.ROS_TIME_DEACTIVATED,
+        )
+        if is_switched or time_jump.delta <= back:
             jumping.time_jump_callback(time_jump)
+        BufferCore._tf2_clock_jumped(jumping)
 
-    threshold = JumpThreshold(
-        min_forward=None, min_backward=Duration(seconds=-JUMP_BACK_S), on_clock_change=True
-    )
+    # Waits that judge ages need to know of every step back.
+    back = Duration(seconds=-JUMP_BACK_S)
+    threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
     handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)
     weakref.finalize(buffer, _unregister, handle).atexit = False
     return handle

@@ -5,19 +5,14 @@ import math
 import time
 
 import pytest
+from clocks import simulate
 from making import S, transform
-from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
 from tf2_py import BufferCore, ConnectivityException, InvalidArgumentException, LookupException
 
 pytestmark = pytest.mark.ours
-
-
-def set_clock(node, seconds):
-    node.set_parameters([Parameter("use_sim_time", value=True)])
-    node.get_clock().set_ros_time_override(Time(seconds=seconds, clock_type=ClockType.ROS_TIME))
 
 
 def insert(buffer, parent, child, *seconds):
@@ -27,7 +22,7 @@ def insert(buffer, parent, child, *seconds):
 @pytest.fixture
 def buffer(tf2_ros, node):
     """map > odom > base > arm and lidar; the clock is at 100 s."""
-    set_clock(node, 100)
+    simulate(node, seconds=100)
     buffer = tf2_ros.Buffer(node=node)
     insert(buffer, "map", "odom", 98, 98.5)
     insert(buffer, "odom", "base", 99.875, 99.75)
@@ -77,9 +72,9 @@ def test_a_stamp_that_is_later_than_the_clock_has_a_negative_age(buffer):
 
 
 def test_ages_follow_the_clock(buffer, node):
-    set_clock(node, 103)
+    simulate(node, seconds=103)
     assert buffer.ages("odom", "base") == {"base": 3.125}
-    set_clock(node, 102.5)  # less than what clears the buffer
+    simulate(node, seconds=102.5)  # less than what clears the buffer
     assert buffer.ages("odom", "base") == {"base": 2.625}
 
 

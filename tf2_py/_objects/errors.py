@@ -183,6 +183,25 @@ def long_gap(
     )
 
 
+def stale(
+    child: str, parent: str, newest_ns: int, now_ns: int, max_age_ns: int, target: str, source: str
+) -> ExtrapolationException:
+    """The error for a latest transform whose data is older than ``max_age`` allows, by the buffer's clock."""
+    child, parent, target, source = map(printable, (child, parent, target, source))
+    age_ns = now_ns - newest_ns
+    if now_ns > 0:
+        fact = f"is {seconds(age_ns)} s old by the clock of the buffer, at {seconds(now_ns)}"
+    else:
+        fact = "has no known age: the clock of the buffer is at 0, because simulated time has not begun"
+    text = (
+        f"The latest transform from frame [{source}] to frame [{target}] is too old; the newest sample of "
+        f"{child} in {parent}, at {seconds(newest_ns)}, {fact}; max_age allows {seconds(max_age_ns)} s"
+    )
+    if newest_ns < YEAR_NS and age_ns > 30 * YEAR_NS:
+        text += ". The sample is from 1970: is it in simulated time, which this clock does not follow?"
+    return ExtrapolationException(text)
+
+
 # Which known frame names resemble an unknown one.
 
 

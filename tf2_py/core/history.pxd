@@ -138,10 +138,10 @@ cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* h
 # Interpolated between the neighbours: linear translation, slerp of the rotation.
 cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t hint,
                               Transform* out) noexcept nogil
-# As history_transform_at, under a policy that is given. `used_ns`: the time, or the newest stamp where that
-# stands for it.
+# As history_transform_at, under a policy that is given, with its tolerance for this frame. `used_ns`: the
+# time, or the newest stamp where that stands for it.
 cdef Gap history_transform_under(const History* history, int64_t time_ns, const Policy* policy,
-                                 Transform* out, int64_t* used_ns) noexcept nogil
+                                 int64_t tolerance_ns, Transform* out, int64_t* used_ns) noexcept nogil
 # The stamps on both sides of a time, also where the parent changes between them. False: a sample has this
 # time, or it is not between two samples.
 cdef bint history_stamps_around(const History* history, int64_t time_ns, int64_t* older_ns,

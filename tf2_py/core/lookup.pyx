@@ -38,7 +38,8 @@ cdef void lack_check(Lack* lack, const History* history, FrameId frame, int64_t 
     cdef int64_t used_ns
     cdef Gap gap
     if policy.is_given:
-        gap = history_transform_under(history, time_ns, policy, &not_needed, &used_ns)
+        gap = history_transform_under(
+            history, time_ns, policy, limit_of(&policy.tolerance, frame), &not_needed, &used_ns)
     else:
         gap = history_gap(history, time_ns)
     if gap == GAP_NONE:
@@ -116,13 +117,15 @@ cdef inline void _prefetch_side(const Tree* tree, const FrameId* frames, uint32_
         hints[i] = history_prefetch(&tree.histories[frames[i]], time_ns)
 
 
-cdef inline bint _hop(const History* history, int64_t time_ns, uint32_t hint, const Policy* policy,
+cdef inline bint _hop(const Tree* tree, FrameId frame, int64_t time_ns, uint32_t hint, const Policy* policy,
                       Transform* out, int64_t* stamp_ns) noexcept nogil:
     # `policy` may be NULL; under one, `stamp_ns` falls to the oldest stamp used. False: no answer.
+    cdef const History* history = &tree.histories[frame]
     cdef int64_t used_ns
     if policy == NULL:
         return history_transform_at(history, time_ns, hint, out) == GAP_NONE
-    if history_transform_under(history, time_ns, policy, out, &used_ns) != GAP_NONE:
+    if history_transform_under(
+            history, time_ns, policy, limit_of(&policy.tolerance, frame), out, &used_ns) != GAP_NONE:
         return False
     stamp_ns[0] = min(stamp_ns[0], used_ns)
     return True
@@ -134,10 +137,10 @@ cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const ui
     # From frames[0] up all hops, as _hop; hops > 0. False, and `out` undefined: a history does not answer.
     cdef Transform hop
     cdef uint32_t i
-    if not _hop(&tree.histories[frames[0]], time_ns, hints[0], policy, out, stamp_ns):
+    if not _hop(tree, frames[0], time_ns, hints[0], policy, out, stamp_ns):
         return False
     for i in range(1, hops):
-        if not _hop(&tree.histories[frames[i]], time_ns, hints[i], policy, &hop, stamp_ns):
+        if not _hop(tree, frames[i], time_ns, hints[i], policy, &hop, stamp_ns):
             return False
         transform_compose(&hop, out, out)
     return True
@@ -188,8 +191,9 @@ cdef Status path_transform(const Tree* tree, Path* path, int64_t time_ns, const 
 # Lookups that succeed in trees without a loop do not need it. Target and source differ.
 
 cdef inline FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time_ns,
-                                   int64_t tolerance_ns) noexcept nogil:
+                                   const Policy* policy) noexcept nogil:
     cdef const History* history = &tree.histories[frame]
+    cdef int64_t tolerance_ns = limit_of(&policy.tolerance, frame) if policy.is_given else 0
     if time_ns == NEWEST:
         return tree_newest_parent(tree, frame)
     return history_parent_at(history, history_time_within(history, time_ns, tolerance_ns))
@@ -203,8 +207,8 @@ cdef Status _unconnected(FrameId source_root, FrameId target_root) noexcept nogi
 
 
 cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
-                           int64_t tolerance_ns, Path* path) noexcept nogil:
-    # The path at a time, for which frames answer that end at most `tolerance_ns` before it; or at NEWEST, for
+                           const Policy* policy, Path* path) noexcept nogil:
+    # The path at a time, for which frames answer that end within their tolerance before it; or at NEWEST, for
     # which a frame without samples is a root.
     cdef FrameId frame = source
     cdef FrameId top = source
@@ -217,7 +221,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
         top = frame
         if tree.histories[frame].kind == HISTORY_NONE:
             break
-        parent = _parent_within(tree, frame, time_ns, tolerance_ns)
+        parent = _parent_within(tree, frame, time_ns, policy)
         if parent == NO_FRAME:
             if time_ns != NEWEST:
                 _lack_add(&source_lack, &tree.histories[frame], frame, time_ns)
@@ -234,7 +238,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
     while frame != top:
         if tree.histories[frame].kind == HISTORY_NONE:
             break
-        parent = _parent_within(tree, frame, time_ns, tolerance_ns)
+        parent = _parent_within(tree, frame, time_ns, policy)
         if parent == NO_FRAME and time_ns == NEWEST:
             break
         if parent == NO_FRAME:
@@ -347,13 +351,15 @@ cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t t
 
 cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
                              int64_t* common_ns) noexcept nogil:
+    cdef Policy nothing
     cdef bint mixed = False
     cdef Status status
+    nothing.is_given = False
     if target == source:
         common_ns[0] = tree.histories[source].newest_ns
         return status_of(STATUS_OK)
     if tree.ever_looped or not walk_climb(tree, target, source, NEWEST, path, &mixed):
-        status = reference_walk(tree, target, source, NEWEST, 0, path)
+        status = reference_walk(tree, target, source, NEWEST, &nothing, path)
         if status.code != STATUS_OK:
             return status
         _cut_common(path)
@@ -361,11 +367,52 @@ cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, P
     return status_of(STATUS_OK)
 
 
+cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Policy* policy,
+                    int64_t* excess_ns, Status* status) noexcept nogil:
+    # Whether the newest sample is too old, by more than `excess_ns`, which then rises; `status` is about it.
+    cdef const History* history = &tree.histories[frame]
+    cdef int64_t limit_ns = limit_of(&policy.max_age, frame)
+    cdef int64_t age_ns = now_ns - history.newest_ns if now_ns > 0 else INT64_MAX
+    if history.newest_ns == 0 or limit_ns == INT64_MAX or age_ns - limit_ns <= excess_ns[0]:
+        return False
+    excess_ns[0] = age_ns - limit_ns
+    status[0] = status_of(STATUS_EXTRAPOLATION)
+    status.gap = GAP_STALE
+    status.child = frame
+    status.parent = history_newest_parent(history)
+    status.requested_ns = now_ns
+    status.edge_ns = history.newest_ns
+    status.other_ns = limit_ns
+    return True
+
+
+cdef Status _judge_ages(const Tree* tree, FrameId target, FrameId source, const Policy* policy, Path* path,
+                        Status status) noexcept nogil:
+    # The status of a lookup of the latest time, once the ages of the moving frames are judged: it names the
+    # frame that is furthest beyond its limit. A lookup that fails because there is no common time does so
+    # mostly because a frame is stale, which then is the better reason.
+    cdef int64_t now_ns = system_ns() if policy.clock.is_system else policy.clock.now_ns
+    cdef int64_t excess_ns = 0
+    cdef int64_t common_ns
+    cdef Status stale = status
+    cdef uint32_t i
+    if status.code == STATUS_EXTRAPOLATION:
+        if walk_common_time(tree, target, source, path, &common_ns).code != STATUS_OK:
+            return status
+    elif status.code != STATUS_OK:
+        return status
+    for i in range(path.target_hops):
+        _is_stale(tree, path.target[i], now_ns, policy, &excess_ns, &stale)
+    for i in range(path.source_hops):
+        _is_stale(tree, path.source[i], now_ns, policy, &excess_ns, &stale)
+    return stale
+
+
 cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
                         const Policy* policy, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil:
-    cdef int64_t tolerance_ns = policy.tolerance_ns if policy.is_given else 0
     cdef bint mixed = False
     cdef bint latest = time_ns == 0
+    cdef bint judges_age = latest and policy.is_given and policy.judges_age
     cdef bint found
     cdef Status status
     path.source_hops = path.target_hops = 0
@@ -391,14 +438,17 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
             # At the common time a frame may have another parent than at its newest stamp.
             found = walk_climb(tree, target, source, stamp_ns[0], path, &mixed)
     if not found:
-        status = reference_walk(tree, target, source, stamp_ns[0], tolerance_ns, path)
+        status = reference_walk(tree, target, source, stamp_ns[0], policy, path)
         if status.code == STATUS_EXTRAPOLATION and policy.is_given and not tree.ever_looped \
                 and walk_climb(tree, target, source, stamp_ns[0], path, &mixed):
             # The path is known nevertheless. The walk stops at the first gaps, perhaps above the path.
-            return _path_lack(tree, path, stamp_ns[0], policy)
+            status = _path_lack(tree, path, stamp_ns[0], policy)
         if status.code != STATUS_OK:
-            return status
-    return path_transform(tree, path, stamp_ns[0], policy, out, stamp_ns)
+            return _judge_ages(tree, target, source, policy, path, status) if judges_age else status
+    if not judges_age:
+        return path_transform(tree, path, stamp_ns[0], policy, out, stamp_ns)
+    status = path_transform(tree, path, stamp_ns[0], policy, out, stamp_ns)
+    return _judge_ages(tree, target, source, policy, path, status)
 
 
 cdef int64_t _same_path_since(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
@@ -456,9 +506,18 @@ cdef bint query_is_identity(const Query* query) noexcept nogil:
             and memcmp(query.target, query.source, query.source_size) == 0)
 
 
+cdef void _find_named(const Tree* tree, const FrameLimits* limits) noexcept nogil:
+    cdef uint32_t i
+    for i in range(limits.count):
+        limits.named[i].frame = tree_frame(tree, limits.named[i].name, limits.named[i].size)
+
+
 cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil:
     cdef Status status
     frames.fixed = NO_FRAME
+    if query.policy.is_given:
+        _find_named(tree, &query.policy.tolerance)
+        _find_named(tree, &query.policy.max_age)
     if query_is_identity(query):
         frames.target = frames.source = tree_frame(tree, query.source, query.source_size)
         return status_of(STATUS_OK)

@@ -51,14 +51,46 @@ cdef enum Gap:
     GAP_FUTURE              # the time is later than the newest sample
     GAP_PAST                # the time is earlier than the oldest sample
     GAP_LONG                # the samples around the time are further apart than a Policy allows
+    GAP_STALE               # the newest sample is older, by a clock, than a Policy allows
+
+
+cdef struct FrameLimit:
+    const char* name        # UTF-8, owned by the policy's object
+    Py_ssize_t size         # bytes
+    int64_t limit_ns
+    FrameId frame           # found anew for each lookup, under the lock; NO_FRAME: the name is unknown
+
+
+cdef struct FrameLimits:
+    # A duration for each frame.
+    FrameLimit* named       # those of some frames ...
+    uint32_t count
+    int64_t others_ns       # ... and that of all others
+
+
+cdef inline int64_t limit_of(const FrameLimits* limits, FrameId frame) noexcept nogil:
+    cdef uint32_t i
+    for i in range(limits.count):
+        if limits.named[i].frame == frame:
+            return limits.named[i].limit_ns
+    return limits.others_ns
+
+
+cdef struct ClockReading:
+    # The clock by which the age of samples is counted.
+    bint is_system          # it shows the system's time, which is read when an age is judged
+    int64_t now_ns          # otherwise, what it has shown; 0 or less: it has not begun
 
 
 cdef struct Policy:
     # What a program asks of a lookup beyond tf2's.
     bint is_given           # False: nothing, and the other fields are not set
     bint extrapolates       # after its newest sample a frame goes on at its last velocity; False: it stays
-    int64_t tolerance_ns    # how far after its newest sample a frame has an answer
+    bint judges_age         # of a lookup at the latest common time; the last two fields are set
+    FrameLimits tolerance   # how far after its newest sample a frame has an answer
     int64_t max_gap_ns      # between samples that are further apart it has none
+    FrameLimits max_age     # how old the newest sample of a moving frame may be; INT64_MAX: any age
+    const ClockReading* clock   # set by the engine
 
 
 cdef enum StatusCode:
@@ -87,9 +119,11 @@ cdef struct Status:
     Gap quoted_gap          # of the frame that tf2's sentence is about; not for GAP_LONG
     FrameId child           # the frame whose data is furthest from requested_ns ...
     FrameId parent          # ... and its parent in the sample nearest to requested_ns; NO_FRAME: none
-    int64_t requested_ns    # the time looked up
+    int64_t requested_ns    # the time looked up; of GAP_STALE: that of the clock
     int64_t edge_ns         # the stamp of its data nearest to requested_ns; 0 for GAP_EMPTY
-    int64_t other_ns        # the stamp that tf2's sentence quotes; for GAP_LONG, the stamp after edge_ns
+    # The stamp that tf2's sentence quotes; for GAP_LONG, the stamp after edge_ns; for GAP_STALE, how old the
+    # data may be.
+    int64_t other_ns
 
 
 cdef inline Status status_of(StatusCode code) noexcept nogil:

@@ -54,6 +54,10 @@ cdef class Engine:
     cdef list _authorities              # likewise
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef Tap _tap                       # of what a program inserts here; or None
+    # Under _lock: no later than what the clock shows. After their first attempt, waits judge ages by it, so
+    # that an insert without the GIL may answer too early, but not too late; confirm_waiter corrects that.
+    cdef ClockReading _clock
+    cdef bint _reads_clock              # it was read once
 
     # The inboxes that fill this engine. A read first inserts what has arrived.
     cdef int add_inbox(self, ReadHook inbox) except -1
@@ -104,8 +108,17 @@ cdef class Engine:
     # The exception for a status; `call` is the function that the text names.
     cdef object error(self, const Query* query, Status status, str call=*)
 
+    # Reads the clock for a query that judges ages, which refers to the reading; ValueError: there is none.
+    cdef int read_clock(self, Query* query, ClockReading* reading) except -1
+    # The ValueError for a frame in the limits of a query that the buffer does not know, although it knows a
+    # path; None: there is none. The status is that of the last lookup.
+    cdef object unknown_limits(self, const Query* query, Status status)
+
     # Waiting. The status is that of the first attempt.
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1
+    # To be called with one that is answered, before its answer is delivered: whether its lookup still
+    # answers. Otherwise it waits again.
+    cdef bint confirm_waiter(self, Waiter* waiter) except -1
     # Returns whether it was pending. No effect on one that was removed before, or is forgotten.
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil
     # Whether it was added before the fork that created this process: then it never gets an answer.
@@ -125,6 +138,7 @@ cdef class Engine:
     cdef dict counts(self)              # see BufferCore.statistics
     cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
 
+    cdef Status _file_waiter(self, Waiter* waiter) noexcept
     cdef Status _check_names(self, const Query* query) noexcept nogil
     cdef int _begin_advice(self) except -1
     cdef int _log_refused(self, Batch* batch) except -1

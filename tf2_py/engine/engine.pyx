@@ -400,6 +400,43 @@ cdef class Engine:
         lock_release(&self._lock)
         return status
 
+    cdef int read_clock(self, Query* query, ClockReading* reading) except -1:
+        reading.now_ns, reading.is_system = self._tf2_read_clock()
+        query.policy.clock = reading
+        lock_acquire(&self._lock)
+        # A clock that has not begun may begin at any time.
+        self._clock.now_ns = max(reading.now_ns, 1)
+        self._clock.is_system = reading.is_system
+        lock_release(&self._lock)
+        self._reads_clock = True
+        return 0
+
+    def _tf2_clock_jumped(self):
+        """Judge the ages of pending waits anew, because the clock has gone back, or shows another time."""
+        cdef Query not_needed
+        cdef ClockReading reading
+        cdef Batch batch
+        if not self._reads_clock:
+            return
+        self.read_clock(&not_needed, &reading)
+        lock_acquire(&self._lock)
+        self._begin_to_wake_all(&batch)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        self._wake_all(&batch)
+
+    cdef object unknown_limits(self, const Query* query, Status status):
+        if not query.policy.is_given or status.code not in (STATUS_OK, STATUS_EXTRAPOLATION):
+            return None
+        argument = "tolerance"
+        name = unknown_limit(&query.policy.tolerance)
+        if name is None:
+            argument = "max_age"
+            name = unknown_limit(&query.policy.max_age)
+        if name is None:
+            return None
+        self._begin_advice()
+        return ValueError(self._advice.unknown(name, argument, "lookupTransform", self._tf2_names))
+
     cdef Status _check_names(self, const Query* query) noexcept nogil:
         cdef QueryFrames frames
         cdef Status status
@@ -485,6 +522,9 @@ cdef class Engine:
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
         cdef str child = None
         cdef str parent = None
+        unknown = self.unknown_limits(query, status)
+        if unknown is not None:
+            return unknown
         if status.code == STATUS_EXTRAPOLATION or status.code == STATUS_UNCONNECTED:
             child, parent = self.frame_names((status.child, status.parent))
         self._begin_advice()
@@ -520,13 +560,37 @@ cdef class Engine:
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1:
         catch_up(self)
         lock_acquire(&self._lock)
-        status[0] = waiters_add(&self._waiters, &self._tree, waiter)
-        if not waiter.answered:
-            self.arm()
+        status[0] = self._file_waiter(waiter)
         unlock_written(&self._lock, &self._tree, &self._waiters)
         if not waiter.answered:
             catch_up(self)      # with what arrived before the inboxes were armed
         return 0
+
+    cdef Status _file_waiter(self, Waiter* waiter) noexcept:
+        # With the lock held. The first attempt judges ages by a reading of its own.
+        cdef Status status = waiters_add(&self._waiters, &self._tree, waiter)
+        waiter.query.policy.clock = &self._clock
+        if status.code != STATUS_OK:
+            self.arm()
+        return status
+
+    cdef bint confirm_waiter(self, Waiter* waiter) except -1:
+        cdef ClockReading reading
+        cdef Query judged = waiter.query
+        cdef Status status = status_of(STATUS_NOT_NEW)
+        if self._clock.is_system:
+            return True
+        self.read_clock(&judged, &reading)
+        lock_acquire(&self._lock)
+        # Where this is called again, because a signal handler has raised, it may wait again already.
+        if waiter.answered and not waiter.is_listed:
+            flag_set(&waiter.answered, False)
+            waiter.query.policy.clock = &reading
+            status = self._file_waiter(waiter)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        if status.code != STATUS_OK:
+            catch_up(self)
+        return status.code == STATUS_OK
 
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil:
         cdef bint was_pending
@@ -560,7 +624,11 @@ cdef class Engine:
     cdef object reason(self, const Query* query):
         cdef int64_t stamp_ns
         cdef Transform not_needed   # with NULL, the other half of a two-time lookup would be tried first
-        cdef Status status = self.lookup(query, &not_needed, &stamp_ns)
+        cdef ClockReading reading
+        cdef Query judged = query[0]
+        if judged.policy.is_given and judged.policy.judges_age:
+            self.read_clock(&judged, &reading)
+        cdef Status status = self.lookup(&judged, &not_needed, &stamp_ns)
         return None if status.code == STATUS_OK else self.error(query, status)
 
     cdef list frame_facts(self, bint roots=False):

@@ -10,15 +10,21 @@ cdef int query_fix(Query* query, object fixed_frame, object target_time) except 
 
 
 cdef class PolicyObject:
-    # What a lookup accepts beyond tf2's.
+    # What a lookup accepts beyond tf2's. A query with its policy refers to its memory.
     cdef Policy policy
+    cdef list _names            # keeps the UTF-8 of the limits' names
+    cdef int _read_limits(self, FrameLimits* limits, object given, str argument, int64_t others_ns) except -1
 
 # Both at two times if fixed_frame is not None, and under a policy if that is not. A series has its times
-# elsewhere.
+# elsewhere. Where the policy judges ages, Engine.read_clock must follow.
 cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
                            object target_time, PolicyObject policy) except -1
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
                         object fixed_frame, object target_time, PolicyObject policy) except -1
+
+
+# The name of a frame that has a limit, and that the last lookup did not find; None: there is none.
+cdef str unknown_limit(const FrameLimits* limits)
 
 
 # Frame names as Python text.

@@ -30,14 +30,61 @@ cdef int query_fill_series(Query* query, object target_frame, object source_fram
         query_fix(query, fixed_frame, target_time)
     if policy is not None:
         query.policy = policy.policy
+        if policy.policy.judges_age and fixed_frame is not None:
+            _require_latest(query.target_ns, "target_time")
+    return 0
+
+
+cdef int _require_latest(int64_t time_ns, str argument) except -1:
+    if time_ns != 0:
+        raise ValueError(f"max_age limits the age of the latest transform, so {argument} must be 0, "
+                         f"got {errors.seconds(time_ns)} s; for a time, use tolerance")
     return 0
 
 
 cdef class PolicyObject:
     """What a lookup accepts beyond tf2's; made by :func:`policy_of`."""
 
+    def __cinit__(self):
+        self._names = []
 
-def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, **unknown):
+    def __dealloc__(self):
+        free(self.policy.tolerance.named)
+        free(self.policy.max_age.named)
+
+    @property
+    def judges_age(self):
+        """Whether an answer that was accepted may be refused later, because it has become older."""
+        return self.policy.judges_age
+
+    cdef int _read_limits(self, FrameLimits* limits, object given, str argument, int64_t others_ns) except -1:
+        cdef FrameLimit* limit
+        if not isinstance(given, Mapping):
+            limits.others_ns = _not_negative(given, argument)
+            return 0
+        limits.others_ns = others_ns
+        items = list(given.items())
+        limits.named = <FrameLimit*>calloc(len(items) + 1, sizeof(FrameLimit))
+        if limits.named == NULL:
+            raise MemoryError
+        for frame, duration in items:
+            limit = &limits.named[limits.count]
+            limit.name = name_utf8(frame, &limit.size, f"a frame of {argument}")
+            limit.limit_ns = _not_negative(duration, f"{argument}[{frame!r}]")
+            self._names.append(frame)
+            limits.count += 1
+        return 0
+
+
+cdef int64_t _not_negative(object duration, str argument) except -1:
+    # INT64_MAX: without end.
+    cdef int64_t found_ns = duration_ns(duration, argument)
+    if found_ns < 0:
+        raise ValueError(f"{argument} must not be negative, got {errors.seconds(found_ns)} s")
+    return INT64_MAX if found_ns >= FOR_EVER_NS else found_ns
+
+
+def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, max_age=None, **unknown):
     """
     The policy of these arguments, which are those of ``Buffer.lookup_transform``; None: all are defaults.
 
@@ -47,27 +94,41 @@ def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, **unknown):
     """
     cdef PolicyObject made
     for name in unknown:
-        meant = errors.closest(name, ("timeout", "tolerance", "extrapolate", "max_gap"))
+        meant = errors.closest(name, ("timeout", "tolerance", "extrapolate", "max_gap", "max_age"))
         raise TypeError(f"{call}() got an unexpected keyword argument {name!r}"
                         + (f". Did you mean {meant[0]!r}?" if meant else ""))
     if tolerance is None and extrapolate:
         raise TypeError("extrapolate needs a tolerance: how far it may extrapolate")
-    if tolerance is None and max_gap is None:
+    if tolerance is None and max_gap is None and max_age is None:
         return None
     made = PolicyObject()
     made.policy.is_given = True
     made.policy.extrapolates = extrapolate
-    made.policy.tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "tolerance")
-    made.policy.max_gap_ns = INT64_MAX if max_gap is None else duration_ns(max_gap, "max_gap")
-    if made.policy.tolerance_ns < 0 or made.policy.max_gap_ns < 0:
-        raise ValueError("tolerance and max_gap must not be negative")
+    made.policy.max_gap_ns = INT64_MAX if max_gap is None else _not_negative(max_gap, "max_gap")
+    if tolerance is not None:
+        made._read_limits(&made.policy.tolerance, tolerance, "tolerance", 0)
+    if max_age is not None:
+        made.policy.judges_age = True
+        made._read_limits(&made.policy.max_age, max_age, "max_age", INT64_MAX)
     return made
+
+
+cdef str unknown_limit(const FrameLimits* limits):
+    # The name of a frame that has a limit, and that the last lookup did not find; None: there is none.
+    cdef uint32_t i
+    for i in range(limits.count):
+        if limits.named[i].frame == NO_FRAME:
+            return limits.named[i].name[:limits.named[i].size].decode("utf-8")
+    return None
 
 
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
                         object fixed_frame, object target_time, PolicyObject policy) except -1:
     query_fill_series(query, target_frame, source_frame, fixed_frame, target_time, policy)
-    query.source_ns = stamp_nanoseconds(time, "time" if fixed_frame is None else "source_time")
+    argument = "time" if fixed_frame is None else "source_time"
+    query.source_ns = stamp_nanoseconds(time, argument)
+    if query.policy.is_given and query.policy.judges_age:
+        _require_latest(query.source_ns, argument)
     return 0
 
 
@@ -149,7 +210,7 @@ cdef class Advice:
         if not silence:
             return error
         text = str(error)
-        added = f" {_sentence(silence)}" if text.endswith(".") else f"; {silence}"
+        added = f" {_sentence(silence)}" if text.endswith((".", "?")) else f"; {silence}"
         return type(error)(text + added)
 
     cdef int forget(self) except -1:
@@ -223,6 +284,11 @@ cdef object query_error(const Query* query, Status status, str child, str parent
             child, status.requested_ns, status.edge_ns, status.other_ns, query.policy.max_gap_ns,
             target, source,
         )
+    if status.gap == GAP_STALE:
+        error = errors.stale(
+            child, parent, status.edge_ns, status.requested_ns, status.other_ns, target, source
+        )
+        return advice.with_silence(error, buffer, dynamic_only=True)
     error = errors.extrapolation(
         status.requested_ns, GAP_NAMES[<int>status.quoted_gap], status.other_ns, target, source,
         GAP_NAMES[<int>status.gap], status.edge_ns, child, parent,

@@ -9,13 +9,15 @@ cdef class Wait(WaiterOwner):
     # the waiter.
     cdef Waiter _waiter                 # under the engine's lock
     cdef Engine _engine
-    cdef tuple _names                   # keeps the query's UTF-8 alive
+    cdef tuple _names                   # keeps the query's UTF-8 alive ...
+    cdef PolicyObject _policy           # ... and its limits; or None
     cdef object _notify                 # called with the answer, or None: a thread blocks
     cdef Event _woken                   # set with the answer, where a thread blocks
 
     # To be called before `begin`: wait for another answer than that of a previous wait or, if that has none,
     # than the one that it was to differ from.
     cdef void only_after(self, Wait previous) noexcept
-    # Called once, on a new one. `names`: target, source and fixed frame. Raises if the buffer has too many
-    # waiters, or if a name can never be looked up.
-    cdef int begin(self, Engine engine, tuple names, const Query* query, object notify) except -1
+    # Called once, on a new one. `names`: target, source and fixed frame. Raises if a name can never be looked
+    # up, or a limit never apply.
+    cdef int begin(self, Engine engine, tuple names, const Query* query, PolicyObject policy,
+                   object notify) except -1

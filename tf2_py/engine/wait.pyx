@@ -21,6 +21,12 @@ cdef class Wait(WaiterOwner):
                 event_free(&self._woken)
 
     cdef object deliver(self):
+        if self._policy is not None:
+            if self._policy.policy.judges_age and not self._engine.confirm_waiter(&self._waiter):
+                return None
+            error = self._engine.unknown_limits(&self._waiter.query, status_of(STATUS_OK))
+            if error is not None:
+                return self._notify(None, error)
         return self._notify(self.answer)
 
     cdef void only_after(self, Wait previous) noexcept:
@@ -28,17 +34,25 @@ cdef class Wait(WaiterOwner):
         self._waiter.answer = previous._waiter.answer
         self._waiter.stamp_ns = previous._waiter.stamp_ns
 
-    cdef int begin(self, Engine engine, tuple names, const Query* query, object notify) except -1:
+    cdef int begin(self, Engine engine, tuple names, const Query* query, PolicyObject policy,
+                   object notify) except -1:
         cdef Status status
+        cdef ClockReading reading
         if notify is None and event_init(&self._woken) != 0:
             raise MemoryError
-        self._names = names
+        self._names, self._policy = names, policy
         self._notify = notify
         self._waiter.query = query[0]
         self._waiter.owner = <void*>self
         self._waiter.woken = &self._woken if notify is None else NULL
+        if policy is not None and policy.policy.judges_age:
+            engine.read_clock(&self._waiter.query, &reading)
         self._engine = engine
         engine.add_waiter(&self._waiter, &status)
+        error = None if policy is None else engine.unknown_limits(query, status)
+        if error is not None:
+            engine.remove_waiter(&self._waiter)
+            raise error
         if status.code == STATUS_OK:
             return 0
         # With such a name there will never be an answer.
@@ -60,6 +74,12 @@ cdef class Wait(WaiterOwner):
             return None
         target, source, _ = self._names
         return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
+
+    def answer_in_time(self):
+        """The same at the end of a timeout, but None for an answer that has become too old meanwhile."""
+        if self._policy is not None and self._policy.policy.judges_age and self.reason() is not None:
+            return None
+        return self.answer
 
     def cancel(self):
         """End the wait. Returns whether it was pending, that is, not answered and not ended before."""
@@ -106,4 +126,7 @@ cdef class Wait(WaiterOwner):
         finally:
             self._engine.remove_waiter(&self._waiter)
         # The waiter may have been answered between the last sleep and the removal.
+        error = self._engine.unknown_limits(&self._waiter.query, status_of(STATUS_OK))
+        if error is not None and self._waiter.answered:
+            raise error
         return self._waiter.answered

@@ -62,12 +62,20 @@ class Lookup(NamedTuple):
             answer = wait.answer
             if answer is not None:
                 return answer
-            if wait.wait_for(timeout_ns, lambda: not shutdown.happened()):
+            left_ns = begin_ns + timeout_ns - time.monotonic_ns()
+            is_answered = wait.wait_for(left_ns, lambda: not shutdown.happened())
+            if is_answered and not self.judges_age:
                 return wait.answer
             reason = wait.reason()
-            if reason is not None:
-                waited_ns = min(time.monotonic_ns() - begin_ns, timeout_ns)
-                ended = shutdown.happened()
-                text = errors.shut_down(waited_ns) if ended else errors.after_wait(str(reason), waited_ns)
-                raise type(reason)(text)
-            # It has arrived between the two, and the next lookup finds it.
+            waited_ns = min(time.monotonic_ns() - begin_ns, timeout_ns)
+            # The next lookup finds what has arrived between the two. What has become too old is waited for.
+            if reason is None or (is_answered and waited_ns < timeout_ns):
+                continue
+            ended = shutdown.happened()
+            text = errors.shut_down(waited_ns) if ended else errors.after_wait(str(reason), waited_ns)
+            raise type(reason)(text)
+
+    @property
+    def judges_age(self) -> bool:
+        """Whether an answer that was accepted may have become too old before it is returned."""
+        return self.policy is not None and self.policy.judges_age

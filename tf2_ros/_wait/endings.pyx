@@ -117,10 +117,10 @@ cdef class Ending:
         return 0
 
 
-def notify(reference, answer):
-    """End what a weak reference refers to, if it exists, with the answer that it waits for."""
+def notify(reference, answer, error=None):
+    """End what a weak reference refers to, if it exists, with the answer that it waits for, or an error."""
     ending = reference()
-    return None if ending is None else ending.end_or_queue(answer)
+    return None if ending is None else ending.end_or_queue(answer, error)
 
 
 class Waker:

@@ -211,6 +211,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         which ends the future at once.
     :param timeout: an rclpy Duration of steady time, after which the future holds a TimeoutException. None or
         an infinite one: never.
+    :param begin_ns: the steady time from which the timeout counts. None: now.
 
     If the program itself inserts the missing data, the thread that does completes the future, and runs its
     callbacks. If a listener receives it, a future without callbacks is completed at once, in any thread; one
@@ -222,11 +223,17 @@ class TransformFuture(WakingFuture[TransformStamped]):
     or asyncio awaits it.
     """
 
-    def __init__(self, core: BufferCore, begin: Callable[..., Any], timeout: Any = None) -> None:
+    def __init__(
+        self,
+        core: BufferCore,
+        begin: Callable[..., Any],
+        timeout: Any = None,
+        begin_ns: int | None = None,
+    ) -> None:
         self.__shutdown = Shutdown(core)
         super().__init__(self.__shutdown.happened, getattr(core, "_tf2_kept", None))
         self.__core = weakref.ref(core)  # which the wait keeps
-        self.__begin_ns = time.monotonic_ns()
+        self.__begin_ns = time.monotonic_ns() if begin_ns is None else begin_ns
         self.__timeout_ns = optional_timeout_ns(timeout)
         try:
             # The engine refers to what is notified as long as this waits; it must not keep this alive.
@@ -251,7 +258,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         wait = self.wait
         if wait is None:
             return
-        answer = wait.answer
+        answer = wait.answer_in_time()
         call = self.end_or_queue(answer, None if answer is not None else self.__unanswered(wait))
         complete(completions_for(self.__core()), call)
 

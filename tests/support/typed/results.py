@@ -83,6 +83,9 @@ def series(buffer: Buffer, points: npt.NDArray[np.float32]) -> None:
 def policies(buffer: Buffer, policy: LookupPolicy) -> None:
     """What a lookup in a Buffer accepts besides."""
     assert_type(buffer.lookup_transform("a", "b", 1, **policy), TransformStamped)
+    ages: dict[str, float] = {"a": 1.0}
+    assert_type(buffer.lookup_transform("a", "b", 0, max_age=ages, tolerance=ages), TransformStamped)
+    assert_type(buffer.can_transform("a", "b", 0, max_age=0.5), bool)
 
 
 def lookups(buffer: Buffer | BufferClient, message: PoseStamped, timeout: DurationLike) -> None:

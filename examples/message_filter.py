@@ -34,13 +34,13 @@ def main():
         if len(passed) == SCANS:
             done.set_result(True)
 
-    def on_failure(scan, reason):
-        print(f"a scan was dropped: {reason.value}")
+    def on_failure(scan, reason, text):
+        print(f"a scan was dropped: {reason.value}: {text}")
 
     topic = (LaserScan, "scan", 10)
     scans = MessageFilter(topic, buffer, "map", 50, node=node, buffer_timeout=Duration(seconds=2))
     scans.registerCallback(on_scan)
-    scans.registerFailureCallback(on_failure)
+    scans.registerFailureCallback(on_failure, with_text=True)
     with TransformListener(buffer, node):
         node.create_timer(PERIOD_S, Lidar(node).tick)
         rclpy.spin_until_future_complete(node, done, timeout_sec=LIMIT_S)

@@ -10,7 +10,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypedDict
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypedDict, overload
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
@@ -19,8 +19,11 @@ from rclpy.qos import QoSProfile
 from tf2_py import BufferCore, TransformException, stored_name
 from tf2_py._internal import (
     FOR_EVER_NS,
+    bad_name,
     class_name,
+    counted,
     duration_ns,
+    errors,
     frame_name,
     is_invalid_name,
     printable,
@@ -168,6 +171,7 @@ class MessageFilter(Generic[_Message]):
         require_node("MessageFilter", node, "create_subscription")
         self.callbacks: dict[int, _Callback] = {}
         self._failure_callbacks: dict[int, _Callback] = {}
+        self._with_text: set[int] = set()  # those of the latter that also take a text
         self._connections = itertools.count()
         # Replaced, never changed, because any thread reads it.
         self._streams: tuple[weakref.ref[MessageStream[_Message]], ...] = ()
@@ -226,25 +230,50 @@ class MessageFilter(Generic[_Message]):
         """
         return self._register(self.callbacks, "registerCallback", callback, arguments)
 
+    @overload
     def registerFailureCallback(
         self,
         callback: "Callable[[_Message, FilterFailureReason, Unpack[_More]], object]",
         *arguments: "Unpack[_More]",
+        with_text: Literal[False] = ...,
+    ) -> int: ...
+
+    @overload
+    def registerFailureCallback(
+        self,
+        callback: "Callable[[_Message, FilterFailureReason, str, Unpack[_More]], object]",
+        *arguments: "Unpack[_More]",
+        with_text: Literal[True],
+    ) -> int: ...
+
+    def registerFailureCallback(
+        self, callback: Callable[..., object], *arguments: "Unpack[_More]", with_text: bool = False
     ) -> int:
         """
         Call ``callback(message, reason, *arguments)`` with each message that is dropped.
 
         :param callback: ``reason`` is a :class:`FilterFailureReason`.
+        :param with_text: call ``callback(message, reason, text, *arguments)``. The text is that of the error
+            that a lookup raised when the message was dropped: it names the frames and what they lacked.
         :return: a number, which no other callback of this filter has.
         """
-        return self._register(self._failure_callbacks, "registerFailureCallback", callback, arguments)
+        return self._register(
+            self._failure_callbacks, "registerFailureCallback", callback, arguments, with_text
+        )
 
     def _register(
-        self, callbacks: dict[int, _Callback], name: str, callback: Any, arguments: tuple[Any, ...]
+        self,
+        callbacks: dict[int, _Callback],
+        name: str,
+        callback: Any,
+        arguments: tuple[Any, ...],
+        with_text: bool = False,
     ) -> int:
         refuse_inherited(self, self._process)
         require_callable(name, callback)
         connection = next(self._connections)
+        if with_text:
+            self._with_text.add(connection)
         callbacks[connection] = callback, arguments
         return connection
 
@@ -345,7 +374,7 @@ class MessageFilter(Generic[_Message]):
             # The transform of this one may have completed earlier ones, whose callbacks wait for an executor.
             while (oldest := first_key(self._waiting)) not in (None, queued) and oldest.over():
                 oldest()
-            queued.end(outcome)
+            queued.end(outcome, self._text(queued, outcome))
         # Those that were added before may have become too old while they waited.
         while (oldest := first_key(self._waiting)) is not None:
             if self._is_too_old(oldest):
@@ -355,7 +384,8 @@ class MessageFilter(Generic[_Message]):
             else:
                 break
             # What it lacked may have been received without having been reported.
-            oldest.end(self._look_up(oldest) or reason)
+            outcome = self._look_up(oldest) or reason
+            oldest.end(outcome, self._text(oldest, outcome))
 
     def _look_up(self, queued: QueuedMessage) -> TransformStamped | FilterFailureReason | None:
         """
@@ -390,8 +420,31 @@ class MessageFilter(Generic[_Message]):
 
     def _expire(self, queued: QueuedMessage) -> None:
         """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
-        call = queued.end_or_queue(self._look_up(queued) or FilterFailureReason.TIMEOUT)
-        complete(self._completions, call)
+        outcome = self._look_up(queued) or FilterFailureReason.TIMEOUT
+        complete(self._completions, queued.end_or_queue(outcome, self._text(queued, outcome)))
+
+    def _text(self, queued: QueuedMessage, outcome: TransformStamped | FilterFailureReason) -> str | None:
+        """What is said of a message that is dropped now; None: it passes, or nobody wants to know."""
+        if not self._with_text or not isinstance(outcome, FilterFailureReason):
+            return None
+        lack = self._lack(queued)
+        if outcome is FilterFailureReason.QUEUE_FULL:
+            return f"Another message has arrived while {counted(self._queue_size, 'message')} waited: {lack}"
+        if outcome is FilterFailureReason.TIMEOUT:
+            return errors.timed_out(lack, self._timeout_ns or 0)
+        return lack
+
+    def _lack(self, queued: QueuedMessage) -> str:
+        """Why a message does not pass now, in the words of a lookup; "": it does."""
+        if is_invalid_name(queued.frame):
+            return str(bad_name(queued.frame, "source_frame"))
+        for frame, later_ns in self._needed:
+            stamp_ns = queued.stamp_ns + later_ns if queued.stamp_ns else 0
+            try:
+                BufferCore._look_up(self._buffer, frame, queued.frame, stamp_ns)
+            except (TransformException, OverflowError, ValueError) as error:
+                return str(error)
+        return ""
 
     def _is_too_old(self, queued: QueuedMessage) -> bool:
         """Whether the buffer would refuse data of a message's time for every frame on the path."""
@@ -408,11 +461,10 @@ class MessageFilter(Generic[_Message]):
         if not is_dropped or self._dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
-        frames = printable(" ".join(self._frames))
-        lacks = queued.wait.reason() if queued.wait is not None else ""
+        frames, lack = printable(" ".join(self._frames)), self._lack(queued)
         self._node.get_logger().warning(
             f"MessageFilter [target={frames}]: the last {self._dropped_in_a_row} messages were dropped; the "
-            f"newest, from frame [{printable(queued.frame)}], for {outcome.value}. {lacks}".rstrip()
+            f"newest, from frame [{printable(queued.frame)}], for {outcome.value}. {lack}".rstrip()
         )
 
 

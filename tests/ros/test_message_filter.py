@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import re
 import sys
 import threading
 from collections import Counter
@@ -354,6 +355,54 @@ class TestCallbacks:
         script.filter.callbacks.pop(taken_out)
         script.run("T1 M1 M1@ =1 !EMPTY_FRAME_ID:1@")
         assert seen == [(1, "two"), (3,)]
+
+    @pytest.mark.parametrize(
+        ("options", "script", "text"),
+        [
+            ({}, "M1@", 'Invalid argument "" .* source_frame - in tf2 frame_ids cannot be empty'),
+            (
+                {"buffer_timeout": 0.01},
+                "T1 M1@lidr",
+                r'Waited 0\.01 s for the transform: "lidr" .* does not exist\. Did you mean \[lidar\]\?',
+            ),
+            (
+                {"buffer_timeout": 0},
+                "T1 M3",
+                r"Lookup would require extrapolation at time 3\.0*, .* the one sample of lidar in map",
+            ),
+            ({"frames": "map odom", "buffer_timeout": 0}, "T1 M1", '"odom" .* target_frame does not exist'),
+            ({"buffer_timeout": 0, "tolerance": 1.0}, "T1 M1", r"time 2\.0*, but only time 1\.0* is in"),
+            (
+                {"queue_size": 2},
+                "T1 M5 M6 M7",
+                r"Another message has arrived while 2 messages waited: .* at time 5\.0*",
+            ),
+            ({}, "T1:map>odom T30:odom>lidar T39:map>odom T38:odom>lidar M1", r"into the past\.  Requested time 1\.0*"),
+        ],
+        ids=["empty name", "misspelt", "late", "two targets", "tolerance", "full queue", "too old"],
+    )
+    def test_a_text_says_what_a_dropped_message_lacked(self, make, options, script, text):
+        one, seen = make(**options), []
+        *before, last = script.split()
+        for word in before:
+            one.step(word)
+        one.filter.registerFailureCallback(lambda *given: seen.append(given), 3, with_text=True)
+        one.step(last)
+        until(lambda: seen)
+        ((message, reason, found, three),) = seen
+        assert [(reason.name, message)] == one.dropped
+        assert re.search(text, found), found
+        assert three == 3
+
+    def test_a_text_is_that_of_the_moment_of_the_drop(self, make, node, executor):
+        script, seen = make(buffer_timeout=0.01), []
+        script.filter.registerFailureCallback(lambda *given: seen.append(given[2]), with_text=True)
+        script.step("M1@lidr")
+        until(lambda: callback_queue(node).calls)
+        script.step("T1:map>lidr")
+        until(lambda: bool(seen), executor)
+        assert 'Waited 0.01 s for the transform: "map" passed to' in seen[0]
+        assert "The buffer is empty" in seen[0]
 
     def test_what_ends_a_program_ends_the_insert_after_the_others_were_called(self, make):
         script, seen = make(), []

@@ -251,7 +251,8 @@ cdef int _call(callback, tuple arguments, int tries, list errors) except -1:
 
 cdef class QueuedMessage(Ending):
     """
-    A message that waits in a MessageFilter. Its result is a transform, or the reason why it is dropped.
+    A message that waits in a MessageFilter. Its result is a transform, or the reason why it is dropped; then
+    its error is a text about that, or None.
 
     :param frame: of its header, without a leading slash.
     """
@@ -273,7 +274,9 @@ cdef class QueuedMessage(Ending):
     def answered(self, answer):
         """Pass, unless the message lacks another transform. If it is interrupted, the engine repeats it."""
         outcome = self._filter._look_up(self)
-        return None if outcome is None else self.end_or_queue(outcome)
+        if outcome is None:
+            return None
+        return self.end_or_queue(outcome, self._filter._text(self, outcome))
 
     def expire(self):
         """Drop the message, because its timeout has passed."""
@@ -283,7 +286,7 @@ cdef class QueuedMessage(Ending):
         return bool(self._filter.callbacks) or bool(self._filter._failure_callbacks)
 
     cdef int _call_back(self, list errors) except -1:
-        cdef tuple given
+        cdef tuple given, texts
         filter, outcome = self._filter, self._result
         if self._state == CANCELLED:
             filter._ended[CLEARED] += 1
@@ -302,8 +305,9 @@ cdef class QueuedMessage(Ending):
                         stream.arrival.end()
                     except BaseException as raised:
                         errors.append(raised)
-        for callback, more in list(callbacks.values()):
-            _call(callback, (*given, *more), 1, errors)
+        for key, (callback, more) in list(callbacks.items()):
+            texts = (self._error or "",) if key in filter._with_text else ()
+            _call(callback, (*given, *texts, *more), 1, errors)
         _call(filter._warn_of_drops, (self, outcome), 1, errors)
         return 0
 

@@ -138,6 +138,11 @@ def dropped(message: PointStamped, reason: FilterFailureReason) -> None:
     print(message.header.frame_id, reason.value, reason is FilterFailureReason.QUEUE_FULL)
 
 
+def dropped_because(message: PointStamped, reason: FilterFailureReason, text: str, number: int) -> None:
+    """One that also takes a text, and an argument of its own."""
+    print(message.header.frame_id, reason.value, text, number)
+
+
 async def filters(node: Node, buffer: Buffer) -> None:
     """A filter knows the type of its messages."""
     topic = MessageFilter((PointStamped, "points", 10), buffer, ["map"], 10, node=node, tolerance=Duration())
@@ -145,6 +150,7 @@ async def filters(node: Node, buffer: Buffer) -> None:
     assert_type(topic.registerCallback(lambda message: print(message.point.x)), int)
     topic.registerCallback(with_number, 3)
     topic.registerFailureCallback(dropped)
+    topic.registerFailureCallback(dropped_because, 3, with_text=True)
     assert_type(topic.statistics()["dropped"]["TIMEOUT"], int)
     async for message, transform in topic:
         assert_type(message, PointStamped)

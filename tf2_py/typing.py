@@ -53,8 +53,8 @@ class LookupPolicy(TypedDict, total=False):
 
     ``tolerance``: a duration, or a mapping of frames to durations. A frame whose newest sample is at most
     this much older than the requested time stays at that sample. Frames that a mapping does not name must
-    have data. The answer has the stamp of the oldest such sample, but what ``transform``, ``transform_full`` and
-    ``transform_async`` make of data has the stamp without a tolerance.
+    have data. The answer has the stamp of the oldest such sample, but what ``transform``,
+    ``transform_full`` and ``transform_async`` make of data has the stamp without a tolerance.
 
     ``extrapolate``: with a tolerance, such a frame continues at the velocity of its last two samples instead,
     and the answer has the requested time as its stamp.

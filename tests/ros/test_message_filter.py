@@ -377,7 +377,11 @@ class TestCallbacks:
                 "T1 M5 M6 M7",
                 r"Another message has arrived while 2 messages waited: .* at time 5\.0*",
             ),
-            ({}, "T1:map>odom T30:odom>lidar T39:map>odom T38:odom>lidar M1", r"into the past\.  Requested time 1\.0*"),
+            (
+                {},
+                "T1:map>odom T30:odom>lidar T39:map>odom T38:odom>lidar M1",
+                r"past\.  Requested time 1\.0*",
+            ),
         ],
         ids=["empty name", "misspelt", "late", "two targets", "tolerance", "full queue", "too old"],
     )

@@ -402,7 +402,7 @@ class TestCallbacks:
         script, seen = make(buffer_timeout=0.01), []
         script.filter.registerFailureCallback(lambda *given: seen.append(given[2]), with_text=True)
         script.step("M1@lidr")
-        until(lambda: callback_queue(node).calls)
+        until(lambda: completions_of(node).calls)
         script.step("T1:map>lidr")
         until(lambda: bool(seen), executor)
         assert 'Waited 0.01 s for the transform: "map" passed to' in seen[0]

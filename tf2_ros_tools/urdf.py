@@ -222,21 +222,30 @@ def decoded(data: bytes) -> str:
     """
     Decode the bytes of a URDF: as UTF-8, or else in the encoding that they declare, or else as Latin-1.
 
+    Comments need not be in the encoding of the rest.
+
     :return: the text, which declares UTF-8 if it declares an encoding: messages and parameters are UTF-8.
     :raises UrdfError: it is not in that encoding.
     """
     declared = _ENCODING.match(data.decode("latin-1"))
+    encoding = declared[3] if declared else "latin-1"
+    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        encoding = "utf-16"
+    elif _is_utf8(_SKIPPED.sub(b"", data)):
+        encoding = "utf-8-sig"
     try:
-        if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
-            text = data.decode("utf-16")
-        else:
-            try:
-                text = data.decode("utf-8-sig")
-            except UnicodeDecodeError:
-                text = data.decode(declared[3] if declared else "latin-1")
+        text = data.decode(encoding, "replace" if encoding == "utf-8-sig" else "strict")
     except (ValueError, LookupError) as error:
         raise UrdfError(f"it cannot be decoded: {printable(str(error))}") from None
     return _ENCODING.sub(r"\1\2UTF-8\2", text, count=1)
+
+
+def _is_utf8(data: bytes) -> bool:
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _elements(text: str | bytes) -> ElementTree.Element:

@@ -273,7 +273,7 @@ class _RecordingExecutor:
 
 def _resumes_tasks() -> bool:
     executor: Any = _RecordingExecutor()
-    future: Future[None] = Future(executor=executor)
+    future: Future = Future(executor=executor)
 
     @coroutine
     def sleep() -> Generator[Any, Any, None]:

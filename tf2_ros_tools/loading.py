@@ -175,7 +175,7 @@ def new_buffer(cache_time: DurationLike | None) -> "Buffer":
 
     buffer = tf2_ros.Buffer(inf if cache_time is None else cache_time, max_bytes=UNLIMITED_BYTES)
     # How old the samples are today means nothing; `ages` says so.
-    buffer.clock = None
+    buffer.clock = None  # pyright: ignore[reportAttributeAccessIssue]
     return buffer
 
 

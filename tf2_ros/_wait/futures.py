@@ -111,13 +111,13 @@ class _SleepingTask(Waker):
     def __init__(self, task: Task | None) -> None:
         self.awake = False
         self._task = None if task is None else weakref.ref(task)
-        self._yielded: weakref.ref[Future[None]] | None = None  # it refers to the task, and the task to it
+        self._yielded: weakref.ref[Future] | None = None  # it refers to the task, and the task to it
 
     def sleep(self, future: WakingFuture[Any]) -> Generator[Any, Any, None]:
         """Sleep until the future has ended."""
         while not future.has_ended():
             # Where tasks are resumed, one that yields None is stepped again in the next round, at once.
-            yielded: Future[None] | None = Future() if RESUMES_TASKS and self._has_executor() else None
+            yielded: Future | None = Future() if RESUMES_TASKS and self._has_executor() else None
             self._yielded = None if yielded is None else weakref.ref(yielded)
             yield yielded
 

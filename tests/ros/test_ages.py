@@ -6,17 +6,13 @@ import time
 
 import pytest
 from clocks import simulate
-from making import S, transform
+from making import S, insert, transform
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
 from tf2_py import BufferCore, ConnectivityException, InvalidArgumentException, LookupException
 
 pytestmark = pytest.mark.ours
-
-
-def insert(buffer, parent, child, *seconds):
-    buffer.set_transforms([transform(parent, child, one) for one in seconds], "x")
 
 
 @pytest.fixture

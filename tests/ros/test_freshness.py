@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from clocks import simulate
-from making import S, stamp_ns, transform
+from making import S, insert, stamp_ns, transform
 from processes import DEADLINE_S, until
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
@@ -20,10 +20,6 @@ pytestmark = pytest.mark.ours
 
 LATEST = Time()
 ROBOT = ("map", "base", LATEST)
-
-
-def insert(buffer, parent, child, *seconds):
-    buffer.set_transforms([transform(parent, child, one) for one in seconds], "x")
 
 
 @pytest.fixture

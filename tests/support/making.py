@@ -30,6 +30,11 @@ def transform(parent, child, seconds=0.0, xyz=(0.0, 0.0, 0.0), xyzw=(0.0, 0.0, 0
     return m
 
 
+def insert(buffer, parent, child, *seconds):
+    """Insert one sample for each of these times."""
+    buffer.set_transforms([transform(parent, child, one) for one in seconds], "x")
+
+
 def translation(m):
     t = m.transform.translation
     return (t.x, t.y, t.z)

@@ -120,7 +120,7 @@ def _stop_all() -> None:
         owner.stop()
     stop_inboxes()
     for thread in list(_threads.values()):
-        with suppress(AssertionError, RuntimeError):  # of a thread that `_begin` did not start, but is
+        with suppress(AssertionError, RuntimeError):  # a dummy thread, see `_begin`
             thread.join(THREAD_END_WAIT_S)
 
 

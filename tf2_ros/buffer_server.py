@@ -97,7 +97,6 @@ class BufferServer:
         # Both are in one group, so that no other thread ends a goal while its cancellation is decided.
         group = MutuallyExclusiveCallbackGroup()
         self._completions = Completions(node, ExecutorRunner(node, group))
-        check_regularly(self._completions)
         self._server: ActionServer | None = ActionServer(
             node,
             LookupTransform,

@@ -15,8 +15,9 @@ from threading import get_ident, main_thread
 
 from tf2_py._internal import log
 from tf2_ros._forking import is_inherited
-from tf2_ros._nodes import WaitContexts, node_has_ended
+from tf2_ros._nodes import WaitContexts, keep_in_children, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down
+from tf2_ros._threads import check_regularly
 from tf2_ros._wait.endings import Ending, log_error
 
 WARN_S = 10.0   # how long calls wait for what runs the node before a warning says so
@@ -62,7 +63,10 @@ cdef class Completions:
         if node is not None:
             self.node, self._context, self._process = weakref.ref(node), node.context, os.getpid()
             self._name = node.get_fully_qualified_name()
+            keep_in_children(node)
         runner.begin(self)
+        if node is not None:
+            check_regularly(self)
 
     def put(self, call):
         """Add a call, or drop it after the end of the node."""

@@ -11,9 +11,8 @@ from rclpy.node import Node
 from rclpy.waitable import Waitable
 
 from tf2_ros._forking import LOCK, LiveObjects
-from tf2_ros._nodes import keep_in_children
 from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop
-from tf2_ros._threads import check_regularly, serve_in_reports
+from tf2_ros._threads import serve_in_reports
 from tf2_ros._wait.completions import Completions
 from tf2_ros._wait.rounds import ExecutorRounds
 
@@ -70,7 +69,6 @@ class ExecutorRunner(ExecutorRounds, Runner, Waitable):
         self._node = weakref.ref(node)
         self.receivers: LiveObjects[Any] = LiveObjects()  # of the node's listeners
         self.set_up(GuardCondition(None, None, node.context).handle)  # of no node
-        keep_in_children(node)
 
     def begin(self, completions: Completions) -> None:
         Runner.begin(self, completions)
@@ -117,7 +115,6 @@ class LoopRunner(Runner):
 
     def __init__(self, node: Any) -> None:
         self._loop = loop_of(node)
-        keep_in_children(node)
 
     def wake(self) -> None:
         try:
@@ -170,5 +167,4 @@ def completions_of(node: Any) -> Completions:
         if found is None:
             found = Completions(node, LoopRunner(node) if runs_in_loop(node) else ExecutorRunner(node))
             node.__dict__["_tf2_completions"] = found
-            check_regularly(found)
     return found

@@ -125,8 +125,8 @@ def stress(seconds, seed):
     print(", ".join(f"{done} {what}" for what, done in sorted(totals.items())))
     for name in BOUNDS:
         print(f"{name:<12}", *(f"{one[name]:,}" for one in samples[:: max(1, len(samples) // 8)]))
-    print(*(f"PROBLEM: {text}" for text in problems), sep="\n")
-    print(f"{'failed' if problems else 'passed'}, seed {seed}", flush=True)
+    print(f"{'failed' if problems else 'passed'}, seed {seed}")
+    print(*(f"PROBLEM: {text}" for text in problems), sep="\n", flush=True)
     return not problems
 
 

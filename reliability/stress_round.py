@@ -427,8 +427,8 @@ class Round:
             future.cancel()
         self._count("futures pending in the end", pending)
         del future
-        # Those with callbacks live on without anybody; they are among the dropped ones. One that has an
-        # answer is not done before a thread for callbacks has had its turn.
+        # Those with callbacks live on without anybody; they are among the dropped ones. One whose answer a
+        # listener of this node received is done when the executor has called them.
         deadline = time.monotonic() + DONE_S
         while True:
             waiters = self.buffer.statistics()["waiters"]
@@ -441,7 +441,7 @@ class Round:
                     f"{self.buffer._pending_waits()}"
                 )
                 break
-            time.sleep(0.001)
+            self.executor.spin_once(timeout_sec=0.001)
         for one in with_callbacks:
             one.cancel()
         mine = sample("camera", START_NS)

@@ -1,8 +1,9 @@
-# make test and make demo work from a fresh clone; make build is the quick way while developing.
+# make test and make demo work from a fresh clone; make build is the quick way while developing. The Makefile in tools
+# has the same for the tools.
 PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
-PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_tools tf2_ros_cython
+PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
 SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
 	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.pyx $(folder)/*.pxd)) \
 	$(wildcard messages/*.* messages/backend/*.py messages/src/tf2_msgs/*/*.msg messages/src/tf2_msgs/*/*.srv) \
@@ -36,17 +37,25 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: bare bench build clean cross demo docs fuzz guard lint matrix oldest pictures releases sanitize stress test test-all wheels
+.PHONY: bare bench build clean cross demo docs fuzz guard lint matrix oldest pictures releases sanitize stress
+.PHONY: test test-all test-core test-core-all wheels
 
 # Two processes for each core, because tests wait for others half of their time; those of big machines would wait for
 # each other. The tests of a file share what it makes. If a process dies, xdist would wait for ever instead of ending.
 PYTEST = $(PY) -m pytest --numprocesses=$$((2 * $$(nproc))) --maxprocesses=8 --dist=loadfile --max-worker-restart=0
 
-# TESTS: some of them, as `make test TESTS=tests/ros/test_buffer.py`.
-test: $(VENV)/installed.stamp $(VENV)/test.stamp
+# First the core's, in an environment without what only the tools need, if that is new.
+test: test-core
+	$(MAKE) -C tools test
+
+test-all: test-core-all
+	$(MAKE) -C tools test-all
+
+# TESTS: some of them, as `make test-core TESTS=tests/ros/test_buffer.py`.
+test-core: $(VENV)/installed.stamp $(VENV)/test.stamp
 	$(PYTEST) $(TESTS)
 
-test-all: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/test-all.stamp
+test-core-all: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
 	$(PYTEST) --all $(TESTS)
 
 demo: $(VENV)/installed.stamp
@@ -56,39 +65,41 @@ demo: $(VENV)/installed.stamp
 bench: $(VENV)/installed.stamp $(VENV)/test.stamp
 	$(PY) -m bench $(if $(QUICK),--quick)
 
-# The site of the pages in docs/ and of the docstrings: build/docs/index.html.
-docs: $(VENV)/docs.stamp $(VENV)/installed.stamp $(VENV)/test-all.stamp
+# The site of the pages in docs and tools/docs, and of the docstrings: build/docs/index.html.
+docs: $(VENV)/docs.stamp $(VENV)/installed.stamp
+	$(MAKE) -C tools installed-all
 	$(PY) -m sphinx -E -W --keep-going -q -d build/doctrees docs build/docs
 
-# docs/images, anew.
-pictures: $(VENV)/docs.stamp $(VENV)/installed.stamp $(VENV)/test.stamp
-	$(PY) docs/pictures.py
+# The pictures of docs/images and tools/docs/images, anew.
+pictures: $(VENV)/installed.stamp
+	$(MAKE) -C tools pictures
 
 guard: $(VENV)/installed.stamp
 	$(PY) -m bench.guard
 
 # Long searches for faults, see docs/reliability.md. OPTIONS go to the program, as
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
-fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test-all.stamp
+fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test.stamp
+	$(MAKE) -C tools installed-all
 	$(PY) -m reliability.$@ $(OPTIONS)
 
 stress: $(VENV)/installed.stamp
 	$(PY) -m reliability.stress $(if $(MINUTES),--minutes $(MINUTES)) $(OPTIONS)
 
 # CONTRIBUTING.md tells what each of them does.
-wheels: $(VENV)/release.stamp
+wheels: $(VENV)/dev.stamp
 	$(PY) -m release.wheels $(OPTIONS)
 
-matrix: $(VENV)/release.stamp
+matrix: $(VENV)/dev.stamp
 	$(PY) -m release.wheels --all-pythons --ros jazzy kilted $(OPTIONS)
 
-cross: $(VENV)/dev.stamp $(VENV)/release.stamp
+cross: $(VENV)/dev.stamp
 	$(PY) -m release.cross $(OPTIONS)
 
-releases: $(VENV)/release.stamp
+releases: $(VENV)/dev.stamp
 	$(PY) -m release.overlays $(OPTIONS)
 
-oldest: $(VENV)/release.stamp
+oldest: $(VENV)/dev.stamp
 	$(PY) -m release.wheels --oldest $(OPTIONS)
 
 # Without .venv: what it has must not be needed.
@@ -96,21 +107,22 @@ bare:
 	$(PYTHON) release/bare.py $(OPTIONS)
 
 # mypy reads the types of all that the packages may import.
-lint: $(VENV)/dev.stamp $(VENV)/test-all.stamp
+lint: $(VENV)/dev.stamp $(VENV)/test.stamp
+	$(MAKE) -C tools installed-all
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
 	$(PY) -m build_backend.hints $(PACKAGES)
-	$(PY) -m mypy $(PACKAGES)
+	$(PY) -m mypy $(PACKAGES) tools/tf2_ros_tools
 	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
-build: $(VENV)/dev.stamp $(VENV)/test.stamp
+build: $(VENV)/test.stamp
 	$(PY) setup.py -q build_ext --inplace
 	touch $(VENV)/installed.stamp
 
 clean:
-	rm -rf $(VENV) .bench .cross .reliability build messages/build dist *.egg-info messages/src/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
-	find $(PACKAGES) messages tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
+	rm -rf $(VENV) .bench .cross .reliability build messages/build dist *.egg-info tools/build tools/*.egg-info messages/src/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find $(PACKAGES) messages tests tools build_backend -name '*.so' -delete -o -name '*.pyc' -delete
 	cd messages/src/tf2_msgs && rm -f msg/*.py srv/*.py action/*.py _release.py
 	rm -f tf2_ros_cython/_built.py
 
@@ -130,13 +142,8 @@ $(VENV)/test.stamp: pyproject.toml
 	$(PY) -m pip install 'tf2-ros-cython[test]'
 	@touch $@
 
-$(VENV)/test-all.stamp: pyproject.toml
-	$(MAKE) $(VENV)/test.stamp
-	$(PY) -m pip install --quiet 'tf2-ros-cython[test-all]'
-	touch $@
-
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
-$(foreach extra,dev release docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
+$(foreach extra,dev docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
 	$(PY) -m pip install --quiet 'tf2-ros-cython[$*]'
 	touch $@

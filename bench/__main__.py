@@ -60,8 +60,6 @@ SECTIONS = {
     ),
     "online": Section("receiving.online", ROS2, rounds=5),
     "nodes": Section("nodes.many", (OURS,), ["one", "listening", "attached", "looking", "idle"], rounds=3),
-    "recordings": Section("recordings.recordings", (OURS,), rounds=5),
-    "recordings:several": Section("recordings.several", (OURS,), rounds=1),
 }
 
 
@@ -78,8 +76,7 @@ class Run:
     def say(self, text: str) -> None:
         print(f"{time.monotonic() - self._began:6.1f} s  {text}", file=sys.stderr, flush=True)
 
-    def measure(self, name: str) -> None:
-        section = SECTIONS[name]
+    def measure(self, name: str, section: Section) -> None:
         takers = [who for who in section.libraries if who in self.libraries]
         entries = [(who, variant) for variant in section.variants for who in takers]
         entries += [(OURS, variant) for variant in section.ours_only]
@@ -146,16 +143,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         run.remarks += [f"missing: {title}: {reason}" for title, reason in missing.items()]
         for name in SECTIONS:
             if not options.only or {name, name.partition(":")[0]} & set(options.only):
-                run.measure(name)
+                run.measure(name, SECTIONS[name])
     load.append(os.getloadavg()[0])
-    text = redacted(report.page(run.rows, run.libraries, list(_machine()), load, run.remarks))
+    text = redacted(report.page(run.rows, run.libraries, list(machine()), load, run.remarks))
     print(text)
     if not options.only:
-        _write(text, run, FETCHED / "results" if options.quick else RESULTS)
+        write(text, FETCHED / "results" if options.quick else RESULTS)
     return 0
 
 
-def _write(text: str, run: Run, folder: Path) -> None:
+def write(text: str, folder: Path) -> None:
+    """Write a report, named after this machine."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
     (folder / f"{stem}.md").write_text(text)
@@ -167,7 +165,7 @@ def _cpu() -> str:
     return found[1] if found else platform.machine()
 
 
-def _machine() -> Iterable[str]:
+def machine() -> Iterable[str]:
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     system = platform.freedesktop_os_release().get("PRETTY_NAME", platform.system())
     yield f"{_cpu()}, {os.cpu_count()} cores, {memory:.0f} GiB; {system}, kernel {platform.release()}"

@@ -22,8 +22,6 @@ TITLES = {
     "receiving:losses": "Messages lost, and sent per second",
     "online": "Lookups beside a process that publishes a tree at 50 Hz, µs; CPU seconds per second",
     "nodes": "CPU seconds per second of nodes that are spun, shared or not, all together",
-    "recordings": "Recordings, µs per transform, per lookup, per pickle and back",
-    "recordings:several": "Recordings per second, by workers",
 }
 BUSY = 0.75  # load for each core, this run's own included
 UNITS = {"x": "{:.2f}×", "B": "{:.1f} B", "/s": "{:.2f}/s", "CPU": "{:.3f}", "messages": "{:.0f}"}
@@ -35,12 +33,14 @@ def page(
     machine: Sequence[str],
     load: Sequence[float],
     remarks: Iterable[str],
+    titles: Mapping[str, str] = TITLES,
 ) -> str:
     """
     The report.
 
     :param machine: lines about the machine; `load` is its load average before and after.
     :param remarks: what is missing, and why.
+    :param titles: of the sections, in their order.
     """
     lines = ["# Benchmark", "", *(f"- {line}" for line in machine)]
     lines += [f"- load average before and after: {load[0]:.1f}, {load[1]:.1f}"]
@@ -55,7 +55,7 @@ def page(
         "Each library runs in processes of its own, which take turns, round by round. The values are ",
     ]
     lines[-1] += "medians of all rounds, with the 5th and the 95th percentile; the empty loop is subtracted."
-    for section, title in TITLES.items():
+    for section, title in titles.items():
         if own := rows.all(section):
             lines += ["", f"## {title}", "", *_table(own, libraries)]
     return "\n".join(lines) + "\n"

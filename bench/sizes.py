@@ -34,10 +34,6 @@ FULL: dict[str, Any] = {
     "online_frames": 300,
     "online_s": 8.0,  # of lookups, for each number of hops in each round
     "nodes": 20,
-    "recording_transforms": 1_000_000,
-    "recording_frames": 100,
-    "recording_lookups": 100_000,
-    "recording_files": 32,  # with fewer, the start of the workers counts too much
 }
 
 QUICK = FULL | {
@@ -61,6 +57,4 @@ QUICK = FULL | {
     "unread_s": 1.0,
     "online_s": 1.0,
     "nodes": 4,
-    "recording_transforms": 100_000,
-    "recording_files": 2,
 }

@@ -1,7 +1,8 @@
 """Settings of Sphinx for the site that `make docs` builds of these pages.
 
 The pages are plain Markdown, for git hosts, too. What the site needs beyond that is made of them here: the
-table of contents from the lists of index.md, and the pages from outside this folder.
+table of contents from the lists of index.md, and the pages from outside this folder. Those of the tools are
+here through a link to their folder.
 """
 
 import os
@@ -10,11 +11,13 @@ import sys
 from pathlib import Path
 
 import tf2_ros
+import tf2_ros_tools
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
-if not Path(tf2_ros.__file__).is_relative_to(ROOT):
-    sys.exit(f"The reference would be that of {tf2_ros.__file__}, which is outside {ROOT}: use `make docs`.")
+for package in (tf2_ros, tf2_ros_tools):
+    if not Path(package.__file__).is_relative_to(ROOT):
+        sys.exit(f"The reference would be that of {package.__file__}, outside {ROOT}: use `make docs`.")
 
 project = "tf2-ros-cython"
 author = copyright = "tf2-ros-cython authors"
@@ -44,6 +47,10 @@ PLACES = {
     ROOT / f"{name}.md": HERE / "site" / f"{name.lower()}.md"
     for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")
 }
+TOOLS = ROOT / "tools"
+PLACES |= {
+    TOOLS / f"{name}.md": HERE / "site" / f"tools-{name.lower()}.md" for name in ("README", "CHANGELOG")
+}
 LINK = re.compile(r"\[(?P<text>[^\]]*)\]\((?P<path>[^)\s#:]+)(?P<anchor>#[^)\s]*)?\)")
 HEADING = re.compile(r"^## (?P<title>.*)$", re.MULTILINE)
 
@@ -60,18 +67,24 @@ def contents(text: str) -> str:
     return "\n\n".join(trees)
 
 
+def place(target: Path) -> Path | None:
+    """Where a file is on the site; None if it is not on it."""
+    if target.is_relative_to(TOOLS / "docs"):
+        return HERE / "tools" / target.relative_to(TOOLS / "docs")
+    return PLACES.get(target, None if target.suffix == ".md" and not target.is_relative_to(HERE) else target)
+
+
 def moved_links(text: str, source: Path, page: Path) -> str:
     """The text of a file with links that are right on its page; what is not on the site becomes text."""
 
     def moved(found: re.Match[str]) -> str:
-        target = (source.parent / found["path"]).resolve()
+        target = (source.resolve().parent / found["path"]).resolve()
         if not target.exists():
             return found[0]
-        is_elsewhere = target.suffix == ".md" and target not in PLACES and not target.is_relative_to(HERE)
-        if target.is_dir() or is_elsewhere:
+        there = place(target)
+        if there is None or target.is_dir():
             return found["text"]
-        path = os.path.relpath(PLACES.get(target, target), page.parent)
-        return f"[{found['text']}]({path}{found['anchor'] or ''})"
+        return f"[{found['text']}]({os.path.relpath(there, page.parent)}{found['anchor'] or ''})"
 
     return LINK.sub(moved, text)
 

@@ -1,4 +1,4 @@
-"""Look transforms up in the buffer of another process: the program tf2_buffer_server and a BufferClient.
+"""Look transforms up in the buffer of another process: a BufferServer there, and a BufferClient here.
 
 Run: python examples/buffer_server.py
 Ends by itself. The exit status is 0 only if everything succeeded.
@@ -11,9 +11,17 @@ from contextlib import contextmanager
 import rclpy
 from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
+from rclpy.executors import ExternalShutdownException
 from rclpy.time import Time
 
-from tf2_ros import BufferClient, LookupException, StaticTransformBroadcaster
+from tf2_ros import (
+    Buffer,
+    BufferClient,
+    BufferServer,
+    LookupException,
+    StaticTransformBroadcaster,
+    TransformListener,
+)
 
 TIMEOUT = Duration(seconds=15)
 
@@ -34,13 +42,28 @@ def main():
 @contextmanager
 def running_server():
     # In a separate session, so that Ctrl-C reaches only this program, which then ends the server.
-    command = [sys.executable, "-m", "tf2_ros_tools.programs.tf2_buffer_server"]
+    command = [sys.executable, __file__, "serve"]
     server = subprocess.Popen(command, start_new_session=True)
     try:
         yield server
     finally:
         server.terminate()
         server.wait()
+
+
+def serve():
+    """What the other process does; the program tf2_buffer_server of tf2-ros-tools does the same."""
+    rclpy.init()
+    node = rclpy.create_node("tf_buffer")
+    buffer = Buffer(node=node)
+    with TransformListener(buffer, node):
+        server = BufferServer(buffer, node, "tf2_buffer_server")
+        try:
+            rclpy.spin(node)
+        except ExternalShutdownException:
+            return 0
+        finally:
+            server.destroy()
 
 
 def ask(node, client):
@@ -72,6 +95,6 @@ def camera():
 
 if __name__ == "__main__":
     try:
-        raise SystemExit(main())
+        raise SystemExit(serve() if sys.argv[1:] == ["serve"] else main())
     except KeyboardInterrupt:
         raise SystemExit(130) from None

@@ -1,9 +1,9 @@
 """
-Run the README's two commands as a new user would: `python3 release/bare.py`, or `make bare`.
+Run the README's commands as a new user would: `python3 release/bare.py`, or `make bare`.
 
-`make demo` and `make test` run in a new clone of the last commit, with an empty home and without caches. The
-only variables are those that say how to reach the network, and the only programs in PATH are Python, a C
-compiler and those that every system has. This program needs only Python.
+`make demo`, `make test` and `make -C tools demo` run in a new clone of the last commit, with an empty home and
+without caches. The only variables are those that say how to reach the network, and the only programs in PATH
+are Python, a C compiler and those that every system has. This program needs only Python.
 """
 
 import argparse
@@ -29,7 +29,7 @@ xargs
 NETWORK = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")
 CERTIFICATES = ("SSL_CERT_FILE", "SSL_CERT_DIR", "REQUESTS_CA_BUNDLE")
 
-# What --quick runs of the tests: the engine, topics over DDS, programs, and names.
+# What --quick runs of the core's tests: the engine, topics over DDS, and names.
 QUICK = """
 tests/core/test_lookup.py tests/core/test_conformance.py tests/ros/test_buffer.py tests/ros/test_receiver.py
 tests/ros/test_transform_listener.py tests/packaging/test_public_names.py tests/ros/test_users_programs.py
@@ -48,14 +48,14 @@ def main(arguments=None):
     with tempfile.TemporaryDirectory(prefix="tf2-ros-cython-bare-") as folder:
         place = Path(folder)
         as_user = _prepare(place, options.user)
-        test = ["make", "test", *([f"TESTS={' '.join(chosen)}"] if chosen else [])]
-        for command in (["make", "demo"], test):
+        test = ["make", "test-core", f"TESTS={' '.join(chosen)}"] if chosen else ["make", "test"]
+        for command in (["make", "demo"], test, ["make", "-C", "tools", "demo"]):
             print("+", *command, flush=True)
             ended = subprocess.run([*as_user, *command], cwd=place / "clone", env=_environment(place))
             if ended.returncode:
-                print(f"{' '.join(command[:2])} ended with {ended.returncode}")
+                print(f"{' '.join(command)} ended with {ended.returncode}")
                 return 1
-    print("both commands work as a new user would run them")
+    print("the commands work as a new user would run them")
     return 0
 
 

@@ -25,18 +25,26 @@ else:
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
 SCRATCH = ROOT / "build" / "wheels"
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+TOOLS = ROOT / "tools"
+PROJECT, TOOLS_PROJECT = (
+    tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for folder in (ROOT, TOOLS)
+)
 
 RELEASES = {"jazzy": "ros", "kilted": "ros-kilted"}  # with the extra that installs each
 KILTED_UNTIL = (3, 13)  # its wheels are for these
 
 OLDEST = "3.10"
 # Without rerun, which itself requires a newer NumPy.
-OLDEST_EXTRAS = ["scipy", "cli", "plot", "bag", "fleet"]
-OLDEST_TOOLS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect", "mcap-ros2-support"]
+OLDEST_EXTRAS = ["scipy"]
+OLDEST_EXTRAS_OF_TOOLS = ["cli", "plot", "bag", "fleet"]
+OLDEST_OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect", "mcap-ros2-support"]
 
 # The project itself, whose installed form is tested, with what builds it.
-OF_PROJECT = ("tf2_", "build_backend/", "messages/", "setup.py", "setup.cfg", "package.xml", "resource/")
+OF_PROJECT = (
+    *("tf2_", "build_backend/", "messages/", "setup.py", "setup.cfg", "package.xml", "resource/"),
+    *(f"tools/{name}" for name in ("tf2_", "setup.py", "setup.cfg", "package.xml", "resource/")),
+)
 # Tests of sources and of builds, which run only in the checkout.
 OF_SOURCES = {
     "packaging/test_adding_a_type.py": "compiles an extension",
@@ -46,7 +54,6 @@ OF_SOURCES = {
     "packaging/test_examples.py": "reads the imports of the sources",
     "packaging/test_layout.py": "reads the imports of the sources",
     "packaging/test_packaging.py": "builds the project",
-    "programs/test_manners.py": "reads the sources",
     "packaging/test_public_names.py": "reads the sources",
     "packaging/test_sourced.py": "builds the project",
     "ros/test_sources.py": "compiles an extension",
@@ -54,10 +61,22 @@ OF_SOURCES = {
     "packaging/test_typing.py": "reads the sources",
     "packaging/test_without_ros.py": "reads the sources",
 }
+OF_SOURCES_OF_TOOLS = {
+    "packaging/test_docs.py": "builds the site, and reads the names in the sources",
+    "packaging/test_fuzz.py": "reads the inputs of the checkout",
+    "packaging/test_layout.py": "reads the imports of the sources",
+    "packaging/test_packaging.py": "builds the project",
+    "packaging/test_typing.py": "reads the sources",
+    "packaging/test_without_ros.py": "reads the sources",
+    "programs/test_manners.py": "reads the sources",
+}
 
 
 def main(arguments=None):
-    left_out = "\n".join(f"  {test}: {why}" for test, why in OF_SOURCES.items())
+    lists = {"tests": OF_SOURCES, "tools/tests": OF_SOURCES_OF_TOOLS}
+    left_out = "\n".join(
+        f"  {at}/{test}: {why}" for at, tests in lists.items() for test, why in tests.items()
+    )
     parser = argparse.ArgumentParser(
         prog="python -m release.wheels",
         description="Build the wheels into dist, install them into clean environments, run the tests there.",
@@ -85,7 +104,7 @@ def main(arguments=None):
             if name == "kilted" and tuple(map(int, version.split("."))) > KILTED_UNTIL:
                 results[version, name] = "there are no wheels of Kilted for it"
                 continue
-            wheels = [wheel(python, version, sources["engine"]), wheel(python, version, sources[name])]
+            wheels = [wheel(python, version, sources[part]) for part in ("engine", name, "tools")]
             requirements = oldest_requirements() if options.oldest else None
             passed = options.untested or tested(python, version, name, wheels, requirements, of_pytest)
             results[version, name] = "built" if options.untested else "passed" if passed else "failed"
@@ -101,7 +120,7 @@ def source_distributions(releases):
     for folder in (SCRATCH, DIST):
         shutil.rmtree(folder, ignore_errors=True)
     SCRATCH.mkdir(parents=True)
-    made = {"engine": _source_distribution(ROOT)}
+    made = {"engine": _source_distribution(ROOT), "tools": _source_distribution(TOOLS)}
     for name in releases:
         made[name] = _source_distribution(ROOT / "messages", f"--config-setting=ros={name}")
     return made
@@ -121,10 +140,15 @@ def wheel(python, version, source):
     """Build one from its source distribution, in isolation; mark it for the systems that it runs on."""
     folder = SCRATCH / f"wheels-{version}"
     name = source.name.rpartition("-")[0]
+    if (pure := next(folder.glob(f"{name}-*-none-any.whl"), None)) is not None:
+        return pure
     if not any(folder.glob(f"repaired/{name}-*.whl")):
         builder = environment_of(python, SCRATCH / f"builder-{version}")
         run([builder, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source])
         [built] = folder.glob(f"{name}-*.whl")
+        if built.name.endswith("-none-any.whl"):
+            shutil.copy(built, DIST)
+            return built
         # Libraries of ROS are found when a program runs, and ROS opens those of tf2_msgs by their names.
         options = ["--exclude", "lib*"] if "msgs" in name else []
         options += ["--wheel-dir", folder / "repaired"]
@@ -137,6 +161,7 @@ def wheel(python, version, source):
 def oldest_requirements():
     """The lower bound of all that the project requires, for pip; what has none is not limited."""
     lists = [PROJECT["dependencies"], *(PROJECT["optional-dependencies"][extra] for extra in OLDEST_EXTRAS)]
+    lists += [TOOLS_PROJECT["optional-dependencies"][extra] for extra in OLDEST_EXTRAS_OF_TOOLS]
     bounds = {}
     for requirement in (Requirement(text) for texts in lists for text in texts):
         for one in requirement.specifier:
@@ -154,17 +179,28 @@ def tested(python, version, release, wheels, requirements, of_pytest):
         of the tests' own only what all of them use.
     """
     usable = environment_of(python, SCRATCH / f"environment-{version}-{release}")
-    extras = ["test", "test-all"] if requirements is None else OLDEST_EXTRAS
-    engine, messages = wheels
+    extras, of_tools = (
+        (["test"], ["test-all"]) if requirements is None else (OLDEST_EXTRAS, OLDEST_EXTRAS_OF_TOOLS)
+    )
+    engine, messages, tools = wheels
     wanted = [f"tf2-ros-cython[{','.join([RELEASES[release], *extras])}] @ file://{engine}"]
+    wanted += [f"tf2-ros-tools[{','.join(of_tools)}] @ file://{tools}"]
     wanted += [f"tf2-ros-cython-msgs-{release} @ file://{messages}"]
-    wanted += [] if requirements is None else [*requirements, *OLDEST_TOOLS]
+    wanted += [] if requirements is None else [*requirements, *OLDEST_OF_TESTS]
     run([usable, "-m", "pip", "install", "--quiet", *wanted])
     suite = SCRATCH / f"suite-{version}-{release}"
     copy_suite(suite)
     command = [usable, "-m", "pytest", "--all", "-p", "no:cacheprovider"]
-    command += of_pytest or [f"--ignore=tests/{name}" for name in OF_SOURCES]
-    return subprocess.run(command, cwd=suite, env=environment()).returncode == 0
+    if of_pytest:
+        return subprocess.run([*command, *of_pytest], cwd=suite, env=environment()).returncode == 0
+    suites = {suite: OF_SOURCES, suite / "tools": OF_SOURCES_OF_TOOLS}
+    statuses = [
+        subprocess.run(
+            [*command, *(f"--ignore=tests/{name}" for name in left_out)], cwd=place, env=environment()
+        )
+        for place, left_out in suites.items()
+    ]
+    return not any(one.returncode for one in statuses)
 
 
 def environment_of(python, folder):

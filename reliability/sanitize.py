@@ -28,6 +28,8 @@ TEST_TIMEOUT_S = 240 * SLOWNESS
 
 # Files and tests that cannot run here, and why; below are those that depend on the kind of build.
 NOT_HERE = {
+    "tools/tests/packaging/test_docs.py": "builds the site, and takes hours",
+    "tools/tests/packaging/test_typing.py": "runs only type checkers",
     "tests/packaging/test_adding_a_type.py": "compiles an extension without a sanitizer",
     "tests/core/test_allocation_failures.py": "replaces the allocator, as a sanitizer does",
     "tests/packaging/test_docs.py": "builds the package, and takes hours",
@@ -45,12 +47,13 @@ NOT_HERE = {
 # Tests that start threads, or fork while threads exist, and call the extensions in them.
 THREADED = """
 core/test_engine_forking core/test_lookup core/test_plain_buffer core/test_series core/test_threads
-core/test_travel core/test_waiters core/test_waiters_random programs/test_recording ros/test_buffer
+core/test_travel core/test_waiters core/test_waiters_random ros/test_buffer
 ros/test_buffer_client ros/test_buffer_server ros/test_executors ros/test_forking ros/test_message_filter
 ros/test_rclpy_inside ros/test_receiver ros/test_reception ros/test_shared_listening
 ros/test_shared_owners ros/test_shared_reading ros/test_starvation ros/test_transform_listener
 ros/test_waiting ros/test_waiting_random
 """.split()
+THREADED_OF_TOOLS = ["tests/programs/test_recording.py"]
 # These first: whoever breaks the engine learns it within minutes.
 CORE = ("tests/core/test_*.py",)
 
@@ -141,9 +144,17 @@ def run(name, of_pytest):
     folder, environment = prepared(name, reports)
     command = [*_fixed_addresses(), sys.executable, "-m", "pytest", "--all", "-p", "no:cacheprovider"]
     command += ["-o", f"timeout={TEST_TIMEOUT_S}", "-o", f"faulthandler_timeout={2 * TEST_TIMEOUT_S}"]
-    command += [f"--{'deselect' if '::' in test else 'ignore'}={test}" for test in NOT_HERE | kind.not_here]
-    command += of_pytest if _names_tests(of_pytest) else [*of_pytest, *_tests(folder, kind)]
-    status = subprocess.run(command, cwd=folder, env=environment).returncode
+    command += of_pytest
+    if _names_tests(of_pytest):
+        status = subprocess.run(command, cwd=folder, env=environment).returncode
+    else:
+        suites = {folder: _tests(folder, kind), folder / "tools": _tests_of_tools(kind)}
+        status = max(
+            subprocess.run(
+                [*command, *_left_out(place, folder, kind), *tests], cwd=place, env=environment
+            ).returncode
+            for place, tests in suites.items()
+        )
     found = summaries(reports)
     for text, count in found.most_common():
         print(f"{name}: {count} x {text}")
@@ -158,7 +169,8 @@ def prepared(name, reports):
     folder = build(name, cflags=kind.cflags, ldflags=(flags,), CC=_compiler())
     shutil.rmtree(reports, ignore_errors=True)
     reports.mkdir(parents=True)
-    return folder, {**os.environ, **kind.environment(reports), "PYTHONPATH": str(folder)}
+    path = os.pathsep.join([str(folder), str(folder / "tools")])
+    return folder, {**os.environ, **kind.environment(reports), "PYTHONPATH": path}
 
 
 def reports_of(name):
@@ -180,6 +192,17 @@ def summaries(reports):
 
 def _names_tests(of_pytest):
     return any(argument.partition("::")[0].endswith(".py") for argument in of_pytest)
+
+
+def _left_out(place, folder, kind):
+    """Options for pytest, which runs in a folder of the copy."""
+    prefix = f"{place.relative_to(folder)}/".removeprefix("./")
+    here = [test.removeprefix(prefix) for test in NOT_HERE | kind.not_here if test.startswith(prefix)]
+    return [f"--{'deselect' if '::' in test else 'ignore'}={test}" for test in here]
+
+
+def _tests_of_tools(kind):
+    return THREADED_OF_TOOLS if kind.tests == "threaded" else ["tests"]
 
 
 def _tests(folder, kind):

@@ -53,7 +53,7 @@ def environment(build: Path, *, guarded: bool = True) -> dict[str, str]:
     left_out = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "PYTHONPATH"}
     return {
         **{name: value for name, value in os.environ.items() if name not in left_out},
-        "PYTHONPATH": os.pathsep.join([str(build), str(_atheris())]),
+        "PYTHONPATH": os.pathsep.join([str(build), str(build / "tools"), str(_atheris())]),
         "LD_PRELOAD": str(_runtime()),
         "PYTHONMALLOC": "malloc" if guarded else "default",
         # Python itself leaks what lives as long as it. Memory that there is not is a MemoryError. Shared

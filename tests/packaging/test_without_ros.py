@@ -1,21 +1,14 @@
-"""An environment without ROS, with the extensions of this checkout: buffers and recordings need no more."""
+"""An environment without ROS: buffers need no more."""
 
 import pickle
-import re
-from dataclasses import dataclass
-from pathlib import Path
 
-import installing
 import pytest
-from pages import run_program
 from paths import ROOT
-from processes import run
-from sources import PYPROJECT, modules
+from sources import PYPROJECT
+from without_ros import make_world
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
 
-RECORDINGS = ROOT / "docs" / "recordings.md"
-EXTRAS = ("bag", "fleet", "rerun", "scipy", "cli", "plot")
 NODES = ("buffer_client", "buffer_server", "message_filter", "static_transform_broadcaster")
 NODES += ("static_transform_listener", "transform_broadcaster", "transform_listener")
 NEED_ROS = [
@@ -33,40 +26,11 @@ NEED_ROS = [
 ]
 
 
-@dataclass
-class World:
-    """A Python without ROS, and what its environment has to say for that."""
-
-    python: Path
-    environment: dict[str, str]
-    folder: Path
-
-    def run(self, *arguments, **environment):
-        return run(self.python, *arguments, cwd=self.folder, env=self.environment | environment)
-
-    def does(self, code):
-        """What a program prints that must succeed, in silence but for that."""
-        ended = self.run("-c", code)
-        assert (ended.returncode, ended.stderr) == (0, "")
-        return ended.stdout
-
-    def lacks(self, code):
-        """The last line of what a program says that must fail."""
-        ended = self.run("-c", code)
-        assert ended.returncode == 1
-        return ended.stderr.splitlines()[-1]
-
-
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    made = tmp_path_factory.mktemp("without_ros")
-    extras = PYPROJECT["project"]["optional-dependencies"]
-    wanted = [*PYPROJECT["project"]["dependencies"], *(one for extra in EXTRAS for one in extras[extra])]
-    libraries = installing.link_libraries(made / "libraries", "pytest", "hypothesis", "pandas", *wanted)
-    for package in (*installing.OURS, "tf2_ros_tools", "tf2_ros_cython"):
-        (libraries / package).symlink_to(ROOT / package)
-    environment = {**installing.unsourced(), "PYTHONPATH": str(libraries), "MPLBACKEND": "agg"}
-    return World(installing.new_venv(made / "venv"), environment, made)
+    project = PYPROJECT["project"]
+    wanted = ["pytest", "hypothesis", *project["dependencies"], *project["optional-dependencies"]["scipy"]]
+    return make_world(tmp_path_factory.mktemp("without_ros"), wanted)
 
 
 @pytest.mark.parametrize("code", NEED_ROS)
@@ -76,26 +40,12 @@ def test_what_needs_ros_says_so_and_what_to_install(world, code):
     assert "in a clone of tf2-ros-cython, pip install ./messages '.[ros]'" in said
 
 
-def test_what_is_about_recordings_loads(world):
-    of_recordings = r"tf2_ros\.(numpy|records)|tf2_ros_tools(\.\w+)*"
-    names = [name for name in modules() if re.fullmatch(of_recordings, name)]
-    for of_nodes in ("listening", "relay", "screen", "state_publisher"):
-        names.remove(f"tf2_ros_tools.{of_nodes}")
-    assert "tf2_ros_tools.streams" in names and "tf2_ros_tools.programs.tf2_bag" in names
-    world.does(f"""
-import importlib, sys
-for name in {names!r}:
-    importlib.import_module(name)
-assert not {{"rclpy", "geometry_msgs", "tf2_msgs"}} & {{*sys.modules}}
+def test_what_needs_no_ros_loads(world):
+    world.does("""
+import sys
+import tf2_ros.numpy, tf2_ros.records
+assert not {"rclpy", "geometry_msgs", "tf2_msgs"} & {*sys.modules}
 """)
-
-
-@pytest.mark.parametrize("command", ["tf2_echo map camera", "tf2_check", "view_frames"])
-def test_a_program_says_in_one_line_what_is_missing(world, command):
-    name, *arguments = command.split()
-    ended = world.run("-m", f"tf2_ros_tools.programs.{name}", *arguments)
-    assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (1, "", 1)
-    assert ended.stderr.startswith(f"{name}: tf2_ros needs ROS 2, and no rclpy is found by {world.python}")
 
 
 class TestAnRclpyThatIsNoRos:
@@ -152,7 +102,3 @@ def test_a_buffer_works(world):
     ended = world.run("-m", "pytest", "-q", "-p", "no:cacheprovider", str(path))
     assert ended.returncode == 0, ended.stdout
     assert " passed" in ended.stdout and "skipped" not in ended.stdout
-
-
-def test_the_chapter_about_recordings_holds(world, tmp_path):
-    run_program(RECORDINGS, tmp_path, world.python, world.environment)

@@ -1,6 +1,7 @@
 """Listeners whose buffer is another process's: programs as they are, with TF2_SHARED_BUFFER set."""
 
 import gc
+import subprocess
 import threading
 import time
 from contextlib import ExitStack
@@ -9,7 +10,7 @@ from functools import partial
 import pytest
 import rclpy
 from making import S, at_ns, transform
-from processes import DEADLINE_S, running, until
+from processes import DEADLINE_S, killed, start, until
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -24,19 +25,19 @@ pytestmark = pytest.mark.ours
 
 @pytest.fixture
 def shared(monkeypatch):
-    """Starts `tf2_shared_buffer`, and sets the variable; its name."""
+    """Starts `programs/owner.py`, and sets the variable; the name of the shared buffer."""
     with ExitStack() as at_end:
 
-        def start(*arguments):
+        def share(*arguments):
             name = new_name()
             at_end.callback(segment_path(name).unlink, missing_ok=True)
-            start.process = at_end.enter_context(running("tf2_shared_buffer", "--name", name, *arguments))
-            # Its log line comes once it shares and listens.
-            assert "Sharing" in start.process.stderr.readline()
+            owner = start("owner.py", name, *arguments, stdout=subprocess.PIPE)
+            share.process = at_end.enter_context(killed(owner))
+            assert share.process.stdout.readline() == "shared\n"
             monkeypatch.setenv("TF2_SHARED_BUFFER", name)
             return name
 
-        yield start
+        yield share
 
 
 def arrive(sender, buffer, child, *transforms):

@@ -30,7 +30,18 @@ def backend_at(folder, name):
 
 def checkout_copy(target):
     """The checkout's own files, without anything built, and without what is for its developers."""
-    others = ("tests", "docs", "bench", "reliability", "release", "examples", "messages", "dist", ".*")
+    others = (
+        "tests",
+        "docs",
+        "bench",
+        "reliability",
+        "release",
+        "examples",
+        "messages",
+        "tools",
+        "dist",
+        ".*",
+    )
     shutil.copytree(ROOT, target, ignore=shutil.ignore_patterns(*BUILT, *others))
     messages_copy(target / "messages")
     return target

@@ -14,7 +14,7 @@ def output_with_library(name, folder, *arguments, program=None, **variables):
     """
     Run `programs/<name>.py` with `interposed/<name>.c`, compiled into a folder; its standard output.
 
-    :param program: another name in `programs`.
+    :param program: another name in `programs`, or a path without its suffix.
     :param variables: of the environment.
 
     Without glibc or a compiler the test is skipped.

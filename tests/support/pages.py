@@ -1,16 +1,14 @@
 """The pages of the documentation: their blocks of code, and running their programs."""
 
-import importlib.util
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
-from paths import ROOT, SUPPORT
+from paths import ROOT
 from processes import run
 
 PAGES = [
@@ -18,10 +16,7 @@ PAGES = [
     ROOT / "CONTRIBUTING.md",
     ROOT / "SECURITY.md",
     *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "programs").glob("*.md")),
 ]
-
-SAMPLES = ROOT / "docs" / "samples"
 
 FENCE = re.compile(r"^```(?P<language>\w*)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
 SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
@@ -72,8 +67,9 @@ def named_programs(page):
     return {name[1]: code for name, code in found if name}
 
 
-# The files that readers write, and that the tests run.
-FILES = {name for page in PAGES for name in named_programs(page)}
+def named_files(pages):
+    """The files that readers of pages write, and that the tests run."""
+    return {name for page in pages for name in named_programs(page)}
 
 
 def program(page):
@@ -87,9 +83,7 @@ def program(page):
 
 
 def run_program(page, folder, python=sys.executable, environment=None):
-    """Run the program of a page in a folder, beside the samples; it must print what the page says."""
-    if "docs/samples" in page.read_text(encoding="utf-8"):
-        shutil.copytree(SAMPLES, folder, dirs_exist_ok=True)
+    """Run the program of a page in a folder; it must print what the page says."""
     path = folder / page.name
     path.write_text(program(page), encoding="utf-8")
     with programs_beside(page, folder):
@@ -118,12 +112,6 @@ def programs_beside(page, folder):
         yield
 
 
-def provide_torch(folder):
-    """Put a stand-in for torch next to the programs of a folder, if it is not installed."""
-    if importlib.util.find_spec("torch") is None:
-        shutil.copytree(SUPPORT / "standins" / "torch", folder / "torch")
-
-
 def output(page):
     """The lines of the text blocks that directly follow a Python block of the page's program."""
     found = [*FENCE.finditer(page.read_text(encoding="utf-8"))]
@@ -135,3 +123,44 @@ def output(page):
 
 def without_numbers(line):
     return re.sub(r"\d+", "#", line)
+
+
+# What holds of each page.
+
+
+def check_blocks(page):
+    """Every block is found."""
+    opened = re.findall(r"^ *```", page.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(opened) == 2 * len(list(blocks(page)))
+
+
+def check_links(page):
+    """Links lead somewhere."""
+    for link in LINK.findall(prose(page)):
+        if link.startswith("https://"):
+            continue  # no test asks another machine
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        assert target.exists(), link
+        assert not anchor or anchor in _anchors(target), link
+
+
+def _anchors(page):
+    headings = HEADING.findall(prose(page))
+    return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+
+
+def commands_and_spans(page):
+    """The words of each command in a block, and of each text that is written as code and may be a command."""
+    for _, words in commands(page, *(span for span in SPAN.findall(prose(page)) if " " in span)):
+        yield words
+
+
+def names_of(page):
+    """What is written as code, and what looks like a name in a diagram."""
+    diagrams = "\n".join(block.code for block in blocks(page) if block.language in SHOWN)
+    words = re.findall(r"(?<![/\w.])[A-Za-z_][\w.]*\w", diagrams)
+    # The table of packages is test_layout.py's.
+    text = re.sub(r"^\| package \|.*?(?=\n\n)", "", prose(page), flags=re.MULTILINE | re.DOTALL)
+    spans = [span for span in SPAN.findall(text) if " " not in span]
+    return sorted({*spans, *(word for word in words if re.search(r"[_.]|[a-z][A-Z]", word))})

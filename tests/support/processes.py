@@ -2,14 +2,12 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import threading
 import time
 from contextlib import contextmanager
 
-import pytest
 from paths import PROGRAMS
 
 # A sanitizer makes everything slower; see reliability/sanitize.py.
@@ -18,7 +16,6 @@ SLOWNESS = float(os.environ.get("TF2_TEST_SLOWNESS", "1"))
 DEADLINE_S = 60.0 * SLOWNESS
 # For what does not wait, where it would otherwise do so until the deadline.
 PROMPT_S = DEADLINE_S / 2
-needs_dot = pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
 
 
 def until(condition, executor=None):
@@ -77,20 +74,8 @@ def output_of(*arguments, **popen):
 
 
 def start(program, *arguments, **popen):
-    """Start one of the tests' programs."""
+    """Start one of the tests' programs: its name, or its path."""
     return subprocess.Popen([sys.executable, str(PROGRAMS / program), *arguments], text=True, **popen)
-
-
-def program(name, *arguments, **popen):
-    """Start one of the project's programs; its standard output and errors are pipes."""
-    command = [sys.executable, "-m", f"tf2_ros_tools.programs.{name}", *arguments]
-    popen = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **popen}
-    return subprocess.Popen(command, text=True, **popen)
-
-
-def running(name, *arguments, **popen):
-    """The same for a `with` statement, which kills it in the end."""
-    return killed(program(name, *arguments, **popen))
 
 
 @contextmanager
@@ -103,13 +88,6 @@ def killed(process):
         process.communicate()
 
 
-def ended(name, *arguments, **popen):
-    """Run one of the project's programs to its end: exit status, standard output and errors."""
-    with running(name, *arguments, **popen) as process:
-        out, err = process.communicate(timeout=DEADLINE_S)
-    return process.returncode, out, err
-
-
 def end(process):
     """Ask a publisher to end: killed, it might hold a lock in the shared memory of those it sends to."""
     process.terminate()
@@ -118,16 +96,6 @@ def end(process):
     finally:
         process.kill()
         process.wait()
-
-
-@contextmanager
-def broadcasting():
-    """Run `programs/broadcasting.py` during a `with` statement."""
-    process = start("broadcasting.py")
-    try:
-        yield process
-    finally:
-        end(process)
 
 
 class Peer:

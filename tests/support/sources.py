@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -15,8 +15,9 @@ else:
     import tomli as tomllib
 
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs", "tf2_ros_tools", "tf2_ros_cython")
+PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs", "tf2_ros_cython")
 OTHERS = ("build_backend", "bench", "tests", "examples")
+ALL = (*PACKAGES, *OTHERS)
 GENERATED = ("_built.py",)
 
 # Docstrings and other strings, then comments: whatever stands in them is no statement.
@@ -43,26 +44,30 @@ class Import(NamedTuple):
 
 
 @cache
-def modules() -> dict[str, tuple[Path, ...]]:
-    """The project's modules by their dotted names; a Cython module has up to three files."""
+def modules(root: Path = ROOT, packages: tuple[str, ...] = ALL) -> dict[str, tuple[Path, ...]]:
+    """The modules of packages by their dotted names; a Cython module has up to three files."""
     found: dict[str, list[Path]] = {}
-    for package in (*PACKAGES, *OTHERS):
+    for package in packages:
         for suffix in ("py", "pyx", "pxd", "pyi"):
-            for path in sorted((ROOT / package).rglob(f"*.{suffix}")):
+            for path in sorted((root / package).rglob(f"*.{suffix}")):
                 if path.name not in GENERATED:
-                    parts = path.relative_to(ROOT).with_suffix("").parts
+                    parts = path.relative_to(root).with_suffix("").parts
                     found.setdefault(".".join(parts).removesuffix(".__init__"), []).append(path)
     return {name: tuple(paths) for name, paths in found.items()}
 
 
-def imports(path: Path) -> list[Import]:
-    """What a file imports and cimports, anywhere in it; relative names are made absolute."""
-    parent = list(path.relative_to(ROOT).parent.parts)
+def imports(path: Path, root: Path = ROOT, packages: tuple[str, ...] = ALL) -> list[Import]:
+    """What a file of these packages imports and cimports, anywhere; relative names are made absolute."""
+    parent = list(path.relative_to(root).parent.parts)
     code = code_of(path.read_text(encoding="utf-8"))
     found = []
     for one in _STATEMENT.finditer(code):
         names = [part.split()[0] for part in one["names"].strip("() \t\n").split(",") if part.split()]
-        imported = names if one["origin"] is None else _absolute(one["origin"], names, parent)
+        imported = (
+            names
+            if one["origin"] is None
+            else _absolute(one["origin"], names, parent, modules(root, packages))
+        )
         line = 1 + code.count("\n", 0, one.start())
         found += [Import(module, line, one["kind"] == "cimport") for module in imported]
     return found
@@ -73,20 +78,20 @@ def code_of(text: str) -> str:
     return _TEXT.sub(lambda found: '""' + "\n" * found[0].count("\n") if found[0][0] != "#" else "", text)
 
 
-def _absolute(name: str, names: list[str], parent: list[str]) -> Iterator[str]:
+def _absolute(name: str, names: list[str], parent: list[str], known: Container[str]) -> Iterator[str]:
     level = len(name) - len(name.lstrip("."))
     if level:
         kept = parent[: len(parent) - level + 1]
         name = ".".join([*kept, *filter(None, [name.lstrip(".")])])
-    submodules = [f"{name}.{one}" for one in names if f"{name}.{one}" in modules()]
+    submodules = [f"{name}.{one}" for one in names if f"{name}.{one}" in known]
     yield from submodules
     if len(submodules) < len(names) or not names:
         yield name
 
 
 @cache
-def words_of_sources() -> frozenset[str]:
+def words_of_sources(root: Path = ROOT, packages: tuple[str, ...] = PACKAGES) -> frozenset[str]:
     """Every word that is in the packages' code, without comments and docstrings."""
-    files = (path for name, paths in modules().items() if name.startswith(PACKAGES) for path in paths)
+    files = (path for paths in modules(root, packages).values() for path in paths)
     text = "\n".join(path.read_text(encoding="utf-8") for path in files)
     return frozenset(re.findall(r"\w+", re.sub(r'""".*?"""|#[^\n]*', "", text, flags=re.DOTALL)))

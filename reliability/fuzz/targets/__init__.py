@@ -1,5 +1,6 @@
 """
-What is fuzzed: a module for each target, with ``run(data)`` and ``seeds()``; both need no fuzzer.
+What is fuzzed: a module for each target, with ``run(data)`` and ``seeds()``; both need no fuzzer. Those of
+the tools, and their corpus, are in ``tools/tests/fuzz``.
 
 The corpus of a target is an archive: the smallest inputs that reach what the seeds do not, and, under names
 that begin with ``crash``, those that once revealed a fault.
@@ -10,7 +11,10 @@ import zipfile
 from pathlib import Path
 from types import ModuleType
 
-_CORPUS = Path(__file__).resolve().parent.parent / "corpus"
+ROOT = Path(__file__).resolve().parents[3]
+OF_TOOLS = {"recordings", "saved"}
+_CORPUS, _CORPUS_OF_TOOLS = ROOT / "reliability" / "fuzz" / "corpus", ROOT / "tools" / "tests" / "fuzz"
+__path__.append(str(_CORPUS_OF_TOOLS))  # modules of this package, too
 _NO_TIME = (1980, 1, 1, 0, 0, 0)  # the oldest of an archive, which is then the same for the same inputs
 
 # The Python packages whose branches guide the search in each target; those of the extensions always do.
@@ -31,7 +35,7 @@ MOST_BYTES = {
 }
 
 # In these Python does nearly all of the work.
-IN_PYTHON = {"recordings", "saved"}
+IN_PYTHON = OF_TOOLS
 
 
 def target(name: str) -> ModuleType:
@@ -41,12 +45,16 @@ def target(name: str) -> ModuleType:
 
 def corpus(name: str) -> dict[str, bytes]:
     """The inputs of a target's corpus, by name."""
-    with zipfile.ZipFile(_CORPUS / f"{name}.zip") as archive:
+    with zipfile.ZipFile(_archive(name)) as archive:
         return {one: archive.read(one) for one in archive.namelist()}
 
 
 def keep(name: str, inputs: dict[str, bytes]) -> None:
     """Replace the corpus of a target."""
-    with zipfile.ZipFile(_CORPUS / f"{name}.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(_archive(name), "w", zipfile.ZIP_DEFLATED) as archive:
         for one, data in sorted(inputs.items()):
             archive.writestr(zipfile.ZipInfo(one, _NO_TIME), data, zipfile.ZIP_DEFLATED)
+
+
+def _archive(name: str) -> Path:
+    return (_CORPUS_OF_TOOLS if name in OF_TOOLS else _CORPUS) / f"{name}.zip"

@@ -1,0 +1,25 @@
+"""The program tf2_which, wherever it is installed; test_sourced.py has what it says beside a sourced ROS."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from processes import DEADLINE_S
+
+pytestmark = pytest.mark.ours
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
+@pytest.mark.parametrize(
+    ("device", "said"), [("/dev/full", "tf2_which: No space left on device\n"), (None, "")]
+)
+def test_output_that_cannot_be_written_is_one_line_and_status_1(device, said):
+    reading, writing = os.pipe()
+    os.close(reading)  # a reader who leaves
+    out = writing if device is None else os.open(device, os.O_WRONLY)
+    command = [sys.executable, "-m", "tf2_ros_cython"]
+    done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True, timeout=DEADLINE_S)
+    assert (done.returncode, done.stderr) == (1, said)
+    for one in {out, writing}:
+        os.close(one)

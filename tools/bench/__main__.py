@@ -1,0 +1,55 @@
+"""Measure the tools, with the benchmark of the core: `make -C tools bench` prints and writes a report."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from bench import report
+from bench.__main__ import Run, Section, machine, redacted, write
+from bench.libraries import FETCHED, OURS, ours
+from bench.sizes import FULL, QUICK
+
+HERE = Path(__file__).resolve().parent
+
+SECTIONS = {
+    "recordings": Section("recordings.recordings", (OURS,), rounds=5),
+    "recordings:several": Section("recordings.several", (OURS,), rounds=1),
+}
+TITLES = {
+    "recordings": "Recordings, µs per transform, per lookup, per pickle and back",
+    "recordings:several": "Recordings per second, by workers",
+}
+FULL_SIZES = FULL | {
+    "recording_transforms": 1_000_000,
+    "recording_frames": 100,
+    "recording_lookups": 100_000,
+    "recording_files": 32,  # with fewer, the start of the workers counts too much
+}
+QUICK_SIZES = FULL_SIZES | QUICK | {"recording_transforms": 100_000, "recording_files": 2}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="make -C tools bench", description="Measure recordings.")
+    parser.add_argument("--quick", action="store_true", help="fewer rounds and sizes")
+    options = parser.parse_args()
+    load = [os.getloadavg()[0]]
+    library = ours()
+    path = library.environment["PYTHONPATH"]
+    library.environment["PYTHONPATH"] = os.pathsep.join([str(HERE), str(HERE.parent), path])
+    with tempfile.TemporaryDirectory() as folder:
+        run = Run({OURS: library}, QUICK_SIZES if options.quick else FULL_SIZES, Path(folder))
+        for name, section in SECTIONS.items():
+            run.measure(name, section)
+    load.append(os.getloadavg()[0])
+    text = redacted(report.page(run.rows, run.libraries, list(machine()), load, run.remarks, TITLES))
+    print(text)
+    write(text, (FETCHED if options.quick else HERE) / "results")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

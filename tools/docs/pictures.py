@@ -1,0 +1,135 @@
+"""Draws the pictures in docs/images of the robot of examples/demo.py: `make pictures`, in two minutes.
+
+Each is what a program draws, or shows on a terminal, while that robot drives. The bar chart of lookups is
+drawn of the results of `make bench`. The one of the viewer, demo-view.png, is a screenshot made by hand of
+`tf2_view --web --trail base_link`.
+"""
+
+import contextlib
+import itertools
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pexpect
+import pyte
+from rich._export_format import CONSOLE_SVG_FORMAT
+from rich.color import Color
+from rich.console import Console
+from rich.style import Style
+from rich.text import Text
+
+TOOLS = Path(__file__).resolve().parent.parent
+ROOT = TOOLS.parent
+DEMO = ROOT / "examples" / "demo.py"
+ROBOT = [sys.executable, DEMO, "broadcast"]  # ends by itself after 18 s
+FAULTS = [sys.executable, TOOLS / "tests" / "support" / "programs" / "broadcasting.py", "faults"]
+IMAGES = TOOLS / "docs" / "images"
+sys.path[:0] = [str(DEMO.parent), str(ROOT / "docs")]
+
+import demo  # noqa: E402
+import speed  # noqa: E402
+
+COLUMNS, ROWS = 80, 16
+# The fonts of the reader: a picture in the docs asks no other host for any.
+WITHOUT_FONTS = re.sub(r"@font-face \{\{.*?\}\}\s*", "", CONSOLE_SVG_FORMAT, flags=re.DOTALL)
+
+
+def main() -> None:
+    speed.draw(ROOT / "docs" / "images" / "speed.svg")
+    domain, _lock = demo.claim_domain()
+    os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
+    os.environ.pop("ROS_LOCALHOST_ONLY", None)
+    draw("demo-tree.svg", "view_frames", "-o")
+    draw("faults-tree.svg", "view_frames", "-o", robot=FAULTS)
+    draw("demo-path.png", "tf2_plot", "--path", "map", "camera", "-t", "8", "-o", stopped=True)
+    draw("demo-heard.png", "tf2_plot", "-t", "8", "-o", stopped=True)
+    with_robot(show_monitor)
+
+
+def draw(
+    name: str, program: str, *arguments: str, stopped: bool = False, robot: Sequence[str | Path] = ROBOT
+) -> None:
+    """Let a program draw a picture; ``stopped``: the robot's program stands still for a second of it."""
+
+    def run(process: subprocess.Popen) -> None:
+        pauses = [
+            threading.Timer(5.0, process.send_signal, [signal.SIGSTOP]),
+            threading.Timer(6.0, process.send_signal, [signal.SIGCONT]),
+        ]
+        for pause in pauses if stopped else ():
+            pause.start()
+        with tempfile.TemporaryDirectory() as folder:  # view_frames writes the input of Graphviz beside it
+            subprocess.run([*_command(program), *arguments, Path(folder) / name], check=True)
+            shutil.copy(Path(folder) / name, IMAGES)
+
+    with_robot(run, robot)
+
+
+def show_monitor(_robot: subprocess.Popen) -> None:
+    """What tf2_monitor shows on a terminal after some seconds."""
+    screen = pyte.Screen(COLUMNS, ROWS)
+    stream = pyte.Stream(screen)
+    [python, *arguments] = _command("tf2_monitor")
+    monitor = pexpect.spawn(
+        python,
+        [*arguments, "map", "camera"],
+        dimensions=(ROWS, COLUMNS),
+        env={**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"},
+        encoding="utf-8",
+    )
+    end = time.monotonic() + 8.0
+    try:
+        while time.monotonic() < end:
+            with contextlib.suppress(pexpect.TIMEOUT):
+                stream.feed(monitor.read_nonblocking(65536, timeout=0.1))
+    finally:
+        monitor.terminate(force=True)
+    console = Console(record=True, width=COLUMNS, file=open(os.devnull, "w"), color_system="truecolor")
+    for number in range(ROWS):
+        console.print(_line(screen, number))
+    console.save_svg(
+        str(IMAGES / "demo-monitor.svg"), title="tf2_monitor map camera", code_format=WITHOUT_FONTS
+    )
+
+
+def with_robot(run: Callable[[subprocess.Popen], None], robot: Sequence[str | Path] = ROBOT) -> None:
+    process = subprocess.Popen(robot)
+    try:
+        run(process)
+    finally:
+        process.send_signal(signal.SIGCONT)
+        demo.end(process)
+
+
+def _command(program: str) -> list[str]:
+    return [sys.executable, "-m", f"tf2_ros_tools.programs.{program}"]
+
+
+def _line(screen: pyte.Screen, number: int) -> Text:
+    cells = [screen.buffer[number][column] for column in range(COLUMNS)]
+    line = Text()
+    for (foreground, background, bold), run in itertools.groupby(
+        cells, lambda one: (one.fg, one.bg, one.bold)
+    ):
+        style = Style(color=_color(foreground), bgcolor=_color(background), bold=bold)
+        line.append("".join(cell.data for cell in run), style)
+    return line
+
+
+def _color(name: str) -> Color | None:
+    if name == "default":
+        return None
+    return Color.parse(f"#{name}" if re.fullmatch("[0-9a-f]{6}", name) else name.replace("brown", "yellow"))
+
+
+if __name__ == "__main__":
+    main()

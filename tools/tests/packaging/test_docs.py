@@ -1,0 +1,140 @@
+"""The documentation of the tools, and the programs on all pages; and the site, which has both parts."""
+
+import importlib
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+from pages import (
+    check_blocks,
+    check_links,
+    commands_and_spans,
+    named_files,
+    named_programs,
+    names_of,
+    program,
+    programs_beside,
+)
+from paths import ROOT
+from places import DOCS, TOOLS
+from processes import DEADLINE_S, killed, output_of, run
+from sources import words_of_sources
+from tool_pages import ALL_PAGES, PAGES, provide_torch, run_program
+from tool_sources import PACKAGES, PYPROJECT
+
+pytestmark = pytest.mark.ours
+
+by_name = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+@by_name
+def test_every_block_is_found(page):
+    check_blocks(page)
+
+
+@by_name
+def test_links_lead_somewhere(page):
+    check_links(page)
+
+
+# Programs: in a process of their own, with rclpy, on the ROS domain of this test run.
+
+
+def with_a_program():
+    """The pages that have one; that of recordings starts workers and viewers."""
+    long = pytest.mark.long("processes many recordings")
+    for page in filter(program, PAGES):
+        yield pytest.param(page, id=page.name, marks=[long] if page.name == "recordings.md" else [])
+
+
+@pytest.mark.parametrize("page", [*with_a_program()])
+def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
+    if page.name == "recordings.md":
+        for library in ("pyarrow", "distributed", "rerun"):
+            pytest.importorskip(library)
+    if page.name == "datasets.md":
+        pytest.importorskip("pyarrow")
+        provide_torch(tmp_path)
+    run_program(page, tmp_path)
+
+
+@pytest.mark.long("waits for discovery, twice")
+@pytest.mark.parametrize("command", ["view_frames --text", "tf2_echo map camera"])
+def test_the_programs_show_the_first_robot_as_the_page_says(command, tmp_path):
+    page = ROOT / "docs" / "getting-started.md"
+    text = page.read_text(encoding="utf-8")
+    [shown] = re.findall(rf"^```sh\n{command}\n```\n\n```text\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    name, *arguments = command.split()
+    ending = ["--once", "--wait", str(DEADLINE_S)] if name == "tf2_echo" else []
+    started = ["-m", f"tf2_ros_tools.programs.{name}", *arguments, *ending]
+    signed = re.compile(r"-?\d+")
+    with programs_beside(page, tmp_path):
+        # On a busy machine a program may end before it has found the robot.
+        printed = (signed.sub("#", output_of(*started, cwd=tmp_path)) for _ in range(4))
+        assert any(one.startswith(signed.sub("#", shown)) for one in printed)
+
+
+def test_the_recorder_saves_what_it_received_until_ctrl_c(tmp_path, peer):
+    code = named_programs(DOCS / "recordings.md")["record.py"]
+    # It says when it has received everything: interrupted before that, there might be nothing to save.
+    received = 'print(buffer.can_transform("map", "camera", 1_000_000_000, timeout=60), flush=True)'
+    code = code.replace("        time.sleep(60)", f"        {received}\n        time.sleep(60)")
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with killed(subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, text=True, **pipes)) as recorder:
+        assert recorder.stdout.readline() == "Recording for 60 s, or until Ctrl-C\n"
+        robot = peer()
+        robot.send(("base_link", "camera", 0, 0.5), static=True)
+        robot.send(("map", "base_link", 1_000_000_000, 1.0))
+        assert recorder.stdout.readline() == "True\n"
+        recorder.send_signal(signal.SIGINT)
+        _, errors = recorder.communicate(timeout=DEADLINE_S)
+    assert (recorder.returncode, errors) == (0, "")
+    buffer = importlib.import_module("tf2_ros_tools.bag").load(tmp_path / "live.mcap")
+    assert buffer.lookup_transform("map", "camera", 1_000_000_000).transform.translation.x == 1.5
+
+
+# Commands: those in blocks, and those in the text.
+
+PROGRAMS = set(PYPROJECT["project"]["scripts"])
+EXTRAS = {"", *PYPROJECT["project"]["optional-dependencies"]}
+MAKEFILE = (TOOLS / "Makefile").read_text(encoding="utf-8")
+FILES = named_files(PAGES)
+
+
+@pytest.mark.parametrize("page", ALL_PAGES, ids=lambda page: page.name)
+def test_the_commands_of_a_page_name_options_targets_and_extras_that_exist(page):
+    for words in commands_and_spans(page):
+        match words[3:] if words[:3] == ["ros2", "run", "tf2_ros_tools"] else words:
+            case [name, *arguments] if name in PROGRAMS:
+                module = importlib.import_module(f"tf2_ros_tools.programs.{name}")
+                module.PARSER.read([name, *arguments])
+            case ["make", "-C", "tools", target, *_]:
+                assert re.search(rf"^[a-z ]*\b{target}\b[a-z ]*:", MAKEFILE, re.MULTILINE), words
+            case ["pip", "install", *wanted]:
+                ours = [one for one in wanted if "tools" in one]
+                named = [extra for one in ours for extra in re.findall(r"\[(.+)\]", one)]
+                assert {extra for extras in named for extra in extras.split(",")} <= EXTRAS, words
+            case ["python", path, *_] if page in PAGES and not path.startswith("-"):
+                assert (ROOT / path).is_file() or path in FILES, words
+
+
+INTERNALS = DOCS / "internals.md"
+
+
+@pytest.mark.parametrize("name", names_of(INTERNALS))
+def test_a_name_in_the_internals_exists(name):
+    known = words_of_sources(TOOLS, PACKAGES) | words_of_sources()
+    name = re.sub(r"\(.*\)$|=.*$", "", name)
+    assert (TOOLS / name).exists() or set(re.findall(r"\w+", name)) <= known
+
+
+@pytest.mark.long("builds the site")
+def test_the_site_builds_without_warnings(tmp_path):
+    pytest.importorskip("sphinx")
+    recipe = (ROOT / "Makefile").read_text(encoding="utf-8")
+    [options] = re.findall(r"-m sphinx (.*) -d build/doctrees docs build/docs", recipe)
+    command = [sys.executable, "-m", "sphinx", *options.split(), "-d", tmp_path / "trees"]
+    done = run(*command, ROOT / "docs", tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -1,0 +1,46 @@
+"""An environment without ROS, with the tools and all of their libraries: recordings need no more."""
+
+import pytest
+import sources
+from places import DOCS, TOOLS
+from sources import modules
+from tool_pages import run_program
+from tool_sources import PACKAGES, PYPROJECT
+from without_ros import make_world
+
+pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
+
+EXTRAS = ("bag", "fleet", "rerun", "cli", "plot")
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    core, tools = sources.PYPROJECT["project"], PYPROJECT["project"]
+    wanted = ["pytest", "pandas", *core["dependencies"], *core["optional-dependencies"]["scipy"]]
+    wanted += [one for extra in EXTRAS for one in tools["optional-dependencies"][extra]]
+    return make_world(tmp_path_factory.mktemp("without_ros"), wanted, TOOLS / "tf2_ros_tools")
+
+
+def test_what_is_about_recordings_loads(world):
+    names = [*modules(TOOLS, PACKAGES)]
+    for of_nodes in ("listening", "relay", "screen", "state_publisher"):
+        names.remove(f"tf2_ros_tools.{of_nodes}")
+    assert "tf2_ros_tools.streams" in names and "tf2_ros_tools.programs.tf2_bag" in names
+    world.does(f"""
+import importlib, sys
+for name in {names!r}:
+    importlib.import_module(name)
+assert not {{"rclpy", "geometry_msgs", "tf2_msgs"}} & {{*sys.modules}}
+""")
+
+
+@pytest.mark.parametrize("command", ["tf2_echo map camera", "tf2_check", "view_frames"])
+def test_a_program_says_in_one_line_what_is_missing(world, command):
+    name, *arguments = command.split()
+    ended = world.run("-m", f"tf2_ros_tools.programs.{name}", *arguments)
+    assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (1, "", 1)
+    assert ended.stderr.startswith(f"{name}: tf2_ros needs ROS 2, and no rclpy is found by {world.python}")
+
+
+def test_the_chapter_about_recordings_holds(world, tmp_path):
+    run_program(DOCS / "recordings.md", tmp_path, world.python, world.environment)

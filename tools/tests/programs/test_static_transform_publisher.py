@@ -1,0 +1,103 @@
+"""The program static_transform_publisher: what it publishes, and what it refuses."""
+
+import re
+import signal
+
+import pytest
+from making import rotation, translation
+from processes import DEADLINE_S, until
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from scipy.spatial.transform import Rotation
+from starting import running
+
+from tf2_msgs.msg import TFMessage
+from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.programs.static_transform_publisher import PARSER, read_file, transforms_of
+
+pytestmark = pytest.mark.ours
+
+NAME = "static_transform_publisher"
+FRAMES = ["--frame-id", "map", "--child-frame-id", "robot"]
+EVEN_LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def turned(roll, pitch, yaw):
+    return tuple(Rotation.from_euler("xyz", [roll, pitch, yaw]).as_quat())
+
+
+OF_A_FILE = """\
+- {frame_id: map, child_frame_id: robot, x: 1, yaw: 1e-3}
+- frame_id: robot
+  child_frame_id: camera
+  z: -.5
+  qx: 1.0
+  qw: 0.0
+"""
+# By command line: the translation and the rotation, and what the log says.
+PUBLISHED = {
+    "--x 1 --y -2.5E-1 --z -0.25 --qz -.6 --qw .8": (
+        ((1.0, -0.25, -0.25), (0.0, 0.0, -0.6, 0.8)),
+        "Spinning until stopped - publishing transform\n"
+        "translation: ('1.000000', '-0.250000', '-0.250000')\n"
+        "rotation: ('0.000000', '0.000000', '-0.600000', '0.800000')\n"
+        "from 'map' to 'robot'\n",
+    ),
+    "--roll 0.3 --pitch -0.4 --yaw -1e-3": (((0, 0, 0), turned(0.3, -0.4, -1e-3)), "publishing transform"),
+    # w is 1 where it is not given.
+    "--qx 1": (((0, 0, 0), (0.5**0.5, 0, 0, 0.5**0.5)), "quaternion of robot does not have length one"),
+    "1 -1e-05 3 -0.1 0.2 0.3 map robot": (((1, -1e-05, 3), turned(0.3, 0.2, -0.1)), "Old-style arguments"),
+    "1 2 3 -.6 0 0 .8 map robot": (((1, 2, 3), (-0.6, 0, 0, 0.8)), "Old-style arguments are deprecated"),
+    "--file transforms.yaml": (((1, 0, 0), turned(0, 0, 1e-3)), "publishing 2 transforms of transforms.yaml"),
+}
+
+
+@pytest.mark.parametrize("line", PUBLISHED)
+def test_what_a_command_line_asks_for_is_published(line, node, executor, tmp_path):
+    messages, (wanted, said) = [], PUBLISHED[line]
+    (tmp_path / "transforms.yaml").write_text(OF_A_FILE)
+    node.create_subscription(TFMessage, "/tf_static", messages.append, EVEN_LATE)
+    names = FRAMES if line.startswith("--") and "--file" not in line else []
+    with running(NAME, *line.split(), *names, cwd=tmp_path) as process:
+        until(lambda: messages, executor)
+        process.send_signal(signal.SIGINT)
+        out, log = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, out) == (0, "") and "Traceback" not in log
+    assert said in log and re.search(rf"^\[INFO\] \[[\d.]+\] \[{NAME}_\w{{16}}\]: ", log, re.MULTILINE)
+    found = [(one.header.frame_id, one.child_frame_id) for one in messages[0].transforms]
+    assert found == [("map", "robot"), ("robot", "camera")][: len(found)]
+    moved, turn = (pytest.approx(part, abs=1e-12) for part in wanted)
+    assert (translation(messages[0].transforms[0]), rotation(messages[0].transforms[0])) == (moved, turn)
+
+
+@pytest.mark.parametrize("line", ["--frame-id /map --child-frame-id map", "0 0 0 0 0 0 map /map"])
+def test_a_frame_in_itself_is_refused_also_with_a_leading_slash(line):
+    options = PARSER.read([NAME, *line.split()])
+    with pytest.raises(UsageError, match="must differ, both are 'map'"):
+        transforms_of(options)
+
+
+def test_a_transform_is_published_under_the_stored_names():
+    options = PARSER.read([NAME, "--frame-id", "/map", "--child-frame-id", "/robot/base"])
+    [one] = transforms_of(options)
+    assert (one.header.frame_id, one.child_frame_id) == ("map", "robot/base")
+
+
+@pytest.mark.parametrize(
+    ("second", "said"),
+    [
+        ("{frame_id: 5, child_frame_id: c}", "transform 2: 'frame_id': expected the name of a frame, got 5"),
+        ("{frame_id: c, child_frame_id: b}", "the frame 'b' has two transforms"),
+        ("{frame_id: b, child_frame_id: a}", "is its own ancestor"),
+        # As in a buffer, one leading slash is not a part of a name.
+        ("{frame_id: c, child_frame_id: /b}", "the frame 'b' has two transforms"),
+        ("{frame_id: /b, child_frame_id: /a}", "is its own ancestor"),
+        ("{frame_id: /c, child_frame_id: c}", "frame_id and child_frame_id must differ, both are 'c'"),
+        ("{frame_id: c, child_frame_id: //d}", "'child_frame_id': expected the name of a frame, got '//d'"),
+        ("{frame_id: /, child_frame_id: d}", "'frame_id': expected the name of a frame, got '/'"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, second, said):
+    path = tmp_path / "transforms.yaml"
+    path.write_text(f"- {{frame_id: a, child_frame_id: b}}\n- {second}")
+    with pytest.raises(ValueError, match=re.escape(said)):
+        read_file(path)

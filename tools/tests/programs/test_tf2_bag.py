@@ -1,0 +1,328 @@
+"""tf2_bag: its commands on recordings that the tests make, in this process, and a few in one of their own."""
+
+import csv
+import io
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from making import transform
+from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
+from processes import DEADLINE_S, until
+from robots import ARM, description, joint_state
+from starting import ended, needs_dot, running
+from test_pictures import texts_of
+
+from tf2_ros_tools.program import RunError
+from tf2_ros_tools.programs.tf2_bag import PARSER, bag
+
+pytestmark = pytest.mark.ours
+
+SCANS = [100 * S + i * S // 4 + 7 for i in range(12)]
+COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
+
+
+def recording(path, *more, count=100):
+    """Ten seconds of the robot, a lidar's messages, and more."""
+    scans = [scan(stamp + 5_000_000, stamp) for stamp in SCANS]
+    messages = sorted([*drive(count), *scans, *more], key=lambda one: one.log_ns)
+    return str(write_mcap(path, messages))
+
+
+@pytest.fixture(scope="module")
+def drive_mcap(tmp_path_factory):
+    return recording(tmp_path_factory.mktemp("bag") / "drive.mcap")
+
+
+@pytest.fixture
+def run(capsys):
+    """Run a command line in this process: exit status, standard output and errors."""
+
+    def run(*arguments):
+        status = bag(PARSER.read(["tf2_bag", *map(str, arguments)]))
+        return status, *capsys.readouterr()
+
+    return run
+
+
+def rows_of(text):
+    rows = list(csv.DictReader(io.StringIO(text)))
+    stamps = [int(row["stamp_ns"]) for row in rows]
+    return stamps, [[float(row[name]) for name in COLUMNS] for row in rows], [row["valid"] for row in rows]
+
+
+def test_all_formats_of_a_lookup_hold_the_same(run, drive_mcap, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+
+    ends = ("map", "camera", "--times", "1", "100.123456789", "105")
+    stamps, poses, valid = rows_of(run("lookup", drive_mcap, *ends)[1])
+    for name in ("a.csv", "a.tum", "a.parquet"):
+        assert run("lookup", drive_mcap, *ends, "-o", tmp_path / name)[:2] == (0, f"{tmp_path / name}\n")
+    of_csv = rows_of((tmp_path / "a.csv").read_text())
+    assert (of_csv[0], of_csv[2]) == (stamps, valid)
+    assert np.array_equal(of_csv[1], poses, equal_nan=True)
+    lines = (tmp_path / "a.tum").read_text().splitlines()
+    assert [line.split()[0] for line in lines] == ["100.123456789", "105.000000000"]
+    assert [[*map(float, line.split()[1:])] for line in lines] == poses[1:]
+    table = parquet.read_table(tmp_path / "a.parquet").to_pydict()
+    assert list(table) == ["file", "stamp_ns", *COLUMNS, "valid", "gap"]
+    assert (table["file"], table["stamp_ns"]) == ([drive_mcap] * 3, stamps)
+    assert table["valid"] == [False, True, True]
+    assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses, equal_nan=True)
+    assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.parquet", "a.tum"]
+
+
+class TestGaps:
+    """A path with samples at 1, 2 and 3.5 s on one hop, and each 0.25 s on another."""
+
+    @pytest.fixture
+    def path(self, tmp_path):
+        moving = [Sent(ns, "/tf", [Tf("map", "odom", ns, (ns / S, 0, 0))]) for ns in (S, 2 * S, 7 * S // 2)]
+        moving += [Sent(i * S // 4, "/tf", [Tf("odom", "base", i * S // 4)]) for i in range(4, 15)]
+        mount = Sent(S, "/tf_static", [Tf("base", "camera", S)])
+        return write_mcap(tmp_path / "run.mcap", [mount, *moving])
+
+    @pytest.mark.parametrize(
+        ("max_gap", "valid"),
+        [
+            ([], [True] * 6),
+            (["--max-gap", "1.5"], [True] * 6),
+            (["--max-gap", "1.25"], [True, True, True, False, False, True]),
+            (["--max-gap", "0.5"], [True, False, True, False, False, True]),
+            (["--max-gap", "0"], [True, False, True, False, False, True]),
+        ],
+    )
+    @pytest.mark.parametrize("ends", [("map", "camera"), ("camera", "map")])
+    def test_a_lookup_has_no_answer_in_a_longer_gap(self, run, path, ends, max_gap, valid):
+        times = ["1", "1.5", "2", "2.25", "3.4", "3.5"]
+        _, out, err = run("lookup", path, *ends, "--times", *times, *max_gap)
+        gaps = [0.0, 1.0, 0.0, 1.5, 1.5, 0.0]
+        rows = [*csv.DictReader(io.StringIO(out))]
+        assert [row["valid"] for row in rows] == [str(one).lower() for one in valid]
+        expected = [gap if one else float("nan") for gap, one in zip(gaps, valid, strict=True)]
+        assert np.array_equal([float(row["gap"]) for row in rows], expected, equal_nan=True)
+        assert [row["x"] == "nan" for row in rows] == [not one for one in valid]
+        lacking = valid.count(False)
+        assert err == (f"tf2_bag lookup: no answer at {lacking} of 6 times\n" if lacking else "")
+
+    def test_tum_leaves_them_out(self, run, path, tmp_path):
+        command = ("lookup", path, "map", "base", "--times", "2", "3", "3.5", "--max-gap", "1")
+        assert run(*command, "-o", tmp_path / "a.tum")[0] == 0
+        stamps = [line.split()[0] for line in (tmp_path / "a.tum").read_text().splitlines()]
+        assert stamps == ["2.000000000", "3.500000000"]
+
+    def test_the_gap_is_the_reason_if_there_is_no_answer_at_all(self, run, path):
+        with pytest.raises(
+            RunError, match="the samples of odom at 2.0.* and 3.50* are further apart than max_gap, 1"
+        ):
+            run("lookup", path, "map", "base", "--times", "3", "--max-gap", "1")
+
+    def test_csv_and_parquet_have_the_same_columns(self, run, path, tmp_path):
+        parquet = pytest.importorskip("pyarrow.parquet")
+
+        command = ("lookup", path, "map", "base", "--times", "1", "3", "3.5", "--max-gap", "1")
+        rows = [*csv.DictReader(io.StringIO(run(*command)[1]))]
+        run(*command, "-o", tmp_path / "a.parquet")
+        table = parquet.read_table(tmp_path / "a.parquet").to_pydict()
+        assert ["file", *rows[0]] == [*table]  # a table of several recordings needs the file
+        assert [str(one) for one in table["gap"]] == [row["gap"] for row in rows] == ["0.0", "nan", "0.0"]
+
+
+class TestOtherTopics:
+    """What the programs computes from messages that are not TFMessages."""
+
+    @pytest.mark.parametrize(
+        ("options", "parent", "child"),
+        [
+            (["--poses", "/odom"], "map", "base"),
+            (["--poses", "/vicon/robot"], "map", "base"),
+            (["--poses", "/odom=world,robot"], "world", "robot"),
+            (["--poses", "/gps=/map,/gps"], "map", "gps"),
+            (["--poses", "/odom", "--poses", "/gps=map,gps"], "base", "gps"),
+        ],
+    )
+    def test_poses_are_looked_up(self, run, options, parent, child, tmp_path):
+        messages = [*series("/odom", ODOMETRY), *series("/gps", STAMPED), *series("/vicon/robot", TRANSFORM)]
+        path = write_mcap(tmp_path / "run.mcap", messages)
+        stamps, poses, valid = rows_of(run("lookup", path, parent, child, *options)[1])
+        assert (stamps, set(valid)) == (STAMPS, {"true"})
+        moved = [[0.0] * 3 if parent == "base" else [i / 10, 2.0, 3.0] for i in range(20)]
+        np.testing.assert_allclose([pose[:3] for pose in poses], moved, atol=1e-15)
+        assert f"{child}: parent " in run("info", path, *options)[1]
+
+    @pytest.mark.parametrize(
+        "options",
+        [
+            ["arm.urdf"],
+            ["recorded"],
+            ["/joint_states=arm.urdf"],
+            ["/left/joint_states=arm.urdf"],
+            ["/left/joint_states=recorded"],
+        ],
+    )
+    def test_joint_states_are_looked_up(self, run, options, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "arm.urdf").write_text(ARM)
+        left = "/left" if "left" in options[0] else ""
+        states = [joint_state(ns, ["extend"], [0.1], topic=f"{left}/joint_states") for ns in STAMPS]
+        write_mcap("run.mcap", [description(topic=f"{left}/robot_description"), *states])
+        status, out, _ = run("lookup", "run.mcap", "wheel", "slide", "--urdf", *options)
+        assert (status, rows_of(out)[0]) == (0, STAMPS)
+
+    def test_a_warning_about_a_urdf_is_one_line(self, run, tmp_path):
+        urdf = tmp_path / "arm.urdf"
+        urdf.write_text(ARM.replace("</robot>", "<gazebo><xacro:camera/></gazebo></robot>"))
+        path = write_mcap(tmp_path / "run.mcap", [joint_state(S, ["extend"], [0.1])])
+        said = "xacro was not expanded: xacro:camera; it is ignored, because it is not in a joint"
+        assert run("check", path, "--urdf", urdf)[2] == f"tf2_bag check: {urdf}: {said}\n"
+
+    @pytest.mark.parametrize(
+        ("options", "said"),
+        [
+            (["--poses", "/odom=map"], "must be TOPIC or TOPIC=PARENT,CHILD, not '/odom=map'"),
+            (["--poses", "/odom=map,"], "must be TOPIC or TOPIC=PARENT,CHILD, not '/odom=map,'"),
+            (["--poses", "=map,base"], "must be TOPIC or TOPIC=PARENT,CHILD, not '=map,base'"),
+            (["--urdf", "/joint_states="], "must be FILE or TOPIC=FILE, not '/joint_states='"),
+            (["--urdf", "=arm.urdf"], "must be FILE or TOPIC=FILE, not '=arm.urdf'"),
+        ],
+    )
+    def test_wrong_options_are_refused(self, options, said, capsys):
+        with pytest.raises(SystemExit):
+            PARSER.read(["tf2_bag", "info", "run.mcap", *options])
+        assert said in capsys.readouterr().err
+
+    def test_what_a_urdf_lacks_is_told(self, run, drive_mcap, tmp_path):
+        (tmp_path / "arm.urdf").write_text("<robot/>")
+        with pytest.raises(RunError, match=r"arm.urdf: the robot has no links$"):
+            run("info", drive_mcap, "--urdf", tmp_path / "arm.urdf")
+
+    def test_a_batch_reads_them(self, run, tmp_path):
+        parquet = pytest.importorskip("pyarrow.parquet")
+
+        write_mcap(tmp_path / "run.mcap", series("/odom", ODOMETRY))
+        command = ("batch", tmp_path, "--lookup", "map", "base", "--poses", "/odom", "--workers", 1)
+        assert run(*command, "--out", tmp_path / "tables")[0] == 0
+        [table] = (tmp_path / "tables").glob("*.parquet")
+        assert parquet.read_table(table).to_pydict()["x"] == [i / 10 for i in range(20)]
+
+
+def test_json_of_info_has_the_same(run, drive_mcap):
+    said = json.loads(run("info", drive_mcap, "--json")[1])
+    assert said["bytes"] == os.path.getsize(drive_mcap)
+    assert [(topic["name"], topic["msgtype"], topic["count"]) for topic in said["topics"]] == [
+        ("/scan", "sensor_msgs/msg/LaserScan", 12),
+        ("/tf", "tf2_msgs/msg/TFMessage", 100),
+        ("/tf_static", "tf2_msgs/msg/TFMessage", 2),
+    ]
+    assert (said["begin"], said["end"], said["transforms"]) == (100.0, 110.0, 202)
+    frames = {stream["frame"]: stream for stream in said["streams"]}
+    assert set(frames) == {"odom", "base", "camera", "lidar"}
+    assert frames["odom"]["rate"] == pytest.approx(10.0)
+    assert frames["odom"]["gap"] == pytest.approx(0.1)
+    assert said["findings"] == []
+
+
+def test_of_a_saved_buffer_no_delay_is_known(run, tmp_path, tf2_ros):
+    buffer = tf2_ros.Buffer()
+    for i in range(100):
+        stamp = 1_795_000_000 + i / 20
+        buffer.set_transform(transform("map", "odom", stamp), "here")
+        buffer.set_transform(transform("odom", "base", stamp - 6), "a publisher that is late")
+    buffer.save(tmp_path / "saved.mcap")
+    status, out, _ = run("check", tmp_path / "saved.mcap", "--max-delay", "0")
+    assert (status, out[:27]) == (0, "ok: no findings in 3 frames")
+    _, out, _ = run("info", tmp_path / "saved.mcap")
+    assert "  base: parent odom, publisher /tf, 20.0 Hz, longest gap 0.05 s\n" in out
+    assert "\nsaved by a buffer, which keeps stamps but no times of reception: no delays\n" in out
+    _, out, _ = run("info", tmp_path / "saved.mcap", "--json")
+    found = json.loads(out)
+    assert found["saved"] and {one["delay"] for one in found["streams"]} == {None}
+
+
+@needs_dot
+def test_the_tree_is_drawn(run, drive_mcap, tmp_path):
+    assert run("tree", drive_mcap, "-o", tmp_path / "t.svg")[1] == f"{tmp_path}/t.svg\n"
+    texts = texts_of(tmp_path / "t.svg")
+    assert {"map", "odom", "base", "camera", "/tf_static", "10.0 Hz", "buffer 9.90 s"} <= set(texts)
+
+
+def test_graphvizs_file_needs_no_graphviz(run, drive_mcap, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert run("tree", drive_mcap, "-o", tmp_path / "t.gv")[0] == 0
+    assert "digraph" in (tmp_path / "t.gv").read_text()
+    with pytest.raises(RunError, match=r"install Graphviz.*a file that ends in \.gv does not need it"):
+        run("tree", drive_mcap, "-o", tmp_path / "t.svg")
+
+
+def test_a_picture_of_one_message_and_of_a_part_is_drawn(run, drive_mcap, tmp_path):
+    mount = Sent(100 * S, "/tf_static", [Tf("base", "camera", 100 * S)])
+    path = write_mcap(tmp_path / "mount.mcap", [mount])
+    assert run("plot", path, "-o", tmp_path / "p.svg")[0] == 0
+    assert "static, /tf_static" in texts_of(tmp_path / "p.svg")
+    assert run("plot", drive_mcap, "--start", 104, "--end", 106, "-o", tmp_path / "q.svg")[0] == 0
+    ticks = [float(text) for text in texts_of(tmp_path / "q.svg") if re.fullmatch(r"[\d.]+", text)]
+    assert ticks and all(104.0 <= tick <= 106.0 for tick in ticks)
+
+
+def test_a_misspelt_frame_of_a_batch_is_told_and_no_success(run, tmp_path):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("distributed")
+    path = recording(tmp_path / "a.mcap", count=30)
+    command = ("batch", path, "--lookup", "map", "camra", "--out", tmp_path / "tables", "--workers", 1)
+    for counts in ("1 done, 0 done before", "0 done, 1 done before"):
+        status, out, err = run(*command)
+        assert (status, out.splitlines()[0]) == (1, f"{counts}, 0 failed, 1 without an answer")
+        assert err.startswith(f"tf2_bag batch: {path}: ") and "camra" in err and err.count("\n") == 1
+
+
+def test_ctrl_c_in_a_batch_says_how_to_go_on(tmp_path):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("distributed")
+    one = recording(tmp_path / "0.mcap", count=30)
+    for i in range(1, 2000):  # far more than are done before the signal
+        os.link(one, tmp_path / f"{i}.mcap")
+    tables = tmp_path / "tables"
+    command = ("batch", str(tmp_path), "--lookup", "map", "camera", "--workers", "1")
+    with running("tf2_bag", *command, "--out", tables) as process:
+        until(lambda: next(tables.glob("[!_]*.parquet"), None))
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 130
+    assert err == "tf2_bag batch: interrupted; the same command does the rest\n"
+
+
+def test_without_a_screen_it_says_so_in_one_line(drive_mcap):
+    pytest.importorskip("rerun")
+    screens = {"DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"}
+    bare = {name: value for name, value in os.environ.items() if name not in screens}
+    status, out, err = ended("tf2_bag", "view", drive_mcap, env=bare)
+    assert (status, out, err.count("\n")) == (1, "", 1), err
+    assert err.startswith("tf2_bag view: the viewer of rerun did not open: there is no screen (neither ")
+    assert err.endswith(" is set); -o FILE does not need a screen\n")
+
+
+# The program tf2_bag, in a Python that cannot import the packages of ROS.
+WITHOUT_ROS = """
+import sys
+names = "rclpy geometry_msgs std_msgs sensor_msgs builtin_interfaces rcl_interfaces action_msgs rpyutils"
+sys.modules.update(dict.fromkeys(names.split()))
+from tf2_ros_tools.programs.tf2_bag import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    ["info", "check --json", "lookup map camera --at /scan", "tree", "plot --path map camera -o way.svg"],
+)
+def test_without_ros_it_prints_the_same(run, drive_mcap, tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    name, *others = arguments.split()
+    command = [name, drive_mcap, *others]
+    done = subprocess.run([sys.executable, "-c", WITHOUT_ROS, *command], text=True, capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == run(*command)

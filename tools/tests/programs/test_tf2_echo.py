@@ -1,0 +1,108 @@
+"""The program tf2_echo, against real broadcasters."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from making import S
+from processes import DEADLINE_S, until
+from scipy.spatial.transform import Rotation
+from starting import ended, running
+
+from tf2_ros_tools.output import rpy_from_matrices
+from tf2_ros_tools.urdf import quaternion_from_rpy
+
+pytestmark = pytest.mark.ours
+
+WAIT = ["--wait", str(DEADLINE_S)]
+
+
+class TestText:
+    def test_a_rotation_is_printed_in_all_forms(self):
+        turn = ["--roll", "0.1", "--pitch", "-.2", "--yaw", "2.5"]
+        with running("static_transform_publisher", "--frame-id", "a", "--child-frame-id", "b", *turn):
+            status, out, _ = ended("tf2_echo", "a", "b", "--once", "20", *WAIT)
+        assert status == 0
+        q = Rotation.from_euler("xyz", [0.1, -0.2, 2.5])
+        assert f"- Rotation: in Quaternion (xyzw) {listed(q.as_quat())}\n" in out
+        assert f"- Rotation: in RPY (radian) {listed([0.1, -0.2, 2.5])}\n" in out
+        assert f"- Rotation: in RPY (degree) {listed(map(math.degrees, [0.1, -0.2, 2.5]))}\n" in out
+        for row in q.as_matrix():
+            assert "".join(f" {number:6.3f}" for number in row) + "  0.000\n" in out
+
+    def test_a_failure_after_a_success_is_printed_with_the_frames(self, peer):
+        with (
+            running("tf2_echo", "map", "robot", "20") as echo,
+            running("tf2_echo", "map", "robot", "--json") as other,
+        ):
+            talker = peer()
+            talker.matched(2)
+            talker.send(("map", "robot", S, 1.0))
+            assert echo.stdout.readline().startswith("At time ")
+            assert "error" not in json.loads(other.stdout.readline())
+            talker.send(("moon", "robot", 2 * S, 1.0))  # another parent: no connection any more
+            until(lambda: echo.stdout.readline().startswith("Failure at "))
+            failure = until(lambda: (line := json.loads(other.stdout.readline())).get("error") and line)
+            assert failure["error"]["type"] in ("ConnectivityException", "LookupException")
+            assert "map" in failure["error"]["text"]
+            assert (failure["header"]["frame_id"], failure["child_frame_id"]) == ("map", "robot")
+            assert re.match("Exception thrown:.*(map|robot)", echo.stdout.readline())
+            assert echo.stdout.readline() == "The current list of frames is:\n"
+            assert echo.stdout.readline() == "Frame robot exists with parent moon.\n"
+
+
+def listed(numbers):
+    return "[" + ", ".join(f"{number:.3f}" for number in numbers) + "]"
+
+
+def test_the_known_frames_are_told_and_cannot_write_a_line_of_their_own(peer):
+    with running("tf2_echo", "map", "robot") as echo:
+        talker = peer()
+        talker.send(("map", "x\x1b[2J\n[INFO]", S, 1.0))
+        until(lambda: echo.stderr.readline() == "Known frames: map, x\\x1b[2J\\n[INFO]\n")
+        talker.send(*((f"f{i:03d}", f"f{i + 1:03d}", S, 1.0) for i in range(999)))
+        names = ", ".join(f"f{i:03d}" for i in range(5))
+        until(lambda: echo.stderr.readline() == f"Known frames: {names} and 997 more\n")
+
+
+def test_when_simulated_time_jumps_back_the_old_transforms_are_forgotten(peer):
+    with running("tf2_echo", "map", "robot", "20", "--ros-args", "-p", "use_sim_time:=true") as echo:
+        talker = peer()
+        talker.set_clock(100)
+        talker.send(("map", "robot", 100 * S, 1.0))
+        assert echo.stdout.readline() == "At time 100.000000000\n"
+
+        def forgotten():
+            talker.set_clock(100)
+            talker.set_clock(5)
+            return echo.stdout.readline().startswith("Failure at 5.000")
+
+        until(forgotten)
+
+
+def test_who_asks_the_robot_for_its_frames_is_not_answered_by_it(node):
+    with running("tf2_echo", "map", "robot"):
+        until(lambda: "tf2_echo" in node.get_node_names())
+        # It exists for a moment, until the program has removed it.
+        until(lambda: "/tf2_frames" not in [name for name, _ in node.get_service_names_and_types()])
+
+
+class TestRpy:
+    """Roll, pitch and yaw."""
+
+    def test_they_are_those_of_scipy_and_back(self):
+        for rotation in Rotation.random(200, random_state=1):
+            rpy = rpy_from_matrices(rotation.as_matrix())
+            assert rpy == pytest.approx(tuple(rotation.as_euler("xyz")), abs=1e-9)
+            q = np.array(quaternion_from_rpy(*rpy))
+            assert abs(q @ rotation.as_quat()) == pytest.approx(1.0)
+
+    @pytest.mark.parametrize("pitch", [math.pi / 2, -math.pi / 2])
+    @pytest.mark.parametrize("roll", [-3.0, 0.0, 0.7])
+    def test_where_roll_and_yaw_are_one_turn_yaw_is_zero(self, roll, pitch):
+        matrix = (
+            np.round(Rotation.from_euler("y", pitch).as_matrix()) @ Rotation.from_euler("x", roll).as_matrix()
+        )
+        assert rpy_from_matrices(matrix) == pytest.approx((roll, pitch, 0.0))

@@ -1,0 +1,550 @@
+"""Recordings: what is loaded from every format, from which times and topics, and from broken files."""
+
+import os
+import sqlite3
+import sys
+from contextlib import closing
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from making_bags import (
+    FORMATS,
+    SCAN,
+    STRING,
+    TF,
+    S,
+    Sent,
+    Tf,
+    drive,
+    raw,
+    scan,
+    store,
+    write_db3,
+    write_folder,
+    write_mcap,
+    write_ros1,
+    write_ros1_mcap,
+    write_split,
+)
+from rosbags import rosbag2
+
+from tf2_py import BufferCore, TransformException
+from tf2_ros import Buffer
+from tf2_ros.records import MessageSource, Recording, insert_messages
+from tf2_ros_tools import bag
+from tf2_ros_tools.findings import report
+from tf2_ros_tools.loading import hear, wanted
+from tf2_ros_tools.reading import is_static, open_recording
+
+pytestmark = pytest.mark.ours
+
+DRIVE = drive(40)
+
+
+def flat(messages):
+    """The transforms as (log time, static, parent, child, stamp, numbers)."""
+    return [
+        (one.log_ns, is_static(one.topic), tf.parent, tf.child, tf.ns, (*tf.xyz, *tf.xyzw))
+        for one in messages
+        for tf in one.content
+    ]
+
+
+def flat_read(path, **arguments):
+    found = []
+    for log_ns, static, m in bag.transforms(path, **arguments):
+        stamp, t, q = m.header.stamp, m.transform.translation, m.transform.rotation
+        numbers = (t.x, t.y, t.z, q.x, q.y, q.z, q.w)
+        ns = stamp.sec * S + stamp.nanosec
+        found.append((log_ns, static, m.header.frame_id, m.child_frame_id, ns, numbers))
+    return found
+
+
+def flat_heard(heard):
+    """The same of records, without numbers."""
+    return [
+        (
+            int(one["received_ns"]),
+            bool(one["static"]),
+            *(heard.frames[one[name]] for name in ("parent", "child")),
+            int(one["stamp_ns"]),
+        )
+        for one in heard.records
+    ]
+
+
+def answers(buffer, frames=("map", "odom", "base", "camera", "lidar")):
+    """What a buffer says of all pairs of frames, over time."""
+    times = np.arange(99 * S, 106 * S, S // 20)
+    found = []
+    for target in frames:
+        for source in frames:
+            try:
+                found.append(buffer.lookup_transforms(target, source, times, on_missing="nan"))
+            except TransformException as error:
+                found.append(str(error))
+    return found
+
+
+def filled(messages):
+    """A buffer filled message by message, without a recording."""
+    buffer = Buffer(float("inf"))
+    for one in messages:
+        buffer.set_transforms_cdr(raw(one), one.topic, is_static(one.topic))
+    return buffer
+
+
+EXPECTED = answers(filled(DRIVE))
+
+
+# Every format.
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_every_format_holds_the_same(form, tmp_path):
+    ros = 1 if "ros1" in form else 2
+    scans = [scan(105 * S + i, 90 * S + 3 * i, ros=ros) for i in range(5)]
+    path = FORMATS[form](tmp_path, [*DRIVE, *scans])
+    buffer = bag.load(str(path))
+    np.testing.assert_equal(answers(buffer), EXPECTED)
+    assert buffer.statistics()["taken"] == len(flat(DRIVE))
+    listed = buffer.all_frames_as_yaml()
+    assert "broadcaster: '/tf'\n" in listed and "broadcaster: '/tf_static'\n" in listed
+    assert sorted(flat_read(path)) == sorted(flat(DRIVE))
+    heard = hear(path)
+    assert flat_heard(heard) == [one[:5] for one in flat(DRIVE)]
+    assert set(heard.publishers) == {"/tf", "/tf_static"}
+    assert (heard.start_ns, heard.end_ns) == (DRIVE[0].log_ns, scans[-1].log_ns)
+    assert bag.stamps(path, "/scan").tolist() == [90 * S + 3 * i for i in range(5)]
+
+
+# What is kept.
+
+
+def test_everything_is_kept_unless_a_cache_time_says_how_much(tmp_path, monkeypatch):
+    monkeypatch.setenv("TF2_ROS_CYTHON_MAX_BYTES", "1000")
+    last_ns = (2**31 - 1) * S
+    stamps = [0, *(last_ns - i * S for i in range(4000, 0, -10)), last_ns]
+    path = write_mcap(
+        tmp_path / "run.mcap", [Sent(i, "/tf", [Tf("map", "base", ns)]) for i, ns in enumerate(stamps)]
+    )
+    assert bag.load(path).statistics()["samples"] == len(stamps)
+    assert bag.load(path, cache_time=60).statistics()["samples"] < 10
+
+
+def test_nothing_in_a_recording_has_an_age(tmp_path):
+    buffer = bag.load(write_mcap(tmp_path / "run.mcap", DRIVE))
+    with pytest.raises(ValueError, match="has no clock.* the buffer of a recording"):
+        buffer.ages("map", "base")
+
+
+def test_repeated_static_transforms_jumps_of_the_clock_and_refused_transforms_lose_nothing_else(tmp_path):
+    again = [one._replace(log_ns=one.log_ns + 100 * S) for one in drive(5, begin_ns=50 * S)]
+    spoiled = Sent(101 * S, "/tf", [Tf("map", "odom", 101 * S, (float("nan"), 0, 0)), Tf("", "odom", 0)])
+    path = write_mcap(tmp_path / "run.mcap", [DRIVE[0], *DRIVE, spoiled, *again])
+    buffer = bag.load(path)
+    assert sum(buffer.statistics()["refused"].values()) == 2
+    for seconds in (50.2, 102.0):
+        assert buffer.can_transform_core("map", "lidar", round(seconds * S))[0]
+
+
+# Times.
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("times")
+    return [
+        write_mcap(folder / "run.mcap", DRIVE),
+        write_mcap(
+            folder / "plain.mcap", sorted(DRIVE, key=lambda one: one.log_ns), index=False, chunked=False
+        ),
+        write_folder(folder / "run", DRIVE, "sqlite3"),
+        write_ros1(folder / "run.bag", DRIVE),
+    ]
+
+
+LOG_TIMES = st.none() | st.sampled_from([one.log_ns for one in DRIVE]) | st.integers(99 * S, 106 * S)
+LOG_TIMES |= st.sampled_from([-(2**63), 2**63 - 1])
+
+
+@given(start=LOG_TIMES, end=LOG_TIMES, which=st.integers(0, 3))
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_start_and_end_limit_dynamic_transforms_alone(recorded, start, end, which):
+    if start is not None and end is not None and end < start:
+        with pytest.raises(ValueError, match="is before start"):
+            bag.load(recorded[which], start=start, end=end)
+        return
+
+    def is_wanted(one):
+        return one[1] or ((start is None or one[0] >= start) and (end is None or one[0] <= end))
+
+    expected = sorted(filter(is_wanted, flat(DRIVE)))
+    assert sorted(flat_read(recorded[which], start=start, end=end)) == expected
+    assert bag.load(recorded[which], start=start, end=end).statistics()["taken"] == len(expected)
+    assert sorted(flat_heard(hear(recorded[which], wanted(start=start, end=end)))) == [
+        one[:5] for one in expected
+    ]
+
+
+# Topics.
+
+TWO = sorted(
+    drive(10, prefix="/robot1") + drive(10, prefix="/robot2", begin_ns=100 * S + 50),
+    key=lambda one: one.log_ns,
+)
+
+
+@pytest.mark.parametrize("form", ["mcap", "folder-sqlite3", "ros1"])
+def test_topics_of_several_robots_load_with_a_prefix_each(form, tmp_path):
+    path = FORMATS[form](tmp_path, TWO)
+    topics = {
+        f"/{name}/{topic}": f"{name}/" for name in ("robot1", "robot2") for topic in ("tf", "tf_static")
+    }
+    buffer = bag.load(path, topics=topics)
+    plain = bag.load(path, topics=["/robot1/tf", "/robot1/tf_static", "/not/there"])
+    np.testing.assert_equal(
+        answers(buffer, ("robot1/map", "robot1/camera")), answers(plain, ("map", "camera"))
+    )
+    assert {frame.partition("/")[0] for frame in hear(path, wanted(topics)).frames} == {"robot1", "robot2"}
+
+
+def test_a_prefix_replaces_the_slash_of_a_name_and_makes_no_name_of_none(tmp_path):
+    messages = [Sent(1, "/tf", [Tf("/map", "/base", 1), Tf("map", "", 1)])]
+    path = write_ros1(tmp_path / "run.bag", messages)
+    assert {*bag.load(path, topics={"/tf": "r/"}).frames()} == {"r/map", "r/base"}
+    assert flat_read(path, topics={"/tf": "r/"})[0][2:4] == ("r/map", "r/base")
+    for prefix in ("/r/", "/"):
+        assert {*bag.load(path, topics={"/tf": prefix}).frames()} == {f"{prefix[1:]}map", f"{prefix[1:]}base"}
+    assert flat_read(path)[0][2:4] == ("/map", "/base")
+
+
+@pytest.mark.parametrize("profile", ["ros1", "", "x"])
+def test_messages_of_ros_1_in_an_mcap_are_those_of_a_bag(profile, tmp_path):
+    messages = [*DRIVE, scan(105 * S, 104 * S, ros=1)]
+    path = write_ros1_mcap(tmp_path / "run.mcap", messages, profile)
+    assert bag.load(path).frames() == bag.load(write_ros1(tmp_path / "run.bag", messages)).frames()
+    assert bag.stamps(path, "/scan").tolist() == [104 * S]
+    assert {one.msgtype for one in opened_topics(path)} == {TF, SCAN}
+
+
+def opened_topics(path):
+    with open_recording(path) as recorded:
+        return [*recorded.topics.values()]
+
+
+def test_a_folder_named_like_a_file_of_a_recording_is_ignored(tmp_path):
+    path = write_folder(tmp_path / "run", DRIVE)
+    (path / "old.mcap").mkdir()
+    assert sorted(flat_read(path)) == sorted(flat(DRIVE))
+
+
+def test_a_topic_without_messages_gives_an_empty_buffer(tmp_path):
+    path = write_mcap(tmp_path / "run.mcap", [], topics=[("/tf", TF)])
+    assert bag.load(path).statistics()["taken"] == 0
+    assert flat_read(path) == []
+    heard = hear(path)
+    assert (len(heard.records), heard.start_ns, heard.end_ns) == (0, None, None)
+
+
+# Whatever cannot be read.
+
+
+def check_lost(path, text, functions=(bag.load, hear, flat_read)):
+    """However it is read, it is an error in one line."""
+    for function in functions:
+        with pytest.raises(bag.BagError, match=text) as raised:
+            function(path)
+        assert "\n" not in str(raised.value)
+
+
+def changed(path, change):
+    path.write_bytes(change(path.read_bytes()))
+
+
+def spoiled(data, at, size=60):
+    return data[:at] + bytes(one ^ 0x5A for one in data[at : at + size]) + data[at + size :]
+
+
+BROKEN = "{path}.* is broken.*; `{tool}.*` may repair it$"
+FAULTS = {
+    "empty": (lambda data: b"", "{path} is empty$"),
+    "text": (lambda data: b"hello\n" * 99, BROKEN),
+    "half": (lambda data: data[: len(data) // 2], "{folder}.* is broken.*; `{tool}.*` may repair it$"),
+    "end": (lambda data: data[: len(data) * 49 // 50], "{folder}.* is broken.*; `{tool}.*` may repair it$"),
+    "middle": (lambda data: spoiled(data, len(data) // 2, 300), "is broken.*; `{tool}.*` may repair it$"),
+}
+TOOLS = {".mcap": "mcap recover", ".db3": "sqlite3 FILE .recover", ".bag": "rosbag reindex"}
+# What has neither checksums nor a structure in its middle is read.
+UNNOTICED = {
+    *("mcap-no-chunks", "mcap-plain", "folder-mcap", "split-mcap"),
+    *("folder-sqlite3-message", "split-mcap-file"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_fault_of_a_file_is_an_error_that_names_it_and_the_tool(form, fault, tmp_path):
+    if fault == "middle" and form in UNNOTICED:
+        pytest.skip("nothing there says that it is broken")
+    path = FORMATS[form](tmp_path, drive(400))
+    file = max(one for one in path.iterdir() if one.suffix != ".yaml") if path.is_dir() else path
+    change, text = FAULTS[fault]
+    changed(file, change)
+    tool = TOOLS[os.path.splitext(file.name.removesuffix(".zstd"))[1]]
+    check_lost(path, text.format(folder=path, path=file, tool=tool))
+
+
+QOS = """\
+- {history: 3, depth: 9, reliability: 1, durability: 2, deadline: {sec: 9, nsec: 0},
+   lifespan: {sec: 9, nsec: 0}, liveliness: 1, liveliness_lease_duration: {sec: 9, nsec: 0},
+   avoid_ros_namespace_conventions: false}
+"""
+# What a metadata.yaml may say of a recording, by the key of rosbag2 and of its topics.
+WRONG = {
+    "it ends later": {"duration": {"nanoseconds": 8000 * S}},
+    "it begins earlier": {"starting_time": {"nanoseconds_since_epoch": 0}},
+    "it begins later and is empty": {
+        "starting_time": {"nanoseconds_since_epoch": 9000 * S},
+        "duration": {"nanoseconds": 0},
+    },
+    "there are no messages": {"message_count": 0},
+    "no topic has messages": {"of topics": {"message_count": 0}},
+    "each topic has a million": {"message_count": 3_000_000, "of topics": {"message_count": 1_000_000}},
+    "there are no topics": {"topics_with_message_count": []},
+    "the topics have another type": {"of topics": {"type": STRING}},
+    "the topics have another quality of service": {"of topics": {"offered_qos_profiles": QOS}},
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize(
+    "form", ["folder-mcap-message", "folder-sqlite3", "split-mcap-file", "split-sqlite3"]
+)
+def test_a_folder_is_what_its_files_hold_whatever_its_metadata_says(form, wrong, tmp_path):
+    path = FORMATS[form](tmp_path, [*DRIVE, scan(300 * S, 300 * S)])
+    heard = hear(path)
+    expected = report(heard)
+    with open_recording(path) as recorded:
+        described = (recorded.start_ns, recorded.end_ns, recorded.topics)
+    assert described[:2] == (100 * S, 300 * S)
+    metadata = yaml.safe_load((path / "metadata.yaml").read_text())
+    content = metadata["rosbag2_bagfile_information"]
+    changes = dict(WRONG[wrong])
+    of_topics = changes.pop("of topics", {})
+    for topic in content["topics_with_message_count"]:
+        for key, value in of_topics.items():
+            (topic if key in topic else topic["topic_metadata"])[key] = value
+    content.update(changes)
+    (path / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    with open_recording(path) as recorded:
+        assert (recorded.start_ns, recorded.end_ns, recorded.topics) == described
+    found = hear(path)
+    assert report(found) == expected
+    assert found.records.tolist() == heard.records.tolist()
+    assert sorted(flat_read(path)) == sorted(flat(DRIVE))
+    assert bag.stamps(path, "/scan").tolist() == [300 * S]
+
+
+def test_a_topic_without_messages_is_listed_from_the_metadata(tmp_path):
+    path = write_folder(tmp_path / "run", [scan(1, 1)])
+    with rosbag2.Writer(tmp_path / "empty", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
+        writer.add_connection("/tf", TF, typestore=store())
+    empty = yaml.safe_load((tmp_path / "empty" / "metadata.yaml").read_text())
+    metadata = yaml.safe_load((path / "metadata.yaml").read_text())
+    listed = metadata["rosbag2_bagfile_information"]["topics_with_message_count"]
+    listed += empty["rosbag2_bagfile_information"]["topics_with_message_count"]
+    (path / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    with open_recording(path) as recorded:
+        assert {name: one.count for name, one in recorded.topics.items()} == {"/scan": 1, "/tf": 0}
+    assert bag.load(path).statistics()["taken"] == 0
+
+
+def split(folder, change):
+    path = write_split(folder / "run", DRIVE)
+    change(path)
+    return path
+
+
+def file(folder, name, content=b"text"):
+    (folder / name).write_bytes(content)
+    return folder / name
+
+
+def pipe(folder):
+    os.mkfifo(folder / "pipe.mcap")  # opening it would wait for ever
+    return folder / "pipe.mcap"
+
+
+def pipe_inside(folder, name):
+    path = write_folder(folder / "run", DRIVE)
+    os.mkfifo(path / name)
+    return path
+
+
+def pipe_of_the_metadata(folder):
+    path = write_folder(folder / "run", DRIVE)
+    content = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(content.replace("- run.mcap", "- run"))
+    os.mkfifo(path / "run")
+    return path
+
+
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 990\n"
+
+
+def spoiled_db3(folder):
+    path = write_db3(folder / "run.db3", DRIVE)
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("update messages set data = x'0001' where id = (select max(id) from messages)")
+    return path
+
+
+def unmerged(folder):
+    file(folder, "run.db3-wal")
+    return write_db3(folder / "run.db3", DRIVE)
+
+
+@pytest.mark.parametrize(
+    ("write", "text"),
+    [
+        # Folders whose parts do not fit together.
+        (
+            lambda at: split(at, lambda run: (run / "metadata.yaml").unlink()),
+            "run is not a recording: the folder has no metadata.yaml; `ros2 bag reindex` makes",
+        ),
+        (
+            lambda at: split(at, lambda run: (run / "run_1.mcap").unlink()),
+            "run is broken: .*files are missing: .*run_1.mcap.*; `ros2 bag reindex` may repair",
+        ),
+        (lambda at: split(at, lambda run: file(run, "metadata.yaml", b"{")), "run is broken: .*reindex"),
+        # Parts of a file.
+        (spoiled_db3, "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage"),
+        (unmerged, "run.db3 lacks what is in run.db3-wal: `sqlite3 run.db3 .* merges it"),
+        (
+            lambda at: write_mcap(at / "run.mcap", DRIVE[::-1], index=False, chunked=False),
+            "run.mcap is broken, .* not in timestamp order.*; `mcap recover`",
+        ),
+        # Other topics.
+        (
+            lambda at: write_mcap(at / "run.mcap", TWO),
+            "has no topic /tf or /tf_static; its topics with transforms: /robot1/tf, /robot1/tf_static",
+        ),
+        (
+            lambda at: write_mcap(at / "run.mcap", [Sent(1, "/tf", {"data": "hello"}, STRING)]),
+            "run.mcap, topic /tf: its type is std_msgs/msg/String, not tf2_msgs",
+        ),
+        # What is not a recording.
+        (lambda at: at, "is not a recording: the folder has no metadata.yaml"),
+        (lambda at: file(at, "a.txt"), "a.txt is not a recording: use a folder with a metadata.yaml"),
+        (pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
+        (lambda at: pipe_inside(at, "a.mcap"), "run/a.mcap is not a recording: it is a pipe or a device"),
+        (lambda at: pipe_inside(at, "a.db3.zstd"), "run/a.db3.zstd is not a recording: it is a pipe"),
+        (pipe_of_the_metadata, "run/run is not a recording: it is a pipe or a device"),
+        # What a clone has in place of a recording.
+        *(
+            (
+                lambda at, name=name: file(at, name, POINTER),
+                f"{name} is a pointer of Git LFS.*`git lfs pull`",
+            )
+            for name in ("a.mcap", "a.db3", "a.bag", "a.mcap.zstd")
+        ),
+        (
+            lambda at: split(at, lambda run: file(run, "run_1.mcap", POINTER)),
+            "run/run_1.mcap is a pointer of Git LFS, not the recording itself: `git lfs pull` downloads it$",
+        ),
+    ],
+)
+def test_what_cannot_be_read_is_explained(write, text, tmp_path):
+    check_lost(write(tmp_path), text)
+
+
+@pytest.mark.parametrize(
+    ("topic", "text"),
+    [
+        ("/no", "topic /no: this topic does not exist; the topics are /bad, /odd, /scan, /tf_static$"),
+        ("/tf_static", "topic /tf_static: tf2_msgs/msg/TFMessage does not begin with a std_msgs/m"),
+        ("/bad", "run.mcap, topic /bad, log time 101000000000 ns: "),
+        ("/odd", "run.mcap is broken, topic /odd, definition of its type: "),
+    ],
+)
+def test_stamps_that_cannot_be_read_are_explained(topic, text, tmp_path):
+    messages = [DRIVE[0], *(scan(100 * S, 90 * S, topic) for topic in ("/scan", "/bad"))]
+    messages += [messages[-1]._replace(log_ns=101 * S, content=b""), Sent(S, "/odd", {"data": ""}, STRING)]
+    path = write_mcap(tmp_path / "run.mcap", messages, chunked=False)
+    changed(path, lambda data: data.replace(b"string data", b"string d+ta"))
+    check_lost(path, text, [lambda path: bag.stamps(path, topic)])
+
+
+# Progress, and the end of a load.
+
+
+def test_a_bar_counts_the_messages(tmp_path, capfd):
+    path = write_mcap(tmp_path / "run.mcap", drive(600))
+    bag.load(path, progress=True)
+    assert "602/602" in capfd.readouterr().err
+    bag.load(path, progress=False)
+    bag.load(path)  # standard error is no terminal
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("module", ["tqdm", "rosbags"])
+def test_a_missing_library_is_named_with_its_extra(module, tmp_path, monkeypatch):
+    path = write_mcap(tmp_path / "run.mcap", DRIVE)
+    monkeypatch.setitem(sys.modules, module, None)
+    advice = rf"{module} is not installed: pip install 'tf2-ros-tools\[bag\]'"
+    with pytest.raises(ModuleNotFoundError, match=advice):
+        bag.load(path)
+
+
+def test_a_recording_is_closed_after_an_error_and_an_abandoned_iteration(tmp_path):
+    path = write_mcap(tmp_path / "run.mcap", DRIVE)
+    before = os.listdir("/proc/self/fd")
+    iterator = bag.transforms(path)
+    next(iterator)
+    iterator.close()
+    changed(path, lambda data: data[: len(data) // 2])
+    check_lost(path, "is broken")
+    assert os.listdir("/proc/self/fd") == before
+
+
+# Messages of any source.
+
+MESSAGES = [(one.topic, one.log_ns, raw(one)) for one in DRIVE[:3]]
+SOURCES = [MessageSource("/tf"), MessageSource("/tf_static", True)]
+
+
+def test_what_a_small_recording_has_no_place_for_comes_in_arrays():
+    recording, arrays = Recording(3), []
+    insert_messages(BufferCore(), MESSAGES, SOURCES, recording=recording, records=arrays)
+    assert [len(one) for one in (*arrays, recording.take())] == [3, 2]
+    assert recording.lost == 0
+
+
+def test_a_malformed_message_is_an_error_or_left_out():
+    messages = [*MESSAGES[:2], ("/tf", 11, b"nonsense"), *MESSAGES[2:]]
+    buffer, found = BufferCore(), []
+    with pytest.raises(ValueError, match="malformed TFMessage"):
+        insert_messages(buffer, messages, SOURCES)
+    assert buffer.frames()["odom"].count == 1
+    buffer = BufferCore()
+    assert insert_messages(buffer, messages, SOURCES, on_malformed=lambda *what: found.append(what)) == 4
+    assert buffer.frames()["odom"].count == 2
+    assert [what[:2] for what in found] == [("/tf", 11)]
+
+
+@pytest.mark.parametrize(
+    "how", [{}, {"on_broken": lambda error, last_ns: OSError(f"{error} after {last_ns}")}]
+)
+def test_an_error_of_the_iteration_is_raised_or_explained(how):
+    def broken():
+        yield from MESSAGES
+        raise OSError("it ends")
+
+    buffer = BufferCore()
+    with pytest.raises(OSError, match=f"^it ends{f' after {DRIVE[2].log_ns}' if how else ''}$"):
+        insert_messages(buffer, broken(), SOURCES, **how)
+    assert "camera" in buffer, "what came before is kept"

@@ -1,0 +1,9 @@
+"""Where the files of the tools are."""
+
+from pathlib import Path
+
+TOOLS = Path(__file__).resolve().parents[2]
+SUPPORT = TOOLS / "tests" / "support"
+PROGRAMS = SUPPORT / "programs"
+DOCS = TOOLS / "docs"
+SAMPLES = DOCS / "samples"

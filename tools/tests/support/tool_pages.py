@@ -1,0 +1,27 @@
+"""The pages of the tools, and running their programs beside the samples; see `pages.py` of the core."""
+
+import importlib.util
+import shutil
+import sys
+
+import pages
+from places import DOCS, SAMPLES, SUPPORT, TOOLS
+
+PAGES = [TOOLS / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("programs/*.md"))]
+# Those that show programs of the tools.
+ALL_PAGES = [*pages.PAGES, *PAGES]
+
+
+def run_program(page, folder, python=sys.executable, environment=None):
+    """Run the program of a page in a folder, beside the samples; it must print what the page says."""
+    if page.name == "README.md":
+        shutil.copytree(SAMPLES, folder / SAMPLES.relative_to(TOOLS.parent))
+    else:
+        shutil.copytree(SAMPLES, folder, dirs_exist_ok=True)
+    pages.run_program(page, folder, python, environment)
+
+
+def provide_torch(folder):
+    """Put a stand-in for torch next to the programs of a folder, if it is not installed."""
+    if importlib.util.find_spec("torch") is None:
+        shutil.copytree(SUPPORT / "standins" / "torch", folder / "torch")

@@ -1,0 +1,13 @@
+"""Read the sources of the tools; see `sources.py` of the core."""
+
+import sys
+
+from places import TOOLS
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+PYPROJECT = tomllib.loads((TOOLS / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGES = ("tf2_ros_tools",)

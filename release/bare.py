@@ -1,9 +1,9 @@
 """
 Run the README's commands as a new user would: `python3 release/bare.py`, or `make bare`.
 
-`make demo`, `make test` and `make -C tools demo` run in a new clone of the last commit, with an empty home and
-without caches. The only variables are those that say how to reach the network, and the only programs in PATH
-are Python, a C compiler and those that every system has. This program needs only Python.
+`make demo`, `make test` and `make -C tools demo` run in a new clone of the last commit, with an empty home
+and without caches. The only variables are those that say how to reach the network, and the only programs in
+PATH are Python, a C compiler and those that every system has. This program needs only Python.
 """
 
 import argparse

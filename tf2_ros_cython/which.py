@@ -15,6 +15,7 @@ from tf2_ros_cython import _finder, _ros
 from tf2_ros_cython._ros import __version__
 
 _WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
+_TOOLS_ADVICE = "not installed; pip install tf2-ros-tools adds tf2_echo and other programs, and recordings"
 
 
 def main(args: list[str] | None = None) -> int:
@@ -69,6 +70,8 @@ def _answer() -> tuple[list[str], int]:
     lines.append(f"precedence: {_precedence()}")
     lines.append(f"receiver: {_receiver(are_ours, failure)}")
     lines.append(f"ROS 2: {_running_ros()}")
+    if importlib.util.find_spec("tf2_ros_tools") is None:
+        lines.append(f"tools: {_TOOLS_ADVICE}")
     lines.append(f"version: {_versions(folders['tf2_msgs'])}")
     return lines, 0 if are_ours and failure is None else 1
 

@@ -2,9 +2,7 @@
 
 import os
 import shutil
-import subprocess
 import sys
-import sysconfig
 import zipfile
 from pathlib import Path
 
@@ -12,8 +10,8 @@ import installing
 import numpy
 import pytest
 from installing import INDEX, OURS, SITE, Prefix, sourced, unsourced
-from processes import run
 from sources import PYPROJECT
+from workspaces import Installation, Workspace, distribution_with_tf2
 
 pytestmark = [
     pytest.mark.ours,
@@ -22,13 +20,6 @@ pytestmark = [
     pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
 ]
 
-# Prints whose each package is.
-OWNERS = f"""
-import importlib
-for name in {(*OURS, "tf2_msgs")}:
-    package = importlib.import_module(name)
-    print(name, getattr(package, "OWNER", package.__path__[0]))
-"""
 STARTED = "import sys; print(*[name for name in sys.modules if name.startswith('tf2')])"
 
 
@@ -48,28 +39,7 @@ def wheel(made):
 
 @pytest.fixture(scope="module")
 def ros(made):
-    """A distribution with a tf2 of its own."""
-    prefix = installing.distribution(made / "ros").add_stubs("distribution", *OURS)
-    installing.copy_messages(prefix.path / SITE, "_release.py")
-    return prefix.mark("tf2_msgs")
-
-
-class Installation:
-    """A Python that ours is installed into, what its environment has to say for that, and where ours lies."""
-
-    def __init__(self, python, home, **environment):
-        self.python, self.home, self.environment = python, home, environment
-
-    def run(self, environment, *arguments):
-        # In a folder that holds none of ours.
-        return run(self.python, *arguments, env={**environment, **self.environment}, cwd=self.python.parent)
-
-    def owners(self, environment):
-        ended = self.run(environment, "-c", OWNERS)
-        assert ended.returncode == 0, ended.stderr
-        found = dict(line.split() for line in ended.stdout.splitlines())
-        homes = {str(self.home / name): "ours" for name in found}
-        return {name: homes.get(where, where) for name, where in found.items()}
+    return distribution_with_tf2(made / "ros")
 
 
 @pytest.fixture(scope="module")
@@ -91,26 +61,6 @@ def editable(made):
     installing.reuse_builds(checkout)
     wheel = installing.build("build_backend.build_editable", checkout, made / "editable-wheel")
     return Installation(installing.new_venv(made / "editable", wheel), checkout)
-
-
-class Workspace(Installation):
-    """A workspace built by colcon, and a Python without ours that starts where it is sourced."""
-
-    def __init__(self, path, ros, *options):
-        self.path, self.prefix = path, path / "install" / "tf2_ros_cython"
-        self.source, build = path / "src" / "tf2-ros-cython", path / "build" / "tf2_ros_cython"
-        installing.checkout_copy(self.source)
-        installing.reuse_builds(build)
-        colcon = Path(sysconfig.get_path("scripts"), "colcon")
-        subprocess.run([colcon, "build", *options], cwd=path, env=sourced(ros), check=True)
-        super().__init__(installing.new_venv(path / "venv"), build if options else self.prefix / SITE)
-
-    def run(self, environment, *arguments):
-        return self.start(environment, self.python, *arguments)
-
-    def start(self, environment, *command):
-        shell = 'source "$0"/install/setup.bash && cd / && exec "$@"'
-        return run("bash", "-c", shell, self.path, *command, env=environment)
 
 
 @pytest.fixture(scope="module")

@@ -66,7 +66,8 @@ def reuse_builds(project):
 def build(hook, project, target, settings=None, environment=None):
     """Call one of a build's hooks, such as `backend.build_wheel`, as pip does; the path of what it made."""
     target.mkdir()
-    program = f"import {hook.partition('.')[0]} as of; print(of.{hook.partition('.')[2]}"
+    module, _, function = hook.rpartition(".")
+    program = f"import {module} as of; print(of.{function}"
     program += f"({str(target)!r}, {settings!r}))"
     return target / output_of("-c", program, cwd=project, env=environment).split()[-1]
 

@@ -1,8 +1,9 @@
 """
-Write the recordings in docs/samples, which pages of the documentation use: `python docs/samples.py`.
+Write the recordings in docs/samples, which pages of the documentation use: `python tools/docs/samples.py`.
 
-A robot drives in a circle for 10 s and takes two pictures a second (`drive`, and as `two_robots`); an antenna
-has its poses (`gps`); an arm moves for 2 s with a camera on its gripper (`runs`, with its joint states only).
+A robot drives in a circle for 10 s and takes two pictures a second (`drive`, and as `two_robots`); in the
+same drive, a second is missing and the camera has two parents (`faults`); an antenna has its poses (`gps`);
+an arm moves for 2 s with a camera on its gripper (`runs`, with its joint states only).
 """
 
 import math
@@ -77,15 +78,22 @@ def recording(folder: Path) -> Iterator[Recorder]:
         yield Recorder(writer)
 
 
-def drive(record: Recorder, namespace: str = "") -> None:
+def drive(record: Recorder, namespace: str = "", missing: range = range(0)) -> None:
+    """:param missing: the tenths of a second in which nothing is recorded."""
     begin = 1000 * S
     record(f"{namespace}/tf_static", begin, transforms(begin, "base_link", "camera", 0.5, 0.0, 0.0))
-    for tenth in range(100):
+    for tenth in (one for one in range(100) if one not in missing):
         ns, angle = begin + tenth * S // 10, tenth / 10
         pose = math.cos(angle), math.sin(angle), angle + math.pi / 2
         record(f"{namespace}/tf", ns, transforms(ns, "map", "base_link", *pose))
         if tenth % 5 == 0:  # of an image, only its header
             record(f"{namespace}/images", ns, header(ns + 30_000_000, "camera"))
+
+
+def faults(record: Recorder) -> None:
+    drive(record, missing=range(40, 51))
+    late = 1006 * S
+    record("/tf", late, transforms(late, "mast", "camera", 0.1, 0.0, 0.0))
 
 
 def antenna(record: Recorder) -> None:
@@ -121,6 +129,8 @@ def write(folder: Path) -> None:
     with recording(folder / "two_robots") as record:
         for namespace in ("/robot1", "/robot2"):
             drive(record, namespace)
+    with recording(folder / "faults") as record:
+        faults(record)
     with recording(folder / "gps") as record:
         antenna(record)
     (folder / "runs").mkdir()

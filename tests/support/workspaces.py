@@ -1,0 +1,65 @@
+"""Installations where a ROS 2 is sourced: Pythons with ours, and workspaces built by colcon."""
+
+import subprocess
+import sysconfig
+from pathlib import Path
+
+import installing
+from installing import OURS, SITE, sourced
+from processes import run
+
+# Prints whose each package is.
+OWNERS = f"""
+import importlib
+for name in {(*OURS, "tf2_msgs")}:
+    package = importlib.import_module(name)
+    print(name, getattr(package, "OWNER", package.__path__[0]))
+"""
+
+
+def distribution_with_tf2(path):
+    """A distribution with a tf2 of its own."""
+    prefix = installing.distribution(path).add_stubs("distribution", *OURS)
+    installing.copy_messages(prefix.path / SITE, "_release.py")
+    return prefix.mark("tf2_msgs")
+
+
+class Installation:
+    """A Python that ours is installed into, what its environment has to say for that, and where ours lies."""
+
+    def __init__(self, python, home, **environment):
+        self.python, self.home, self.environment = python, home, environment
+
+    def run(self, environment, *arguments):
+        # In a folder that holds none of ours.
+        return run(self.python, *arguments, env={**environment, **self.environment}, cwd=self.python.parent)
+
+    def owners(self, environment):
+        ended = self.run(environment, "-c", OWNERS)
+        assert ended.returncode == 0, ended.stderr
+        found = dict(line.split() for line in ended.stdout.splitlines())
+        homes = {str(self.home / name): "ours" for name in found}
+        return {name: homes.get(where, where) for name, where in found.items()}
+
+
+class Workspace(Installation):
+    """A workspace built by colcon, and a Python without ours that starts where it is sourced."""
+
+    def __init__(self, path, ros, *options, packages=None):
+        """:param packages: called with the folder of the checkout, to put more beside it."""
+        self.path, self.prefix = path, path / "install" / "tf2_ros_cython"
+        self.source, build = path / "src" / "tf2-ros-cython", path / "build" / "tf2_ros_cython"
+        installing.checkout_copy(self.source)
+        installing.reuse_builds(build)
+        if packages is not None:
+            packages(self.source)
+        colcon = Path(sysconfig.get_path("scripts"), "colcon")
+        subprocess.run([colcon, "build", *options], cwd=path, env=sourced(ros), check=True)
+        super().__init__(installing.new_venv(path / "venv"), build if options else self.prefix / SITE)
+
+    def run(self, environment, *arguments):
+        return self.start(environment, self.python, *arguments)
+
+    def start(self, environment, *command):
+        shell = 'source "$0"/install/setup.bash && cd / && exec "$@"'
+        return run("bash", "-c", shell, self.path, *command, env=environment)

@@ -130,11 +130,25 @@ cdef inline uint32_t history_prefetch(const History* history, int64_t time_ns) n
 
 # Why the history does not answer; GAP_NONE: it does. Time 0 means the newest sample.
 cdef Gap history_gap(const History* history, int64_t time_ns) noexcept nogil
-# The samples on both sides of a time, and its relative position between them, 0 .. 1. If one sample is the
-# answer, both are that sample, and the position is 0. `hint`: where to look first, and afterwards where the
-# answer was.
-cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* hint, const Transform** older,
-                            const Transform** newer, double* ratio) noexcept nogil
+
+cdef struct Neighbours:
+    # The samples on both sides of a time. If one sample is the answer, both are that sample.
+    const Transform* older
+    const Transform* newer
+    int64_t older_ns        # their stamps; every time between these, but not at them, has the same neighbours
+    int64_t newer_ns
+
+
+cdef inline double neighbours_ratio(const Neighbours* around, int64_t time_ns) noexcept nogil:
+    # The relative position of the time between them, 0 .. 1; 0 if both are the same.
+    if around.older_ns == around.newer_ns:
+        return 0.0
+    return <double>(time_ns - around.older_ns) / <double>(around.newer_ns - around.older_ns)
+
+
+# `hint`: where to look first, and afterwards where the answer was.
+cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* hint,
+                            Neighbours* out) noexcept nogil
 # Interpolated between the neighbours: linear translation, slerp of the rotation.
 cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t hint,
                               Transform* out) noexcept nogil

@@ -241,32 +241,34 @@ cdef Gap history_gap(const History* history, int64_t time_ns) noexcept nogil:
     return _find_slots(history, time_ns, &hint, &older, &newer)
 
 
-cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* hint, const Transform** older,
-                            const Transform** newer, double* ratio) noexcept nogil:
+cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* hint,
+                            Neighbours* out) noexcept nogil:
     cdef uint32_t a, b
     cdef Gap gap = _find_slots(history, time_ns, hint, &a, &b)
     if gap != GAP_NONE:
         return gap
-    older[0] = &history.samples[a].transform
-    newer[0] = &history.samples[b].transform
-    if a == b:
-        ratio[0] = 0.0
-    else:
-        ratio[0] = (<double>(time_ns - history.stamps[a])) / (<double>(history.stamps[b] - history.stamps[a]))
+    out.older = &history.samples[a].transform
+    out.newer = &history.samples[b].transform
+    out.older_ns = history.stamps[a]
+    out.newer_ns = history.stamps[b]
     return GAP_NONE
 
 
 cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t hint,
                               Transform* out) noexcept nogil:
+    cdef Neighbours around
     cdef const Transform* a
     cdef const Transform* b
     cdef double ratio
-    cdef Gap gap = history_neighbours(history, time_ns, &hint, &a, &b, &ratio)
+    cdef Gap gap = history_neighbours(history, time_ns, &hint, &around)
     if gap != GAP_NONE:
         return gap
+    a = around.older
+    b = around.newer
     if a == b:
         out[0] = a[0]
         return GAP_NONE
+    ratio = neighbours_ratio(&around, time_ns)
     out.translation[0] = (1.0 - ratio) * a.translation[0] + ratio * b.translation[0]
     out.translation[1] = (1.0 - ratio) * a.translation[1] + ratio * b.translation[1]
     out.translation[2] = (1.0 - ratio) * a.translation[2] + ratio * b.translation[2]

@@ -28,9 +28,8 @@ cdef struct SeriesWork "tf2_work":
     double distance[BATCH_TIMES]    # of the two rotations, see interpolation_weights
     double sign[BATCH_TIMES]        # of their dot product: 1 or -1
     Columns hop                     # of the current frame, child to parent
-    Columns source                  # from the source up to the current frame's parent
-    Columns target                  # the same from the target
-    Columns result                  # the answers
+    Columns target                  # from the target up to the current frame's parent
+    Columns result                  # the same from the source; in the end the answers
     unsigned char missing[BATCH_TIMES]      # 1: some history does not answer for this time
 
 
@@ -74,23 +73,33 @@ cdef void _gather(SeriesWork* work, const History* history, const int64_t* times
     cdef uint32_t hints[BATCH_TIMES]
     cdef uint32_t i
     cdef Transform identity
-    cdef const Transform* older
-    cdef const Transform* newer
+    cdef Neighbours around
+    cdef uint64_t spacing_ns = (history.newest_ns - history.oldest_ns) // max(history.count, 1)
+    # The times that have the same neighbours as the last one. Differences are compared as unsigned numbers,
+    # because a branch for each bound would be mispredicted for half of all random times.
+    cdef int64_t first_ns = 0
+    cdef uint64_t span_ns = 0
     transform_identity(&identity)
     for i in range(count):
-        hints[i] = history_prefetch(history, times_ns[i])
+        # A time shortly after the one before is found from there.
+        if i > 0 and <uint64_t>times_ns[i] - <uint64_t>times_ns[i - 1] <= spacing_ns:
+            hints[i] = NEWEST_HINT
+        else:
+            hints[i] = history_prefetch(history, times_ns[i])
     for i in range(count):
-        # In a short history the place of the previous time is the better hint.
-        if hints[i] != NEWEST_HINT:
-            hint[0] = hints[i]
-        if history_neighbours(history, times_ns[i], hint, &older, &newer, &work.ratio[i]) != GAP_NONE:
-            work.missing[i] = 1
-            _put(&work.older, i, &identity)
-            _put(&work.newer, i, &identity)
-            work.ratio[i] = 0.0
-            continue
-        _put(&work.older, i, older)
-        _put(&work.newer, i, newer)
+        if <uint64_t>times_ns[i] - <uint64_t>first_ns >= span_ns:
+            # In a short history the place of the previous time is the better hint.
+            if hints[i] != NEWEST_HINT:
+                hint[0] = hints[i]
+            if history_neighbours(history, times_ns[i], hint, &around) != GAP_NONE:
+                work.missing[i] = 1
+                around.older = around.newer = &identity
+                around.older_ns = around.newer_ns = 0
+            first_ns = around.older_ns + 1
+            span_ns = max(around.newer_ns - first_ns, 0)
+        _put(&work.older, i, around.older)
+        _put(&work.newer, i, around.newer)
+        work.ratio[i] = neighbours_ratio(&around, times_ns[i])
     for i in range(count, BATCH_TIMES):
         _put(&work.older, i, &identity)
         _put(&work.newer, i, &identity)
@@ -165,8 +174,8 @@ cdef inline void _compose(Columns* a, Columns* b) noexcept nogil:
 
 
 cdef void _climb_source "tf2_climb_source"(SeriesWork* work) noexcept nogil:
-    # source = hop source
-    _compose(&work.hop, &work.source)
+    # result = hop result
+    _compose(&work.hop, &work.result)
 
 
 cdef void _climb_target "tf2_climb_target"(SeriesWork* work) noexcept nogil:
@@ -175,7 +184,7 @@ cdef void _climb_target "tf2_climb_target"(SeriesWork* work) noexcept nogil:
 
 
 cdef void _between "tf2_between"(SeriesWork* work) noexcept nogil:
-    # result = target^-1 source, as transform_between
+    # result = target^-1 result, as transform_between
     cdef uint32_t i
     cdef double ux, uy, uz, w, vx, vy, vz, cx, cy, cz
     for i in range(BATCH_TIMES):
@@ -183,19 +192,19 @@ cdef void _between "tf2_between"(SeriesWork* work) noexcept nogil:
         uy = -work.target.qy[i]
         uz = -work.target.qz[i]
         w = work.target.qw[i]
-        vx = work.source.tx[i] - work.target.tx[i]
-        vy = work.source.ty[i] - work.target.ty[i]
-        vz = work.source.tz[i] - work.target.tz[i]
+        vx = work.result.tx[i] - work.target.tx[i]
+        vy = work.result.ty[i] - work.target.ty[i]
+        vz = work.result.tz[i] - work.target.tz[i]
         cx = 2.0 * (uy * vz - uz * vy)
         cy = 2.0 * (uz * vx - ux * vz)
         cz = 2.0 * (ux * vy - uy * vx)
         work.result.tx[i] = vx + w * cx + (uy * cz - uz * cy)
         work.result.ty[i] = vy + w * cy + (uz * cx - ux * cz)
         work.result.tz[i] = vz + w * cz + (ux * cy - uy * cx)
-        vx = work.source.qx[i]
-        vy = work.source.qy[i]
-        vz = work.source.qz[i]
-        cx = work.source.qw[i]
+        vx = work.result.qx[i]
+        vy = work.result.qy[i]
+        vz = work.result.qz[i]
+        cx = work.result.qw[i]
         work.result.qx[i] = w * vx + ux * cx + uy * vz - uz * vy
         work.result.qy[i] = w * vy + uy * cx + uz * vx - ux * vz
         work.result.qz[i] = w * vz + uz * cx + ux * vy - uy * vx
@@ -233,11 +242,9 @@ cdef void _finish "tf2_finish"(SeriesWork* work) noexcept nogil:
 
 
 cdef void work_result(SeriesWork* work, bint with_target) noexcept nogil:
-    # result = target^-1 source, or source; with unit length and canonical sign.
+    # result = target^-1 result, or result; with unit length and canonical sign.
     if with_target:
         _between(work)
-    else:
-        work.result = work.source
     _finish(work)
 
 
@@ -254,18 +261,23 @@ cdef void work_apply(SeriesWork* work, const Transform* after) noexcept nogil:
     _apply(work)
 
 
+cdef inline void _store_column(const double* column, uint32_t count, double* out, int width) noexcept nogil:
+    # Column by column, because the compiler would make shuffles of a loop that stores whole rows.
+    cdef uint32_t i
+    for i in range(count):
+        out[width * i] = column[i]
+
+
 cdef void work_store(const SeriesWork* work, uint32_t count, double* translations,
                      double* rotations) noexcept nogil:
     # The first `count` results, to rows of three and four numbers.
-    cdef uint32_t i
-    for i in range(count):
-        translations[3 * i] = work.result.tx[i]
-        translations[3 * i + 1] = work.result.ty[i]
-        translations[3 * i + 2] = work.result.tz[i]
-        rotations[4 * i] = work.result.qx[i]
-        rotations[4 * i + 1] = work.result.qy[i]
-        rotations[4 * i + 2] = work.result.qz[i]
-        rotations[4 * i + 3] = work.result.qw[i]
+    _store_column(work.result.tx, count, translations, 3)
+    _store_column(work.result.ty, count, translations + 1, 3)
+    _store_column(work.result.tz, count, translations + 2, 3)
+    _store_column(work.result.qx, count, rotations, 4)
+    _store_column(work.result.qy, count, rotations + 1, 4)
+    _store_column(work.result.qz, count, rotations + 2, 4)
+    _store_column(work.result.qw, count, rotations + 3, 4)
 
 
 cdef void work_transform_points(const SeriesWork* work, uint32_t count, const double* points,
@@ -381,11 +393,11 @@ cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t 
         for i in range(path.source_hops):
             work_hop(work, &pinned.histories[i], times_ns, count, &pinned.hints[i])
             if i == 0:
-                work.source = work.hop
+                work.result = work.hop
             else:
                 _climb_source(work)
         if path.source_hops == 0:
-            _put_identities(&work.source)
+            _put_identities(&work.result)
         work_result(work, path.target_hops > 0)
     if pinned.has_fixed:
         work_apply(work, &pinned.fixed_to_target)

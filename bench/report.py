@@ -112,4 +112,4 @@ def _answers(rows: Rows, libraries: Mapping[str, Library]) -> Iterable[str]:
 
 def _question(row: Row) -> tuple[Any, ...]:
     """What all rows have in common whose answers must be the same."""
-    return row.section, row.way == "vector", *row.labels.items()
+    return row.section, row.way.startswith("vector"), *row.labels.items()

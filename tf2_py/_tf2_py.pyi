@@ -31,6 +31,7 @@ __all__ = [
 
 _Buffer = TypeVar("_Buffer", bound="BufferCore")
 _Float = TypeVar("_Float", np.float32, np.float64)
+_Matrix = TypeVar("_Matrix", bound=NDArray[np.floating[Any]])
 _Vector = tuple[float, float, float]  # x y z
 
 # What BufferCore.statistics returns; all are counts except `bytes`.
@@ -101,6 +102,41 @@ class BufferCore:
         on_missing: Literal["raise", "nan"] = "raise",
         **policy: Unpack[LookupPolicy],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    @overload
+    def lookup_matrix(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        out: None = None,
+        *,
+        fixed_frame: str | None = None,
+        target_time: TimeLike | None = None,
+        **policy: Unpack[LookupPolicy],
+    ) -> NDArray[np.float64]: ...
+    @overload
+    def lookup_matrix(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        out: _Matrix,
+        *,
+        fixed_frame: str | None = None,
+        target_time: TimeLike | None = None,
+        **policy: Unpack[LookupPolicy],
+    ) -> _Matrix: ...
+    def lookup_matrices(
+        self,
+        target_frame: str,
+        source_frame: str | Sequence[str],
+        times: TimesLike,
+        *,
+        fixed_frame: str | None = None,
+        target_time: TimeLike | None = None,
+        on_missing: Literal["raise", "nan"] = "raise",
+        **policy: Unpack[LookupPolicy],
+    ) -> NDArray[np.float64]: ...
     @overload
     def transform_points(
         self,

@@ -357,10 +357,20 @@ cdef class BufferCore(Engine):
             raise error
         return 0
 
-    cdef object _answer(self, const Query* query, target_frame, source_frame):
+    cdef int _lookup_judged(self, Query* query, Transform* out, int64_t* stamp_ns) except -1:
+        # Also under a policy that judges ages, or has limits of frames.
+        cdef ClockReading reading
+        if not query.policy.is_given:
+            return self._lookup_or_raise(query, out, stamp_ns)
+        if query.policy.judges_age:
+            self.read_clock(query, &reading)
+        self._lookup_or_raise(query, out, stamp_ns)
+        return self._refuse_unknown_limits(query)
+
+    cdef object _answer(self, Query* query, target_frame, source_frame):
         cdef Transform transform
         cdef int64_t stamp_ns
-        self._lookup_or_raise(query, &transform, &stamp_ns)
+        self._lookup_judged(query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
     cdef tuple _can(self, const Query* query):
@@ -456,17 +466,105 @@ cdef class BufferCore(Engine):
 
         The GIL is released, so other threads run meanwhile.
         """
+        return self._look_up_many("lookup_transforms", target_frame, source_frame, times, fixed_frame,
+                                  target_time, on_missing, policy, False)
+
+    def lookup_matrix(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: Time,
+        out: NDArray[np.floating] | None = None,
+        *,
+        fixed_frame: str | None = None,
+        target_time: Time | None = None,
+        **policy: Unpack[LookupPolicy],
+    ) -> NDArray[np.floating]:
+        """
+        Get the pose of ``source_frame`` in ``target_frame`` as a homogeneous matrix, without a message.
+
+        It does not wait. ``buffer.lookup_matrix(target, source, time) @ [x, y, z, 1]`` is the point (x, y, z)
+        of ``source_frame``, in metres, in ``target_frame``.
+
+        :param target_frame: the frame to transform data into.
+        :param source_frame: the frame of the data.
+        :param time: the time of the transform; 0: the latest common time.
+        :param out: an array of shape (4, 4) that receives the matrix: of any float type, which the numbers
+            are rounded to, in any layout, such as a part of a larger array. None: a new float64 array.
+        :param fixed_frame: with ``target_time``, look up the source at ``time``, and the target at
+            ``target_time``; the fixed frame is assumed not to move in between.
+        :param target_time: the time of the target frame.
+        :param policy: what the lookup accepts beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`, which
+            also says which errors a ``max_age`` raises.
+        :return: ``out``, or the new array, of shape (4, 4).
+        :raises TransformException: see :meth:`lookup_transform_core`; ``out`` is unchanged.
+        :raises TypeError: ``out`` is not a NumPy array of floats, only one of ``fixed_frame`` and
+            ``target_time`` is given, or an argument has a wrong type.
+        :raises ValueError: ``out`` has another shape, or is read-only.
+
+        >>> from tf2_py import BufferCore
+        >>> from geometry_msgs.msg import TransformStamped
+        >>> mount = TransformStamped(child_frame_id="camera")
+        >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+        >>> buffer = BufferCore()
+        >>> buffer.set_transform_static(mount, "example")
+        >>> buffer.lookup_matrix("base_link", "camera", 0)[:3, 3]
+        array([0.3, 0. , 0. ])
+        """
+        cdef Query query
+        cdef Transform transform
+        cdef int64_t stamp_ns
+        cdef bint is_direct = out is None or require_matrix(out)
+        # A name, because the query refers to its memory.
+        accepted = policy_of("lookup_matrix", **policy) if policy else None
+        query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, accepted, "time")
+        self._lookup_judged(&query, &transform, &stamp_ns)
+        matrix = out if out is not None and is_direct else new_matrix()
+        matrix_from_transform(&transform, matrix_of(matrix))
+        if not is_direct:
+            out[...] = matrix
+            return out
+        return matrix
+
+    def lookup_matrices(
+        self,
+        target_frame: str,
+        source_frame: str | Sequence[str],
+        times: ArrayLike | Sequence[Time],
+        *,
+        fixed_frame: str | None = None,
+        target_time: Time | None = None,
+        on_missing: Literal["raise", "nan"] = "raise",
+        **policy: Unpack[LookupPolicy],
+    ) -> NDArray[np.float64]:
+        """
+        Look up one transform at many times, as homogeneous matrices.
+
+        The parameters and the errors are those of :meth:`lookup_transforms`.
+
+        :return: a float64 array of shape (N, 4, 4); of a sequence of F frames, (F, N, 4, 4). Each matrix is
+            that of :meth:`lookup_matrix`; with ``on_missing='nan'``, it is NaN for a time without an answer.
+        """
+        matrices = self._look_up_many("lookup_matrices", target_frame, source_frame, times, fixed_frame,
+                                      target_time, on_missing, policy, True)
+        shape = matrices.shape
+        return matrices.reshape(*shape[:len(shape) - 1], 4, 4)
+
+    cdef object _look_up_many(self, str call, target_frame, source_frame, times, fixed_frame, target_time,
+                              on_missing, dict policy, bint as_matrices):
+        # The rows of matrices, or translations and rotations, of one frame or of each in a sequence.
         cdef Query query
         cdef ClockReading reading
         cdef TimeSeries series
         cdef Status status
         cdef Py_ssize_t i
         times_ns = as_times_ns(times)
-        accepted = policy_of("lookup_transforms", **policy)
+        accepted = policy_of(call, **policy)
         is_many = not isinstance(source_frame, (str, bytes)) and is_sequence(source_frame)
         frames = list(source_frame) if is_many else [source_frame]
         cdef Py_ssize_t count = len(times_ns)
-        translations, rotations = new_array((len(frames) * count, 3)), new_array((len(frames) * count, 4))
+        widths = [16] if as_matrices else [3, 4]
+        arrays = [new_array((len(frames) * count, width)) for width in widths]
         series_begin(&series, int64s_of(times_ns), count)
         series.nan_missing = _is_nan_wanted(on_missing)
         catch_up(self)
@@ -478,13 +576,15 @@ cdef class BufferCore(Engine):
         for i, frame in enumerate(frames if count else ()):
             query_fill_series(&query, target_frame, frame, fixed_frame, target_time, accepted)
             self._read_clock_for(&query, times_ns, &reading)
-            series.translations = doubles_of(translations, 3) + 3 * count * i
-            series.rotations = doubles_of(rotations, 4) + 4 * count * i
+            if as_matrices:
+                series.matrices = doubles_of(arrays[0], 16) + 16 * count * i
+            else:
+                series.translations = doubles_of(arrays[0], 3) + 3 * count * i
+                series.rotations = doubles_of(arrays[1], 4) + 4 * count * i
             self._lookup_series(&query, &series)
         if is_many:
-            shape = len(frames), count
-            return translations.reshape(*shape, 3), rotations.reshape(*shape, 4)
-        return translations, rotations
+            arrays = [array.reshape(len(frames), count, widths[i]) for i, array in enumerate(arrays)]
+        return arrays[0] if as_matrices else tuple(arrays)
 
     def transform_points(
         self,
@@ -818,14 +918,8 @@ cdef class BufferCore(Engine):
     ) -> TransformStamped:
         """Look up as :meth:`lookup_transform_core`, or at two times, under a policy of ``policy_of``."""
         cdef Query query
-        cdef ClockReading reading
         query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, policy)
-        if query.policy.is_given and query.policy.judges_age:
-            self.read_clock(&query, &reading)
-        answer = self._answer(&query, target_frame, source_frame)
-        if query.policy.is_given:
-            self._refuse_unknown_limits(&query)
-        return answer
+        return self._answer(&query, target_frame, source_frame)
 
     # Waiting.
 

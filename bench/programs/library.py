@@ -87,7 +87,7 @@ class Library:
     """
 
     ways = ("core",)  # of a single lookup, the usual one first
-    vector = False  # whether it has lookups at many times, the way "vector"
+    vector_ways = ()  # of lookups at many times, the usual one first
     insert_ways = ("set_transform",)
     counts_bytes = False  # whether its buffer has `statistics()`
 

@@ -7,6 +7,7 @@ from trees import bushy, chain, fork
 
 HOPS = (1, 4, 10)
 DEEP_HOPS = 4
+MOVING_SAMPLES = 1000  # per frame
 THREADS = 2
 GROWTH_SAMPLES = 10  # per frame, where the history is not what grows
 FEW = 6  # pairs that are looked up again and again
@@ -22,8 +23,12 @@ def _deep_trees(sizes):
     return [chain(f"chain of {depth} samples", DEEP_HOPS, depth) for depth in sizes.depths]
 
 
+def _moving_tree():
+    return chain("moving chain", HOPS[-1], MOVING_SAMPLES)
+
+
 def lookups(rows, sizes, library):
-    """One lookup: in static and dynamic trees by hops, in deep histories by place."""
+    """One lookup: in static and dynamic trees and along moving frames by hops, in deep histories by place."""
     for tree in _trees(sizes):
         library.load(tree)
         for place in ("past", "latest") if any(tree.dynamic) else ("static",):
@@ -31,6 +36,11 @@ def lookups(rows, sizes, library):
                 labels = {"tree": tree.name, "place": place, "hops": hops}
                 pairs = tree.pairs(hops, sizes.queries)
                 _time(rows, sizes, library, tree, pairs, place, labels)
+    tree = _moving_tree()
+    library.load(tree)
+    for hops in HOPS:
+        labels = {"tree": tree.name, "place": "random", "hops": hops}
+        _time(rows, sizes, library, tree, [(0, hops)], "random", labels)
     for tree in _deep_trees(sizes):
         library.load(tree)
         for place in ("newest", "random", "oldest"):
@@ -52,6 +62,12 @@ def vectors(rows, sizes, library):
             for hops in HOPS:
                 labels = {"tree": tree.name, "place": place, "hops": hops}
                 _time_vector(rows, sizes, library, tree, tree.pairs(hops, sizes.vector_pairs), place, labels)
+    tree = _moving_tree()
+    library.load(tree)
+    for place in ("sorted", "random"):
+        for hops in HOPS:
+            labels = {"tree": tree.name, "place": place, "hops": hops}
+            _time_vector(rows, sizes, library, tree, [(0, hops)], place, labels)
     for tree in _deep_trees(sizes)[1:]:
         library.load(tree)
         for place in ("sorted", "random"):
@@ -62,7 +78,8 @@ def vectors(rows, sizes, library):
 
 def _time_vector(rows, sizes, library, tree, pairs, place, labels):
     queries = tree.vector_queries(pairs, place, sizes.vector_times)
-    rows.time_lookups(library, "vector", labels, queries, sizes, per=sizes.vector_times)
+    for way in library.vector_ways:
+        rows.time_lookups(library, way, labels, queries, sizes, per=sizes.vector_times)
 
 
 def _time_threads(rows, sizes, library, tree):
@@ -102,7 +119,7 @@ def growth(rows, sizes, library):
             labels = {**axis, "pairs": kind}
             queries = tree.queries(pairs, tree.times("random", sizes.queries))
             rows.time_lookups(library, library.ways[0], labels, queries, sizes)
-            if library.vector:
+            if library.vector_ways:
                 _time_vector(rows, sizes, library, tree, pairs[:FEW], "sorted", labels)
 
 

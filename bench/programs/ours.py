@@ -1,25 +1,37 @@
-"""What this project offers beside tf2's names: lookups at many times, inserts of many transforms."""
+"""What this project offers beside tf2's names: matrices, lookups at many times, many inserts in a call."""
 
+import numpy as np
 from geometry_msgs.msg import TransformStamped
 from library import AUTHORITY, by_pair
 from rclpy.serialization import serialize_message
 from tf2_python import Tf2, fill
 
 from tf2_msgs.msg import TFMessage
+from tf2_ros.numpy import to_arrays
 
 BATCH = 50
 
 
 class Ours(Tf2):
-    vector = counts_bytes = True
+    ways = (*Tf2.ways, "matrix", "matrix out")
+    vector_ways = ("vector", "vector matrices")
+    counts_bytes = True
     insert_ways = ("set_transform", "set_transforms", "set_transforms_cdr", "set_transforms_cdr of 1")
 
     def calls(self, way, queries):
         if way == "vector":
             return self.buffer.lookup_transforms, list(by_pair(queries))
+        if way == "vector matrices":
+            return self.buffer.lookup_matrices, list(by_pair(queries))
+        if way.startswith("matrix"):
+            out = (np.empty((4, 4)),) if way == "matrix out" else ()
+            return self.buffer.lookup_matrix, [(a, b, self.time_of(ns), *out) for a, b, ns in queries]
         return super().calls(way, queries)
 
     def numbers(self, answer):
+        if isinstance(answer, np.ndarray):
+            [translation], [rotation] = to_arrays(answer.reshape(-1, 4, 4)[:1])
+            return (*translation, *rotation)
         if isinstance(answer, tuple):
             return (*answer[0][0], *answer[1][0])
         return super().numbers(answer)

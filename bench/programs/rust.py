@@ -37,7 +37,7 @@ class Schiebung(Library):
 
 class TfTree(Library):
     # Its plans are compiled before they are timed, as its users are meant to; "names" compiles none.
-    ways, vector = ("plan", "names"), True
+    ways, vector_ways = ("plan", "names"), ("vector",)
 
     def load(self, tree):
         import tf_tree

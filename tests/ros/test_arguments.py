@@ -48,6 +48,8 @@ LOOKUPS = {
 }
 OTHERS = {
     "lookup_transforms": lambda b, t: b.lookup_transforms("map", "base", [t, t])[0].tolist(),
+    "lookup_matrix": lambda b, t: b.lookup_matrix("map", "base", t).tolist(),
+    "lookup_matrices": lambda b, t: b.lookup_matrices("map", "base", [t, t]).tolist(),
     "target_time": lambda b, t: (
         b.lookup_transforms("map", "base", [1], fixed_frame="map", target_time=t, on_missing="nan")[0].shape
     ),

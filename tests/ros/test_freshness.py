@@ -143,6 +143,11 @@ WAYS = {
         b.can_transform_full("map", LATEST, "base", LATEST, "odom", 0.01, return_debug_tuple=True, **p)
     ),
     "many": lambda b, **p: b.lookup_transforms("map", ["base", "camera"], [LATEST], **p),
+    "matrix": lambda b, **p: b.lookup_matrix("map", "base", LATEST, **p),
+    "full matrix": lambda b, **p: b.lookup_matrix(
+        "map", "base", LATEST, fixed_frame="odom", target_time=LATEST, **p
+    ),
+    "matrices": lambda b, **p: b.lookup_matrices("map", ["base", "camera"], [LATEST], **p),
     "points": lambda b, **p: b.transform_points([(0, 0, 0)], [0], "map", "base", **p),
 }
 
@@ -210,7 +215,13 @@ def test_only_the_latest_transform_has_an_age(tf2_ros, buffer):
         (lambda: buffer.lookup_transform_full("map", 0, "base", at, "odom", max_age=1), "source_time"),
         (lambda: buffer.transform(transform("base", "data", 99), "map", max_age=1), "time"),
         (lambda: buffer.lookup_transforms("map", "base", [0, 99 * S], max_age=1), "every time"),
+        (lambda: buffer.lookup_matrices("map", "base", [99 * S], max_age=1), "every time"),
         (lambda: buffer.transform_points([(0, 0, 0)], [99 * S], "map", "base", max_age={}), "every time"),
+        (lambda: buffer.lookup_matrix("map", "base", at, max_age=1), "time"),
+        (
+            lambda: buffer.lookup_matrix("map", "base", at, fixed_frame="odom", target_time=0, max_age=1),
+            "time",
+        ),
         (lambda: buffer.wait_for_transform_async("map", "base", at, max_age=1), "time"),
     ):
         with pytest.raises(ValueError, match=rf"so {argument} must be 0, got 99\.000000000 s"):
@@ -478,6 +489,7 @@ def test_what_has_no_clock_says_so(tf2_ros):
     insert(buffer, "map", "base", 1)
     for call in (
         lambda: buffer.lookup_transforms("map", "base", [0], max_age=1),
+        lambda: buffer.lookup_matrix("map", "base", 0, max_age=1),
         lambda: buffer.transform_points([(0, 0, 0)], [0], "map", "base", max_age={"base": 1}),
     ):
         with pytest.raises(ValueError, match="this buffer has no clock, which ages need"):

@@ -244,6 +244,21 @@ cdef inline void matrix_from_quaternion(const double* q, double* out) noexcept n
     out[8] = 1.0 - 2.0 * (xx + yy)
 
 
+cdef inline void matrix_from_transform(const Transform* transform, double* out) noexcept nogil:
+    # The homogeneous 4x4 matrix, row by row; NaN throughout if the rotation is.
+    cdef double turn[9]
+    cdef bint is_nan = isnan(transform.rotation[3])
+    cdef int row
+    matrix_from_quaternion(transform.rotation, turn)
+    for row in range(3):
+        out[4 * row] = turn[3 * row]
+        out[4 * row + 1] = turn[3 * row + 1]
+        out[4 * row + 2] = turn[3 * row + 2]
+        out[4 * row + 3] = transform.translation[row]
+    out[12] = out[13] = out[14] = NAN if is_nan else 0.0
+    out[15] = NAN if is_nan else 1.0
+
+
 cdef inline double matrix_defect(const double* r) noexcept nogil:
     # The deviation of a 3x3 matrix, row by row, from an orthogonal one: the greatest part of |R R^T - 1|.
     cdef double greatest = 0.0

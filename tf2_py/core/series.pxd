@@ -1,12 +1,13 @@
 """Lookups at many times in one call."""
 
 cdef struct TimeSeries:
-    # The times of one call and the memory for its answers: `translations` and `rotations`, or `points` and
-    # `transformed`; the others are NULL.
+    # The times of one call and the memory for its answers: `translations` and `rotations`, or `matrices`, or
+    # `points` and `transformed`; the others are NULL.
     const int64_t* times_ns     # the source's times
     Py_ssize_t count            # of the times
     double* translations        # (count, 3), metres
     double* rotations           # (count, 4), x y z w
+    double* matrices            # (count, 16), row by row
     const double* points        # (count, 3), metres: to be transformed, each with its own time
     double* transformed         # (count, 3), metres: the transformed points
     bint nan_missing            # fill in NaN if there is no answer, instead of stopping

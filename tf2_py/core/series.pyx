@@ -30,6 +30,7 @@ cdef struct SeriesWork "tf2_work":
     Columns hop                     # of the current frame, child to parent
     Columns target                  # from the target up to the current frame's parent
     Columns result                  # the same from the source; in the end the answers
+    double turn[9][BATCH_TIMES]     # the rotation matrices of the answers, row by row
     unsigned char missing[BATCH_TIMES]      # 1: some history does not answer for this time
 
 
@@ -46,6 +47,7 @@ cdef extern from *:
     static void tf2_finish(struct tf2_work *) TF2_WIDE;
     static void tf2_between(struct tf2_work *) TF2_WIDE;
     static void tf2_apply(struct tf2_work *) TF2_WIDE;
+    static void tf2_turn(struct tf2_work *) TF2_WIDE;
     #endif
     """
 
@@ -280,6 +282,47 @@ cdef void work_store(const SeriesWork* work, uint32_t count, double* translation
     _store_column(work.result.qw, count, rotations + 3, 4)
 
 
+cdef void _turn "tf2_turn"(SeriesWork* work) noexcept nogil:
+    # As matrix_from_quaternion
+    cdef double q[4]
+    cdef double turn[9]
+    cdef uint32_t i
+    for i in range(BATCH_TIMES):
+        q[0] = work.result.qx[i]
+        q[1] = work.result.qy[i]
+        q[2] = work.result.qz[i]
+        q[3] = work.result.qw[i]
+        matrix_from_quaternion(q, turn)
+        work.turn[0][i] = turn[0]
+        work.turn[1][i] = turn[1]
+        work.turn[2][i] = turn[2]
+        work.turn[3][i] = turn[3]
+        work.turn[4][i] = turn[4]
+        work.turn[5][i] = turn[5]
+        work.turn[6][i] = turn[6]
+        work.turn[7][i] = turn[7]
+        work.turn[8][i] = turn[8]
+
+
+cdef void work_store_matrices(SeriesWork* work, uint32_t count, double* matrices) noexcept nogil:
+    # The first `count` results, to rows of sixteen numbers, as matrix_from_transform.
+    cdef bint is_nan
+    cdef uint32_t i
+    cdef int row
+    _turn(work)
+    for row in range(3):
+        _store_column(work.turn[3 * row], count, matrices + 4 * row, 16)
+        _store_column(work.turn[3 * row + 1], count, matrices + 4 * row + 1, 16)
+        _store_column(work.turn[3 * row + 2], count, matrices + 4 * row + 2, 16)
+    _store_column(work.result.tx, count, matrices + 3, 16)
+    _store_column(work.result.ty, count, matrices + 7, 16)
+    _store_column(work.result.tz, count, matrices + 11, 16)
+    for i in range(count):
+        is_nan = isnan(work.result.qw[i])
+        matrices[16 * i + 12] = matrices[16 * i + 13] = matrices[16 * i + 14] = NAN if is_nan else 0.0
+        matrices[16 * i + 15] = NAN if is_nan else 1.0
+
+
 cdef void work_transform_points(const SeriesWork* work, uint32_t count, const double* points,
                                 double* out) noexcept nogil:
     # Each point with the result of its own time: rows of x y z in metres; `out` may be `points`.
@@ -484,6 +527,8 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
                                  status)
         if series.points != NULL:
             work_transform_points(&work, answered, series.points + 3 * start, series.transformed + 3 * start)
+        elif series.matrices != NULL:
+            work_store_matrices(&work, answered, series.matrices + 16 * start)
         else:
             work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
         start += answered

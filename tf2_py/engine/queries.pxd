@@ -16,11 +16,13 @@ cdef class PolicyObject:
     cdef int _read_limits(self, FrameLimits* limits, object given, str argument, int64_t others_ns) except -1
 
 # Both at two times if fixed_frame is not None, and under a policy if that is not. A series has its times
-# elsewhere. Where the policy judges ages, Engine.read_clock must follow.
+# elsewhere. Where the policy judges ages, Engine.read_clock must follow. `argument`: what the program calls
+# the time; None: as lookup_transform and lookup_transform_full call it.
 cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
                            object target_time, PolicyObject policy) except -1
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
-                        object fixed_frame, object target_time, PolicyObject policy) except -1
+                        object fixed_frame, object target_time, PolicyObject policy,
+                        str argument=*) except -1
 
 
 # The name of a frame that has a limit, and that the last lookup did not find; None: there is none.

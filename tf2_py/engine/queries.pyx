@@ -123,9 +123,11 @@ cdef str unknown_limit(const FrameLimits* limits):
 
 
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
-                        object fixed_frame, object target_time, PolicyObject policy) except -1:
+                        object fixed_frame, object target_time, PolicyObject policy,
+                        str argument=None) except -1:
     query_fill_series(query, target_frame, source_frame, fixed_frame, target_time, policy)
-    argument = "time" if fixed_frame is None else "source_time"
+    if argument is None:
+        argument = "time" if fixed_frame is None else "source_time"
     query.source_ns = stamp_nanoseconds(time, argument)
     if query.policy.is_given and query.policy.judges_age:
         _require_latest(query.source_ns, argument)

@@ -94,6 +94,8 @@ def look_up(dice):
             lambda b: b.lookup_transform_full_core(target, ns, source, S, "map"),
             lambda b: b.can_transform_core(target, source, ns),
             lambda b: b.lookup_transforms(target, ["odom", "base", source] * 8, times, on_missing="nan"),
+            lambda b: b.lookup_matrices(target, ["odom", source], times, on_missing="nan"),
+            lambda b: b.lookup_matrix(target, source, ns),
             lambda b: b.transform_points(points, times, target, source),
             lambda b: b.lookup_velocities(source, target, times, interval, on_missing="nan"),
             lambda b: (b.all_frames_as_yaml(), b._allFramesAsDot(ns), b.frames(), b.tree()),

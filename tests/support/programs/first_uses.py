@@ -45,6 +45,7 @@ def use(buffer, listener, client, waiting):
     buffer.lookup_transform("map", "robot", Time(seconds=9), tolerance=10)
     buffer.lookup_transform_full("map", Time(), "robot", Time(), "map")
     buffer.lookup_transforms("map", "robot", [10**9])
+    buffer.lookup_matrix("map", "robot", 10**9)
     buffer.can_transform("map", "nowhere", Time(), SHORT, return_debug_tuple=True)
     buffer.get_latest_common_time("map", "robot")
     buffer.set_transform(transform("map", "map", 1), "me")  # logs that this is refused

@@ -37,6 +37,7 @@ def arguments(buffer: Buffer, pose: PoseStamped) -> None:
     buffer.lookup_transform_full("a", "b", Time(), Time(), "c")  # wrong
     buffer.lookup_transform("a", "b", tme=Time())  # wrong
     buffer.lookup_transforms("a", "b", [1], on_missing="skip")  # wrong
+    buffer.lookup_matrix("a", "b", 1, [[0.0] * 4] * 4)  # wrong: the matrix would not arrive in the lists
     time: TimeLike = 0.5  # wrong
     timeout: DurationLike = "0.5"  # wrong
     print(time, timeout)

@@ -48,6 +48,7 @@ SECTIONS = {
     "vectors": Section("lookups.vectors", (OURS, "tf_tree")),
     "growth": Section("lookups.growth", EVERY),
     "inserts": Section("inserts.inserts", EVERY),
+    "clouds": Section("clouds.clouds", (OURS,)),
     "waiters": Section("inserts.waiters", (OURS,)),
     "memory": Section("inserts.memory", EVERY, rounds=1),
     "receiving:cpu": Section(

@@ -14,6 +14,7 @@ TITLES = {
     "vectors": "Lookups at many times in one call, µs per transform",
     "growth": "Growth: 4 moving hops at random times (vector: sorted), µs per transform",
     "inserts": "Inserts into full histories of 50 frames, µs per transform",
+    "clouds": "Clouds of 100,000 points, µs",
     "waiters": "Inserts beside waiters, µs; messages that wait in a filter, µs and bytes per message",
     "memory": "Memory, bytes per sample",
     "receiving:cpu": "CPU of a process per message it receives while nothing is looked up, µs",

@@ -777,6 +777,37 @@ cdef class BufferCore(Engine):
         ages = [(now_ns - stamps_ns[i]) / 1e9 if now_ns > 0 else float("inf") for i in range(count)]
         return dict(zip(self.frame_names([frames[i] for i in range(count)]), ages, strict=True))
 
+    def _stamps_between(
+        self, target_frame: str, source_frame: str, first_ns: int, last_ns: int
+    ) -> NDArray[np.int64] | None:
+        """
+        ``first_ns``, ``last_ns``, and between these the stamps of all moving frames on a path.
+
+        Between two of these, every frame moves with constant velocities.
+
+        :return: ascending, each once; None if the path differs between times, or there is none.
+        """
+        cdef Query query
+        cdef Status status
+        cdef int64_t* stamps_ns
+        cdef int64_t first = first_ns
+        cdef int64_t last = last_ns
+        cdef Py_ssize_t count
+        query_frames(&query, target_frame, source_frame)
+        catch_up(self)
+        with nogil:
+            count = self.path_stamps(&query, first, last, &stamps_ns, &status)
+        try:
+            if count == SERIES_NO_MEMORY:
+                raise MemoryError
+            if count < 0:
+                return None
+            found = new_array((count,), "int64")
+            memcpy(int64s_of(found), stamps_ns, count * sizeof(int64_t))
+            return found
+        finally:
+            free(stamps_ns)
+
     def lookupVelocityCore(
         self, tracking_frame: str, observation_frame: str, time: Time, averaging_interval: Duration
     ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

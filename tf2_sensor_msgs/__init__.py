@@ -5,6 +5,7 @@ import tf2_ros_cython._requirement  # noqa: F401
 from typing import TYPE_CHECKING
 
 from tf2_ros._registration import names_of as _names_of
+from tf2_sensor_msgs._deskew import deskew as deskew
 from tf2_sensor_msgs._types import TYPES as _TYPES
 from tf2_sensor_msgs.tf2_sensor_msgs import do_transform_cloud, transform_points
 from tf2_sensor_msgs.tf2_sensor_msgs import from_msg_msg as from_msg_msg

@@ -2,15 +2,31 @@
 
 from cpython cimport array
 from cpython.buffer cimport PyBUF_C_CONTIGUOUS, PyBUF_FORMAT, PyBuffer_Release, PyObject_GetBuffer
-from libc.stdint cimport uint32_t
-from libc.string cimport memcpy
+from libc.math cimport INFINITY, fma, isnan, llrint
+from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t, uint32_t
+from libc.string cimport memcpy, memset
 
 cimport numpy as cnp
 
 from tf2_geometry_msgs._geometry cimport copy_shallow, get_field, set_field, target_frame
 from tf2_py._internal cimport Layout, Transform, header_layout, nanoseconds, new_header, read_any_rotation
-from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_load, number_size, number_store
-from tf2_sensor_msgs._wide cimport wide_transform_doubles, wide_transform_floats
+from tf2_sensor_msgs._numbers cimport (
+    FLOAT32,
+    FLOAT64,
+    OTHER_ORDER,
+    number_load,
+    number_size,
+    number_store,
+)
+from tf2_sensor_msgs._wide cimport (
+    Knots,
+    TimeSource,
+    knot_before,
+    knots_include,
+    wide_move_floats,
+    wide_transform_doubles,
+    wide_transform_floats,
+)
 
 import operator
 import sys
@@ -271,6 +287,7 @@ cdef struct Grid:
     Py_ssize_t new_row_step
     Py_ssize_t new_size
     Triples triples[MAX_TRIPLES]    # in the result
+    bint moves[MAX_TRIPLES]     # False: directions, which are only rotated
     Rigid rigids[MAX_TRIPLES]
     int triple_count
 
@@ -398,6 +415,7 @@ cdef int _add_triples(object cloud, dict fields, tuple names, const Transform* t
                       Grid* grid) except -1:
     cdef bint is_other_order = bool(get_field(cloud_layout, cloud, "is_bigendian")) != IS_BIG_MACHINE
     _read_triples(fields, names, is_other_order, grid.point_step, &grid.triples[grid.triple_count])
+    grid.moves[grid.triple_count] = moves
     rigid_from_transform(transform, moves, &grid.rigids[grid.triple_count])
     grid.triple_count += 1
     return 0
@@ -479,6 +497,21 @@ cdef void _transform_grid(const char* source, char* target, const Grid* grid) no
     memcpy(target + new_end, source + end, grid.new_size - new_end)
 
 
+cdef object _new_cloud(object cloud, object header, const Grid* grid, array.array data, object is_dense):
+    # What has changed, and the rest of `cloud`.
+    message = cloud_layout.new()
+    set_field(cloud_layout, message, "header", header)
+    for name in ("height", "width", "is_bigendian"):
+        set_field(cloud_layout, message, name, get_field(cloud_layout, cloud, name))
+    set_field(cloud_layout, message, "is_dense", is_dense)
+    new_fields = [copy_shallow(field_layout, field) for field in get_field(cloud_layout, cloud, "fields")]
+    set_field(cloud_layout, message, "fields", new_fields)
+    set_field(cloud_layout, message, "point_step", grid.new_point_step)
+    set_field(cloud_layout, message, "row_step", grid.new_row_step)
+    set_field(cloud_layout, message, "data", data)
+    return message
+
+
 def do_transform_cloud(
     cloud: PointCloud2, transform: TransformStamped | Transform, *, only_xyz: bool = False
 ) -> PointCloud2:
@@ -537,13 +570,7 @@ def do_transform_cloud(
                 _transform_grid(<const char*>source.buf, new_data.data.as_chars, &grid)
     finally:
         PyBuffer_Release(&source)
-    message = cloud_layout.new()
-    set_field(cloud_layout, message, "header", header)
-    for name in ("height", "width", "is_bigendian", "is_dense"):
-        set_field(cloud_layout, message, name, get_field(cloud_layout, cloud, name))
-    new_fields = [copy_shallow(field_layout, field) for field in get_field(cloud_layout, cloud, "fields")]
-    set_field(cloud_layout, message, "fields", new_fields)
-    set_field(cloud_layout, message, "point_step", grid.new_point_step)
-    set_field(cloud_layout, message, "row_step", grid.new_row_step)
-    set_field(cloud_layout, message, "data", new_data)
-    return message
+    return _new_cloud(cloud, header, &grid, new_data, get_field(cloud_layout, cloud, "is_dense"))
+
+
+include "parts/deskew.pyx"

@@ -23,6 +23,7 @@ cdef inline void series_begin(TimeSeries* series, const int64_t* times_ns, Py_ss
 cdef enum:
     SERIES_BAD_NAME = -1        # a frame's name is invalid or unknown: `status` says which
     SERIES_NO_MEMORY = -2
+    SERIES_NO_ONE_PATH = -3     # the path depends on the time, or there is none
 
 
 # Answers `query` at each of the times, which replace its source time, from the state of the tree at one
@@ -30,6 +31,13 @@ cdef enum:
 # SERIES_BAD_NAME and SERIES_NO_MEMORY. Call it without the lock, which it holds for a short time only.
 cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
                               Status* status) noexcept nogil
+
+
+# `first_ns`, `last_ns`, and between these the stamps of the moving frames on the path of a simple lookup;
+# ascending, each once. Between two of them, these frames move steadily. Returns their number, and in
+# `stamps_ns` memory to be freed with `free`; or one of the errors above. Call it without the lock.
+cdef Py_ssize_t series_stamps(const Tree* tree, Lock* lock, const Query* query, int64_t first_ns,
+                              int64_t last_ns, int64_t** stamps_ns, Status* status) noexcept nogil
 
 
 cdef inline void twist_interval(int64_t time_ns, int64_t interval_ns, int64_t common_ns,

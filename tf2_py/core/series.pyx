@@ -536,6 +536,65 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
     return start
 
 
+cdef Py_ssize_t series_stamps(const Tree* tree, Lock* lock, const Query* query, int64_t first_ns,
+                              int64_t last_ns, int64_t** stamps_ns, Status* status) noexcept nogil:
+    cdef PinnedLookup pinned
+    cdef uint32_t begins[LONG_PATH]
+    cdef uint32_t ends[LONG_PATH]
+    cdef uint32_t i, k
+    cdef Py_ssize_t count = 0
+    stamps_ns[0] = NULL
+    pinned.has_fixed = False
+    pinned.hops = pinned.path.source_hops = pinned.path.target_hops = 0
+    lock_acquire(lock)
+    status[0] = query_find_frames(tree, query, &pinned.frames)
+    pinned.by_batches = status.code == STATUS_OK and (query_is_identity(query)
+                                                      or _find_path(tree, query, &pinned))
+    if pinned.by_batches:
+        _pin_path(tree, &pinned)
+    lock_release(lock)
+    if not pinned.by_batches:
+        return SERIES_BAD_NAME if status.code != STATUS_OK else SERIES_NO_ONE_PATH
+    for i in range(pinned.hops):
+        begins[i] = ends[i] = 0
+        if pinned.histories[i].kind == HISTORY_DYNAMIC:
+            begins[i] = history_first_after(&pinned.histories[i], first_ns)
+            ends[i] = max(history_first_after(&pinned.histories[i], last_ns), begins[i])
+        count += ends[i] - begins[i]
+    stamps_ns[0] = <int64_t*>malloc((count + 2) * sizeof(int64_t))
+    if stamps_ns[0] == NULL:
+        count = SERIES_NO_MEMORY
+    else:
+        stamps_ns[0][0] = first_ns
+        stamps_ns[0][1] = last_ns
+        count = 2
+        for i in range(pinned.hops):
+            for k in range(begins[i], ends[i]):
+                stamps_ns[0][count] = pinned.histories[i].stamps[history_slot(&pinned.histories[i], k)]
+                count += 1
+        count = _sort_once(stamps_ns[0], count)
+    _unpin_lookup(&pinned)
+    return count
+
+
+cdef int _compare(const void* a, const void* b) noexcept nogil:
+    cdef int64_t first = (<const int64_t*>a)[0]
+    cdef int64_t second = (<const int64_t*>b)[0]
+    return (first > second) - (first < second)
+
+
+cdef Py_ssize_t _sort_once(int64_t* values, Py_ssize_t count) noexcept nogil:
+    # Ascending, without repetitions. Returns how many are left.
+    cdef Py_ssize_t kept = 1
+    cdef Py_ssize_t i
+    qsort(values, count, sizeof(int64_t), _compare)
+    for i in range(1, count):
+        if values[i] != values[kept - 1]:
+            values[kept] = values[i]
+            kept += 1
+    return kept
+
+
 cdef void twist_ends(const int64_t* times_ns, Py_ssize_t count, int64_t interval_ns, int64_t common_ns,
                      int64_t* ends_ns) noexcept nogil:
     cdef int64_t time_ns

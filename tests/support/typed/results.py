@@ -31,7 +31,7 @@ from tf2_ros import (
     convert,
 )
 from tf2_ros.numpy import from_matrix, to_arrays, to_columns, to_matrix
-from tf2_sensor_msgs import do_transform_imu
+from tf2_sensor_msgs import deskew, do_transform_imu
 from tf2_sensor_msgs.tf2_sensor_msgs import create_cloud, read_points
 
 Floats = npt.NDArray[np.float64]
@@ -187,6 +187,8 @@ def geometry(transform: TransformStamped) -> None:
     assert_type(do_transform_point(PointStamped(), transform), PointStamped)
     assert_type(do_transform_point(Point(), transform), Point)
     assert_type(do_transform_imu(Imu(), transform), Imu)
+    swept = deskew(PointCloud2(), Buffer(), "a", "b", Time(), timeout=0.1, on_missing="nan", max_gap=1)
+    assert_type(swept, PointCloud2)
     read = read_points(PointCloud2(), field_names=["x", "y", "z"], skip_nans=True)
     assert_type(create_cloud(Header(), [PointField(name="x", count=1)], read), PointCloud2)
     matrix = to_matrix(to_arrays([transform, transform]))

@@ -1,0 +1,446 @@
+"""Deskewing: each point of a cloud is moved from where the sensor was when it measured that point."""
+
+import array
+import threading
+
+import numpy as np
+import pytest
+from making import S, about_z, at_ns, stamp_ns, transform
+from rclpy.duration import Duration
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+import tf2_sensor_msgs._deskew as inside
+from tf2_ros import Buffer, BufferCore, ExtrapolationException, LookupException
+from tf2_sensor_msgs import deskew, do_transform_cloud
+
+pytestmark = pytest.mark.ours
+
+START = 1_700_000_000 * S
+SWEEP = S // 10
+STAMP = START + 2 * SWEEP
+KINDS = {"f4": PointField.FLOAT32, "f8": PointField.FLOAT64, "u4": PointField.UINT32, "u2": PointField.UINT16}
+XYZ = [("x", "f4", 0), ("y", "f4", 4), ("z", "f4", 8)]
+SINCE_STAMP = np.linspace(0, SWEEP, 4000).astype(np.int64)
+# The fields as the drivers write them, and the time of each point, from the ns since the stamp.
+DRIVERS = {
+    "velodyne": ([*XYZ, ("intensity", "f4", 12), ("ring", "u2", 16), ("time", "f4", 18)], 22,
+                 lambda ns: ns / S),
+    "ouster": ([*XYZ, ("intensity", "f4", 16), ("t", "u4", 20), ("ring", "u2", 26)], 48, lambda ns: ns),
+    "livox": ([*XYZ, ("intensity", "f4", 12), ("timestamp", "f8", 18)], 26, lambda ns: STAMP + ns),
+    "livox, converted": ([*XYZ, ("offset_time", "u4", 12)], 16, lambda ns: ns),
+    "hesai": ([*XYZ, ("intensity", "f4", 12), ("ring", "u2", 16), ("timestamp", "f8", 18)], 26,
+              lambda ns: (STAMP + ns) / S),
+    "seconds in double": ([*XYZ, ("time", "f8", 12)], 20, lambda ns: ns / S),
+    "z last": ([("time", "f4", 0), ("x", "f4", 4), ("y", "f4", 8), ("z", "f4", 12)], 16, lambda ns: ns / S),
+    "any order": ([("z", "f4", 4), ("time", "f4", 8), ("x", "f4", 13), ("y", "f4", 20)], 25,
+                  lambda ns: ns / S),
+    "double coordinates": ([("x", "f8", 0), ("y", "f8", 8), ("z", "f8", 16), ("time", "f4", 24)], 28,
+                           lambda ns: ns / S),
+}  # fmt: skip
+every_driver = pytest.mark.parametrize("driver", DRIVERS)
+TIME_FIELDS = ("time", "t", "offset_time", "timestamp")
+
+
+def dtype_of(fields, step, order="<"):
+    names, formats, offsets = zip(*fields, strict=True)
+    formats = [order + one for one in formats]
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step})
+
+
+def as_cloud(points, fields, rows=1, padding=0):
+    """A cloud of a structured array, in rows with padding behind each."""
+    cloud = PointCloud2(header=Header(frame_id="lidar", stamp=at_ns(STAMP).to_msg()))
+    cloud.fields = [
+        PointField(name=name, offset=at, datatype=KINDS[kind], count=1) for name, kind, at in fields
+    ]
+    cloud.height, cloud.width = rows, len(points) // rows
+    cloud.point_step, cloud.row_step = points.dtype.itemsize, points.dtype.itemsize * cloud.width + padding
+    cloud.is_bigendian = points.dtype["x"].byteorder == ">"
+    cloud.is_dense = True
+    rows_of_bytes = [row.tobytes() + b"\xaa" * padding for row in points.reshape(rows, -1)]
+    cloud.data = array.array("B", b"".join(rows_of_bytes))
+    return cloud
+
+
+def points_of(cloud, dtype):
+    used = cloud.width * cloud.point_step
+    data = bytes(cloud.data)
+    rows = [data[i * cloud.row_step : i * cloud.row_step + used] for i in range(cloud.height)]
+    return np.frombuffer(b"".join(rows), dtype)
+
+
+def xyz_of(points):
+    return np.stack([points[name] for name in "xyz"], axis=1).astype(float)
+
+
+def measured(driver, since_stamp=SINCE_STAMP, order="<", **shape):
+    """A sweep as this driver writes it, its points, and the ns of each."""
+    fields, step, time_of = DRIVERS[driver]
+    points = np.zeros(len(since_stamp), dtype_of(fields, step, order))
+    coordinates = np.random.default_rng(4).uniform(-100, 100, (len(points), 3))
+    for i, name in enumerate("xyz"):
+        points[name] = coordinates[:, i]
+    for name, _, _ in fields[3:]:
+        if name not in ("x", "y", "z"):
+            points[name] = np.arange(len(points)) % 60000
+    points[name_of_times(fields)] = time_of(since_stamp)
+    return as_cloud(points, fields, **shape), points, STAMP + since_stamp
+
+
+def name_of_times(fields):
+    return next(name for name, _, _ in fields if name in TIME_FIELDS)
+
+
+def driving(speed=8.0, turn=1.0, hops=1, make=Buffer):
+    """A robot on a curve, with samples at uneven times; the lidar is mounted on it."""
+    buffer, dice = make(Duration(seconds=100)), np.random.default_rng(2)
+    chain = ["odom", *(f"joint_{i}" for i in range(hops - 1)), "base"]
+    for parent, child in zip(chain[:-1], chain[1:], strict=True):
+        for ns in START + np.cumsum(dice.integers(4_000_000, 14_000_000, 80)):
+            seconds = (int(ns) - START) / S
+            xyz = speed * seconds, np.sin(turn * seconds), 0.1 * seconds
+            buffer.set_transform(
+                transform(parent, child, ns=int(ns), xyz=xyz, xyzw=about_z(turn * seconds)), "x"
+            )
+    mount = transform("base", "lidar", xyz=(0.4, 0.1, 1.6), xyzw=(0.5, 0.5, 0.5, 0.5))
+    buffer.set_transform_static(mount, "x")
+    return buffer
+
+
+@pytest.fixture(scope="module")
+def buffer():
+    return driving()
+
+
+def expected(buffer, xyz, times, target="odom", **how):
+    return buffer.transform_points(xyz, times, target, "lidar", **how)
+
+
+def assert_moved(cloud, wanted, xyz, dtype, time_error_m=2e-5):
+    """By at most what is promised, how exact the times are, and the rounding of coordinates of this type."""
+    got = xyz_of(points_of(cloud, dtype))
+    distance = np.linalg.norm(xyz, axis=1, keepdims=True)
+    allowed = 1e-5 + 1e-6 * distance + time_error_m + np.abs(wanted) * np.finfo(dtype["x"]).eps
+    assert (np.abs(got - wanted) <= allowed).all()
+
+
+# 238 ns, the distance of doubles of seconds since 1970, at 8 m/s and 1 rad/s in 170 m.
+OF_TIMES_M = 238e-9 * (8 + 170)
+
+
+@every_driver
+@pytest.mark.parametrize("order", "<>")
+def test_each_point_is_moved_by_the_pose_of_its_own_time(buffer, driver, order):
+    cloud, points, times = measured(driver, order=order)
+    moved = deskew(cloud, buffer, "odom")
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype, OF_TIMES_M)
+    assert (moved.header.frame_id, stamp_ns(moved)) == ("odom", STAMP)
+    for name in points.dtype.names:
+        if name not in "xyz":
+            assert np.array_equal(points_of(moved, points.dtype)[name], points[name])
+    assert moved.fields == cloud.fields and moved.is_dense
+    assert len(moved.data) == len(cloud.data)
+
+
+@every_driver
+def test_the_points_of_a_moving_frame_are_those_at_the_stamp(buffer, driver):
+    cloud, points, times = measured(driver)
+    fixed = {"fixed_frame": "odom", "target_time": at_ns(STAMP)}
+    wanted = expected(buffer, xyz_of(points), times, "lidar", **fixed)
+    moved = deskew(cloud, buffer, "lidar", "odom")
+    assert_moved(moved, wanted, xyz_of(points), points.dtype, OF_TIMES_M)
+    assert (moved.header.frame_id, stamp_ns(moved)) == ("lidar", STAMP)
+
+
+@every_driver
+def test_a_deskewed_cloud_stays_as_it_is_when_it_is_deskewed_again(buffer, driver):
+    """Each point has the time of the new stamp, in the unit of its field."""
+    cloud, points, _ = measured(driver)
+    once = deskew(cloud, buffer, "lidar", "odom", at_ns(STAMP + SWEEP))
+    assert stamp_ns(once) == STAMP + SWEEP
+    xyz = xyz_of(points_of(once, points.dtype))
+    again = deskew(once, buffer, "lidar", "odom")
+    assert xyz_of(points_of(again, points.dtype)) == pytest.approx(xyz, abs=1e-4)
+    [time] = set(points_of(once, points.dtype)[name_of_times(DRIVERS[driver][0])].tolist())
+    assert time in (0, STAMP + SWEEP, (STAMP + SWEEP) / S)
+
+
+def test_times_may_be_before_the_stamp(buffer):
+    """As velodyne_pointcloud writes them by default: the stamp is that of the last packet."""
+    cloud, points, times = measured("velodyne", SINCE_STAMP - SWEEP)
+    moved = deskew(cloud, buffer, "odom")
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
+
+
+@pytest.mark.parametrize("driver", ["velodyne", "ouster", "hesai"])
+@pytest.mark.parametrize(("rows", "padding"), [(4, 0), (8, 5), (50, 64)])
+def test_rows_and_their_padding(buffer, driver, rows, padding):
+    """Each row of an organised cloud sweeps over all times, not always from the first one on."""
+    columns = len(SINCE_STAMP) // rows
+    since_stamp = np.stack([np.roll(np.linspace(0, SWEEP, columns).astype(int), 7 * i) for i in range(rows)])
+    cloud, points, times = measured(driver, since_stamp.ravel(), rows=rows, padding=padding)
+    moved = deskew(cloud, buffer, "odom")
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype, OF_TIMES_M)
+    assert (moved.height, moved.width, moved.row_step) == (rows, columns, cloud.row_step)
+    assert bytes(moved.data)[-padding or len(moved.data) :] == b"\xaa" * padding
+
+
+@pytest.mark.parametrize("order", ["backwards", "random", "the extremes in the middle"])
+def test_points_in_any_order_of_their_times(buffer, order):
+    since_stamp = (
+        SINCE_STAMP[::-1] if order == "backwards" else np.random.default_rng(1).permutation(SINCE_STAMP)
+    )
+    if order == "the extremes in the middle":
+        since_stamp = np.full(4000, SWEEP // 2)
+        since_stamp[[1235, 1237]] = 0, SWEEP
+    cloud, points, times = measured("ouster", since_stamp)
+    assert_moved(
+        deskew(cloud, buffer, "odom"), expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype
+    )
+
+
+@pytest.mark.parametrize("count", [1, 2, 15, 16, 17, 100, 1000])
+def test_any_number_of_points(buffer, count):
+    cloud, points, times = measured("ouster", np.linspace(0, SWEEP, count).astype(np.int64))
+    assert_moved(
+        deskew(cloud, buffer, "odom"), expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype
+    )
+
+
+def test_a_cloud_without_points(buffer):
+    cloud, _, _ = measured("ouster", SINCE_STAMP[:0])
+    for moved in (deskew(cloud, buffer, "odom"), deskew(cloud, buffer, "lidar", "odom")):
+        assert (moved.width, len(moved.data)) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    "motion", [{"turn": 0.0}, {"turn": 30.0}, {"hops": 4}, {"turn": 3.0, "hops": 3}], ids=str
+)
+def test_motions_of_any_kind_keep_the_bound(motion):
+    """Also fast ones, and those whose frames have samples at different times."""
+    buffer = driving(**motion)
+    cloud, points, times = measured("ouster", np.linspace(0, SWEEP, 50_000).astype(np.int64))
+    for target, how in (("odom", {}), ("lidar", {"fixed_frame": "odom", "target_time": at_ns(STAMP)})):
+        moved = deskew(cloud, buffer, target, *how.values())
+        wanted = expected(buffer, xyz_of(points), times, target, **how)
+        assert_moved(moved, wanted, xyz_of(points), points.dtype, 0.0)
+
+
+def test_a_jerk_between_two_samples_is_not_missed(buffer):
+    """A sample that differs from both neighbours, a millisecond apart, within a sweep of few poses."""
+    buffer = driving(turn=0.0)
+    for ns, x in ((0, 0.0), (1_000_000, 5.0), (2_000_000, 0.0)):
+        jerk = transform("odom", "base", ns=STAMP + SWEEP // 3 + ns, xyz=(x, 0, 0), xyzw=about_z(x))
+        buffer.set_transform(jerk, "x")
+    cloud, points, times = measured("ouster", np.linspace(0, SWEEP, 20_000).astype(np.int64))
+    assert_moved(
+        deskew(cloud, buffer, "odom"), expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype
+    )
+
+
+# What points lack.
+
+
+def test_a_point_with_nan_needs_no_time(buffer):
+    for bad_time, driver in ((np.nan, "velodyne"), (1e9, "velodyne"), (0.0, "hesai"), (np.inf, "livox")):
+        cloud, points, times = measured(driver)
+        name = name_of_times(DRIVERS[driver][0])
+        for i, axis in ((0, "x"), (7, "y"), (1600, "z"), (3999, "z")):
+            points[axis][i] = np.nan
+            points[name][i] = bad_time
+        moved = points_of(deskew(as_cloud(points, DRIVERS[driver][0]), buffer, "odom"), points.dtype)
+        missing = np.isnan(xyz_of(moved)).all(axis=1)
+        assert np.flatnonzero(missing).tolist() == [0, 7, 1600, 3999]
+        wanted = expected(buffer, xyz_of(points)[~missing], times[~missing])
+        assert xyz_of(moved)[~missing] == pytest.approx(wanted, abs=3e-4)
+
+
+def test_a_cloud_in_which_no_point_has_coordinates(buffer):
+    cloud, points, _ = measured("velodyne")
+    points["x"] = np.nan
+    moved = deskew(as_cloud(points, DRIVERS["velodyne"][0]), buffer, "odom")
+    assert np.isnan(xyz_of(points_of(moved, points.dtype))).all() and moved.header.frame_id == "odom"
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_point_without_a_time_is_named(buffer, bad):
+    cloud, points, times = measured("velodyne")
+    points["time"][[17, 1200]] = bad
+    cloud = as_cloud(points, DRIVERS["velodyne"][0])
+    with pytest.raises(ValueError, match=r"^points\[17\]: time is not a time$"):
+        deskew(cloud, buffer, "odom")
+    moved = deskew(cloud, buffer, "odom", on_missing="nan")
+    missing = np.isnan(xyz_of(points_of(moved, points.dtype))).all(axis=1)
+    assert np.flatnonzero(missing).tolist() == [17, 1200]
+    assert cloud.is_dense and not moved.is_dense
+
+
+def test_a_time_without_a_transform_is_an_error_or_nan(buffer):
+    newest = buffer.get_latest_common_time("odom", "lidar").nanoseconds
+    cloud, points, times = measured("ouster", np.linspace(0, newest - STAMP + SWEEP, 4000).astype(np.int64))
+    first = int(np.argmax(times > newest))
+    with pytest.raises(ExtrapolationException) as error:
+        deskew(cloud, buffer, "odom")
+    assert str(error.value).startswith(f"times[{first}]: ")
+    moved = deskew(cloud, buffer, "odom", on_missing="nan")
+    missing = np.isnan(xyz_of(points_of(moved, points.dtype))).all(axis=1)
+    assert np.flatnonzero(missing).tolist() == list(range(first, 4000)) and not moved.is_dense
+    policy = {"tolerance": 0.5, "extrapolate": True}
+    moved = deskew(cloud, buffer, "odom", **policy)
+    assert_moved(moved, expected(buffer, xyz_of(points), times, **policy), xyz_of(points), points.dtype)
+    with pytest.raises(ExtrapolationException):
+        deskew(cloud, buffer, "odom", max_gap=0.001, tolerance=0.5)
+
+
+def test_a_cloud_without_times_names_its_fields_and_takes_them_as_an_argument(buffer):
+    cloud, points, times = measured("velodyne")
+    fields = [("stamp" if name == "time" else name, *rest) for name, *rest in DRIVERS["velodyne"][0]]
+    cloud = as_cloud(points, fields)
+    with pytest.raises(ValueError) as error:
+        deskew(cloud, buffer, "odom")
+    assert str(error.value) == (
+        "no field has the times of the points: the cloud has x (float32), y (float32), z (float32), "
+        "intensity (float32), ring (uint16), stamp (float32); known are time (float32 or float64), "
+        "t (uint32), offset_time (uint32), timestamp (float64). For others, pass times"
+    )
+    before = times.copy()
+    for given in (times, times.tolist(), times.astype("M8[ns]")):
+        moved = deskew(cloud, buffer, "odom", times=given)
+        assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
+    assert np.array_equal(times, before)
+    moved = deskew(cloud, buffer, "lidar", "odom", times=times)
+    assert np.array_equal(points_of(moved, points.dtype)["time"], points["time"])
+    with pytest.raises(ValueError, match="4000 points, 3 times"):
+        deskew(cloud, buffer, "odom", times=times[:3])
+
+
+def test_a_field_of_a_known_name_but_another_type_is_not_one_of_times(buffer):
+    fields = [*XYZ, ("t", "f4", 12)]
+    cloud = as_cloud(np.zeros(10, dtype_of(fields, 16)), fields)
+    with pytest.raises(ValueError, match=r"the cloud has .* t \(float32\); known"):
+        deskew(cloud, buffer, "odom")
+
+
+# Arguments.
+
+
+def test_into_a_frame_that_moves_with_the_sensor_a_fixed_frame_is_needed(buffer):
+    cloud, _, _ = measured("ouster")
+    for target in ("base", "lidar"):
+        with pytest.raises(ValueError) as error:
+            deskew(cloud, buffer, target)
+        assert str(error.value) == (
+            f"[lidar] does not move in [{target}], which moves itself: pass a fixed_frame, for example [odom]"
+        )
+
+
+def test_a_sensor_that_never_moves_needs_none():
+    still = Buffer()
+    still.set_transform_static(transform("map", "lidar", xyz=(1, 2, 3)), "x")
+    cloud, points, _ = measured("ouster")
+    moved = points_of(deskew(cloud, still, "map"), points.dtype)
+    assert xyz_of(moved) == pytest.approx(xyz_of(points) + (1, 2, 3), abs=1e-5)
+
+
+def test_the_target_time_may_be_the_latest(buffer):
+    cloud, points, times = measured("ouster")
+    newest = buffer.get_latest_common_time("lidar", "odom")
+    moved = deskew(cloud, buffer, "lidar", "odom", 0)
+    assert stamp_ns(moved) == newest.nanoseconds
+    wanted = expected(buffer, xyz_of(points), times, "lidar", fixed_frame="odom", target_time=newest)
+    assert_moved(moved, wanted, xyz_of(points), points.dtype)
+
+
+def test_wrong_arguments_are_named(buffer):
+    cloud, _, _ = measured("ouster")
+    with pytest.raises(TypeError, match=r"buffer: expected a tf2_ros\.Buffer, got str"):
+        deskew(cloud, "odom", buffer)
+    with pytest.raises(TypeError, match="target_time needs a fixed_frame"):
+        deskew(cloud, buffer, "odom", target_time=at_ns(STAMP))
+    with pytest.raises(LookupException, match=r"odometry.*Did you mean \[odom\]"):
+        deskew(cloud, buffer, "odometry")
+    with pytest.raises(ValueError, match="on_missing"):
+        deskew(cloud, buffer, "odom", on_missing="skip")
+    with pytest.raises(TypeError, match="tolerence"):
+        deskew(cloud, buffer, "odom", tolerence=1)
+    cloud.data = cloud.data[:100]
+    with pytest.raises(ValueError, match="data has 100 bytes"):
+        deskew(cloud, buffer, "odom")
+
+
+def test_a_buffer_without_a_node_will_do():
+    cloud, points, times = measured("ouster")
+    core = driving(make=BufferCore)
+    moved = deskew(cloud, core, "odom")
+    assert_moved(moved, expected(core, xyz_of(points), times), xyz_of(points), points.dtype)
+
+
+def test_the_cloud_is_not_changed(buffer):
+    cloud, _, _ = measured("hesai")
+    before = bytes(cloud.data), cloud.header.frame_id
+    deskew(cloud, buffer, "lidar", "odom", 0)
+    assert (bytes(cloud.data), cloud.header.frame_id) == before
+
+
+# How it is done.
+
+NORMALS = [("normal_x", "f4", 16), ("normal_y", "f4", 20), ("normal_z", "f4", 24)]
+VIEWPOINTS = [("vp_x", "f4", 28), ("vp_y", "f4", 32), ("vp_z", "f4", 36)]
+
+
+def test_normals_are_rotated_and_viewpoints_moved_as_by_do_transform_cloud(buffer):
+    fields = [*XYZ, ("time", "f4", 12), *NORMALS, *VIEWPOINTS]
+    points = np.zeros(300, dtype_of(fields, 40))
+    for i, (name, _, _) in enumerate(fields):
+        points[name] = i + 1
+    points["time"] = 0.05
+    cloud = as_cloud(points, fields)
+    pose = buffer.lookup_transform("odom", "lidar", at_ns(STAMP + SWEEP // 2))
+    moved, wanted = deskew(cloud, buffer, "odom"), do_transform_cloud(cloud, pose)
+    for name in points.dtype.names:
+        got = points_of(moved, points.dtype)[name]
+        assert got == pytest.approx(points_of(wanted, points.dtype)[name], abs=1e-5)
+
+
+@pytest.mark.parametrize("driver", ["velodyne", "ouster", "livox", "hesai"])
+def test_the_quick_way_has_the_bits_of_the_plain_one(buffer, driver):
+    """The plain one is taken where x, y and z do not follow each other."""
+    cloud, points, _ = measured(driver)
+    fields = DRIVERS[driver][0]
+    order = [fields[1], fields[0], *fields[2:]]  # y before x in memory
+    swapped = [("x", "f4", 4), ("y", "f4", 0), *order[2:]]
+    turned = as_cloud(points.astype(dtype_of(swapped, points.dtype.itemsize)), swapped)
+    for how in ((), ("odom",)):
+        target = "lidar" if how else "odom"
+        quick = points_of(deskew(cloud, buffer, target, *how), points.dtype)
+        plain = points_of(deskew(turned, buffer, target, *how), dtype_of(swapped, points.dtype.itemsize))
+        assert np.array_equal(xyz_of(quick), xyz_of(plain))
+
+
+def test_few_poses_are_looked_up_for_many_points(buffer, monkeypatch):
+    asked, look_up = [], inside.Motion.matrices
+
+    def counted(self, times, **how):
+        asked.append(len(times))
+        return look_up(self, times, **how)
+
+    monkeypatch.setattr(inside.Motion, "matrices", counted)
+    cloud, _, _ = measured("ouster", np.linspace(0, SWEEP, 100_000).astype(np.int64))
+    deskew(cloud, buffer, "odom")
+    assert 0 < sum(asked) < 2000
+
+
+def test_it_waits_for_the_transform_of_the_last_point(tf2_ros):
+    """An insert of another thread ends the wait."""
+    buffer = tf2_ros.Buffer(Duration(seconds=100))
+    buffer.set_transform(transform("odom", "lidar", ns=STAMP), "x")
+    cloud, points, times = measured("ouster")
+    with pytest.raises(ExtrapolationException):
+        deskew(cloud, buffer, "odom")
+    late = transform("odom", "lidar", ns=STAMP + SWEEP, xyz=(1, 0, 0))
+    thread = threading.Timer(0.1, lambda: buffer.set_transform(late, "x"))
+    thread.start()
+    moved = deskew(cloud, buffer, "odom", timeout=60)
+    thread.join()
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)

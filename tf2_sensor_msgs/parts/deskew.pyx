@@ -1,0 +1,373 @@
+# Move each point of a cloud with the pose of its own time: the loops of deskew, which _deskew.py calls.
+
+cdef enum TimeUnit:
+    # What the number in a time field means; the second two are absolute.
+    AFTER_STAMP_S
+    AFTER_STAMP_NS
+    SINCE_1970_S
+    SINCE_1970_NS
+
+
+# A point without a time, because one of its coordinates is NaN.
+cdef int64_t NO_TIME = INT64_MIN
+
+
+cdef int _read_time_field(object cloud, str name, Py_ssize_t point_step, TimeSource* out) except -1:
+    # Only where the field is, and its type; None: there is none.
+    cdef Triples found
+    out.number = 0
+    out.offset = 0
+    if name is None:
+        return 0
+    _read_coordinate(_fields_by_name(cloud)[name], name, point_step, &found, 0)
+    out.offset = found.offsets[0]
+    out.number = found.numbers[0]
+    if bool(get_field(cloud_layout, cloud, "is_bigendian")) != IS_BIG_MACHINE:
+        out.number |= OTHER_ORDER
+    return 0
+
+
+cdef int _read_points(object cloud, Py_ssize_t size, Grid* out) except -1:
+    # The grid, with the coordinates of the points.
+    cdef Transform identity
+    memset(&identity, 0, sizeof(Transform))
+    identity.rotation[3] = 1.0
+    _read_grid(cloud, size, out)
+    out.triple_count = 0
+    return _add_triples(cloud, _fields_by_name(cloud), COORDINATES, &identity, True, out)
+
+
+cdef enum:
+    SAMPLED = 16            # one of as many points; ...
+    ENDS = 128              # ... and of each row as many from its beginning and its end, or one of `SAMPLED`
+
+
+cdef void _sample_row(const char* place, const Grid* grid, int number, double* lowest,
+                      double* highest) noexcept nogil:
+    # NaN changes nothing.
+    cdef Py_ssize_t count = grid.columns
+    cdef Py_ssize_t ends = min(<Py_ssize_t>ENDS, 1 + count // SAMPLED)
+    cdef Py_ssize_t i = 0
+    cdef double value
+    while i < count:
+        value = number_load(place + i * grid.point_step, number)
+        lowest[0] = value if value < lowest[0] else lowest[0]
+        highest[0] = value if value > highest[0] else highest[0]
+        i += 1 if i < ends or i >= count - ends else min(<Py_ssize_t>SAMPLED, count - ends - i)
+
+
+def sampled_range(cloud, str name):
+    """
+    The lowest and the highest number in a field; infinity and -infinity if there is none.
+
+    Only a sample of the points is read: most lidars write them in an order in which the first or the last
+    point of some row is the earliest or the latest one. ``move_points`` reports if that is not so.
+    """
+    cdef Grid grid
+    cdef Py_buffer source
+    cdef TimeSource field
+    cdef double lowest = INFINITY
+    cdef double highest = -INFINITY
+    cdef Py_ssize_t row
+    _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
+    try:
+        _read_points(cloud, source.len, &grid)
+        _read_time_field(cloud, name, grid.point_step, &field)
+        with nogil:
+            for row in range(grid.rows):
+                _sample_row(<const char*>source.buf + row * grid.row_step + field.offset, &grid, field.number,
+                            &lowest, &highest)
+    finally:
+        PyBuffer_Release(&source)
+    return lowest, highest
+
+
+cdef bint _time_of(const char* place, int number, int unit, int64_t stamp_ns, int64_t* out) noexcept nogil:
+    # The time of a point in ns; False if the number is not one.
+    cdef double value = number_load(place, number)
+    cdef int64_t seconds
+    if not -9.2e18 < value < 9.2e18:
+        return False
+    if unit == AFTER_STAMP_NS:
+        out[0] = stamp_ns + <int64_t>value
+    elif unit == SINCE_1970_NS:
+        out[0] = <int64_t>value
+    elif not -9.2e9 < value < 9.2e9:
+        return False
+    elif unit == AFTER_STAMP_S:
+        out[0] = stamp_ns + llrint(value * 1e9)
+    else:
+        # The product would lose digits of the nanoseconds.
+        seconds = <int64_t>value
+        out[0] = seconds * 1000000000 + llrint((value - <double>seconds) * 1e9)
+    return True
+
+
+cdef bint _has_nan(const char* point, const Triples* triples) noexcept nogil:
+    cdef int i
+    for i in range(3):
+        if isnan(number_load(point + triples.offsets[i], triples.numbers[i])):
+            return True
+    return False
+
+
+def read_times(cloud, str name, int unit, int64_t stamp_ns, cnp.ndarray times):
+    """
+    Read the time of each point of a cloud that has three coordinates.
+
+    :param name: of a field; None: ``times`` holds the times already.
+    :param unit: a ``TimeUnit``.
+    :param times: int64 nanoseconds, one for each point, row by row; receives the times, and the least integer
+        where a point has none.
+    :return: the first and the last time, the first later than the last if there are none; and the index of
+        the first point whose time is not a number, or -1.
+    """
+    cdef Grid grid
+    cdef Py_buffer source
+    cdef TimeSource field
+    cdef int64_t* times_ns = <int64_t*>cnp.PyArray_DATA(times)
+    cdef int64_t first_ns = INT64_MAX
+    cdef int64_t last_ns = INT64_MIN
+    cdef Py_ssize_t bad = -1
+    cdef Py_ssize_t row, column, i
+    cdef const char* point
+    _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
+    try:
+        _read_points(cloud, source.len, &grid)
+        _require_times(&grid, times)
+        _read_time_field(cloud, name, grid.point_step, &field)
+        with nogil:
+            for row in range(grid.rows):
+                for column in range(grid.columns):
+                    i = row * grid.columns + column
+                    point = <const char*>source.buf + row * grid.row_step + column * grid.point_step
+                    if _has_nan(point, &grid.triples[0]):
+                        times_ns[i] = NO_TIME
+                        continue
+                    if field.number and not _time_of(point + field.offset, field.number, unit, stamp_ns,
+                                                     &times_ns[i]):
+                        times_ns[i] = NO_TIME
+                        bad = i if bad < 0 else bad
+                        continue
+                    first_ns = min(first_ns, times_ns[i])
+                    last_ns = max(last_ns, times_ns[i])
+    finally:
+        PyBuffer_Release(&source)
+    return first_ns, last_ns, bad
+
+
+cdef int _require_times(const Grid* grid, cnp.ndarray times) except -1:
+    if cnp.PyArray_DIM(times, 0) != grid.rows * grid.columns:
+        raise ValueError(
+            f"{grid.rows * grid.columns} points, {len(times)} times: each point needs its own time"
+        )
+    return 0
+
+
+cdef struct Motion:
+    # The pose for each point: from `times_ns`, or else from its field.
+    TimeSource field
+    const int64_t* times_ns     # of each point; NULL: in the field
+    int64_t base_ns             # the time of the first knot
+    Knots poses
+    bint is_exact               # there is one pose for each point instead of one for each knot
+    bint is_complete            # no point has coordinates, but no time between the knots
+
+
+cdef void _pose_of(Motion* motion, const char* point, const Triples* triples, Py_ssize_t i,
+                   Rigid* out) noexcept nogil:
+    cdef const double* column = motion.poses.columns + 16 * i
+    cdef const double* slope
+    cdef double pose[16]
+    cdef double ns
+    cdef size_t knot
+    cdef int row, k
+    if motion.is_exact:
+        memcpy(pose, column, sizeof(pose))
+    else:
+        if motion.times_ns != NULL:
+            ns = <double>(motion.times_ns[i] - motion.base_ns) if motion.times_ns[i] != NO_TIME else 0.0
+        else:
+            ns = number_load(point + motion.field.offset, motion.field.number)
+            ns = fma(ns - motion.field.minus, motion.field.times, motion.field.plus)
+            if not knots_include(&motion.poses, ns):
+                motion.is_complete = motion.is_complete and _has_nan(point, triples)
+                ns = 0.0
+        knot = knot_before(&motion.poses, ns)
+        ns = max(ns - motion.poses.ns[knot], 0.0)
+        column = motion.poses.columns + 16 * knot
+        slope = motion.poses.slopes + 16 * knot
+        for k in range(16):
+            pose[k] = fma(ns, slope[k], column[k])
+    for row in range(3):
+        for k in range(3):
+            out.matrix[3 * row + k] = pose[4 * k + row]
+        out.translation[row] = pose[12 + row]
+
+
+cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, Motion* motion) noexcept nogil:
+    # In double precision, with the fused operations of the quick way.
+    cdef Rigid pose
+    cdef const Triples* triples
+    cdef double[3] old
+    cdef double moved
+    cdef int row, k
+    _pose_of(motion, point, &grid.triples[0], i, &pose)
+    for k in range(grid.triple_count):
+        triples = &grid.triples[k]
+        for row in range(3):
+            old[row] = number_load(point + triples.offsets[row], triples.numbers[row])
+        for row in range(3):
+            moved = pose.translation[row] if grid.moves[k] else 0.0
+            moved = fma(pose.matrix[3 * row + 2], old[2], moved)
+            moved = fma(pose.matrix[3 * row + 1], old[1], moved)
+            moved = fma(pose.matrix[3 * row], old[0], moved)
+            number_store(point + triples.offsets[row], triples.numbers[row], moved)
+
+
+cdef void _move_batch(char* points, Py_ssize_t count, Py_ssize_t begin, const Grid* grid,
+                      Motion* motion) noexcept nogil:
+    # In place; the first of the points has the index `begin`.
+    cdef Py_ssize_t step = grid.point_step
+    cdef Py_ssize_t done = 0
+    cdef const Triples* triples = &grid.triples[0]
+    # The quick way writes 4 bytes behind z, as they were; those behind the last point may lie outside.
+    cdef Py_ssize_t quick = count if step - triples.offsets[2] >= 8 else count - 1
+    if grid.triple_count > 1 or motion.is_exact or motion.times_ns != NULL or _wide_size(triples) != 4:
+        quick = 0
+    while done < count:
+        if done < quick:
+            done += wide_move_floats(points + done * step, step, quick - done, triples.offsets[0],
+                                     &motion.field, &motion.poses)
+            if done == quick:
+                continue
+        # What is left, or the whole batch, or a point whose time is not between the knots.
+        _move_one(points + done * step, begin + done, grid, motion)
+        done += 1
+
+
+cdef void _store_number(char* points, Py_ssize_t count, Py_ssize_t step, const TimeSource* field,
+                        double stored) noexcept nogil:
+    cdef char number[8]
+    cdef Py_ssize_t size = number_size(field.number)
+    cdef Py_ssize_t i
+    number_store(number, field.number, stored)
+    for i in range(count):
+        if size == 4:   # sizes that the compiler knows
+            memcpy(points + i * step + field.offset, number, 4)
+        else:
+            memcpy(points + i * step + field.offset, number, 8)
+
+
+cdef void _move_points(const char* source, char* target, const Grid* grid, Motion* motion, bint store,
+                       double stored) noexcept nogil:
+    cdef Py_ssize_t step = grid.point_step
+    cdef Py_ssize_t used = grid.columns * step
+    cdef Py_ssize_t row, done, batch
+    cdef Py_ssize_t end = 0
+    cdef Py_ssize_t new_end = 0
+    for row in range(grid.rows):
+        done = 0
+        while done < grid.columns:
+            batch = min(grid.columns - done, max(COPY_BYTES // step, 1))
+            new_end = row * grid.new_row_step + done * step
+            memcpy(target + new_end, source + row * grid.row_step + done * step, batch * step)
+            _move_batch(target + new_end, batch, row * grid.columns + done, grid, motion)
+            if store:
+                _store_number(target + new_end, batch, step, &motion.field, stored)
+            done += batch
+        end = row * grid.row_step + used
+        new_end = row * grid.new_row_step + used
+        if row + 1 < grid.rows:
+            memcpy(target + new_end, source + end, grid.new_row_step - used)
+    memcpy(target + new_end, source + end, grid.new_size - new_end)
+
+
+def move_points(
+    cloud,
+    int64_t new_stamp_ns,
+    str frame_id,
+    is_dense,
+    str name,
+    int unit,
+    int64_t stamp_ns,
+    stored,
+    cnp.ndarray times,
+    cnp.ndarray knots_ns,
+    cnp.ndarray columns,
+    cnp.ndarray slopes,
+):
+    """
+    Make a cloud in which each point is moved by the pose of its own time.
+
+    :param new_stamp_ns: of the new cloud, which is in ``frame_id``.
+    :param name: of the field with the times; None: there is none.
+    :param unit: a ``TimeUnit``, the meaning of that field, and ``stamp_ns`` the stamp that it refers to.
+    :param stored: a number that each point gets in that field; None: they keep theirs.
+    :param times: int64 nanoseconds, one for each point, instead of the field; None: use the field.
+    :param knots_ns: int64 nanoseconds, ascending: the times of the poses, between which they change steadily;
+        None: there is one pose for each point.
+    :param columns: float64, shape (K, 4, 4): of each pose, the columns of its rotation, and its translation,
+        each with a 0 as fourth number.
+    :param slopes: of the same shape: the change of each per ns, 0 for the last one. None: without knots.
+    :return: the cloud, and whether the times of all points that have coordinates are between the knots.
+    """
+    cdef Grid grid
+    cdef Py_buffer source
+    cdef Motion motion
+    cdef Transform identity
+    cdef array.array data
+    cdef int64_t seconds
+    cdef bint store = stored is not None
+    cdef double value = stored if store else 0.0
+    cdef cnp.ndarray since_first
+    cdef int i
+    memset(&identity, 0, sizeof(Transform))
+    identity.rotation[3] = 1.0
+    header = new_header(new_stamp_ns, frame_id)
+    motion.is_complete = True
+    motion.is_exact = knots_ns is None
+    motion.times_ns = NULL if times is None else <const int64_t*>cnp.PyArray_DATA(times)
+    motion.poses.columns = <const double*>cnp.PyArray_DATA(columns)
+    motion.poses.last = len(columns) - 1
+    motion.base_ns = 0
+    if not motion.is_exact:
+        motion.base_ns = (<const int64_t*>cnp.PyArray_DATA(knots_ns))[0]
+        since_first = (knots_ns - motion.base_ns).astype(np.float64)
+        motion.poses.ns = <const double*>cnp.PyArray_DATA(since_first)
+        motion.poses.slopes = <const double*>cnp.PyArray_DATA(slopes)
+    _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
+    try:
+        _read_points(cloud, source.len, &grid)
+        if times is not None:
+            _require_times(&grid, times)
+        if motion.is_exact:
+            _require_times(&grid, columns)
+        _read_time_field(cloud, name, grid.point_step, &motion.field)
+        motion.field.minus = 0.0
+        motion.field.times = 1.0
+        motion.field.plus = <double>(stamp_ns - motion.base_ns)
+        if unit == AFTER_STAMP_S:
+            motion.field.times = 1e9
+        elif unit == SINCE_1970_S:
+            seconds = motion.base_ns // 1000000000
+            motion.field.minus = <double>seconds
+            motion.field.times = 1e9
+            motion.field.plus = <double>(seconds * 1000000000 - motion.base_ns)
+        elif unit == SINCE_1970_NS:
+            motion.field.minus = <double>motion.base_ns
+            motion.field.plus = <double>(<int64_t>motion.field.minus - motion.base_ns)
+        fields = _fields_by_name(cloud)
+        if _has_directions(fields, NORMAL):
+            _add_triples(cloud, fields, NORMAL, &identity, False, &grid)
+        if _has_directions(fields, VIEWPOINT):
+            _add_triples(cloud, fields, VIEWPOINT, &identity, True, &grid)
+        for i in range(grid.triple_count):
+            grid.triples[i].step = grid.point_step
+        data = array.clone(NO_BYTES, grid.new_size, False)
+        if grid.new_size > 0:
+            with nogil:
+                _move_points(<const char*>source.buf, data.data.as_chars, &grid, &motion, store, value)
+    finally:
+        PyBuffer_Release(&source)
+    return _new_cloud(cloud, header, &grid, data, is_dense), motion.is_complete

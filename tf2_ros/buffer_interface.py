@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 from tf2_py import TransformException
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
+from tf2_ros._arguments import frame_of
 from tf2_ros._messages import Header, TransformStamped, time_msg
 from tf2_ros._messages import PoseStamped as PoseStamped
 from tf2_ros._registration import (
@@ -80,6 +81,8 @@ class BufferInterface:
         target_frame: str,
         timeout: DurationLike = NO_TIMEOUT,
         new_type: type[_New] | None = None,
+        *,
+        prefix: str = "",
         **policy: "Unpack[LookupPolicy]",
     ) -> _New:
         """
@@ -91,6 +94,9 @@ class BufferInterface:
         :param target_frame: the frame into which the object is to be transformed.
         :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param new_type: convert the result to this type. None: no conversion.
+        :param prefix: put before the frame of the object, as that of the :class:`TransformListener` that
+            receives the transforms of the same robot, for example ``"robot1/"``. ``target_frame`` is a whole
+            name. The object is not changed.
         :param policy: further arguments of the lookup: those of :class:`tf2_py.typing.LookupPolicy`, if this
             is a :class:`tf2_ros.Buffer`. The lookups of a :class:`tf2_ros.BufferClient` accept none.
         :return: a new object; the one given is not changed. It keeps the stamp of the object, even if a
@@ -98,7 +104,8 @@ class BufferInterface:
             except for a point cloud.
         :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
         :raises TransformException: what the lookup raises.
-        :raises TypeError: ``target_frame`` is not a str, or ``timeout`` is not a timeout.
+        :raises TypeError: ``target_frame`` or ``prefix`` is not a str, or ``timeout`` is not a timeout.
+        :raises ValueError: ``prefix`` contains a NUL character.
         :raises AttributeError: the object has no header, or its header no ``frame_id`` or ``stamp``.
 
         >>> from geometry_msgs.msg import PointStamped, TransformStamped
@@ -116,7 +123,7 @@ class BufferInterface:
         do_transform: Any = self.registration.get(type(stamped))
         header = stamped.header
         look_up: Any = self.lookup_transform
-        transform = look_up(target_frame, header.frame_id, header.stamp, timeout, **policy)
+        transform = look_up(target_frame, frame_of(header, prefix), header.stamp, timeout, **policy)
         if policy:
             transform = _at(header.stamp, transform)
         result: _New = do_transform(stamped, transform)
@@ -130,6 +137,8 @@ class BufferInterface:
         fixed_frame: str,
         timeout: DurationLike = NO_TIMEOUT,
         new_type: type[_New] | None = None,
+        *,
+        prefix: str = "",
         **policy: "Unpack[LookupPolicy]",
     ) -> _New:
         """
@@ -143,6 +152,7 @@ class BufferInterface:
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param new_type: convert the result to this type. None: no conversion.
+        :param prefix: put before the frame of the object, as in :meth:`transform`.
         :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
         :return: a new object, stamped with the target time or, if that is 0, with the time of the transform;
             a point cloud keeps its own stamp.
@@ -152,7 +162,13 @@ class BufferInterface:
         header = stamped.header
         look_up: Any = self.lookup_transform_full
         transform = look_up(
-            target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout, **policy
+            target_frame,
+            target_time,
+            frame_of(header, prefix),
+            header.stamp,
+            fixed_frame,
+            timeout,
+            **policy,
         )
         if policy:
             transform = _at(target_time, transform)
@@ -165,6 +181,8 @@ class BufferInterface:
         target_frame: str,
         timeout: DurationLike | None = None,
         new_type: type[_New] | None = None,
+        *,
+        prefix: str = "",
         **policy: "Unpack[LookupPolicy]",
     ) -> _New:
         """
@@ -175,6 +193,7 @@ class BufferInterface:
         :param target_frame: the frame into which the object is to be transformed.
         :param timeout: how long to wait for the transform, in steady time. None: forever.
         :param new_type: convert the result to this type. None: no conversion.
+        :param prefix: put before the frame of the object, as in :meth:`transform`.
         :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
         :return: a new object, with the stamp that :meth:`transform` gives it.
         :raises TimeoutException: the transform was not available in time.
@@ -183,7 +202,8 @@ class BufferInterface:
         do_transform: Any = self.registration.get(type(stamped))
         header = stamped.header
         look_up: Any = self.lookup_transform_async
-        transform = await look_up(target_frame, header.frame_id, header.stamp, timeout=timeout, **policy)
+        source_frame = frame_of(header, prefix)
+        transform = await look_up(target_frame, source_frame, header.stamp, timeout=timeout, **policy)
         if policy:
             transform = _at(header.stamp, transform)
         result: _New = do_transform(stamped, transform)

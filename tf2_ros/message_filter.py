@@ -30,7 +30,7 @@ from tf2_py._internal import (
     time_ns,
 )
 from tf2_py.typing import DurationLike
-from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable
+from tf2_ros._arguments import frame_of, kind_of, optional_timeout_ns, require_callable, valid_prefix
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended, require_node
 from tf2_ros._rclpy import destroy_subscription
@@ -118,10 +118,13 @@ class MessageFilter(Generic[_Message]):
     :param tolerance: a finite duration; transforms must be available for the message's stamp and for this
         much later, for example the duration of a sweep. The ``tolerance`` of a lookup is something else: the
         lookup accepts an older transform, and data transformed with it keeps its stamp. None: zero.
+    :param prefix: put before the frames of the messages, as that of the :class:`TransformListener` that
+        receives the transforms of the same robot, for example ``"robot1/"``. ``target_frames`` are whole
+        names. The messages are not changed.
     :raises TypeError: ``buffer`` is not a Buffer, ``input`` is something else, its messages have no header,
         or a duration is something else.
-    :raises ValueError: ``target_frames`` is empty, a name is invalid, ``queue_size`` or ``tolerance`` is
-        negative, or ``tolerance`` is infinite.
+    :raises ValueError: ``target_frames`` is empty, a name or ``prefix`` is invalid, ``queue_size`` or
+        ``tolerance`` is negative, or ``tolerance`` is infinite.
 
     A message whose stamp is 0 needs the latest time for which its transforms are available; ``tolerance``
     then has no effect. Each message passes once or is dropped once, in the order in which its transforms
@@ -165,6 +168,7 @@ class MessageFilter(Generic[_Message]):
         node: Node,
         buffer_timeout: DurationLike | None = None,
         tolerance: DurationLike | None = None,
+        prefix: str = "",
     ) -> None:
         if not isinstance(buffer, Buffer):
             raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
@@ -180,6 +184,7 @@ class MessageFilter(Generic[_Message]):
         self._subscription: Any = None
         self._closed = False
         self._process = os.getpid()
+        self._prefix = valid_prefix(prefix)
         self._frames = _names(target_frames)
         # Each target frame, and how much later than its stamp a message needs its transform.
         later = sorted({0, _tolerance_ns(tolerance)})
@@ -208,7 +213,8 @@ class MessageFilter(Generic[_Message]):
         header: Any = getattr(message, "header", None)
         if not hasattr(header, "frame_id") or not hasattr(header, "stamp"):
             raise TypeError(f"{kind_of(message)} has no header with a frame and a time")
-        frame = stored_name(frame_name(header.frame_id, "header.frame_id"))
+        frame_name(header.frame_id, "header.frame_id")
+        frame = frame_of(header, self._prefix) if self._prefix else stored_name(header.frame_id)
         queued = QueuedMessage(self, message, frame, time_ns(header.stamp, "header.stamp"))
         try:
             self._waiting[queued] = None

@@ -13,9 +13,10 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Header
 
 from tf2_msgs.msg import TFMessage
-from tf2_py import BufferCore, stored_name
+from tf2_py import BufferCore
 from tf2_py._internal import class_name
 from tf2_ros import _names
+from tf2_ros._arguments import valid_prefix, with_prefix
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._graph import name_unfit_publishers
 from tf2_ros._nodes import Spinner, hidden_node, require_node
@@ -147,7 +148,7 @@ class TransformListener:
             require_node(type(self).__name__, node, "create_subscription")
             if spin_thread and runs_in_loop(node):
                 raise ValueError("spin_thread: an event loop runs this node, and no thread can spin it")
-        self._tf2_prefix = _valid_prefix(prefix)
+        self._tf2_prefix = valid_prefix(prefix)
         self._tf2_recording = recording
         self._tf2_process = os.getpid()
         self.node = hidden_node("transform_listener_impl", self) if node is None else node
@@ -261,7 +262,7 @@ class TransformListener:
             if topic.method == method:
                 topic.arrivals.count()
         for transform in data.transforms:
-            insert(_with_prefix(self._tf2_prefix, transform), AUTHORITY)
+            insert(_prefixed(self._tf2_prefix, transform), AUTHORITY)
 
     def _tf2_direct_buffer(self) -> BufferCore | None:
         """The buffer; None if user code would handle what is received or inserted."""
@@ -340,23 +341,12 @@ def _is_method_of(kind: type, one: object, name: str) -> bool:
     return getattr(method, "__func__", None) is getattr(kind, name) and method.__self__ is one
 
 
-def _valid_prefix(prefix: str) -> str:
-    if not isinstance(prefix, str):
-        raise TypeError(f"prefix: expected a str, got {type(prefix).__name__}")
-    if "\0" in prefix:
-        raise ValueError(f"prefix: expected a str without NUL, got {prefix!r}")
-    return prefix
-
-
-def _with_prefix(prefix: str, transform: TransformStamped) -> TransformStamped:
-    """The same transform between frames with a prefix, if there is one; as `batch_prefix` in tf2_py."""
+def _prefixed(prefix: str, transform: TransformStamped) -> TransformStamped:
+    """The same transform between frames with a prefix, if there is one."""
     if not prefix:
         return transform
-    parent, child = (
-        prefix + stored_name(name) if name not in ("", "/") else ""
-        for name in (transform.header.frame_id, transform.child_frame_id)
-    )
-    header = Header(stamp=transform.header.stamp, frame_id=parent)
+    header = Header(stamp=transform.header.stamp, frame_id=with_prefix(prefix, transform.header.frame_id))
+    child = with_prefix(prefix, transform.child_frame_id)
     return TransformStamped(header=header, child_frame_id=child, transform=transform.transform)
 
 

@@ -10,6 +10,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from tf2_py._internal import as_times_ns, duration_ns, printable, time_ns
 from tf2_ros import BufferCore, ExtrapolationException, TransformException
+from tf2_ros._arguments import frame_of
 from tf2_sensor_msgs._cloud import move_points, read_times, sampled_range
 from tf2_sensor_msgs._errors import FieldError
 
@@ -102,6 +103,7 @@ def deskew(
     times: "TimesLike | None" = None,
     timeout: "DurationLike" = 0,
     on_missing: Literal["raise", "nan"] = "raise",
+    prefix: str = "",
     **policy: "Unpack[LookupPolicy]",
 ) -> PointCloud2:
     """
@@ -123,6 +125,7 @@ def deskew(
     :param timeout: how long to wait for the transforms of the last point; only for a ``tf2_ros.Buffer``.
     :param on_missing: ``'raise'`` raises the error of the first point for whose time there is no transform,
         with its index; ``'nan'`` makes the coordinates of such points NaN.
+    :param prefix: put before the frame of the cloud, as in ``buffer.transform``.
     :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`.
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
         stays, but with ``fixed_frame`` the time field of each point becomes that of the new stamp.
@@ -143,7 +146,7 @@ def deskew(
         raise ValueError(f"on_missing: expected 'raise' or 'nan', got {on_missing!r}")
     if target_time is not None and fixed_frame is None:
         raise TypeError("target_time needs a fixed_frame")
-    source_frame = cloud.header.frame_id
+    source_frame = frame_of(cloud.header, prefix)
     stamp_ns = new_ns = time_ns(cloud.header.stamp, "header.stamp")
     fixed: dict[str, Any] = {}
     if fixed_frame is not None:

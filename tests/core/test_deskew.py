@@ -343,6 +343,14 @@ def test_a_sensor_that_never_moves_needs_none():
     assert xyz_of(moved) == pytest.approx(xyz_of(points) + (1, 2, 3), abs=1e-5)
 
 
+def test_a_prefix_goes_before_the_frame_of_the_cloud(buffer):
+    cloud, points, times = measured("ouster")
+    wanted = deskew(cloud, buffer, "odom")
+    cloud.header.frame_id = "dar"
+    assert deskew(cloud, buffer, "odom", prefix="li") == wanted
+    assert cloud.header.frame_id == "dar"
+
+
 def test_the_target_time_may_be_the_latest(buffer):
     cloud, points, times = measured("ouster")
     newest = buffer.get_latest_common_time("lidar", "odom")

@@ -106,6 +106,7 @@ def transforms(buffer: BufferInterface, message: PoseStamped, timeout: DurationL
     """What goes in comes out, or what `new_type` says."""
     assert_type(buffer.transform(message, "a"), PoseStamped)
     assert_type(buffer.transform(message, "a", timeout, PointStamped), PointStamped)
+    assert_type(buffer.transform(message, "a", prefix="robot1/"), PoseStamped)
     assert_type(buffer.transform_full(message, "a", Time(), "b"), PoseStamped)
     assert_type(buffer.transform_full(message, "a", Time(), "b", timeout, PointStamped), PointStamped)
 

@@ -15,9 +15,7 @@ from tf2_sensor_msgs._cloud import move_points, read_times, sampled_range
 from tf2_sensor_msgs._errors import FieldError
 
 if TYPE_CHECKING:
-    from typing_extensions import Unpack
-
-    from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, TimesLike
+    from tf2_py.typing import DurationLike, DurationsLike, TimeLike, TimesLike
 
 S = 1_000_000_000
 # A ROS stamp holds no more seconds than these. So a larger number in a `timestamp` is nanoseconds.
@@ -78,7 +76,7 @@ class Motion(NamedTuple):
     target_frame: str
     source_frame: str
     fixed: dict[str, Any]  # fixed_frame and target_time, or nothing
-    policy: Any
+    policy: dict[str, Any]  # tolerance, extrapolate and max_gap
 
     def matrices(self, times: NDArray[np.int64], **how: Any) -> NDArray[np.float64]:
         # At least 1, because 0 would mean "latest".
@@ -104,7 +102,9 @@ def deskew(
     timeout: "DurationLike" = 0,
     on_missing: Literal["raise", "nan"] = "raise",
     prefix: str = "",
-    **policy: "Unpack[LookupPolicy]",
+    tolerance: "DurationsLike | None" = None,
+    extrapolate: bool = False,
+    max_gap: "DurationLike | None" = None,
 ) -> PointCloud2:
     """
     Transform each point of a cloud from where the sensor was when it measured that point.
@@ -126,7 +126,8 @@ def deskew(
     :param on_missing: ``'raise'`` raises the error of the first point for whose time there is no transform,
         with its index; ``'nan'`` makes the coordinates of such points NaN.
     :param prefix: put before the frame of the cloud, as in ``buffer.transform``.
-    :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`.
+    :param tolerance: what the lookups accept beyond tf2's, as ``extrapolate`` and ``max_gap``; see
+        :class:`tf2_py.typing.LookupPolicy`. There is no ``max_age``, because points have times.
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
         stays, but with ``fixed_frame`` the time field of each point becomes that of the new stamp.
     :raises TransformException: a point has no transform; see ``buffer.lookup_transform``.
@@ -152,6 +153,7 @@ def deskew(
     if fixed_frame is not None:
         new_ns = _target_ns(buffer, target_frame, fixed_frame, target_time, stamp_ns)
         fixed = {"fixed_frame": fixed_frame, "target_time": max(new_ns, 1)}
+    policy = {"tolerance": tolerance, "extrapolate": extrapolate, "max_gap": max_gap}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
     sweep = _read_sweep(cloud, stamp_ns, times)
     if sweep.size and fixed_frame is None:

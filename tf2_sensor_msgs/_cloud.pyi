@@ -23,8 +23,7 @@ def move_points(
     stored: float | None,
     times: npt.NDArray[np.int64] | None,
     knots_ns: npt.NDArray[np.int64] | None,
-    columns: npt.NDArray[np.float64],
-    slopes: npt.NDArray[np.float64] | None,
+    matrices: npt.NDArray[np.float64],
 ) -> tuple[PointCloud2, bool]: ...
 def transform_points(
     point_cloud: npt.ArrayLike, transform: TransformStamped | Transform

@@ -65,8 +65,7 @@ class Poses(NamedTuple):
     """Poses between which the points move steadily, as ``move_points`` takes them."""
 
     knots: NDArray[np.int64] | None
-    columns: NDArray[np.float64]
-    slopes: NDArray[np.float64] | None
+    matrices: NDArray[np.float64]
 
 
 class Motion(NamedTuple):
@@ -181,7 +180,7 @@ def deskew(
         if steady is not None:
             return moved(steady, cloud.is_dense)[0]
     exact = _exact_poses(motion, all_times, first, on_missing)
-    is_missing = bool(np.isnan(exact.columns[:, 0, 0]).any())
+    is_missing = bool(np.isnan(exact.matrices[:, 0, 0]).any())
     return moved(exact, cloud.is_dense and not is_missing)[0]
 
 
@@ -316,7 +315,7 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
             matrices = motion.matrices(knots)
     except ExtrapolationException:
         return None  # at which point, or under which policy, the exact lookups say
-    return _poses_of(knots, matrices)
+    return Poses(knots, matrices)
 
 
 def _split(edges: NDArray[np.int64], pieces: int) -> NDArray[np.int64]:
@@ -328,20 +327,6 @@ def _split(edges: NDArray[np.int64], pieces: int) -> NDArray[np.int64]:
     return split
 
 
-def _poses_of(knots: NDArray[np.int64], matrices: NDArray[np.float64]) -> Poses:
-    columns = _columns_of(matrices)
-    slopes = np.zeros_like(columns)
-    spans = np.maximum(knots[1:] - knots[:-1], 1)
-    np.divide(columns[1:] - columns[:-1], spans[:, None, None], out=slopes[:-1])
-    return Poses(knots, columns, slopes)
-
-
-def _columns_of(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    columns = np.ascontiguousarray(matrices.transpose(0, 2, 1))
-    columns[:, 3, 3] = 0.0
-    return columns
-
-
 def _exact_poses(motion: Motion, times: NDArray[np.int64], first: int, on_missing: str) -> Poses:
     """One pose for each point; NaN for points without a time."""
     without = times == np.iinfo(np.int64).min
@@ -350,4 +335,4 @@ def _exact_poses(motion: Motion, times: NDArray[np.int64], first: int, on_missin
     else:
         matrices = motion.matrices(np.where(without, first, times), on_missing=on_missing)
         matrices[without] = np.nan
-    return Poses(None, _columns_of(matrices), None)
+    return Poses(None, matrices)

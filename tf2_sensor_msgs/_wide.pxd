@@ -91,6 +91,7 @@ cdef extern from *:
     static inline size_t move_floats(char *points, size_t step, size_t count, const ptrdiff_t xyz,
                                      const struct TimeSource *time, int number, const struct Knots *knots)
     {
+        size_t knot = 0;
         double begin = 0.0, end = 0.0, minus = time->minus, times = time->times, plus = time->plus;
         __m256d pose0, pose1, pose2, pose3, slope0, slope1, slope2, slope3;
         pose0 = pose1 = pose2 = pose3 = slope0 = slope1 = slope2 = slope3 = _mm256_setzero_pd();
@@ -113,7 +114,11 @@ cdef extern from *:
             if (!(after >= begin && after < end)) {
                 if (!knots_include(knots, after))
                     return i;
-                size_t knot = knot_before(knots, after);
+                /* Most points follow each other in time, so the next knot is tried before a search. */
+                if (knot + 1 < knots->last && after >= knots->ns[knot + 1] && after < knots->ns[knot + 2])
+                    knot++;
+                else
+                    knot = knot_before(knots, after);
                 const double *pose = knots->columns + 16 * knot, *slope = knots->slopes + 16 * knot;
                 pose0 = _mm256_loadu_pd(pose), slope0 = _mm256_loadu_pd(slope);
                 pose1 = _mm256_loadu_pd(pose + 4), slope1 = _mm256_loadu_pd(slope + 4);

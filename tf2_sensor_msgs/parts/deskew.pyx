@@ -38,7 +38,7 @@ cdef int _read_points(object cloud, Py_ssize_t size, Grid* out) except -1:
 
 
 cdef enum:
-    SAMPLED = 16            # one of as many points; ...
+    SAMPLED = 64            # one of as many points; ...
     ENDS = 128              # ... and of each row as many from its beginning and its end, or one of `SAMPLED`
 
 
@@ -169,36 +169,38 @@ cdef struct Motion:
     TimeSource field
     const int64_t* times_ns     # of each point; NULL: in the field
     int64_t base_ns             # the time of the first knot
-    Knots poses
-    bint is_exact               # there is one pose for each point instead of one for each knot
+    const double* matrices      # 4x4, row by row: one pose for each point; NULL: poses at knots
+    Knots poses                 # else
     bint is_complete            # no point has coordinates, but no time between the knots
 
 
 cdef void _pose_of(Motion* motion, const char* point, const Triples* triples, Py_ssize_t i,
                    Rigid* out) noexcept nogil:
-    cdef const double* column = motion.poses.columns + 16 * i
+    cdef const double* column
     cdef const double* slope
     cdef double pose[16]
     cdef double ns
     cdef size_t knot
     cdef int row, k
-    if motion.is_exact:
-        memcpy(pose, column, sizeof(pose))
+    if motion.matrices != NULL:
+        for row in range(3):
+            memcpy(out.matrix + 3 * row, motion.matrices + 16 * i + 4 * row, 3 * sizeof(double))
+            out.translation[row] = motion.matrices[16 * i + 4 * row + 3]
+        return
+    if motion.times_ns != NULL:
+        ns = <double>(motion.times_ns[i] - motion.base_ns) if motion.times_ns[i] != NO_TIME else 0.0
     else:
-        if motion.times_ns != NULL:
-            ns = <double>(motion.times_ns[i] - motion.base_ns) if motion.times_ns[i] != NO_TIME else 0.0
-        else:
-            ns = number_load(point + motion.field.offset, motion.field.number)
-            ns = fma(ns - motion.field.minus, motion.field.times, motion.field.plus)
-            if not knots_include(&motion.poses, ns):
-                motion.is_complete = motion.is_complete and _has_nan(point, triples)
-                ns = 0.0
-        knot = knot_before(&motion.poses, ns)
-        ns = max(ns - motion.poses.ns[knot], 0.0)
-        column = motion.poses.columns + 16 * knot
-        slope = motion.poses.slopes + 16 * knot
-        for k in range(16):
-            pose[k] = fma(ns, slope[k], column[k])
+        ns = number_load(point + motion.field.offset, motion.field.number)
+        ns = fma(ns - motion.field.minus, motion.field.times, motion.field.plus)
+        if not knots_include(&motion.poses, ns):
+            motion.is_complete = motion.is_complete and _has_nan(point, triples)
+            ns = 0.0
+    knot = knot_before(&motion.poses, ns)
+    ns = max(ns - motion.poses.ns[knot], 0.0)
+    column = motion.poses.columns + 16 * knot
+    slope = motion.poses.slopes + 16 * knot
+    for k in range(16):
+        pose[k] = fma(ns, slope[k], column[k])
     for row in range(3):
         for k in range(3):
             out.matrix[3 * row + k] = pose[4 * k + row]
@@ -233,7 +235,9 @@ cdef void _move_batch(char* points, Py_ssize_t count, Py_ssize_t begin, const Gr
     cdef const Triples* triples = &grid.triples[0]
     # The quick way writes 4 bytes behind z, as they were; those behind the last point may lie outside.
     cdef Py_ssize_t quick = count if step - triples.offsets[2] >= 8 else count - 1
-    if grid.triple_count > 1 or motion.is_exact or motion.times_ns != NULL or _wide_size(triples) != 4:
+    if grid.triple_count > 1 or motion.matrices != NULL or motion.times_ns != NULL:
+        quick = 0
+    if _wide_size(triples) != 4:
         quick = 0
     while done < count:
         if done < quick:
@@ -283,6 +287,25 @@ cdef void _move_points(const char* source, char* target, const Grid* grid, Motio
     memcpy(target + new_end, source + end, grid.new_size - new_end)
 
 
+cdef void _fill_knots(const int64_t* knots_ns, const double* matrices, Py_ssize_t count, double* columns,
+                      double* slopes, double* ns) noexcept nogil:
+    # The arrays of Knots, from at least one time and pose.
+    cdef Py_ssize_t i
+    cdef double span
+    cdef int row, k
+    for i in range(count):
+        ns[i] = <double>(knots_ns[i] - knots_ns[0])
+        for k in range(4):
+            for row in range(3):
+                columns[16 * i + 4 * k + row] = matrices[16 * i + 4 * row + k]
+            columns[16 * i + 4 * k + 3] = 0.0
+    for i in range(count - 1):
+        span = <double>max(knots_ns[i + 1] - knots_ns[i], <int64_t>1)
+        for k in range(16):
+            slopes[16 * i + k] = (columns[16 * (i + 1) + k] - columns[16 * i + k]) / span
+    memset(slopes + 16 * (count - 1), 0, 16 * sizeof(double))
+
+
 def move_points(
     cloud,
     int64_t new_stamp_ns,
@@ -294,8 +317,7 @@ def move_points(
     stored,
     cnp.ndarray times,
     cnp.ndarray knots_ns,
-    cnp.ndarray columns,
-    cnp.ndarray slopes,
+    cnp.ndarray matrices,
 ):
     """
     Make a cloud in which each point is moved by the pose of its own time.
@@ -307,9 +329,7 @@ def move_points(
     :param times: int64 nanoseconds, one for each point, instead of the field; None: use the field.
     :param knots_ns: int64 nanoseconds, ascending: the times of the poses, between which they change steadily;
         None: there is one pose for each point.
-    :param columns: float64, shape (K, 4, 4): of each pose, the columns of its rotation, and its translation,
-        each with a 0 as fourth number.
-    :param slopes: of the same shape: the change of each per ns, 0 for the last one. None: without knots.
+    :param matrices: of these poses: float64, shape (K, 4, 4), contiguous.
     :return: the cloud, and whether the times of all points that have coordinates are between the knots.
     """
     cdef Grid grid
@@ -320,29 +340,35 @@ def move_points(
     cdef int64_t seconds
     cdef bint store = stored is not None
     cdef double value = stored if store else 0.0
-    cdef cnp.ndarray since_first
+    cdef cnp.ndarray knots
+    cdef double* numbers
+    cdef Py_ssize_t count = len(matrices)
     cdef int i
     memset(&identity, 0, sizeof(Transform))
     identity.rotation[3] = 1.0
     header = new_header(new_stamp_ns, frame_id)
     motion.is_complete = True
-    motion.is_exact = knots_ns is None
     motion.times_ns = NULL if times is None else <const int64_t*>cnp.PyArray_DATA(times)
-    motion.poses.columns = <const double*>cnp.PyArray_DATA(columns)
-    motion.poses.last = len(columns) - 1
+    motion.matrices = <const double*>cnp.PyArray_DATA(matrices)
     motion.base_ns = 0
-    if not motion.is_exact:
+    if knots_ns is not None:
         motion.base_ns = (<const int64_t*>cnp.PyArray_DATA(knots_ns))[0]
-        since_first = (knots_ns - motion.base_ns).astype(np.float64)
-        motion.poses.ns = <const double*>cnp.PyArray_DATA(since_first)
-        motion.poses.slopes = <const double*>cnp.PyArray_DATA(slopes)
+        knots = np.empty(33 * count)
+        numbers = <double*>cnp.PyArray_DATA(knots)
+        _fill_knots(<const int64_t*>cnp.PyArray_DATA(knots_ns), motion.matrices, count, numbers,
+                    numbers + 16 * count, numbers + 32 * count)
+        motion.matrices = NULL
+        motion.poses.columns = numbers
+        motion.poses.slopes = numbers + 16 * count
+        motion.poses.ns = numbers + 32 * count
+        motion.poses.last = count - 1
     _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
     try:
         _read_points(cloud, source.len, &grid)
         if times is not None:
             _require_times(&grid, times)
-        if motion.is_exact:
-            _require_times(&grid, columns)
+        if motion.matrices != NULL:
+            _require_times(&grid, matrices)
         _read_time_field(cloud, name, grid.point_step, &motion.field)
         motion.field.minus = 0.0
         motion.field.times = 1.0

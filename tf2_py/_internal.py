@@ -6,15 +6,7 @@ its modules can be moved. ``_internal.pxd`` lists what they cimport.
 """
 
 from tf2_py._objects import errors, log, message_classes
-from tf2_py._objects.errors import (
-    MalformedObjectError,
-    bad_name,
-    class_name,
-    counted,
-    is_invalid_name,
-    printable,
-    seconds,
-)
+from tf2_py._objects.errors import MalformedObjectError, bad_name, class_name, is_invalid_name, seconds
 from tf2_py._tf2_py import (
     FOR_EVER_NS,
     as_times_ns,
@@ -38,7 +30,6 @@ __all__ = [
     "as_times_ns",
     "bad_name",
     "class_name",
-    "counted",
     "duration_ns",
     "errors",
     "frame_name",
@@ -50,7 +41,6 @@ __all__ = [
     "message_classes",
     "normalise",
     "policy_of",
-    "printable",
     "refused",
     "rotations_from_matrices",
     "seconds",

@@ -11,7 +11,7 @@ from cpython.object cimport PyTypeObject
 from cpython.ref cimport Py_DECREF, Py_INCREF
 from cpython.unicode cimport PyUnicode_Check
 from libc.float cimport DBL_EPSILON
-from libc.stdint cimport INT32_MAX, SIZE_MAX
+from libc.stdint cimport SIZE_MAX
 from libc.string cimport strchr, strlen
 
 import datetime
@@ -35,8 +35,8 @@ from tf2_py._objects.errors import (
     TimeoutException,
     TransformException,
     bad_name,
-    printable,
 )
+from tf2_ros_cython.output import printable
 
 __all__ = [
     "BufferCore",
@@ -308,37 +308,6 @@ cdef class BufferCore(Engine):
         if attributes:
             # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.
             self.__dict__.update(attributes)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """
-        Write the present contents of this buffer to an ``.mcap`` file, which any tool for recordings can
-        open.
-
-        The transforms are ordinary messages on ``/tf`` and ``/tf_static``, in the order of their stamps;
-        what messages cannot hold is metadata of the file. :meth:`load` returns an equal buffer. An
-        existing file is replaced when the new one is complete. Attributes of a subclass are not saved.
-
-        :raises OSError: the file cannot be written; an existing file remains unchanged.
-        :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-cython[bag]'``.
-        """
-        from tf2_py._objects.saved import save_state
-        save_state(self.export(), path, serialize_samples)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> BufferCore:
-        """
-        Load a buffer from a file that :meth:`save` wrote; its answers are identical to the last bit.
-
-        ``__init__`` is not called. ``tf2_ros_tools.bag.load`` reads other recordings.
-
-        :raises FileNotFoundError, OSError: the file cannot be read.
-        :raises ValueError: the file does not contain a buffer, or is damaged; the text names the file.
-        :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-cython[bag]'``.
-        """
-        from tf2_py._objects.saved import load_state
-        loaded = _without_init(cls)
-        load_state(loaded, path, BufferCore(float("inf"), max_frames=INT32_MAX, max_bytes=INT64_MAX))
-        return loaded
 
     # Looking transforms up.
 

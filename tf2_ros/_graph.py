@@ -10,8 +10,8 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
-from tf2_py._internal import printable
 from tf2_ros._rclpy import event_handlers
+from tf2_ros_cython.output import printable
 
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # until the graph knows the node of an endpoint
 

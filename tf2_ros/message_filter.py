@@ -21,12 +21,10 @@ from tf2_py._internal import (
     FOR_EVER_NS,
     bad_name,
     class_name,
-    counted,
     duration_ns,
     errors,
     frame_name,
     is_invalid_name,
-    printable,
     time_ns,
 )
 from tf2_py.typing import DurationLike
@@ -41,6 +39,7 @@ from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, first_key
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.runners import ExecutorRunner, completions_of
 from tf2_ros.buffer import Buffer
+from tf2_ros_cython.output import counted, printable
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
 

@@ -24,6 +24,15 @@ def filled(buffer):
     return buffer
 
 
+HISTORIES = {  # parents, children, seconds
+    "samples of one stamp": [("a", "b", 5)] * 70,
+    "a former parent": [("a", "b", 1), ("c", "b", 50), ("c", "b", 51)],
+    "a loop of several times": [("a", "b", 1), ("c", "b", 2), ("b", "c", 3)],
+    "a former loop": [("a", "b", 1), ("b", "a", 2), ("c", "a", 50), ("c", "a", 51)],
+    "slashes": [("//a", "b", 1), ("b", "//c", 1), ("c", "d", 1), ("//", "a", 1)],
+}
+
+
 def by_pickle(protocol):
     return lambda buffer, _folder: pickle.loads(pickle.dumps(buffer, protocol))
 
@@ -34,18 +43,12 @@ def out_of_band(buffer, _folder):
     return pickle.loads(data, buffers=[bytes(one) for one in buffers])
 
 
-def by_file(buffer, folder):
-    buffer.save(folder / "saved.mcap")
-    return type(buffer).load(folder / "saved.mcap")
-
-
 WAYS = {
     "pickle": by_pickle(5),
     "pickle 0": by_pickle(0),
     "out of band": out_of_band,
     "deepcopy": lambda buffer, _folder: copy.deepcopy(buffer),
     "copy": lambda buffer, _folder: copy.copy(buffer),
-    "file": by_file,
 }
 
 

@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from difflib import get_close_matches  # not in `closest`: a child forked meanwhile would wait for ever
 
+from tf2_ros_cython.output import printable
+
 NS_PER_S = 1_000_000_000
 YEAR_NS = 365 * 86400 * NS_PER_S
 SHORTEST_WAIT_NS = 1_000_000  # texts do not mention a shorter wait
@@ -54,31 +56,9 @@ for _exception in (TransformException, *TransformException.__subclasses__()):
     _exception.__module__ = "tf2_py"
 
 
-# Text from messages, which may hold anything.
-
-
-def printable(text: str) -> str:
-    r"""
-    Escape every character that does not print, as in ``\x1b``, ``\n``, ``\u202e``.
-
-    Letters of every script stay as they are. The escapes are valid in Python and in YAML.
-    """
-    if text.isprintable():
-        return text
-    # repr() escapes these characters without a Python loop. It also escapes backslashes and, in a text with
-    # both kinds of quotes, single quotes; both are undone here. Its result contains no NUL.
-    escaped = repr(text + '"')[1:-2]
-    return escaped.replace("\\\\", "\0").replace("\\'", "'").replace("\0", "\\")
-
-
 def class_name(kind: type) -> str:
     """Get the name of a class with its package, as in ``tf2_ros.Buffer``."""
     return f"{kind.__module__.partition('.')[0]}.{kind.__qualname__}"
-
-
-def counted(number: int, what: str) -> str:
-    """``1 frame``, ``2 frames``."""
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def seconds(ns: int) -> str:

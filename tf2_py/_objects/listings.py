@@ -4,7 +4,8 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tf2_py._objects.errors import NS_PER_S, class_name, counted, printable, seconds
+from tf2_py._objects.errors import NS_PER_S, class_name, seconds
+from tf2_ros_cython.output import counted, printable
 
 if TYPE_CHECKING:
     import numpy as np

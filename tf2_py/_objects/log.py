@@ -6,7 +6,8 @@ import logging
 import sys
 from typing import Any
 
-from tf2_py._objects.errors import printable, seconds
+from tf2_py._objects.errors import seconds
+from tf2_ros_cython.output import printable
 
 # By bit of the engine's REFUSED_*: the tag that users search for, the key in statistics(), the reason.
 REFUSALS = (

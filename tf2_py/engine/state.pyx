@@ -1,4 +1,4 @@
-"""Copy the content of a tree: as Python objects for listings, as one state for pickles and files."""
+"""Copy the content of a tree: as Python objects for listings, as one state for pickles."""
 
 cdef enum:
     SLICE_NAMES = 1024      # copied under the lock at once, which takes some 20 microseconds
@@ -278,43 +278,3 @@ cdef int read_state(dict state, Tree* tree) except -1:
             raise _not_a_state(f"it lacks {error.args[0]}") from None
         raise
     return 0
-
-
-# The samples of histories as serialised TFMessages, without checks or normalisation.
-
-def serialize_samples(dict state, rows, children):
-    """
-    The ``tf2_msgs/TFMessage`` of some samples of a state as plain CDR.
-
-    :param rows: which samples, in this order: indices into the arrays.
-    :param children: uint32, for each sample of the state: the place of its frame in ``frames``.
-    """
-    cdef Batch batch
-    cdef Incoming* incoming
-    cdef list frames = state["frames"]
-    cdef list parent_names = state["parent_names"]
-    cdef const int64_t* row_at = int64s_of(rows)
-    cdef const uint32_t* child_at = uint32s_of(children, 0)
-    cdef const uint32_t* parent_at = uint32s_of(state["parents"], 0)
-    cdef const int64_t* stamp_at = int64s_of(state["stamps"])
-    cdef const double* transform_at = doubles_of(state["transforms"], TRANSFORM_DOUBLES)
-    cdef Py_ssize_t size
-    cdef size_t i
-    cdef int64_t row
-    memset(&batch, 0, sizeof(Batch))
-    if batch_reserve(&batch, len(rows)) != 0:
-        raise MemoryError
-    try:
-        batch.count = len(rows)
-        for i in range(batch.count):
-            row = row_at[i]
-            incoming = &batch.entries[i].incoming
-            incoming.stamp_ns = stamp_at[row]
-            incoming.child = name_utf8((<tuple>frames[child_at[row]])[0], &size)
-            incoming.child_size = size
-            incoming.parent = name_utf8(parent_names[parent_at[row]], &size)
-            incoming.parent_size = size
-            memcpy(&incoming.transform, transform_at + TRANSFORM_DOUBLES * row, sizeof(Transform))
-        return batch_cdr(&batch)
-    finally:
-        batch_free(&batch)

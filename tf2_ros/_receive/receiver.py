@@ -13,7 +13,6 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile
 
 from tf2_py import BufferCore
-from tf2_py._internal import counted
 from tf2_ros._forking import LiveObjects, is_inherited
 from tf2_ros._nodes import note_filler
 from tf2_ros._rclpy import (
@@ -27,6 +26,7 @@ from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 from tf2_ros._threads import add_owner
 from tf2_ros._wait.runners import ExecutorRunner
+from tf2_ros_cython.output import counted
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.

@@ -1,9 +1,10 @@
-"""Load recordings into buffers, with or without ROS."""
+"""Load recordings into buffers, and save buffers as recordings, with or without ROS."""
 
 from tf2_ros_tools.datasets import Dataset, dataset
 from tf2_ros_tools.fleet import MappedRecordings, map_recordings
 from tf2_ros_tools.loading import load, stamps, transforms
 from tf2_ros_tools.reading import BagError
+from tf2_ros_tools.saved import load_saved, save
 
 __all__ = [
     "BagError",
@@ -11,7 +12,9 @@ __all__ = [
     "MappedRecordings",
     "dataset",
     "load",
+    "load_saved",
     "map_recordings",
+    "save",
     "stamps",
     "transforms",
 ]

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tf2_ros_tools.output import counted, first_names, show, show_json, three_digits
+from tf2_ros_cython.output import counted
+from tf2_ros_tools.output import first_names, show, show_json, three_digits
 from tf2_ros_tools.program import FAILURE, KINDS, SUCCESS, UsageError
 from tf2_ros_tools.streams import Refused, Stream, Streams, newest_streams, path_to_root, without_delays
 from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, frame_name, read_keys, read_yaml

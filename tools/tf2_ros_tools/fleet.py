@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from tf2_py import BufferCore, LookupException, TransformException
+from tf2_ros_cython.output import counted, printable
 from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
-from tf2_ros_tools.output import counted, printable, require, write_whole
+from tf2_ros_tools.output import require, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError
 from tf2_ros_tools.tables import as_parquet, look_up_frames, times_when
 

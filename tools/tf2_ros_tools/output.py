@@ -2,21 +2,14 @@
 
 import json
 import os
-import uuid
 from collections.abc import Collection, Sequence
-from contextlib import suppress
 from difflib import get_close_matches
 from importlib.util import find_spec
 from typing import Any
 
+from tf2_ros_cython.output import printable, whole_file
+
 MOST_NAMES = 5  # in a list
-
-
-def printable(text: str) -> str:
-    r"""Replace unprintable characters by backslash escapes: ``\x1b``, ``\n``, ``\u202e``."""
-    if text.isprintable():
-        return text
-    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
 
 
 def show(*lines: str) -> None:
@@ -33,11 +26,6 @@ def show_json(content: Any) -> None:
 def three_digits(number: float) -> str:
     """Format a number with three significant digits, or from 100 on as a whole number."""
     return f"{number:.0f}" if abs(number) >= 100.0 else f"{number:.3g}"
-
-
-def counted(number: float, what: str) -> str:
-    """Format a number and its unit: ``1 frame``, ``2 frames``, ``2.5 seconds``."""
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def first_names(names: Sequence[str]) -> str:
@@ -91,26 +79,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes | memoryview) -> None:
     """
     Replace a file in one step, so that a reader finds either the old contents or all of the new ones.
 
-    A pipe or a device cannot be replaced, so it is written to directly.
-
     :raises OSError: the file cannot be written; its old contents remain.
     """
-    target = os.path.realpath(os.fsdecode(path))  # so that a link remains a link
-    # Unlike a process id, this is unique among machines that share a folder. It does not contain the name of
-    # the target, which may have the maximum length.
-    unfinished = os.path.join(os.path.dirname(target), f".{uuid.uuid4().hex}.unfinished")
-    is_special = os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path))
-    try:
-        with open(path if is_special else unfinished, "wb") as file:
-            file.write(data)
-            if not is_special:
-                file.flush()
-                os.fsync(file.fileno())  # otherwise a power cut could leave an empty file
-        if not is_special:
-            os.replace(unfinished, target)
-    except BaseException as error:
-        with suppress(FileNotFoundError):
-            os.unlink(unfinished)
-        if isinstance(error, OSError) and error.errno is not None:
-            raise OSError(error.errno, error.strerror, os.fspath(path)) from None
-        raise
+    with whole_file(path) as file:
+        file.write(data)

@@ -45,6 +45,28 @@ def tf_messages(
     return [row.tobytes() for row in rows]
 
 
+def tf_message(frames: Sequence[tuple[str, str]], stamps_ns: ArrayLike, transforms: ArrayLike) -> bytes:
+    """
+    Serialise one TFMessage.
+
+    :param frames: M pairs of parent and child.
+    :param stamps_ns: shape (M,).
+    :param transforms: metres and quaternion: x y z qx qy qz qw, shape (M, 7).
+    """
+    stamps = np.asarray(stamps_ns, np.int64)
+    parts = np.stack((stamps // S, stamps % S), axis=-1).astype("<i4").tobytes()
+    numbers = np.asarray(transforms).astype("<f8").tobytes()
+    one = bytearray(LITTLE_ENDIAN + struct.pack("<I", len(frames)))
+    for i, (parent, child) in enumerate(frames):
+        _align(one, 4)
+        one += parts[i * STAMP : (i + 1) * STAMP] + _string(parent)
+        _align(one, 4)
+        one += _string(child)
+        _align(one, 8)
+        one += numbers[i * NUMBERS : (i + 1) * NUMBERS]
+    return bytes(one)
+
+
 def _string(text: str) -> bytes:
     encoded = text.encode()
     return struct.pack("<I", len(encoded) + 1) + encoded + b"\0"

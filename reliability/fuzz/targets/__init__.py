@@ -22,7 +22,7 @@ PACKAGES = {
     "cdr": ["tf2_py"],
     "clouds": ["tf2_sensor_msgs"],
     "recordings": ["tf2_ros_tools", "rosbags", "mcap"],
-    "saved": ["tf2_py", "mcap"],
+    "saved": ["tf2_ros_tools", "mcap"],
     "segments": ["tf2_py", "tf2_ros._shared"],
 }
 # The sizes of inputs.

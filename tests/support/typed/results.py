@@ -1,6 +1,5 @@
 """The types of results in a user's program: mypy --strict and pyright accept it."""
 
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -66,7 +65,6 @@ def core(message: TransformStamped, data: bytes, when: TimeLike, interval: Durat
     assert_type(facts.oldest_ns or facts.newest_ns, int | None)
     history: History = buffer.histories()["a"]
     assert_type(history.stamps_ns, npt.NDArray[np.int64])
-    assert_type(Buffer.load(PurePath("a.mcap")), Buffer)
 
 
 def series(buffer: Buffer, points: npt.NDArray[np.float32]) -> None:

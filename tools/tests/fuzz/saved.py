@@ -12,6 +12,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from reliability.fuzz.faults import answers
 from reliability.fuzz.targets import cdr
 from tf2_py import BufferCore
+from tf2_ros_tools.bag import load_saved, save
 
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
 _path = Path(_folder.name, "saved.mcap")
@@ -21,7 +22,7 @@ def run(data: bytes) -> None:
     """Load a file."""
     _path.write_bytes(data)
     try:
-        buffer = BufferCore.load(_path)
+        buffer = load_saved(_path, BufferCore)
     except (ValueError, MemoryError):
         return
     answers(buffer)
@@ -81,7 +82,7 @@ def _buffers() -> Iterator[BufferCore]:
 def seeds() -> Iterator[bytes]:
     """Saved buffers; most without checksums."""
     for number, buffer in enumerate(_buffers()):
-        buffer.save(_path)
+        save(buffer, _path)
         whole, plain = _path.read_bytes(), _plain(_path)
         yield plain
         if number == 1:

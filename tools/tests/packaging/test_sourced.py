@@ -72,7 +72,7 @@ def test_pip_installs_the_tools_beside_the_core(ros, tmp_path):
     python = installing.new_venv(tmp_path / "venv", core)
     alone = Installation(python, tmp_path / "venv")
     said = alone.run(sourced(ros), "-m", "tf2_ros_cython").stdout
-    assert [line for line in said.splitlines() if "tools" in line] == [
+    assert [line for line in said.splitlines() if line.startswith("tools: ")] == [
         "tools: not installed; pip install tf2-ros-tools adds tf2_echo and other programs, and recordings"
     ]
     installing.pip_install(python, tools)

@@ -9,7 +9,8 @@ from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import not_known, printable, write_whole
+from tf2_ros_cython.output import printable
+from tf2_ros_tools.output import not_known, write_whole
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, positive_number, run
 
 if TYPE_CHECKING:

@@ -2,19 +2,21 @@
 
 import os
 import resource
-import sys
 
 import pytest
 from making import rotation, stamp_ns, transform, translation
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
+from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 from rosbags.typesys import Stores, get_typestore
-from travelling import check_copy, filled
+from travelling import HISTORIES, check_copy, filled
 
 from tf2_py import BufferCore
+from tf2_ros import Buffer
+from tf2_ros_tools import bag
 
 pytestmark = pytest.mark.ours
 
@@ -24,10 +26,14 @@ def buffer():
     return filled(BufferCore())
 
 
+def load(path):
+    return bag.load_saved(path, BufferCore)
+
+
 @pytest.fixture
 def path(buffer, tmp_path):
     path = tmp_path / "robot.mcap"
-    buffer.save(path)
+    bag.save(buffer, path)
     return path
 
 
@@ -87,10 +93,10 @@ def test_several_transforms_share_a_message(tmp_path):
     buffer = BufferCore()
     for i in range(100):
         buffer.set_transforms([transform("map", f"f{k}", ns=i * 1_000_000) for k in range(30)], "x")
-    buffer.save(tmp_path / "many.mcap")
+    bag.save(buffer, tmp_path / "many.mcap")
     with open(tmp_path / "many.mcap", "rb") as file:
         assert make_reader(file).get_summary().statistics.message_count == 10
-    assert BufferCore.load(tmp_path / "many.mcap").frames() == buffer.frames()
+    assert load(tmp_path / "many.mcap").frames() == buffer.frames()
 
 
 # What is written, or not.
@@ -98,35 +104,55 @@ def test_several_transforms_share_a_message(tmp_path):
 
 def test_a_file_is_replaced_or_as_before_and_nothing_else_is_left(buffer, tmp_path):
     path = tmp_path / ("r" * 250 + ".mcap")  # the longest name
-    BufferCore().save(path)
+    bag.save(BufferCore(), path)
     before, (limit, most) = path.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (500, most))  # as a full disk
     try:
         with pytest.raises(OSError, match="File too large") as refused:
-            buffer.save(path)
+            bag.save(buffer, path)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, most))
     assert (refused.value.filename, path.read_bytes()) == (str(path), before)
     assert [*tmp_path.iterdir()] == [path]
-    buffer.save(os.fsencode(path))
-    check_copy(BufferCore.load(str(path)), buffer)
+    bag.save(buffer, os.fsencode(path))
+    check_copy(load(str(path)), buffer)
     assert [*tmp_path.iterdir()] == [path]
 
 
 def test_a_path_that_cannot_be_written_or_read(buffer, tmp_path):
     for path in (tmp_path / "no folder" / "a.mcap", tmp_path / "gone.mcap"):
         with pytest.raises(FileNotFoundError, match=path.name):
-            BufferCore.load(path)
+            load(path)
     with pytest.raises(FileNotFoundError, match="no folder/a.mcap"):
-        buffer.save(tmp_path / "no folder" / "a.mcap")
+        bag.save(buffer, tmp_path / "no folder" / "a.mcap")
 
 
-def test_a_missing_library_names_the_extra(path, buffer, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mcap.stream_reader", None)
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    for call in (BufferCore.load, buffer.save):
-        with pytest.raises(ModuleNotFoundError, match=r"'tf2-ros-cython\[bag\]'"):
-            call(path)
+@pytest.mark.parametrize("history", HISTORIES)
+def test_a_file_holds_what_the_buffer_holds(history, tmp_path, no_refusals_logged):
+    for limits in ({}, {"max_frames": 7}, {"max_bytes": 5_000}):
+        buffer = BufferCore(Duration(seconds=20), **limits)
+        for i, (parent, child, seconds) in enumerate(HISTORIES[history]):
+            buffer.set_transform(transform(parent, child, seconds, (i, 0, 0)), "x")
+        bag.save(filled(buffer), tmp_path / "saved.mcap")
+        check_copy(load(tmp_path / "saved.mcap"), buffer)
+
+
+class Robot(Buffer):
+    """With another constructor, and attributes, which a file does not have."""
+
+    def __init__(self, name):
+        super().__init__()
+        self.name = name
+
+
+@pytest.mark.parametrize("kind", [Buffer, Robot])
+def test_the_class_is_the_callers_and_its_init_is_not_called(kind, tmp_path):
+    robot = Robot("r1")
+    robot.set_transform(transform("map", "odom", 1, (1, 2, 3)), "x")
+    bag.save(robot, tmp_path / "robot.mcap")
+    arrived = bag.load_saved(tmp_path / "robot.mcap", *([kind] if kind is Robot else []))
+    assert type(arrived) is kind and not hasattr(arrived, "name")
+    assert translation(arrived.lookup_transform("map", "odom", 1_000_000_000)) == (1, 2, 3)
 
 
 # What is refused.
@@ -137,7 +163,7 @@ def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(b"hello")
     with pytest.raises(ValueError, match="damaged.mcap: "):
-        BufferCore.load(damaged)
+        load(damaged)
     refused = 0
     for at in range(0, len(whole), 7):
         # Cut off there, another bit, and a length beyond the end, for which no memory is asked.
@@ -149,7 +175,7 @@ def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
             data = whole[:at] + there
             damaged.write_bytes(data)
             try:
-                loaded = BufferCore.load(damaged)
+                loaded = load(damaged)
             except ValueError as error:
                 assert "damaged.mcap: " in str(error)
                 refused += 1
@@ -179,4 +205,4 @@ REFUSED = {
 def test_a_file_of_something_else_is_refused_by_name(why, path):
     tampered(path, REFUSED[why])
     with pytest.raises(ValueError, match=f"robot.mcap: .*{why}"):
-        BufferCore.load(path)
+        load(path)

@@ -1,4 +1,8 @@
-"""Write a file in one step, so that no reader sees half of it."""
+"""
+What people and other programs get to see, in the same form everywhere: texts, and whole files.
+
+Programs may use these functions, too. Importing this module loads no extension and no ROS.
+"""
 
 import os
 import uuid
@@ -7,6 +11,28 @@ from contextlib import contextmanager, suppress
 from typing import IO
 
 UNFINISHED = ".unfinished"  # the names of unfinished files end with this, and begin with a dot
+
+
+__all__ = ["counted", "printable", "whole_file"]
+
+
+def printable(text: str) -> str:
+    r"""
+    Escape every character that does not print, as in ``\x1b``, ``\n``, ``\u202e``.
+
+    Letters of every script stay as they are. The escapes are valid in Python and in YAML.
+    """
+    if text.isprintable():
+        return text
+    # repr() escapes these characters without a Python loop. It also escapes backslashes and, in a text with
+    # both kinds of quotes, single quotes; both are undone here. Its result contains no NUL.
+    escaped = repr(text + '"')[1:-2]
+    return escaped.replace("\\\\", "\0").replace("\\'", "'").replace("\0", "\\")
+
+
+def counted(number: float, what: str) -> str:
+    """A number and its unit: ``1 frame``, ``2 frames``, ``2.5 seconds``."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 @contextmanager

@@ -10,13 +10,18 @@ import json
 import os
 import stat
 import sys
-from collections.abc import Callable, Iterator
-from typing import Any, BinaryIO
+from collections.abc import Iterator
+from typing import Any, BinaryIO, TypeVar
 
-from tf2_py._objects.errors import printable
-from tf2_py._objects.whole_file import whole_file
+import numpy as np
 
-# NumPy and mcap are imported by the first call that needs them, because the engine does not need them.
+from tf2_py import BufferCore
+from tf2_ros import Buffer
+from tf2_ros_cython.output import printable, whole_file
+from tf2_ros_tools.output import require
+from tf2_ros_tools.serialised import tf_message
+
+_Kind = TypeVar("_Kind", bound=BufferCore)
 
 METADATA = "tf2_ros_cython.buffer"
 DYNAMIC, STATIC = "/tf", "/tf_static"
@@ -85,17 +90,23 @@ float64 w 1
 """
 
 
-def save_state(state: dict[str, Any], path: str | os.PathLike[str], serialize: Callable[..., bytes]) -> None:
+def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
     """
-    Write a state of ``tf2_py/engine/state.pyx`` to a file.
+    Write the present contents of a buffer to an ``.mcap`` file, which any tool for recordings can open.
 
-    :param serialize: ``serialize_samples`` of the engine, which imports this module.
-    :raises ModuleNotFoundError: the library mcap is missing.
-    :raises OSError: the file cannot be written; what was there before stays.
+    The transforms are ordinary messages on ``/tf`` and ``/tf_static``, in the order of their stamps; what
+    messages cannot hold is metadata of the file. :func:`load_saved` returns an equal buffer. An existing file
+    is replaced when the new one is complete. Attributes of a subclass are not saved.
+
+    :raises OSError: the file cannot be written; an existing file remains unchanged.
+    :raises MissingLibraryError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
     """
-    writer_module = _mcap("writer")
+    require("mcap", "bag")
+    from mcap.writer import Writer
+
+    state = BufferCore.__getstate__(buffer)
     with whole_file(path) as file:
-        writer = writer_module.Writer(file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
+        writer = Writer(file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
         writer.start(profile="ros2", library="tf2-ros-cython")
         writer.add_metadata(METADATA, _metadata_of(state))
         schema = writer.register_schema(TYPE, "ros2msg", DEFINITION.encode())
@@ -103,24 +114,31 @@ def save_state(state: dict[str, Any], path: str | os.PathLike[str], serialize: C
             topic: writer.register_channel(topic, "cdr", schema, {"offered_qos_profiles": qos})
             for topic, qos in QOS.items()
         }
-        for sequence, (topic, log_time_ns, data) in enumerate(_messages(state, serialize)):
+        for sequence, (topic, log_time_ns, data) in enumerate(_messages(state)):
             writer.add_message(channels[topic], log_time_ns, data, log_time_ns, sequence)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
-def load_state(loaded: Any, path: str | os.PathLike[str], scratch: Any) -> None:
+def load_saved(path: str | os.PathLike[str], kind: type[_Kind] = Buffer) -> _Kind:  # type: ignore[assignment]
     """
-    Give a buffer the state that :func:`save_state` wrote.
+    Load a buffer from a file that :func:`save` wrote; its answers are identical to the last bit.
 
-    :param scratch: an empty BufferCore without limits, which reads the messages.
-    :raises ModuleNotFoundError: the library mcap is missing.
+    :func:`load` reads other recordings.
+
+    :param kind: the class of the buffer, whose ``__init__`` is not called.
     :raises FileNotFoundError, OSError: the file cannot be opened or read.
     :raises ValueError: it is not an mcap file, not whole, or does not hold a buffer; the text names the file.
+    :raises MissingLibraryError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
     """
-    stream_reader = _mcap("stream_reader")
+    require("mcap", "bag")
+    from mcap.stream_reader import StreamReader
+
+    # Without limits, so that it keeps whatever the file has.
+    scratch = BufferCore(float("inf"), max_frames=2**31 - 1, max_bytes=2**63 - 1)
     with open(path, "rb") as file:
         try:
-            records = stream_reader.StreamReader(_Bounded(file), validate_crcs=True).records
+            records = StreamReader(_Bounded(file), validate_crcs=True).records  # type: ignore[arg-type]
+            loaded = kind.__new__(kind)
             loaded.__setstate__(_read(records, scratch))
         except (MemoryError, OSError):
             raise
@@ -128,6 +146,7 @@ def load_state(loaded: Any, path: str | os.PathLike[str], scratch: Any) -> None:
         except Exception as error:
             reason = str(error) or type(error).__name__
             raise ValueError(f"{printable(os.fspath(path))}: {reason}") from error
+    return loaded
 
 
 class _Bounded:
@@ -146,18 +165,6 @@ class _Bounded:
         return data
 
 
-def _mcap(module: str) -> Any:
-    import importlib
-
-    try:
-        return importlib.import_module(f"mcap.{module}")
-    except ModuleNotFoundError as missing:
-        raise ModuleNotFoundError(
-            f"{missing.name} is missing, which reads and writes .mcap: pip install 'tf2-ros-cython[bag]'",
-            name=missing.name,
-        ) from None
-
-
 def _metadata_of(state: dict[str, Any]) -> dict[str, str]:
     kept = {key: value for key, value in state.items() if key not in NOT_IN_METADATA}
     kept["samples"] = len(state["stamps"])
@@ -165,13 +172,18 @@ def _metadata_of(state: dict[str, Any]) -> dict[str, str]:
     return {key: json.dumps(value, ensure_ascii=False) for key, value in kept.items()}
 
 
-def _messages(state: dict[str, Any], serialize: Callable[..., bytes]) -> Iterator[tuple[str, int, bytes]]:
+def _messages(state: dict[str, Any]) -> Iterator[tuple[str, int, bytes]]:
     """Topic, log time in ns, and serialised message: the static transforms first, the others by stamp."""
-    import numpy as np
-
-    stamps = state["stamps"]
+    stamps, transforms = state["stamps"], state["transforms"]
     counts = np.array([count for *_, count in state["frames"]], np.int64)
-    children = np.repeat(np.arange(len(counts), dtype=np.uint32), counts)
+    children = np.repeat(np.arange(len(counts)), counts)
+    names, parent_names = [name for name, *_ in state["frames"]], state["parent_names"]
+
+    def serialised(rows: Any) -> bytes:
+        pairs = zip(state["parents"][rows].tolist(), children[rows].tolist(), strict=True)
+        frames = [(parent_names[parent], names[child]) for parent, child in pairs]
+        return tf_message(frames, stamps[rows], transforms[rows])
+
     is_static = np.repeat(np.array([is_static for _, is_static, *_ in state["frames"]], bool), counts)
     static_rows = np.flatnonzero(is_static)
     # Stable, so that samples of a frame with equal stamps remain in order of arrival.
@@ -180,19 +192,19 @@ def _messages(state: dict[str, Any], serialize: Callable[..., bytes]) -> Iterato
     times = stamps[rows]
     if len(static_rows):
         first_ns = times[0] if len(times) else stamps[static_rows].max()
-        yield STATIC, int(first_ns), serialize(state, static_rows, children)
+        yield STATIC, int(first_ns), serialised(static_rows)
     ends = np.append(np.flatnonzero(np.diff(times // MESSAGE_NS)) + 1, len(rows))
     start = 0
     for end in ends.tolist():
         while start < end:
             next_start = min(end, start + MOST_PER_MESSAGE)
-            data = serialize(state, rows[start:next_start], children)
+            data = serialised(rows[start:next_start])
             # A sender knows a transform at its stamp, not earlier.
             yield DYNAMIC, int(times[next_start - 1]), data
             start = next_start
 
 
-def _read(records: Iterator[Any], scratch: Any) -> dict[str, Any]:
+def _read(records: Iterator[Any], scratch: BufferCore) -> dict[str, Any]:
     metadata: dict[str, str] | None = None
     topics: dict[int, str] = {}
     for record in records:

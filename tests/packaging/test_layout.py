@@ -63,6 +63,22 @@ def test_modules_import_and_cimport_what_the_table_allows():
     ] == []
 
 
+OF_TOOLS = {
+    *("tf2_ros_tools", "rosbags", "mcap", "mcap_protobuf", "mcap_ros2"),
+    *("textual", "matplotlib", "graphviz"),
+}
+
+
+def test_the_core_and_its_tests_import_neither_the_tools_nor_their_libraries():
+    assert "tests.conftest" in IMPORTS
+    assert [
+        f"{module}, line {one.line}: {one.module}"
+        for module, found in IMPORTS.items()
+        for one in found
+        if top(one.module) in OF_TOOLS
+    ] == []
+
+
 def test_no_modules_import_each_other_in_a_circle():
     # Without the packages themselves, which import their modules for their users.
     graph = {

@@ -9,7 +9,7 @@ all was tested. What an executor's rounds need in Cython is in ``tf2_ros._wait.r
 """
 
 import sys
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from inspect import CO_ASYNC_GENERATOR, CO_COROUTINE, CO_GENERATOR, CO_ITERABLE_COROUTINE
 from types import FrameType, coroutine
@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import rclpy.node
 import rclpy.subscription
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ClockType
-from rclpy.event_handler import EventHandler
+from rclpy.event_handler import EventHandler, QoSSubscriptionEventType, UnsupportedEventTypeError
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.node import Node
@@ -226,14 +227,14 @@ def destroy_subscription(node: Any, subscription: Any) -> None:
 
 
 def event_handlers(subscription: Any) -> Sequence[EventHandler]:
-    """What tells of publishers that do not fit; of an ``AsyncNode``, a subscription has none."""
+    """What reports unfit publishers and lost messages; the subscription of an ``AsyncNode`` has none."""
     handlers: Sequence[EventHandler] = getattr(subscription, "event_handlers", ())
     return handlers
 
 
 def report_event(handler: EventHandler) -> None:
     """
-    Log that a publisher does not fit, if that has happened, for a handler that no executor has.
+    Call the callback of a handler if its event has happened and no executor has noticed that.
 
     Assumes that ``take_data`` takes an event if ``_ready_to_take_data`` is set, as it is when an executor
     wakes. Otherwise nothing is logged.
@@ -243,6 +244,32 @@ def report_event(handler: EventHandler) -> None:
         event: Any = handler.take_data()
         if event is not None and event.total_count_change:
             handler.callback(event)
+
+
+def watch_losses(node: Any, subscription: Any, callback: Callable[[Any], None]) -> EventHandler | None:
+    """
+    Have a callback called with each event that says that messages were lost on the way to a subscription.
+
+    Assumes that a subscription destroys what is in its list ``event_handlers``, as it must before itself, and
+    that its node then looks for these among its waitables. The subscription of an ``AsyncNode`` has no such
+    list: what destroys it must destroy the handler first.
+
+    :return: the handler, which :func:`report_event` serves if no executor does; None: the middleware has no
+        such event.
+    """
+    try:
+        handler = EventHandler(
+            callback_group=ReentrantCallbackGroup() if runs_in_loop(node) else subscription.callback_group,
+            callback=callback,
+            event_type=QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST,
+            parent_impl=subscription.handle,
+        )
+    except (UnsupportedEventTypeError, AttributeError):
+        return None
+    if not runs_in_loop(node):
+        subscription.event_handlers.append(handler)
+        node.add_waitable(handler)
+    return handler
 
 
 # Tasks, futures and event loops.

@@ -322,9 +322,8 @@ class TransformListener:
             made = subscribe_in_loop(self.node, *arguments)
         setattr(self, topic.attribute, made)
         if is_subscription(made):
-            topic.subscription, topic.name = made, made.topic_name
-            topic.context = getattr(self.node, "context", None)
             name_unfit_publishers(self.node, made)
+            topic.begin(self.node, made)
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own keeps the program alive.

@@ -5,6 +5,7 @@ was received on them, in errors, warnings and representations.
 
 import os
 import time
+import weakref
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -13,6 +14,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile
 
 from tf2_py import BufferCore
+from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects, is_inherited
 from tf2_ros._nodes import note_filler
 from tf2_ros._rclpy import (
@@ -21,16 +23,18 @@ from tf2_ros._rclpy import (
     handle_exists,
     is_ros_clock,
     report_event,
+    watch_losses,
 )
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
-from tf2_ros._threads import add_owner
+from tf2_ros._threads import add_owner, check_regularly
 from tf2_ros._wait.runners import ExecutorRunner
 from tf2_ros_cython.output import counted
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.
 SILENT_S = 3
+LOSS_WARNING_S = 60.0  # between two warnings that messages of a topic were lost, at least
 
 
 class Topic:
@@ -52,6 +56,29 @@ class Topic:
         self.subscription: Any = None  # of rclpy's class or a subclass
         self.context: Any = None  # of the subscription
         self.arrivals = TopicArrivals()
+        self._loss_handler: Any = None
+        self._lost = 0  # on the way, as far as the middleware has reported it
+        self._warned_of = 0, 0  # lost messages, as `lost` returns them
+        self._warned_at = -LOSS_WARNING_S
+
+    def begin(self, node: Any, subscription: Any) -> None:
+        """Note the subscription, and have its lost messages counted."""
+        self.subscription, self.name = subscription, subscription.topic_name
+        self.context = getattr(node, "context", None)
+        topic = weakref.ref(self)
+
+        def note(event: Any) -> None:
+            if (this := topic()) is not None:
+                this._lost = event.total_count
+
+        self._loss_handler = watch_losses(node, subscription, note)
+        check_regularly(self)
+
+    def destroy(self) -> None:
+        """Destroy the subscription, after what belongs to it."""
+        if self._loss_handler is not None:
+            self._loss_handler.destroy()
+        type(self.subscription).destroy(self.subscription)
 
     def is_open(self) -> bool:
         """Whether anything can be received on it."""
@@ -69,7 +96,45 @@ class Topic:
         facts = counted(count, "message") if count or self.is_own else "messages not counted"
         if count:
             facts += f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago"
+        if lost := sum(self.lost()):
+            facts += f", {lost} lost"
         return f"{self.name}: {facts}" if self.is_open() else f"{self.name}: {facts}, ended"
+
+    def lost(self) -> tuple[int, int]:
+        """
+        Return how many messages were lost on the way here, and how many in the queue of the subscription.
+
+        The middleware reports the former, if it can. The latter are those that newer ones have displaced;
+        they are not known where an executor takes the messages.
+        """
+        if self._loss_handler is not None:
+            report_event(self._loss_handler)
+        return self._lost, self.arrivals.overwritten()
+
+    def _tf2_check(self) -> None:
+        """Warn if messages were lost since the last warning."""
+        lost, now = self.lost(), time.monotonic()
+        if lost == self._warned_of or now - self._warned_at < LOSS_WARNING_S:
+            return
+        on_the_way, overwritten = (one - before for one, before in zip(lost, self._warned_of, strict=True))
+        self._warned_of, self._warned_at = lost, now
+        if overwritten:
+            option = "static_qos" if self.is_static else "qos"
+            depth = self.subscription.qos_profile.depth
+            self._warn(
+                overwritten,
+                f"newer ones have displaced them in the queue, whose depth is {depth}. Give the listener a "
+                f"deeper one, for example {option}={max(10 * depth, 100)}",
+            )
+        if on_the_way:
+            self._warn(
+                on_the_way,
+                "they did not reach the listener. Make listener and publishers reliable, and give the "
+                "publishers deeper queues",
+            )
+
+    def _warn(self, count: int, why: str) -> None:
+        log.logger("tf2_ros").warning(f"Lost {counted(count, 'message')} on {self.name}: {why}")
 
 
 class ListenerGroup(ReentrantCallbackGroup):
@@ -194,7 +259,7 @@ class Receiver:
         self._taken = [one for one in self._taken if one is not topic]
         if not self._taken:
             self.stop()
-        type(topic.subscription).destroy(topic.subscription)
+        topic.destroy()
 
 
 _listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener

@@ -55,6 +55,10 @@ cdef struct Arrivals:
     const rcl_subscription_t* subscription      # NULL: nothing is taken
     Arrivals* following         # in the order in which they are taken
     size_t number               # of the topic, in `names` of the Source
+    uint32_t depth              # of the subscription's queue; 0: it is not known
+    int64_t untaken             # messages reported less those taken; negative: some are still to be reported
+    bint has_overflowed         # more were reported than the queue holds, and it was not found empty since
+    uint64_t overwritten        # messages that newer ones have displaced from the queue; at least this many
     bint is_static
     uint64_t taken              # messages since the beginning
     int64_t taken_at_ns         # steady time of the last of these
@@ -78,6 +82,28 @@ cdef void _arrived(const void* data, size_t count) noexcept nogil:
 
 
 # Taking; with the lock held.
+
+cdef uint32_t _count_arrived(Arrivals* topic) noexcept nogil:
+    # Returns how many messages were reported since the last call. Each one is reported after its arrival, so
+    # what is beyond the depth of the queue cannot be there any more.
+    cdef uint32_t arrived = word_exchange(&topic.arrived, 0)
+    topic.untaken += arrived
+    if topic.depth and topic.untaken > topic.depth:
+        topic.overwritten += <uint64_t>(topic.untaken - topic.depth)
+        topic.untaken = topic.depth
+        topic.has_overflowed = True
+    return arrived
+
+
+cdef void _found_empty(Arrivals* topic) noexcept nogil:
+    # What was reported and not taken is lost; unless the queue never overflowed: then it was no message, such
+    # as the end of a publisher.
+    if topic.untaken > 0:
+        if topic.has_overflowed:
+            topic.overwritten += <uint64_t>topic.untaken
+        topic.untaken = 0
+    topic.has_overflowed = False
+
 
 cdef void _note_reception(
     const Subscribed* source, const rmw_message_info_t* info, Parcel* parcel
@@ -106,6 +132,7 @@ cdef bint _take_message(const Subscribed* source, Arrivals* topic, Parcel* parce
         rcutils_reset_error()
         return False
     topic.taken += 1
+    topic.untaken -= 1
     topic.taken_at_ns = monotonic_ns()
     parcel.kind, parcel.topic, parcel.is_static = PARCEL_MESSAGE, topic.number, topic.is_static
     if source.is_recorded:
@@ -119,10 +146,11 @@ cdef bint _next(void* data, Parcel* parcel) noexcept nogil:
     cdef Arrivals* topic = source.first
     while topic != NULL:
         # First the count, then the message: `_arrived` is called after its message has arrived.
-        if topic.subscription != NULL and (topic.has_more or word_exchange(&topic.arrived, 0)):
+        if topic.subscription != NULL and (topic.has_more or _count_arrived(topic)):
             topic.has_more = _take_message(source, topic, parcel)
             if topic.has_more:
                 return True
+            _found_empty(topic)
         topic = topic.following
     return False
 
@@ -150,6 +178,15 @@ cdef class TopicArrivals:
             count, at_ns = self._arrivals.taken, self._arrivals.taken_at_ns
             inboxes_unlock()
         return count, at_ns
+
+    def overwritten(self):
+        """Return how many messages newer ones have displaced from the queue, as far as that is known."""
+        cdef uint64_t count
+        with nogil:
+            inboxes_lock()
+            count = self._arrivals.overwritten
+            inboxes_unlock()
+        return count
 
 
 @cython.no_gc_clear     # topics, and so handles, must exist until the middleware no longer reports anything
@@ -192,7 +229,7 @@ cdef class Subscriptions(Source):
         self.names.append(name)
         inboxes_lock()
         arrivals.number = len(self.names) - 1
-        arrivals.is_static = is_static
+        arrivals.is_static, arrivals.depth = is_static, depth
         arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
         arrivals.inbox = self.inbox
         arrivals.subscription = <const rcl_subscription_t*>address

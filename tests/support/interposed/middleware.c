@@ -5,6 +5,7 @@
  * - "no_gids": the publisher's gid that comes with a message is zero;
  * - "local_gids": that gid is not the one by which the graph knows the publisher;
  * - "no_times": the time at which a message was received is zero;
+ * - "no_loss_events": it has no event that says that messages were lost;
  * - "times_of_taking": that time is the one at which the message is taken.
  *
  * Loaded with LD_PRELOAD: rcl calls these functions of rmw, which call those of the real middleware.
@@ -18,7 +19,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { RMW_RET_UNSUPPORTED = 3, GID_SIZE = 16 };
+enum { RMW_RET_UNSUPPORTED = 3, GID_SIZE = 16, MESSAGE_LOST = 3 };
 
 /* rmw_message_info_t. */
 typedef struct {
@@ -51,6 +52,19 @@ int rmw_subscription_set_on_new_message_callback(void *subscription, void *callb
     int (*next)(void *, void *, const void *);
     *(void **)&next = function_of_rcl(__func__);
     return next(subscription, callback, data);
+}
+
+int rmw_subscription_event_init(void *event, const void *subscription, int kind)
+{
+    if (has("no_loss_events") && kind == MESSAGE_LOST) {
+        void (*set_error)(const char *, const char *, size_t);
+        *(void **)&set_error = function_of_rcl("rcutils_set_error_state");
+        set_error("not supported", __FILE__, __LINE__);
+        return RMW_RET_UNSUPPORTED;
+    }
+    int (*next)(void *, const void *, int);
+    *(void **)&next = function_of_rcl(__func__);
+    return next(event, subscription, kind);
 }
 
 int rmw_take_serialized_message_with_info(const void *subscription, void *message, bool *taken, message_info *info,

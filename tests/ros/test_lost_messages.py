@@ -1,0 +1,132 @@
+"""Messages that do not reach a buffer are counted, and a warning says what to do."""
+
+import gc
+
+import pytest
+from interposing import output_with_library
+from processes import end, errors_so_far, start, until
+from rclpy.serialization import serialize_message
+
+from tf2_msgs.msg import TFMessage
+
+pytestmark = pytest.mark.ours
+
+DEPTH, SENT = 2, 10
+
+
+@pytest.fixture
+def publisher(new_node):
+    return new_node("sending").create_publisher(TFMessage, "/tf", SENT)
+
+
+@pytest.fixture
+def topic(tf2_ros, buffer, node):
+    """The topic /tf of a listener with a short queue."""
+    with tf2_ros.TransformListener(buffer, node, qos=DEPTH) as listener:
+        yield listener._tf2_topics[0]
+
+
+def send(publisher, count):
+    """Send messages without transforms, until the middleware of the listener has them."""
+    until(lambda: publisher.get_subscription_count() == 1)
+    for _ in range(count):
+        publisher.publish(serialize_message(TFMessage()))
+    assert publisher.wait_for_all_acked()
+
+
+@pytest.fixture
+def paused(tf2_ros, buffer, node):
+    """A listener with a short queue whose messages nobody takes, and what ends that."""
+    with tf2_ros.TransformListener(buffer, node, qos=DEPTH) as listener:
+        inbox = listener._tf2_receiver.inbox
+        inbox.fill(None)
+        yield listener, lambda: inbox.fill(buffer)
+
+
+class TestInTheQueueOfTheListener:
+    def test_what_newer_messages_displace_is_counted_and_one_warning_says_so(self, paused, publisher, capfd):
+        listener, go_on = paused
+        topic = listener._tf2_topics[0]
+        send(publisher, SENT)
+        go_on()
+        until(lambda: topic.lost() == (0, SENT - DEPTH))
+        assert topic.arrivals.taken()[0] == DEPTH
+        assert f"of /tf: {DEPTH} messages, last " in repr(listener)
+        assert f" s ago, {SENT - DEPTH} lost; /tf_static" in repr(listener)
+        until(lambda: "Lost" in errors_so_far())
+        assert (
+            "Lost 8 messages on /tf: newer ones have displaced them in the queue, whose depth is 2. "
+            "Give the listener a deeper one, for example qos=100"
+        ) in errors_so_far()
+
+    def test_the_next_warning_comes_later_and_names_the_rest(self, paused, publisher, capfd, monkeypatch):
+        listener, go_on = paused
+        topic = listener._tf2_topics[0]
+        send(publisher, SENT)
+        go_on()
+        until(lambda: "Lost 8 messages" in errors_so_far())
+        listener._tf2_receiver.inbox.fill(None)
+        send(publisher, DEPTH + 1)
+        go_on()
+        until(lambda: topic.lost() == (0, SENT - DEPTH + 1))
+        topic._tf2_check()
+        assert "Lost 1 message " not in errors_so_far()
+        monkeypatch.setattr("tf2_ros._receive.receiver.LOSS_WARNING_S", 0)
+        until(lambda: "Lost 1 message on /tf" in errors_so_far())
+
+    def test_messages_that_are_taken_in_time_are_not_lost(self, topic, publisher, buffer):
+        for number in range(SENT):
+            send(publisher, DEPTH)
+            until(lambda number=number: topic.arrivals.taken()[0] == (number + 1) * DEPTH)
+        assert topic.lost() == (0, 0)
+
+    def test_a_queue_that_was_full_and_publishers_that_end_lose_nothing(self, paused, new_node):
+        listener, go_on = paused
+        topic = listener._tf2_topics[0]
+        node = new_node("sending")
+        for number in range(3):
+            publisher = node.create_publisher(TFMessage, "/tf", SENT)
+            send(publisher, DEPTH)
+            node.destroy_publisher(publisher)
+            until(lambda: listener.node.count_publishers("/tf") == 0)
+            go_on()
+            until(lambda number=number: topic.arrivals.taken()[0] == (number + 1) * DEPTH)
+            listener._tf2_receiver.inbox.fill(None)
+        assert topic.lost() == (0, 0)
+
+
+@pytest.fixture
+def losing():
+    process = start("losing.py", "/tf", "50")
+    yield process
+    end(process)
+
+
+class TestOnTheWay:
+    def test_what_the_middleware_reports_is_counted(
+        self, inserter, tf2_ros, buffer, node, executor, losing, capfd
+    ):
+        with tf2_ros.TransformListener(buffer, node) as listener:
+            until(lambda: listener._tf2_topics[0].lost()[0] > 0, executor)
+            until(lambda: "Lost" in errors_so_far(), executor)
+            assert (
+                " on /tf: they did not reach the listener. Make listener and publishers reliable, and give"
+                in (errors_so_far())
+            )
+            assert "lost; /tf_static" in repr(listener)
+
+    def test_the_count_survives_the_subscription(self, tf2_ros, buffer, node, losing):
+        listener = tf2_ros.TransformListener(buffer, node)
+        topic = listener._tf2_topics[0]
+        lost = until(lambda: topic.lost()[0])
+        listener.unregister()
+        gc.collect()
+        assert topic.lost()[0] >= lost
+
+
+def test_a_middleware_without_the_event_loses_nothing_else(tmp_path):
+    """The program listens as ever, and logs nothing about it."""
+    printed = output_with_library(
+        "middleware", tmp_path, program="hears_once", TF2_TEST_MIDDLEWARE="no_loss_events"
+    )
+    assert printed == "lost: (0, 0)\n"

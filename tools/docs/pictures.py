@@ -35,8 +35,9 @@ FAULTS = [sys.executable, TOOLS / "tests" / "support" / "programs" / "broadcasti
 IMAGES = TOOLS / "docs" / "images"
 sys.path[:0] = [str(DEMO.parent), str(ROOT / "docs")]
 
-import demo  # noqa: E402
 import speed  # noqa: E402
+
+import demo  # noqa: E402
 
 COLUMNS, ROWS = 80, 16
 # The fonts of the reader: a picture in the docs asks no other host for any.

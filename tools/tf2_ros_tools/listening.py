@@ -126,6 +126,7 @@ def filled_buffer(
     *,
     topics: Sequence[str] = TOPICS,
     cache_time: float | None = None,
+    qos: QoSProfile | None = None,
 ) -> Iterator[Buffer]:
     """
     A buffer for a ``with`` statement. A listener fills it, and it follows the clock of the node.
@@ -133,6 +134,7 @@ def filled_buffer(
     :param recording: records what arrives.
     :param topics: the topic of dynamic transforms and the topic of static transforms.
     :param cache_time: how far each frame's history reaches back, in seconds. None: the default of buffers.
+    :param qos: of dynamic transforms. None: the default of listeners.
     :raises UsageError: the receiver, which recording needs, does not support this release of ROS 2 or its
         middleware.
     """
@@ -143,7 +145,7 @@ def filled_buffer(
         buffer.srv = None
     try:
         listener = TransformListener(
-            buffer, node, recording=recording, tf_topic=topics[0], tf_static_topic=topics[1]
+            buffer, node, qos=qos, recording=recording, tf_topic=topics[0], tf_static_topic=topics[1]
         )
     except NotImplementedError as refusal:
         raise UsageError(str(refusal)) from None

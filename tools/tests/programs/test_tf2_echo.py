@@ -6,17 +6,54 @@ import re
 
 import numpy as np
 import pytest
-from making import S
+from making import S, transform
 from processes import DEADLINE_S, until
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
+from spinning import repeated
 from starting import ended, running
 
+from tf2_msgs.msg import TFMessage
 from tf2_ros_tools.output import rpy_from_matrices
 from tf2_ros_tools.urdf import quaternion_from_rpy
 
 pytestmark = pytest.mark.ours
 
 WAIT = ["--wait", str(DEADLINE_S)]
+
+
+@pytest.fixture
+def best_effort(new_node):
+    """Publishes the transform from robot to map on /tf, as best effort."""
+    profile = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    node = new_node("best_effort")
+    publisher = node.create_publisher(TFMessage, "/tf", profile)
+    with repeated(lambda: publisher.publish(TFMessage(transforms=[transform("map", "robot", 1)]))):
+        yield publisher
+
+
+class TestQualityOfService:
+    def test_a_best_effort_publisher_is_received_if_that_is_asked_for(self, best_effort):
+        options = ["--qos-reliability", "best_effort", "--qos-depth", "5"]
+        assert ended("tf2_echo", "map", "robot", "--once", *WAIT, *options)[0] == 0
+
+    def test_otherwise_it_is_not_and_a_warning_names_it(self, best_effort):
+        status, _, err = ended("tf2_echo", "map", "robot", "--once", "--wait", "5")
+        assert status == 1
+        assert "Nothing is received from /best_effort on /tf: Best effort publisher and reliable" in err
+
+    def test_durability_reaches_the_subscription(self, new_node):
+        new_node("volatile").create_publisher(TFMessage, "/tf", 10)
+        options = ["--qos-durability", "transient_local", "--wait", "5"]
+        status, _, err = ended("tf2_echo", "map", "robot", *options)
+        assert status == 1
+        assert "Nothing is received from /volatile on /tf: Volatile publisher and transient local" in err
+
+    @pytest.mark.parametrize("depth", ["0", "-1", "many"])
+    def test_a_depth_is_a_positive_number(self, depth):
+        status, _, err = ended("tf2_echo", "map", "robot", "--qos-depth", depth)
+        assert status == 2
+        assert f"expected a whole number from 1 to 1000000, got {depth}" in err
 
 
 class TestText:

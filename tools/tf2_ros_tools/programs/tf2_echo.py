@@ -26,6 +26,7 @@ from tf2_ros_tools.program import (
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
     from rclpy.node import Node
+    from rclpy.qos import QoSProfile
 
     from tf2_py import TransformException
     from tf2_ros import Buffer
@@ -35,6 +36,7 @@ LATEST = 0  # the time that asks for the latest transform
 RATE = 1.0  # prints per second, by default
 
 DIGITS = 3  # after the point, by default
+MOST_DEPTH = 1_000_000  # of a queue
 MOST_DIGITS = 1074  # that a double can have after the point
 WIDTH = 6  # of the columns of the matrix, at least
 REPORT_S = 1.0  # between two log lines about a transform that is not available yet
@@ -55,6 +57,15 @@ EXAMPLE = """\
   tf2_echo map base_link -t 1795608204.5     where it was at this time
   tf2_echo map base_link --once --wait 5     for scripts: the exit status shows success
   tf2_echo map base_link --json --once       one line, for programs to read"""
+
+
+QUEUE_DEPTH = 100  # of dynamic transforms, by default, as that of listeners
+
+
+def _depth(text: str) -> int:
+    if not (text.isdecimal() and text.isascii() and 0 < int(text) <= MOST_DEPTH):
+        raise ArgumentTypeError(f"expected a whole number from 1 to {MOST_DEPTH}, got {text}")
+    return int(text)
 
 
 def _digits(text: str) -> int:
@@ -96,6 +107,22 @@ PARSER.add_argument(
 PARSER.add_argument(
     "--json", action="store_true", help='print one JSON object per line; a failed lookup has an "error"'
 )
+PARSER.add_argument(
+    "--qos-reliability",
+    choices=["reliable", "best_effort"],
+    help="of the subscription to /tf; reliable by default, which excludes best effort publishers",
+)
+PARSER.add_argument(
+    "--qos-durability",
+    choices=["volatile", "transient_local"],
+    help="of the subscription to /tf; volatile by default",
+)
+PARSER.add_argument(
+    "--qos-depth",
+    metavar="N",
+    type=_depth,
+    help=f"messages in the queue of the subscription to /tf; {QUEUE_DEPTH} by default",
+)
 
 
 def echo(options: Namespace) -> int:
@@ -108,7 +135,8 @@ def echo(options: Namespace) -> int:
         raise UsageError("the rate was given twice")
     rate = options.rate or options.old_rate or RATE
     show_transform = _show_json if options.json else _show_text
-    with spun_node("tf2_echo", options) as node, filled_buffer(node) as buffer:
+    qos = _profile(options)
+    with spun_node("tf2_echo", options) as node, filled_buffer(node, qos=qos) as buffer:
         transform = _first(node, buffer, options)
         if transform is None:
             return FAILURE
@@ -123,6 +151,20 @@ def echo(options: Namespace) -> int:
                 except TransformException as reason:
                     _print_failure(node, buffer, options, reason)
         return SUCCESS
+
+
+def _profile(options: Namespace) -> QoSProfile | None:
+    """The profile for dynamic transforms; None: the options say nothing about it."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    reliability, durability = options.qos_reliability, options.qos_durability
+    if reliability is durability is options.qos_depth is None:
+        return None
+    return QoSProfile(
+        depth=options.qos_depth or QUEUE_DEPTH,
+        reliability=ReliabilityPolicy[(reliability or "reliable").upper()],
+        durability=DurabilityPolicy[(durability or "volatile").upper()],
+    )
 
 
 def _first(node: Node, buffer: Buffer, options: Namespace) -> TransformStamped | None:

@@ -186,8 +186,8 @@ class MessageFilter(Generic[_Message]):
         self._prefix = valid_prefix(prefix)
         self._frames = _names(target_frames)
         # Each target frame, and how much later than its stamp a message needs its transform.
-        later = sorted({0, _tolerance_ns(tolerance)})
-        self._needed = [(frame, later_ns) for later_ns in later for frame in self._frames]
+        margins_ns = sorted({0, _tolerance_ns(tolerance)})
+        self._needed = [(frame, margin_ns) for margin_ns in margins_ns for frame in self._frames]
         if queue_size < 0:
             raise ValueError(f"queue_size: expected 0 or more, got {queue_size}")
         self._queue_size = queue_size
@@ -401,10 +401,10 @@ class MessageFilter(Generic[_Message]):
         while True:
             first = None
             try:
-                for frame, later_ns in self._needed:
-                    if later_ns and not queued.stamp_ns:
+                for frame, margin_ns in self._needed:
+                    if margin_ns and not queued.stamp_ns:
                         continue  # the latest time has no later one
-                    stamp_ns = queued.stamp_ns + later_ns
+                    stamp_ns = queued.stamp_ns + margin_ns
                     wait = BufferCore._wait(
                         self._buffer, frame, queued.frame, stamp_ns, notify=queued.answered
                     )
@@ -443,8 +443,8 @@ class MessageFilter(Generic[_Message]):
         """Why a message does not pass now, in the words of a lookup; "": it does."""
         if is_invalid_name(queued.frame):
             return str(bad_name(queued.frame, "source_frame"))
-        for frame, later_ns in self._needed:
-            stamp_ns = queued.stamp_ns + later_ns if queued.stamp_ns else 0
+        for frame, margin_ns in self._needed:
+            stamp_ns = queued.stamp_ns + margin_ns if queued.stamp_ns else 0
             try:
                 BufferCore._look_up(self._buffer, frame, queued.frame, stamp_ns)
             except (TransformException, OverflowError, ValueError) as error:

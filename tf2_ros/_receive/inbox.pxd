@@ -149,8 +149,9 @@ cdef class Inbox(ReadHook):
     cdef bytes _prefix
     cdef object _reference          # called, gives the engine or None
     cdef set _used                  # keeps the watchers and copiers that threads without the lock may use
-    cdef uint32_t _always           # `pending` of a source that is polled
-    cdef uint32_t _was_read         # `read` of such a source: reads do not make it take each message at once
+    # Of a source that is polled, instead of those of the State:
+    cdef uint32_t _polled_pending   # always 1: each read asks the source
+    cdef uint32_t _polled_read      # not used: reads do not make it take each message at once
     cdef object __weakref__
 
     cdef void _discharge(self) noexcept

@@ -480,9 +480,9 @@ cdef class Inbox(ReadHook):
             raise MemoryError
         self._source, self._hand_over, self._used = source, hand_over, set()
         self._recording, self._prefix = recording, prefix.encode()
-        self._always = 1
-        self.pending = &self._state.pending if source.polling == NULL else &self._always
-        self.read = &self._state.read if source.polling == NULL else &self._was_read
+        self._polled_pending = 1
+        self.pending = &self._state.pending if source.polling == NULL else &self._polled_pending
+        self.read = &self._state.read if source.polling == NULL else &self._polled_read
         self.armed = &self._state.armed
         self._state.take_next, self._state.source = source.next, source.data
         self._state.polling = source.polling

@@ -217,7 +217,7 @@ class Receiver:
         """Leave the messages to rclpy's ``EventsExecutor``, which has taken the node."""
         # The middleware reports arrivals to only one of the two, by now to the executor. Those that it
         # reported to this inbox must be taken here.
-        self._source.is_told = False
+        self._source.has_reports = False
         self.inbox.catch_up()
         self._leave_to_executors()
 

@@ -8,7 +8,7 @@ class TopicArrivals:
     def overwritten(self) -> int: ...
 
 class Subscriptions(Source):
-    is_told: bool
+    has_reports: bool
     def __new__(cls, is_recorded: bool = False, clock: object = None) -> Subscriptions: ...
     def subscribe(
         self, topic: TopicArrivals, handle: Any, name: str, is_static: bool, depth: int

@@ -201,11 +201,11 @@ cdef class Subscriptions(Source):
     cdef Subscribed _subscribed
     cdef object _clock              # keeps the clock
     cdef list _topics               # in the order in which they were added
-    cdef public bint is_told        # whether the middleware reports arrivals to this object
+    cdef public bint has_reports        # whether the middleware reports arrivals to this object
 
     def __cinit__(self, bint is_recorded=False, clock=None):
         require_rcl()
-        self.names, self._topics, self.is_told = [], [], True
+        self.names, self._topics, self.has_reports = [], [], True
         self.next, self.data, self._clock = _next, &self._subscribed, clock
         self._subscribed.is_recorded = is_recorded
         self._subscribed.allocator = rcutils_get_default_allocator()
@@ -250,7 +250,7 @@ cdef class Subscriptions(Source):
         if handle is None:
             return
         # The middleware waits for calls that are running, and these wait for nothing.
-        if self.is_told and rcl_subscription_set_on_new_message_callback(
+        if self.has_reports and rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, NULL, NULL) != RCL_RET_OK:
             rcutils_reset_error()
         inboxes_lock()

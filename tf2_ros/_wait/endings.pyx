@@ -17,7 +17,7 @@ from tf2_py._internal import log
 PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
 
 cdef enum:
-    TRIES = 10      # a second signal during a call that only wakes something is rare already
+    TRIES = 10      # of a waker that a signal handler cuts short; a second signal is rare already
 
 
 # The life of a future, from the first to one of the last two.
@@ -142,7 +142,7 @@ cdef class FutureEnding(Ending):
     """The part of a future that ends it; see rclpy's Future."""
 
     cdef readonly list done_callbacks   # those of the program
-    cdef readonly list wakers           # those that only wake
+    cdef readonly list wakers           # the others, see `only_wakes`
     cdef bint _is_fetched
 
     def __cinit__(self, *_, **__):
@@ -212,8 +212,8 @@ cdef class FutureEnding(Ending):
         return len(self.done_callbacks) > 0
 
     cdef int _call_back(self, list errors) except -1:
-        # What only wakes comes last, so that whatever awaits the future finds that the program's callbacks
-        # have run; it is called again if a signal handler has cut it short.
+        # Wakers come last, so that whatever awaits the future finds that the program's callbacks have run.
+        # They are called again if a signal handler has cut them short.
         cdef list callbacks = self.done_callbacks
         cdef list wakers = self.wakers
         self.done_callbacks, self.wakers = [], []

@@ -17,11 +17,13 @@ from interposing import output_with_library
 from making import S, at_ns, transform
 from processes import PROMPT_S, run, until
 from rclpy.duration import Duration
+from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from repetitions import times
 from sharing import Intruder, Owner, is_sound, links, new_name, pair, ring_threads, small_ring
 from spinning import at_once, repeated
 
+from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._shared.naming import segment_path
 
@@ -282,6 +284,59 @@ def test_positions_that_no_owner_writes_break_nothing(oldest):
             is_sound(reader, 0)  # it passes over what was overwritten
             owner.set_transforms(links(2 * S, 0), "owner")
             assert reader.can_transform_core("map", "f4", 2 * S)[0]
+
+
+def random_record(chance, stamp_ns):
+    """
+    The content of a record, what to change in its head and where, and what it counts for.
+
+    That is: accepted transforms, malformed messages, whether the reader goes on behind all records.
+    """
+    count = chance.randint(0, 3)
+    message = TFMessage(transforms=[transform("map", f"f{i}", ns=stamp_ns) for i in range(count)])
+    content = bytes(serialize_message(message))
+    kind = chance.random()
+    if kind < 0.6:
+        return content, b"", 0, (count, 0, False)
+    if kind < 0.7 and count:  # torn in the last transform
+        return content[: -chance.randint(1, 50)], b"", 0, (0, 1, False)
+    if kind < 0.8:  # of no encoding that there is
+        return b"\xff" + chance.randbytes(chance.randint(0, 200)), b"", 0, (0, 1, False)
+    # Another position, another kind, or sizes with which it reaches beyond the newest record.
+    change, at = chance.choice(
+        [
+            (struct.pack("=Q", chance.getrandbits(64)), 0),
+            (struct.pack("=I", chance.randint(4, 2**32 - 1)), 24),
+            (struct.pack("=I", chance.randint(2**17, 2**32 - 1)), 32),
+            (struct.pack("=I", chance.randint(2**17, 2**32 - 1)), 36),
+        ]
+    )
+    return content, change, at, (0, 1, True)
+
+
+@pytest.mark.parametrize("seed", range(times(1, 4)))
+def test_of_random_records_the_valid_ones_are_inserted_and_the_others_counted(seed):
+    """Valid, torn and hostile ones; one with a wrong head hides those behind it that are there already."""
+    chance, records, taken, malformed = random.Random(seed), 0, 0, 0
+    with small_ring(), pair() as (owner, reader), Intruder(owner._tf2_sharing.path) as intruder:
+        inbox = reader._tf2_attachment.inbox
+        _, position, _ = intruder.head()
+        while records < 25_000:
+            is_hidden = False
+            for _ in range(chance.randint(1, 20)):
+                records += 1
+                content, change, at, (more_taken, more_malformed, hides) = random_record(chance, records)
+                start, position = position, intruder.write(position, 1, content)
+                place = intruder.place(start) + at
+                intruder.memory[place : place + len(change)] = change
+                if not is_hidden:
+                    taken, malformed, is_hidden = taken + more_taken, malformed + more_malformed, hides
+            intruder.set_head(position - intruder.capacity // 4, position)
+            inbox.catch_up()
+            assert reader.statistics()["taken"] == taken
+            inbox.report_pending()
+        until(lambda: reader.statistics()["malformed_messages"] == malformed)
+        reader._self_check()
 
 
 def test_a_reader_reads_each_byte_once(tmp_path):

@@ -299,9 +299,9 @@ class Round:
             own_node = rclpy.create_node("stress_listener", parameter_overrides=WITHOUT_SERVICE)
             spins = way == 2
             listener = TransformListener(self.buffer, own_node, spin_thread=spins)
-        topics = listener._tf2_topics
+        topics = listener._tf2_listening.topics
         self.ending.wait(rng.uniform(0.1, 1.5))
-        receiver = listener._tf2_receiver
+        receiver = listener._tf2_listening.receiver
         if spins:
             listener.__exit__()
         else:

@@ -3,7 +3,7 @@
 import tf2_ros_cython._requirement  # noqa: F401
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 from geometry_msgs.msg import TransformStamped
@@ -31,17 +31,14 @@ from tf2_ros._rclpy import (
     subscribe_in_loop,
 )
 from tf2_ros._receive.inbox import AUTHORITY
-from tf2_ros._receive.receiver import ListenerGroup, Receiver, Topic, note_listener
+from tf2_ros._receive.receiver import ListenerGroup, Listening, Receiver, Topic, note_listener
 from tf2_ros._shared.naming import is_wanted
-from tf2_ros._wait.completions import Completions
 from tf2_ros._wait.runners import completions_of
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
 
 if TYPE_CHECKING:
     from typing_extensions import Self
-
-    from tf2_ros._shared.attachment import Attachment
 
 __all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "TransformListener"]
 _names.offer(globals())
@@ -120,15 +117,13 @@ class TransformListener:
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
 
-    # Where a subclass does not call __init__.
-    _tf2_topics: Sequence[Topic] = ()
-    _tf2_owns_node = False
-    _tf2_spinner: Spinner | None = None
-    _tf2_receiver: Receiver | None = None
-    _tf2_process: int | None = None
-    _tf2_attachment: "Attachment | None" = None  # another thread may set this to None
-    _tf2_prefix = ""
-    _tf2_completions: Completions | None = None  # of the node; None: that is of a program's own kind
+    _tf2_listening: Listening
+
+    def __new__(cls, *_: object, **__: object) -> "Self":
+        # Here, because a subclass may not call __init__.
+        self = super().__new__(cls)
+        self._tf2_listening = Listening()
+        return self
 
     def __init__(
         self,
@@ -148,29 +143,29 @@ class TransformListener:
             require_node(type(self).__name__, node, "create_subscription")
             if spin_thread and runs_in_loop(node):
                 raise ValueError("spin_thread: an event loop runs this node, and no thread can spin it")
-        self._tf2_prefix = valid_prefix(prefix)
-        self._tf2_recording = recording
-        self._tf2_process = os.getpid()
+        self._tf2_listening.prefix = valid_prefix(prefix)
+        self._tf2_listening.recording = recording
+        self._tf2_listening.process = os.getpid()
         self.node = hidden_node("transform_listener_impl", self) if node is None else node
-        self._tf2_owns_node = node is None
+        self._tf2_listening.owns_node = node is None
         self.group = ListenerGroup()
         # Static transforms come last, and are taken first, because others may need them.
         topics = [
             Topic("tf_sub", "callback", tf_topic, qos, is_static=False),
             Topic("tf_static_sub", "static_callback", tf_static_topic, static_qos, is_static=True),
         ]
-        self._tf2_topics = [topic for topic in topics if topic.is_static or not static_only]
-        for topic in self._tf2_topics:
+        self._tf2_listening.topics = [topic for topic in topics if topic.is_static or not static_only]
+        for topic in self._tf2_listening.topics:
             topic.is_own = _is_method_of(TransformListener, self, topic.method)
-        self._tf2_buffer = buffer
+        self._tf2_listening.buffer = buffer
         try:
             if is_node(self.node):
-                self._tf2_completions = completions_of(self.node)
+                self._tf2_listening.completions = completions_of(self.node)
             given = [one for one in (qos, static_qos, recording) if one is not None]
             if not self.__attach(bool(static_only or prefix or given)):
                 self._tf2_listen_itself()
             note_listener(self)
-            if spin_thread or self._tf2_owns_node:
+            if spin_thread or self._tf2_listening.owns_node:
                 self.__spin()
         except BaseException:
             self.__end()
@@ -179,17 +174,17 @@ class TransformListener:
     @property
     def buffer(self) -> Any:
         """What it fills."""
-        return self._tf2_buffer
+        return self._tf2_listening.buffer
 
     @buffer.setter
     def buffer(self, buffer: TransformSink) -> None:
-        refuse_inherited(self, self._tf2_process)
-        changed = self.__dict__.get("_tf2_buffer") is not buffer
-        self._tf2_buffer = buffer
-        if changed and (attachment := self._tf2_attachment) is not None:
+        refuse_inherited(self, self._tf2_listening.process)
+        changed = self._tf2_listening.buffer is not buffer
+        self._tf2_listening.buffer = buffer
+        if changed and (attachment := self._tf2_listening.attachment) is not None:
             attachment.leave(self, "this program gives the listener another buffer")
-        if self._tf2_receiver is not None:
-            self._tf2_receiver.redirect(self._tf2_direct_buffer())
+        if self._tf2_listening.receiver is not None:
+            self._tf2_listening.receiver.redirect(self.__direct_buffer())
         note_listener(self)
 
     @property
@@ -200,14 +195,14 @@ class TransformListener:
         The executor that spins the node inserts the transforms of other topics. Empty after the end of the
         listener, and in a forked child.
         """
-        topics = () if self._tf2_receiver is None else self._tf2_receiver.topics
-        if (attachment := self._tf2_attachment) is not None and attachment.is_attached:
-            topics = self._tf2_topics
+        topics = () if self._tf2_listening.receiver is None else self._tf2_listening.receiver.topics
+        if (attachment := self._tf2_listening.attachment) is not None and attachment.is_attached:
+            topics = self._tf2_listening.topics
         return tuple(topic.name for topic in topics)
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""
-        self.__end(ends_thread=self._tf2_owns_node)
+        self.__end(ends_thread=self._tf2_listening.owns_node)
 
     def __del__(self) -> None:
         """End the thread that spins the node, and the subscriptions; may be called again."""
@@ -221,31 +216,35 @@ class TransformListener:
         self.__end()
 
     def __end(self, *, ends_thread: bool = True, waits: bool = True) -> None:
-        if is_inherited(self._tf2_process):
+        if is_inherited(self._tf2_listening.process):
             return  # it belongs to the parent
-        if (attachment := self._tf2_attachment) is not None:
+        if (attachment := self._tf2_listening.attachment) is not None:
             attachment.remove(self)
-        if self._tf2_spinner is not None and ends_thread:
-            self._tf2_spinner.stop(wait=waits)
-        if not self._tf2_owns_node:
+        if self._tf2_listening.spinner is not None and ends_thread:
+            self._tf2_listening.spinner.stop(wait=waits)
+        if not self._tf2_listening.owns_node:
             # A subclass that does not call __init__ makes the first two itself.
-            attributes = ["tf_sub", "tf_static_sub", *(topic.attribute for topic in self._tf2_topics)]
+            attributes = [
+                "tf_sub",
+                "tf_static_sub",
+                *(topic.attribute for topic in self._tf2_listening.topics),
+            ]
             for name in dict.fromkeys(attributes):
                 if self.__dict__.get(name) is not None:
                     destroy_subscription(self.node, self.__dict__[name])
-        elif self._tf2_spinner is None:
+        elif self._tf2_listening.spinner is None:
             self.node.destroy_node()  # otherwise its thread does
 
     def __repr__(self) -> str:
         """Describe the topics: how many messages were received, and when the last one was."""
         name = class_name(type(self))
-        if is_inherited(self._tf2_process):
+        if is_inherited(self._tf2_listening.process):
             return f"<{name}: {FORKED}>"
-        if (attachment := self._tf2_attachment) is not None:
+        if (attachment := self._tf2_listening.attachment) is not None:
             return f"<{name} of {attachment.describe()}>"
-        if self._tf2_receiver is not None:
-            self._tf2_receiver.inbox.catch_up()
-        topics = [topic.describe() for topic in self._tf2_topics if topic.subscription is not None]
+        if self._tf2_listening.receiver is not None:
+            self._tf2_listening.receiver.inbox.catch_up()
+        topics = [topic.describe() for topic in self._tf2_listening.topics if topic.subscription is not None]
         return f"<{name} of {'; '.join(topics)}>" if topics else f"<{name} without subscriptions of rclpy's>"
 
     def callback(self, data: TFMessage) -> None:
@@ -258,18 +257,18 @@ class TransformListener:
 
     def __insert(self, method: str, data: TFMessage, insert: Callable[..., object]) -> None:
         """Count a message for this method, and insert its transforms with the prefix."""
-        for topic in self._tf2_topics:
+        for topic in self._tf2_listening.topics:
             if topic.method == method:
                 topic.arrivals.count()
         for transform in data.transforms:
-            insert(_prefixed(self._tf2_prefix, transform), AUTHORITY)
+            insert(_prefixed(self._tf2_listening.prefix, transform), AUTHORITY)
 
-    def _tf2_direct_buffer(self) -> BufferCore | None:
+    def __direct_buffer(self) -> BufferCore | None:
         """The buffer; None if user code would handle what is received or inserted."""
-        buffer: Any = self._tf2_buffer
+        buffer: Any = self._tf2_listening.buffer
         is_direct = (
             isinstance(buffer, BufferCore)
-            and all(topic.is_own for topic in self._tf2_topics)
+            and all(topic.is_own for topic in self._tf2_listening.topics)
             and all(_is_method_of(BufferCore, buffer, name) for name in SETTERS)
             # A node may make subscriptions of its own kind, or let a loop take their messages.
             and (runs_in_loop(self.node) or _is_method_of(Node, self.node, "create_subscription"))
@@ -278,34 +277,34 @@ class TransformListener:
 
     def __attach(self, has_options: bool) -> bool:
         """Let another process receive, if the buffer is attached or the environment asks; whether it does."""
-        buffer = self._tf2_buffer
+        buffer = self._tf2_listening.buffer
         if isinstance(buffer, Buffer) and (buffer._tf2_attachment is not None or is_wanted()):
             # Few programs share a buffer; only they load this.
             from tf2_ros._shared.attachment import attach_listener
 
-            return attach_listener(self, not has_options and self._tf2_direct_buffer() is not None)
+            return attach_listener(self, not has_options and self.__direct_buffer() is not None)
         return False
 
     def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""
-        completions = self._tf2_completions
+        completions = self._tf2_listening.completions
         # An EventsExecutor has arrivals reported to itself.
         can_receive = completions is not None and completions.runner.in_sets and problem() is None
-        needs_executor = not can_receive or self._tf2_direct_buffer() is None
-        if self._tf2_recording is not None and needs_executor:
+        needs_executor = not can_receive or self.__direct_buffer() is None
+        if self._tf2_listening.recording is not None and needs_executor:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"{_CANNOT_RECORD}: {reason}")
         # Of what arrives while an executor waits for a subscription, the receiver is not informed.
         self.group.hides_all = not needs_executor
         try:
-            for topic in self._tf2_topics:
+            for topic in self._tf2_listening.topics:
                 self.__subscribe(topic, needs_executor)
-            made = [topic.subscription for topic in self._tf2_topics]
+            made = [topic.subscription for topic in self._tf2_listening.topics]
             if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
-                self._tf2_receiver = Receiver(self, completions)
+                self._tf2_listening.receiver = Receiver(self, completions, self.__direct_buffer())
         finally:
             self.group.hides_all = False
-        if self._tf2_recording is not None and not self.receives:
+        if self._tf2_listening.recording is not None and not self.receives:
             raise NotImplementedError(f"{_CANNOT_RECORD}: the middleware does not report arrivals")
 
     def __subscribe(self, topic: Topic, needs_executor: bool) -> None:
@@ -327,9 +326,9 @@ class TransformListener:
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own keeps the program alive.
-        owns = self._tf2_owns_node
+        owns = self._tf2_listening.owns_node
         spinner = Spinner(self.node, daemon=owns, at_end=self.node.destroy_node if owns else None)
-        self._tf2_spinner = spinner
+        self._tf2_listening.spinner = spinner
         self.executor = spinner.executor
         self.dedicated_listener_thread = spinner.thread
 

@@ -145,7 +145,9 @@ class TestEnd:
             buffer.node = node  # a program's own ways from the buffer to the node keep nothing alive
             kind = tf2_ros.TransformListener if spin_thread else next(kinds)
             listener = kind(buffer, node, spin_thread=spin_thread)
-            references = [weakref.ref(thing) for thing in (node, buffer, listener, listener._tf2_receiver)]
+            references = [
+                weakref.ref(thing) for thing in (node, buffer, listener, listener._tf2_listening.receiver)
+            ]
             for what in order:
                 if what == "unregister":
                     listener.unregister()

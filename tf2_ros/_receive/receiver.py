@@ -159,25 +159,26 @@ class Receiver:
 
     :param listener: a TransformListener, which has found that no user code handles the messages.
     :param completions: those of the node; an executor is informed of what arrives.
+    :param buffer: to fill, see :meth:`redirect`.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked
     child it is dead. The listener and the subscriptions keep it alive, and the buffer does not.
     """
 
-    def __init__(self, listener: Any, completions: Any) -> None:
+    def __init__(self, listener: Any, completions: Any, buffer: BufferCore | None) -> None:
         self._group: ListenerGroup = listener.group
         self._context = listener.node.context
         self._runner = runner = completions.runner
         self._process = os.getpid()
         # The destroyed ones remain hidden: an executor that has just met the event handler of one, and may
         # wait for it, raises InvalidHandle.
-        self._taken = self._group.hidden = listener._tf2_topics  # never changed themselves
+        self._taken = self._group.hidden = listener._tf2_listening.topics  # never changed themselves
         self._group.hides_all = False
         clock: Any = getattr(listener.buffer, "clock", None)
         handle = clock.handle if is_ros_clock(clock) else None
-        recording = listener._tf2_recording
+        recording = listener._tf2_listening.recording
         self._source = Subscriptions(recording is not None, handle)
-        self.inbox = Inbox(self._source, completions.receive, recording, listener._tf2_prefix)
+        self.inbox = Inbox(self._source, completions.receive, recording, listener._tf2_listening.prefix)
         if isinstance(runner, ExecutorRunner):
             self.inbox.inform(runner)
             runner.receivers.add(self)
@@ -195,7 +196,7 @@ class Receiver:
         except RuntimeError:
             self._leave_to_executors()  # this middleware does not report arrivals
         add_owner(self)
-        self.redirect(listener._tf2_direct_buffer())
+        self.redirect(buffer)
         if not runner.in_sets:
             self.leave_sets()  # the node has moved meanwhile
 
@@ -262,6 +263,27 @@ class Receiver:
         topic.destroy()
 
 
+class Listening:
+    """
+    What belongs to a listener, for the modules that receive for it and share.
+
+    Its fields have these values until the listener is made, and for good in a subclass that does not call
+    ``__init__``.
+    """
+
+    def __init__(self) -> None:
+        self.buffer: Any = None
+        self.topics: Sequence[Topic] = ()
+        self.prefix = ""
+        self.recording: Any = None
+        self.process: int | None = None
+        self.owns_node = False
+        self.spinner: Any = None  # the thread that spins the node
+        self.completions: Any = None  # of the node; None: that is of a program's own kind
+        self.receiver: Receiver | None = None
+        self.attachment: Any = None  # instead of subscriptions; another thread may set this to None
+
+
 _listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener
 
 
@@ -270,7 +292,7 @@ def note_listener(listener: Any) -> None:
     buffer = listener.buffer
     _listeners.add(listener)
     # A subclass that does not call __init__ may not have a node yet.
-    note_filler(getattr(listener, "node", None), buffer, listener._tf2_completions)
+    note_filler(getattr(listener, "node", None), buffer, listener._tf2_listening.completions)
     if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
         BufferCore._ask_for_silence(buffer, _silence)
     sharing = getattr(buffer, "_tf2_sharing", None)
@@ -281,7 +303,7 @@ def note_listener(listener: Any) -> None:
 def open_topics(buffer: object) -> list[Topic]:
     """The topics on which the listeners of a buffer can receive anything."""
     listeners = [one for one in _listeners if getattr(one, "buffer", None) is buffer]
-    return [topic for listener in listeners for topic in listener._tf2_topics if topic.is_open()]
+    return [topic for listener in listeners for topic in listener._tf2_listening.topics if topic.is_open()]
 
 
 def _silence(buffer: object) -> tuple[str, str]:

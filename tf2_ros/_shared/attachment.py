@@ -129,8 +129,8 @@ class Attachment:
     def add(self, listener: Any) -> None:  # a TransformListener
         """Replace the subscriptions of a listener of the buffer, and keep it alive, until :meth:`remove`."""
         self._listeners[id(listener)] = listener
-        listener._tf2_attachment = self
-        runner = listener._tf2_completions.runner
+        listener._tf2_listening.attachment = self
+        runner = listener._tf2_listening.completions.runner
         if isinstance(runner, ExecutorRunner):
             self.inbox.inform(runner)  # its executor returns from `spin_once` for what arrives
 
@@ -139,7 +139,7 @@ class Attachment:
         # Only then with the lock: a finalizer must not wait, and finds no listener here.
         if id(listener) in self._listeners:
             with LOCK:
-                listener._tf2_attachment = None
+                listener._tf2_listening.attachment = None
                 self._listeners.pop(id(listener), None)
 
     def leave(self, listener: Any, reason: str) -> None:
@@ -206,7 +206,7 @@ def _lack(reader: RingReader, buffer: Any, listener: Any) -> str:
     domain = node.context.get_domain_id()
     if owner.domain != domain:
         return f"is filled from ROS domain {owner.domain}, this is {domain}"
-    topics = [node.resolve_topic_name(topic.name) for topic in listener._tf2_topics]
+    topics = [node.resolve_topic_name(topic.name) for topic in listener._tf2_listening.topics]
     missing = [name for name in topics if name not in owner.topics]
     if missing:
         return f"is not filled from {' and '.join(missing)}"

@@ -110,14 +110,14 @@ def test_of_two_branches_that_lack_data_the_one_with_the_newer_data_is_quoted(tf
 
 
 # The last stamps of some frames of a robot, whose frames have samples from 10 s to 20 s otherwise; a time at
-# which to look up cam from laser; how many seconds are missing beside which sample, and its stamp.
+# which to look up cam from laser; which sample is named, its stamp, and by how many seconds it is off.
 LATE = {
-    "the source": ({"laser": 13, "cam": 15}, 17, 4, "after the newest sample of laser in arm", 13),
-    "the target": ({"laser": 15, "cam": 13}, 17, 4, "after the newest sample of cam in base", 13),
-    "a frame in between": ({"laser": 15, "arm": 11}, 17, 6, "after the newest sample of arm in base", 11),
-    "not one above the path": ({"base": 11, "cam": 15}, 17, 2, "after the newest sample of cam in base", 15),
-    "of a single sample": ({"laser": 10, "cam": 12}, 17, 7, "beside the one sample of laser in arm", 10),
-    "that begins too late": ({"laser": 11}, 9, 1, "before the oldest sample of laser in arm", 10),
+    "the source": ({"laser": 13, "cam": 15}, 17, "newest", "laser", "arm", 13, "4.0 s too old"),
+    "the target": ({"laser": 15, "cam": 13}, 17, "newest", "cam", "base", 13, "4.0 s too old"),
+    "a frame in between": ({"laser": 15, "arm": 11}, 17, "newest", "arm", "base", 11, "6.0 s too old"),
+    "not one above the path": ({"base": 11, "cam": 15}, 17, "newest", "cam", "base", 15, "2.0 s too old"),
+    "of a single sample": ({"laser": 10, "cam": 12}, 17, "only", "laser", "arm", 10, "7.0 s away"),
+    "that begins too late": ({"laser": 11}, 9, "oldest", "laser", "arm", 10, "1.0 s too new"),
 }
 
 
@@ -136,8 +136,9 @@ def robot(tf2_ros):
 @pytest.mark.ours
 @pytest.mark.parametrize("case", LATE)
 def test_the_end_of_the_error_names_the_frame_on_the_path_that_is_furthest_behind(tf2_py, robot, case):
-    newest, asked, missing, sample, stamp = LATE[case]
-    end = f"frame [laser] to frame [cam]; {missing}.000000000 s are missing {sample} at {stamp}.000000000 s"
+    newest, asked, which, child, parent, stamp, off = LATE[case]
+    fact = f"the {which} sample of {child} (parent {parent}) at {stamp}.000000000 is "
+    end = f"frame [laser] to frame [cam]; {fact}{off.replace('.0', '.000000000')}"
     assert error_of(tf2_py, robot(newest), "cam", "laser", asked).endswith(end)
 
 
@@ -157,9 +158,9 @@ def test_a_lookup_at_many_times_names_it_too(tf2_py, robot, case, policy):
 @pytest.mark.ours
 def test_a_tolerance_that_is_too_short_names_the_frame_that_is_furthest_behind(tf2_ros, robot):
     buffer = robot({"base": 10, "arm": 11, "laser": 14, "cam": 16})
-    with pytest.raises(tf2_ros.ExtrapolationException, match="6.0+ s .* of arm in base at 11.0+ s"):
+    with pytest.raises(tf2_ros.ExtrapolationException, match=r"of arm \(parent base\) at 11\.0+ is 6\.0+ s"):
         buffer.lookup_transform("cam", "laser", at(17), tolerance=2)
-    with pytest.raises(tf2_ros.ExtrapolationException, match="6.0+ s .* of arm in base at 11.0+ s"):
+    with pytest.raises(tf2_ros.ExtrapolationException, match=r"of arm \(parent base\) at 11\.0+ is 6\.0+ s"):
         buffer.lookup_transform("cam", "laser", at(17), tolerance=5)
     assert buffer.can_transform("cam", "laser", at(17), tolerance=6)
 

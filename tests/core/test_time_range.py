@@ -106,7 +106,7 @@ def test_times_with_a_parent_in_another_tree_are_not_part_of_it(buffer):
         (
             ("map", "cup"),
             ExtrapolationException,
-            r"0\.000000020 s are missing .* the oldest sample of cup in base",
+            r"the oldest sample of cup \(parent base\) .* is 0\.000000020 s too new",
         ),
         (
             ("map", "camra"),

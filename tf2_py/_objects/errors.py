@@ -139,9 +139,13 @@ def extrapolation(
     if gap == "empty":
         lack = f"no sample of {child} is held"
     else:
-        where = {"future": "after the newest", "past": "before the oldest", "single": "beside the one"}[gap]
+        which, how = {
+            "future": ("newest", "too old"),
+            "past": ("oldest", "too new"),
+            "single": ("only", "away"),
+        }[gap]
         apart = seconds(abs(requested_ns - edge_ns))
-        lack = f"{apart} s are missing {where} sample of {child} in {parent} at {seconds(edge_ns)} s"
+        lack = f"the {which} sample of {child} (parent {parent}) at {seconds(edge_ns)} is {apart} s {how}"
     if 0 < requested_ns < YEAR_NS and max(quoted_ns, edge_ns) > 30 * YEAR_NS:
         lack += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
     return ExtrapolationException(

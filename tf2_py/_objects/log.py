@@ -19,7 +19,7 @@ REFUSALS = (
     ("TF_INFINITE_INPUT", "infinite_input", "the translation is infinite"),
     ("TF_NEGATIVE_STAMP", "negative_stamp", "the stamp is negative"),
     ("TF_RESERVED_FRAME_ID", "reserved_frame_id", 'the frame name "NO_PARENT" is reserved'),
-    ("TF_OLD_DATA", "old_data", "the stamp is older than the newest one less the cache time"),
+    ("TF_OLD_DATA", "old_data", "the stamp is more than cache_time older than the frame's newest stamp"),
     ("TF_STAMP_TOO_LATE", "stamp_too_late", "the stamp is beyond what a message can carry"),
     ("TF_TOO_MANY_FRAMES", "too_many_frames", "the buffer has max_frames frames already"),
     ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would exceed max_bytes, or shared memory is full"),

@@ -82,15 +82,19 @@ class TransformListener:
     :raises NotImplementedError: ``recording`` is given, but an executor would take messages, see below.
 
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
-    callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
-    overrides ``callback`` or ``static_callback``; if the buffer is not a :class:`tf2_ros.Buffer`, or it or
-    its class has a ``set_transform*`` of its own; if the node overrides ``create_subscription``; if a
-    function of rcl is missing; and if the middleware does not report arrivals. That is decided when the
-    listener is made, and when another ``buffer`` is assigned. The property ``receives`` names the topics that
-    need no executor. For an ``AsyncNode``, its event loop takes the place of an executor.
+    callbacks block. The executor that spins the node inserts the transforms instead, as in tf2,
 
-    If its buffer is attached to the buffer of another process, or ``TF2_SHARED_BUFFER`` in the environment
-    names such a buffer, it subscribes to nothing as long as that process receives the same messages.
+    - if a subclass overrides ``callback`` or ``static_callback``,
+    - if the buffer is not a :class:`tf2_ros.Buffer`, or overrides a ``set_transform*`` method,
+    - if the node overrides ``create_subscription``,
+    - if rcl lacks a function that the receiver calls (those of Jazzy and Kilted have all), or the
+      middleware does not report arrivals.
+
+    The property ``receives`` contains the topics that need no executor.
+
+    If the buffer is attached to the buffer of another process, or ``TF2_SHARED_BUFFER`` in the environment
+    names such a buffer, the listener subscribes to nothing as long as that process receives the same
+    messages.
 
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
     ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the
@@ -282,7 +286,12 @@ class TransformListener:
             # Few programs share a buffer; only they load this.
             from tf2_ros._shared.attachment import attach_listener
 
-            return attach_listener(self, not has_options and self.__direct_buffer() is not None)
+            unusual = ""
+            if has_options:
+                unusual = "it has a QoS profile, a prefix or a recording, or receives static transforms only"
+            elif self.__direct_buffer() is None:
+                unusual = "code of this program handles what is received or inserted"
+            return attach_listener(self, unusual)
         return False
 
     def _tf2_listen_itself(self) -> None:

@@ -143,9 +143,11 @@ def refusals():
 
     usual = TransformListener
     return {
-        "is of another kind": [
+        "code of this program handles": [
             lambda node: OtherListener(Buffer(), node),
             lambda node: usual(OtherBuffer(), node),
+        ],
+        "it has a QoS profile": [
             lambda node: usual(Buffer(), node, qos=5),
             lambda node: usual(Buffer(), node, static_only=True),
         ],

@@ -159,11 +159,12 @@ class Attachment:
         return f"the shared buffer {self.name!r} of process {self.owner}"
 
 
-def attach_listener(listener: Any, is_usual: bool) -> bool:
+def attach_listener(listener: Any, unusual: str) -> bool:
     """
     Let a listener use what another process receives, if its buffer is attached or the environment asks to.
 
-    :param is_usual: whether it receives what any listener does, and its buffer gets that unchanged.
+    :param unusual: why it does not receive what any listener does, or its buffer does not get that unchanged;
+        ``""`` if it does.
     :return: False if the listener must subscribe on its own.
     """
     buffer = listener.buffer
@@ -176,8 +177,8 @@ def attach_listener(listener: Any, is_usual: bool) -> bool:
         try:
             if found is not None and not found.is_attached:
                 raise SharedBufferError(f"the shared buffer {found.name!r} has ended")
-            if not is_usual:
-                raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
+            if unusual:
+                raise SharedBufferError(unusual)
             if (why := problem()) is not None:
                 raise SharedBufferError(f"nothing is received here: {why}")
             name = buffer_name(os.environ[VARIABLE], listener.node) if found is None else found.name

@@ -245,7 +245,7 @@ class BufferCore:
     def statistics(self) -> _Statistics: ...
     def _self_check(self) -> None: ...
 
-# For the modules of this project; test_signatures.py checks what __all__ names.
+# For the modules of this project.
 
 DURATION_TO_USE: str
 FOR_EVER_NS: int

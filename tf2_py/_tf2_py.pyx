@@ -85,11 +85,11 @@ cdef class BufferCore(Engine):
     """BufferCore(cache_time=None, *, max_frames=None, max_bytes=None)\n--\n
     A tree of coordinate frames that changes with time, and the history of each frame.
 
-    :param cache_time: how far the history of each frame reaches back: a duration.
+    :param cache_time: how far the history of each frame reaches back from its newest sample.
         Default: 10 s.
     :param int max_frames: the maximum number of frame names. Default: a million.
     :param int max_bytes: the maximum memory for names and histories. Default: 1 GiB.
-    :raises TypeError: ``cache_time`` is something else, or a limit is not an int.
+    :raises TypeError: ``cache_time`` is not a duration or a number, or a limit is not an int.
     :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
     :raises OverflowError: ``cache_time`` does not fit into 64-bit nanoseconds.
 
@@ -97,13 +97,16 @@ cdef class BufferCore(Engine):
     available. The environment variables ``TF2_ROS_CYTHON_MAX_FRAMES`` and ``TF2_ROS_CYTHON_MAX_BYTES`` set
     other defaults.
 
-    For all methods: a frame name is a ``str``; a time or duration is any object with ``nanoseconds``, or with
-    ``sec`` and ``nanosec``; a time may also be an integer of nanoseconds, or a ``numpy.datetime64``. The time
-    0 means the latest time for which every frame on the path has data. Anything else raises a ``TypeError``.
-    A name that contains a NUL character, or the time NaT, raises a ``ValueError``, a name with a lone
-    surrogate a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message raises
-    an ``OverflowError``. Every method may be called from any thread. Calling ``__init__`` again empties the
-    buffer; pending waits continue.
+    For all methods: a frame name is a ``str``. A time is an rclpy ``Time``, a time message, any object with
+    the attributes of one, an int in nanoseconds, or a ``numpy.datetime64``; the time 0 means the latest time
+    for which every frame on the path has data. A duration is an rclpy ``Duration``, a duration message, any
+    object with the attributes of one, a ``timedelta``, or a number of seconds. Anything else raises a
+    ``TypeError``. A name that contains a NUL character, or the time NaT, raises a ``ValueError``, a name with
+    a lone surrogate a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message
+    raises an ``OverflowError``.
+
+    Every method may be called from any thread. Calling ``__init__`` again empties the buffer; pending waits
+    continue.
 
     >>> from tf2_py import BufferCore
     >>> from geometry_msgs.msg import TransformStamped
@@ -173,7 +176,8 @@ cdef class BufferCore(Engine):
         :raises ValueError: a name contains a NUL character.
         :raises OverflowError: the stamp does not fit into 64-bit nanoseconds.
 
-        A transform that is refused (no names, NaN, too old, ...) is logged and counted, not raised.
+        Invalid transforms, such as those with NaN, without names, or older than the history, are dropped
+        without an exception: they are logged, and counted in ``statistics()["refused"]``.
         """
         self._set_one(transform, authority, False)
 
@@ -184,7 +188,7 @@ cdef class BufferCore(Engine):
         :param transform: a ``geometry_msgs/TransformStamped`` or an object with its fields.
         :param str authority: the publisher; listings and log lines show it.
 
-        It refuses and raises what :meth:`set_transform` does.
+        It drops and raises what :meth:`set_transform` does.
         """
         self._set_one(transform, authority, True)
 
@@ -431,7 +435,7 @@ cdef class BufferCore(Engine):
         :raises TypeError: ``times`` are not times, or only one of ``fixed_frame`` and ``target_time`` is
             given.
         :raises ValueError: ``times`` do not have one dimension, are NaT or do not fit into 64 bits, or
-            ``on_missing`` is something else.
+            ``on_missing`` is neither of the two.
 
         The GIL is released, so other threads run meanwhile.
         """
@@ -873,7 +877,7 @@ cdef class BufferCore(Engine):
         :raises TransformException: a lookup failed; the text contains the index of the time.
         :raises TypeError: ``times`` are not times, or the interval is not a duration.
         :raises ValueError: ``averaging_interval`` is negative, ``times`` do not have one dimension, are NaT
-            or do not fit into 64 bits, or ``on_missing`` is something else.
+            or do not fit into 64 bits, or ``on_missing`` is neither of the two.
 
         The GIL is released, so other threads run meanwhile.
         """

@@ -46,7 +46,7 @@ def parts_of(msg: Any) -> tuple[Any, Any]:
     """
     The two fields of a transform or a pose, stamped or not, that are its translation and its rotation.
 
-    :raises TypeError: it is something else.
+    :raises TypeError: it is neither.
     """
     inner = getattr(msg, "transform", getattr(msg, "pose", msg))
     if hasattr(inner, "translation"):

@@ -67,8 +67,7 @@ class Buffer(BufferCore, BufferInterface):
 
     A :class:`TransformListener` fills it; lookups can wait for what has not arrived yet.
 
-    :param cache_time: how far each frame's history reaches back from its latest sample: a duration, or a
-        number of seconds. None: 10 s.
+    :param cache_time: how far each frame's history reaches back from its newest sample. None: 10 s.
     :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has its
         own clock, and no service.
     :param max_frames: the maximum number of frames. None: a million.
@@ -78,19 +77,22 @@ class Buffer(BufferCore, BufferInterface):
     :param attach: the name of a buffer that another process shares. This buffer is filled with what the
         other process receives, and keeps as much history if ``cache_time`` is None. When the other process
         ends, this buffer keeps what it holds, until a process shares a buffer of that name again.
-    :raises TypeError: ``cache_time`` is something else, a limit is not an int, or a name is not a str.
+    :raises TypeError: ``cache_time`` is not a duration or a number, a limit is not an int, or a name is not
+        a str.
     :raises ValueError: ``cache_time`` is negative, a limit is not above 0, a name is invalid, or both
         ``share`` and ``attach`` are given.
     :raises SharedBufferError: the buffer cannot be shared, because another process shares one of this name,
         or it cannot be attached. This is a ``RuntimeError``.
     :raises NotImplementedError: buffers can be shared only on Linux.
 
-    It is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
-    Every ``time`` is an rclpy ``Time``, a time message, an object with their attributes, an integer, which is
-    nanoseconds, or a ``numpy.datetime64``; 0 is the latest time for which all frames on the path have data.
-    Every ``timeout`` is an rclpy ``Duration``, a duration message, or a number, which is seconds; it counts
-    steady time, also while time is simulated. NaT and NaN raise a ``ValueError``. Translations are in metres,
-    rotations are unit quaternions.
+    The buffer is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or
+    off. Translations are in metres, rotations are unit quaternions.
+
+    Every ``time`` is a :data:`~tf2_py.typing.TimeLike`: an rclpy ``Time``, a time message, an int in
+    nanoseconds, or a ``numpy.datetime64``. 0 is the latest time for which all frames on the path have data.
+    Every ``timeout``, ``cache_time`` or other duration is a :data:`~tf2_py.typing.DurationLike`: an rclpy
+    ``Duration``, a duration message, a ``timedelta``, or a number of seconds. Timeouts count steady time,
+    also while time is simulated. NaT and NaN raise a ``ValueError``.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import Buffer
@@ -284,13 +286,14 @@ class Buffer(BufferCore, BufferInterface):
         :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
 
-        A program's own insert of the missing transform completes the future, and runs its callbacks before it
-        returns. If a listener receives the transform, they run in the executor that spins the listener's
-        node; while nobody spins it they wait, the future is not done, and no timeout ends it. If the node or
-        its context ends before, the future holds a ``TimeoutException``. At the timeout, callbacks run in the
-        executor that has the node of the latest listener, or else in a thread for timeouts. With an invalid
-        name, the future holds an ``InvalidArgumentException`` at once. Under a ``max_age``, the age counts
-        when the transform arrives; what :meth:`lookup_transform_async` returns is also fresh when it returns.
+        If a listener receives the transform, done callbacks run in the executor that spins the listener's
+        node. **Until that node is spun, the future stays pending, even past its timeout.** If this program
+        inserts the transform, they run in the inserting thread. The page "Callbacks, threads and executors"
+        of the documentation has all cases.
+
+        With an invalid name, the future holds an ``InvalidArgumentException`` at once. With ``max_age``, the
+        transform is fresh when it arrives; what :meth:`lookup_transform_async` returns is also fresh when the
+        coroutine continues.
         """
         accepted = policy_of("wait_for_transform_async", **policy)
         return TransformFuture(self, Lookup(target_frame, source_frame, time, policy=accepted).wait, timeout)
@@ -317,7 +320,7 @@ class Buffer(BufferCore, BufferInterface):
         :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
         :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
 
-        :meth:`wait_for_transform_async` says where callbacks run.
+        :meth:`wait_for_transform_async` describes where callbacks run.
         """
         accepted = policy_of("wait_for_transform_full_async", **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
@@ -346,7 +349,7 @@ class Buffer(BufferCore, BufferInterface):
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
 
-        A coroutine for asyncio and for rclpy's executors. A callback of rclpy that awaits it should have a
+        This is a coroutine for asyncio and for rclpy's executors. Give a callback of rclpy that awaits it a
         ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
         """
         accepted = policy_of("lookup_transform_async", **policy)
@@ -387,9 +390,10 @@ class Buffer(BufferCore, BufferInterface):
         :param target_frame: the frame in which the pose is wanted.
         :param source_frame: the frame whose pose is wanted.
         :return: an asynchronous iterator for asyncio and for rclpy's executors. It yields the present
-            transform, if there is one, and then each that is new: at a later common time, along another path,
-            or with another static transform. If the program is slower than the changes, it gets the latest
-            one and misses those before. It ends with the shutdown of the context.
+            transform, if there is one, and then each new one: at a later common time, along another path, or
+            with another static transform. So it yields at the rate of the slowest moving frame on the path.
+            A loop body that is slower than the changes gets the latest one and misses those before it. The
+            iteration ends with the shutdown of the context.
 
         A transform that does not change costs nothing.
 
@@ -407,10 +411,10 @@ class Buffer(BufferCore, BufferInterface):
 
         :param target_frame: the frame in which the pose is wanted.
         :param source_frame: the frame whose pose is wanted.
-        :param callback: called with the transform, in the thread in which callbacks of
-            :meth:`wait_for_transform_async` run; never by two threads at once. If the present transform is
-            available, it is called with it before this returns.
-        :return: an object that ends this with ``cancel()``. Otherwise it ends with the buffer.
+        :param callback: called with the transform, in the thread in which done callbacks of
+            :meth:`wait_for_transform_async` run; never by two threads at once. If a transform is already
+            available, ``callback`` runs before ``on_change`` returns.
+        :return: a subscription, whose ``cancel()`` ends the calls. They also end with the buffer.
         :raises TypeError: ``callback`` cannot be called.
         """
         require_callable("on_change", callback)

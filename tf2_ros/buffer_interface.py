@@ -305,7 +305,12 @@ class BufferInterface:
         :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty if the
             answer is yes.
         :param policy: further arguments of :meth:`lookup_transform`.
-        :raises TypeError: an argument has the wrong type. Nothing else is raised.
+        :raises TypeError: an argument has the wrong type.
+        :raises ValueError: a name contains a NUL character, a time is NaT, or a limit in ``policy`` is
+            invalid.
+        :raises OverflowError: a time does not fit into a message.
+
+        A frame that is unknown or has no data, or an invalid name, is not an error: the answer is no.
 
         >>> from tf2_ros import Buffer, Time
         >>> Buffer().can_transform("base_link", "camera", Time())

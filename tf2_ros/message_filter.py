@@ -115,27 +115,28 @@ class MessageFilter(Generic[_Message]):
         transforms that a listener receives.
     :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: forever.
     :param tolerance: a finite duration; transforms must be available for the message's stamp and for this
-        much later, for example the duration of a sweep. The ``tolerance`` of a lookup is something else: the
-        lookup accepts an older transform, and data transformed with it keeps its stamp. None: zero.
+        much later, for example the duration of a sweep. None: zero. (The ``tolerance`` of a lookup differs:
+        it accepts an older transform.)
     :param prefix: put before the frames of the messages, as that of the :class:`TransformListener` that
         receives the transforms of the same robot, for example ``"robot1/"``. ``target_frames`` are whole
         names. The messages are not changed.
-    :raises TypeError: ``buffer`` is not a Buffer, ``input`` is something else, its messages have no header,
-        or a duration is something else.
+    :raises TypeError: ``buffer`` is not a Buffer, ``input`` is none of these, its messages have no header, or
+        a duration is not a duration or a number.
     :raises ValueError: ``target_frames`` is empty, a name or ``prefix`` is invalid, ``queue_size`` or
         ``tolerance`` is negative, or ``tolerance`` is infinite.
 
     A message whose stamp is 0 needs the latest time for which its transforms are available; ``tolerance``
     then has no effect. Each message passes once or is dropped once, in the order in which its transforms
-    become available, or in which it is dropped. Callbacks run inside the program's own ``set_transform``, or
-    inside :meth:`add` if the transforms are available already; for what a listener receives, in the executor
-    that spins the node. An ``Exception`` of a callback is logged; anything else is raised where it runs,
-    after the other callbacks.
+    become available, or in which it is dropped. An ``Exception`` of a callback is logged.
 
-    ``async for message, transform in filter`` gives the same messages, from the start of the iteration to
+    If a listener receives the transform, callbacks run in the executor that spins ``node``. If this program
+    inserts it, they run inside ``set_transform``; if it is available already, inside :meth:`add`. The page
+    "Callbacks, threads and executors" of the documentation has all cases.
+
+    ``async for message, transform in filter`` yields the same messages, from the start of the iteration to
     :meth:`close`, or to the end of the node or its context, each with its transform into the first target
-    frame. An executor has to spin the node if the messages come from a topic, or if there are callbacks, too;
-    otherwise nothing has to. Messages that have passed are kept until they are taken, without a limit.
+    frame. An executor has to spin the node if the messages come from a topic, or if there are callbacks, too.
+    Messages that have passed are kept until they are taken, without a limit.
 
     It has the methods of a filter of ``message_filters`` and can be the input of one. The end of a ``with``
     block closes it.

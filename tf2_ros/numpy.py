@@ -70,7 +70,7 @@ def to_matrix(transforms: Message | Pair, *, dtype: npt.DTypeLike = np.float64) 
     :param dtype: ``numpy.float64`` or ``numpy.float32``, to which the results are rounded.
     :return: shape (4, 4) or (N, 4, 4): ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in metres,
         transformed by ``t``. Where a row of ``rotations`` is NaN, the matrix is.
-    :raises TypeError: the type is wrong, or what must be numbers is something else.
+    :raises TypeError: the type is wrong, or an element is not a number.
     :raises ValueError: a shape is wrong, or a rotation has no finite length above zero.
 
     >>> from tf2_ros.numpy import to_matrix
@@ -118,8 +118,8 @@ def from_matrix(
     :param header: of a stamped message, which gets a copy; without it, an empty one.
     :param child_frame_id: of a ``TransformStamped``; without it, empty.
     :return: a new message; its quaternion has length one and w >= 0.
-    :raises TypeError: the class is wrong or lacks an attribute that is given, or what must be numbers is
-        something else.
+    :raises TypeError: the class is wrong or lacks an attribute that is given, or an element is
+        not a number.
     :raises ValueError: the shape is wrong, or a matrix is not a rigid transform; the text says by how much.
 
     >>> import numpy
@@ -177,7 +177,7 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
         ``(translations, rotations)`` of arrays.
     :return: one rotation, or N. A row of NaN becomes a rotation that turns everything into NaN.
     :raises ImportError: SciPy is not installed.
-    :raises TypeError: the type is wrong, or what must be numbers is something else.
+    :raises TypeError: the type is wrong, or an element is not a number.
     :raises ValueError: the shape is wrong, or a rotation has no finite length above zero.
 
     >>> from tf2_ros.numpy import to_rotation

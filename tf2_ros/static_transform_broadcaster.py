@@ -54,7 +54,7 @@ class StaticTransformBroadcaster(Broadcaster):
 
         :param transform: a ``TransformStamped``, or an iterable of them. Static transforms are valid
             at all times, regardless of their stamps.
-        :raises AttributeError: it is something else.
+        :raises AttributeError: ``transform`` is neither.
         :raises TypeError: a name is not a ``str``.
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them.
         :raises RuntimeError: this is a forked child of the process that made the broadcaster.

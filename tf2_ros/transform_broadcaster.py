@@ -101,7 +101,7 @@ class TransformBroadcaster(Broadcaster):
 
         :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
             unit quaternions. A receiver takes a stamp of 0 as a time like any other.
-        :raises AttributeError: it is something else.
+        :raises AttributeError: ``transform`` is neither.
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them; nothing is sent.
         :raises RuntimeError: this is a forked child of the process that made the broadcaster.
         """

@@ -37,8 +37,29 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: bare bench build clean cross demo docs fuzz guard lint matrix oldest pictures releases sanitize stress
+.PHONY: bare bench build clean cross demo docs fuzz guard help lint matrix oldest pictures releases sanitize stress
 .PHONY: test test-all test-core test-core-all wheels
+
+define HELP
+Try it
+  make demo        watch a robot being broadcast and looked up
+  make test        run the tests: 4 minutes on 2 cores; TESTS=tests/ros/test_buffer.py: some of them
+Develop
+  make build       compile after a change to a .pyx or .pxd file
+  make lint        check style and types
+  make test-all    run all tests: 8 minutes on 2 cores
+  make guard       count instructions; fail if they have grown
+  make docs        build the site in build/docs
+  make pictures    draw the pictures in docs/images again
+  make clean       remove everything that these commands create
+Measure, search for faults, release: CONTRIBUTING.md describes
+  make bench  fuzz  sanitize  stress  wheels  matrix  releases  oldest  cross  bare
+Each installs what it needs into $(VENV).
+endef
+export HELP
+
+help:
+	@echo "$$HELP"
 
 # Two processes for each core, because tests wait for others half of their time; those of big machines would wait for
 # each other. The tests of a file share what it makes. If a process dies, xdist would wait for ever instead of ending.
@@ -59,7 +80,7 @@ test-core-all: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
 	$(PYTEST) --all $(TESTS)
 
 demo: $(VENV)/installed.stamp
-	$(PY) examples/demo.py
+	@$(PY) examples/demo.py
 
 # About an hour; QUICK=1 about three minutes. The libraries compared with are fetched into .bench.
 bench: $(VENV)/installed.stamp $(VENV)/test.stamp
@@ -128,17 +149,18 @@ clean:
 
 $(PY):
 	@echo "Installing $(WHAT), into $(VENV). With compiling it takes 1 to 4 minutes on two cores."
-	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
-	$(PY) -m pip install --quiet --upgrade pip
-	touch $(VENV)/$(VENV_KIND).stamp
+	@$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
+	@$(PY) -m pip install --quiet --upgrade pip
+	@touch $(VENV)/$(VENV_KIND).stamp
 
+# What pip and the compilers print is of interest only if they fail.
 $(VENV)/installed.stamp: $(SOURCES) | $(PY)
-	$(PY) -m pip install $(PROJECTS)
+	@$(PY) -m pip install $(PROJECTS) > $(VENV)/install.log 2>&1 || { cat $(VENV)/install.log; exit 1; }
 	@touch $@
 
 $(VENV)/test.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
-	@echo "Installing what the tests use, 400 MB, into $(VENV). The tests then take 7 minutes on two cores."
+	@echo "Installing what the tests use, 400 MB, into $(VENV). The tests then take 4 minutes on two cores."
 	$(PY) -m pip install 'tf2-ros-cython[test]'
 	@touch $@
 

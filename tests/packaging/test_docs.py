@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from geometry_msgs.msg import TransformStamped
 from pages import (
     PAGES,
     check_blocks,
@@ -16,10 +17,15 @@ from pages import (
     program,
     programs_beside,
     run_program,
+    without_numbers,
 )
 from paths import ROOT
-from processes import killed, output_of
+from processes import killed, output_of, until
+from sensor_msgs.msg import LaserScan
 from sources import PYPROJECT, words_of_sources
+from std_msgs.msg import Header
+
+from tf2_ros import TransformBroadcaster
 
 pytestmark = pytest.mark.ours
 
@@ -61,6 +67,36 @@ def test_the_node_of_getting_started_finds_the_camera(tmp_path):
         killed(subprocess.Popen(command, text=True, stderr=subprocess.PIPE)) as finder,
     ):
         assert "[camera_finder]: the camera is at x = " in finder.stderr.readline()
+
+
+def test_the_node_of_the_readme_waits_in_its_callback(tmp_path, node):
+    command = [sys.executable, "-c", named_programs(ROOT / "README.md")["scan_pose.py"]]
+    scans = node.create_publisher(LaserScan, "scan", 10)
+    broadcaster = TransformBroadcaster(node)
+    stamps = []
+
+    def is_logged():
+        # A scan, and at the next call its pose: the callback waits in between.
+        if stamps:
+            pose = TransformStamped(child_frame_id="lidar")
+            pose.header.frame_id, pose.header.stamp = "map", stamps.pop()
+            pose.transform.translation.x = 4.0
+            broadcaster.sendTransform(pose)
+        elif scans.get_subscription_count() and broadcaster.pub_tf.get_subscription_count():
+            stamps.append(node.get_clock().now().to_msg())
+            scans.publish(LaserScan(header=Header(frame_id="lidar", stamp=stamps[0])))
+        return "[scan_pose]: scanned at x = 4.00 m" in log.read_text()
+
+    log = tmp_path / "log"
+    with log.open("w") as stderr, killed(subprocess.Popen(command, stderr=stderr)):
+        until(is_logged)
+
+
+def test_the_demonstration_prints_what_the_readme_shows():
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    [shown] = re.findall(r"make demo\n```.*?```text\n(.*?)```", page, re.DOTALL)
+    printed = without_numbers(output_of(ROOT / "examples" / "demo.py"))
+    assert without_numbers(shown) in printed
 
 
 # Commands: those in blocks, and those in the text.

@@ -34,16 +34,18 @@ class HasSecNanosec(Protocol):
     def nanosec(self) -> int: ...
 
 
-# An int means nanoseconds.
+#: A time: an rclpy ``Time``, the stamp of a message, any object with the attributes of one, an ``int`` in
+#: nanoseconds, or a NumPy ``datetime64`` or pandas ``Timestamp``, which are UTC.
 TimeLike = HasNanoseconds | HasSecNanosec | int | np.datetime64
 
-# Many times; an array holds integer nanoseconds, or datetime64.
+#: Many times: an array of integers in nanoseconds or of ``datetime64``, or a sequence of times.
 TimesLike = npt.ArrayLike | Sequence[TimeLike]
 
-# A timeout, a tolerance, an interval, how far a history reaches back; a number means seconds.
+#: A timeout, a tolerance, an interval, how far a history reaches back: an rclpy ``Duration``, the message of
+#: one, any object with the attributes of one, a ``timedelta``, or a number of seconds.
 DurationLike = HasNanoseconds | HasSecNanosec | timedelta | float
 
-# One duration for all frames, or one for each of some frames, by name.
+#: A duration for all frames, or a mapping of the names of frames to a duration for each.
 DurationsLike = DurationLike | Mapping[str, DurationLike]
 
 

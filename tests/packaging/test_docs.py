@@ -1,6 +1,7 @@
 """The documentation: its programs run, its commands work, its links lead somewhere, its names exist."""
 
 import re
+import runpy
 import subprocess
 import sys
 
@@ -127,6 +128,12 @@ def test_the_figures_of_lookups_are_those_of_the_results():
     rows = output_of(ROOT / "docs" / "speed.py", cwd=ROOT).splitlines()
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
     assert [row for row in rows if row not in page] == []
+
+
+@by_name
+def test_the_tables_of_a_page_are_what_the_sources_say(page):
+    text = page.read_text(encoding="utf-8")
+    assert runpy.run_path(str(ROOT / "docs" / "tables.py"))["with_tables"](text) == text
 
 
 # Links and names.

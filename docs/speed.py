@@ -21,16 +21,18 @@ CONTESTANTS = {
     ("tf2_ros", "buffer"): "Jazzy's tf2_ros, Python",
     ("tf2", "C++: core"): "Jazzy's tf2, called from C++",
 }
+# Only in the table.
+PEER = ("transform-tree", "plan")
 COLORS = ("#1a7f37", "#888888", "#c4c4c4")
 
 
 def medians() -> dict[str, list[float]]:
-    """Microseconds of one lookup, for each line of LOOKUPS, in the order of CONTESTANTS."""
+    """Microseconds of one lookup, for each line of LOOKUPS, in the order of CONTESTANTS, and of PEER."""
     lines = [line.split(" | ") for line in RESULTS.read_text(encoding="utf-8").splitlines()]
     head = next(cells for cells in lines if len(cells) > 1)
     columns = [
         next(i for i, cell in enumerate(head) if cell.startswith(begin) and cell.rstrip(" |").endswith(end))
-        for begin, end in CONTESTANTS
+        for begin, end in [*CONTESTANTS, PEER]
     ]
     first = {cells[0].removeprefix("| "): cells for cells in reversed(lines)}
     return {

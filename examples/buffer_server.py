@@ -87,7 +87,8 @@ def ask(node, client):
 def camera():
     """Where the camera is mounted."""
     transform = TransformStamped()
-    transform.header.frame_id, transform.child_frame_id = "base_link", "camera"
+    transform.header.frame_id = "base_link"
+    transform.child_frame_id = "camera"
     transform.transform.translation.x = 0.3
     transform.transform.rotation.w = 1.0
     return transform

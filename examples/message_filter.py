@@ -68,7 +68,8 @@ class Lidar:
             self.scans.publish(scan)
         if DELAY <= self.ticks < DELAY + SCANS:
             transform = TransformStamped()
-            transform.header.frame_id, transform.child_frame_id = "map", "lidar"
+            transform.header.frame_id = "map"
+            transform.child_frame_id = "lidar"
             transform.header.stamp = stamp(self.ticks - DELAY)
             transform.transform.translation.x = 0.1 * (self.ticks - DELAY)
             self.transforms.sendTransform(transform)

@@ -111,7 +111,8 @@ cdef class BufferCore(Engine):
     >>> from tf2_py import BufferCore
     >>> from geometry_msgs.msg import TransformStamped
     >>> mount = TransformStamped(child_frame_id="camera")
-    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> mount.header.frame_id = "base_link"
+    >>> mount.transform.translation.x = 0.3
     >>> buffer = BufferCore()
     >>> buffer.set_transform_static(mount, "example")
     >>> "camera" in buffer

@@ -98,7 +98,8 @@ class Buffer(BufferCore, BufferInterface):
     >>> from tf2_ros import Buffer
     >>> from geometry_msgs.msg import TransformStamped
     >>> mount = TransformStamped(child_frame_id="camera")
-    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> mount.header.frame_id = "base_link"
+    >>> mount.transform.translation.x = 0.3
     >>> buffer = Buffer()  # a TransformListener fills it; here, this program does
     >>> buffer.set_transform_static(mount, "example")
     >>> buffer.lookup_transform("base_link", "camera", Time()).transform.translation.x

@@ -66,7 +66,8 @@ class BufferInterface:
     >>> class OneMetreAhead(BufferInterface):
     ...     def lookup_transform(self, target_frame, source_frame, time, timeout=None):
     ...         transform = TransformStamped(child_frame_id=source_frame)
-    ...         transform.header.frame_id, transform.transform.translation.x = target_frame, 1.0
+    ...         transform.header.frame_id = target_frame
+    ...         transform.transform.translation.x = 1.0
     ...         return transform
     >>> OneMetreAhead().transform(PointStamped(), "base_link").point.x
     1.0
@@ -111,11 +112,13 @@ class BufferInterface:
         >>> from geometry_msgs.msg import PointStamped, TransformStamped
         >>> from tf2_ros import Buffer
         >>> mount = TransformStamped(child_frame_id="camera")
-        >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+        >>> mount.header.frame_id = "base_link"
+        >>> mount.transform.translation.x = 0.3
         >>> buffer = Buffer()
         >>> buffer.set_transform_static(mount, "example")
         >>> point = PointStamped()
-        >>> point.header.frame_id, point.point.x = "camera", 1.0
+        >>> point.header.frame_id = "camera"
+        >>> point.point.x = 1.0
         >>> buffer.transform(point, "base_link").point.x
         1.3
         """

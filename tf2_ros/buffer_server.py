@@ -73,7 +73,8 @@ class BufferServer:
     >>> from tf2_ros import Buffer, BufferClient, BufferServer
     >>> from geometry_msgs.msg import TransformStamped
     >>> mount = TransformStamped(child_frame_id="camera")
-    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> mount.header.frame_id = "base_link"
+    >>> mount.transform.translation.x = 0.3
     >>> buffer = Buffer()
     >>> buffer.set_transform_static(mount, "example")
     >>> server = BufferServer(buffer, node, "lookup")  # of a node that is spun

@@ -145,7 +145,8 @@ class MessageFilter(Generic[_Message]):
     >>> from tf2_ros import Buffer, MessageFilter
     >>> from geometry_msgs.msg import TransformStamped
     >>> mount = TransformStamped(child_frame_id="camera")
-    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> mount.header.frame_id = "base_link"
+    >>> mount.transform.translation.x = 0.3
     >>> point = PointStamped()
     >>> point.header.frame_id = "camera"
     >>> buffer, points = Buffer(), []

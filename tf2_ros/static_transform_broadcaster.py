@@ -33,7 +33,8 @@ class StaticTransformBroadcaster(Broadcaster):
     >>> from tf2_ros import StaticTransformBroadcaster
     >>> from geometry_msgs.msg import TransformStamped
     >>> mount = TransformStamped(child_frame_id="camera")
-    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> mount.header.frame_id = "base_link"
+    >>> mount.transform.translation.x = 0.3
     >>> broadcaster = StaticTransformBroadcaster(node)
     >>> broadcaster.sendTransform(mount)
     >>> [sent.child_frame_id for sent in broadcaster.net_message.transforms]

@@ -86,7 +86,8 @@ class TransformBroadcaster(Broadcaster):
     >>> from geometry_msgs.msg import TransformStamped
     >>> from tf2_ros import TransformBroadcaster
     >>> pose = TransformStamped(child_frame_id="base_link")
-    >>> pose.header.frame_id, pose.header.stamp = "odom", node.get_clock().now().to_msg()
+    >>> pose.header.frame_id = "odom"
+    >>> pose.header.stamp = node.get_clock().now().to_msg()
     >>> pose.transform.translation.x = 1.5
     >>> TransformBroadcaster(node).sendTransform(pose)
     """

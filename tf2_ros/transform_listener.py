@@ -108,7 +108,8 @@ class TransformListener:
     >>> from tf2_ros import Buffer, StaticTransformBroadcaster, TransformListener
     >>> from geometry_msgs.msg import TransformStamped
     >>> mount = TransformStamped(child_frame_id="camera")
-    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> mount.header.frame_id = "base_link"
+    >>> mount.transform.translation.x = 0.3
     >>> StaticTransformBroadcaster(node).sendTransform(mount)  # usually in another process
     >>> buffer = Buffer()
     >>> with TransformListener(buffer, node):

@@ -71,7 +71,8 @@ class History(NamedTuple):
     >>> from tf2_py import BufferCore
     >>> from geometry_msgs.msg import TransformStamped
     >>> mount = TransformStamped(child_frame_id="camera")
-    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> mount.header.frame_id = "base_link"
+    >>> mount.transform.translation.x = 0.3
     >>> buffer = BufferCore()
     >>> buffer.set_transform(mount, "example")
     >>> history = buffer.histories()["camera"]

@@ -1,7 +1,11 @@
-"""Write the tables of the pages that are made of the sources: `python docs/tables.py`."""
+"""
+Write the tables of the pages that are made of the sources: `python docs/tables.py`.
+
+`tools/docs/options.py` does so for the pages of the tools. Tests compare the tables with the sources.
+"""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from tf2_py._objects.log import REFUSALS
@@ -10,7 +14,7 @@ DOCS = Path(__file__).resolve().parent
 TYPES = DOCS.parent / "tf2_py" / "typing.py"
 # A table follows the comment that names it.
 PLACE = re.compile(
-    r"(?P<head><!-- The table of (?P<name>\w+), by docs/tables\.py -->\n)(\n\|.*?\n(?=\n))?", re.DOTALL
+    r"(?P<head><!-- The table of (?P<name>\w+), by \S+\.py -->\n)(\n\|.*?\n(?=\n|\Z))?", re.DOTALL
 )
 
 
@@ -29,14 +33,16 @@ def types() -> list[list[str]]:
     return [["type", "what it stands for"], *rows]
 
 
-TABLES: dict[str, Callable[[], list[list[str]]]] = {"refusals": refusals, "types": types}
+# A table is its head and its rows.
+Table = list[list[str]]
+TABLES: Mapping[str, Callable[[], Table]] = {"refusals": refusals, "types": types}
 
 
-def with_tables(page: str) -> str:
+def with_tables(page: str, tables: Mapping[str, Callable[[], Table]] = TABLES) -> str:
     """The text of a page, with the tables that it names as the sources have them now."""
 
     def written(place: re.Match[str]) -> str:
-        head, *rows = TABLES[place["name"]]()
+        head, *rows = tables[place["name"]]()
         lines = [f"| {' | '.join(row)} |" for row in (head, *rows)]
         lines.insert(1, "|---" * len(head) + "|")
         return place["head"] + "\n" + "\n".join(lines) + "\n"
@@ -45,8 +51,5 @@ def with_tables(page: str) -> str:
 
 
 if __name__ == "__main__":
-    for path in DOCS.rglob("*.md"):
-        text = path.read_text(encoding="utf-8")
-        if (renewed := with_tables(text)) != text:
-            path.write_text(renewed, encoding="utf-8")
-            print(path.relative_to(DOCS.parent))
+    for path in DOCS.glob("*.md"):
+        path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")

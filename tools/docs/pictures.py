@@ -9,6 +9,7 @@ import contextlib
 import itertools
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -31,8 +32,19 @@ TOOLS = Path(__file__).resolve().parent.parent
 ROOT = TOOLS.parent
 DEMO = ROOT / "examples" / "demo.py"
 ROBOT = [sys.executable, DEMO, "broadcast"]  # ends by itself after 18 s
-FAULTS = [sys.executable, TOOLS / "tests" / "support" / "programs" / "broadcasting.py", "faults"]
+FAULTS = [sys.executable, TOOLS / "docs" / "faults.py"]
 IMAGES = TOOLS / "docs" / "images"
+GETTING_STARTED = ROOT / "docs" / "getting-started.md"
+# What draws each picture: a command that is on the page before it. A test compares them.
+PICTURES = {
+    "demo-tree.svg": "view_frames -o robot.svg",
+    "faults-tree.svg": "view_frames -o robot.svg",
+    "getting-started-tree.svg": "view_frames -o robot.svg",
+    "demo-path.png": "tf2_plot --path map camera -t 8 -o path.png",
+    "demo-heard.png": "tf2_plot -t 8 -o received.png",
+    "demo-monitor.svg": "tf2_monitor map camera",
+    "demo-view.png": "tf2_view --web --trail base_link",  # a screenshot made by hand
+}
 sys.path[:0] = [str(DEMO.parent), str(ROOT / "docs")]
 
 import speed  # noqa: E402
@@ -49,28 +61,37 @@ def main() -> None:
     domain, _lock = demo.claim_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
     os.environ.pop("ROS_LOCALHOST_ONLY", None)
-    draw("demo-tree.svg", "view_frames", "-o")
-    draw("faults-tree.svg", "view_frames", "-o", robot=FAULTS)
-    draw("demo-path.png", "tf2_plot", "--path", "map", "camera", "-t", "8", "-o", stopped=True)
-    draw("demo-heard.png", "tf2_plot", "-t", "8", "-o", stopped=True)
+    draw(IMAGES / "demo-tree.svg")
+    draw(IMAGES / "faults-tree.svg", robot=FAULTS)
+    draw(ROOT / "docs" / "images" / "getting-started-tree.svg", robot=first_robot())
+    draw(IMAGES / "demo-path.png", stopped=True)
+    draw(IMAGES / "demo-heard.png", stopped=True)
     with_robot(show_monitor)
 
 
-def draw(
-    name: str, program: str, *arguments: str, stopped: bool = False, robot: Sequence[str | Path] = ROBOT
-) -> None:
-    """Let a program draw a picture; ``stopped``: the robot's program stands still for a second of it."""
+def first_robot() -> list[str]:
+    """The program of the page for beginners."""
+    [code] = re.findall(
+        r"```python\n(# robot\.py\n.*?)```", GETTING_STARTED.read_text(encoding="utf-8"), re.DOTALL
+    )
+    return [sys.executable, "-c", code]
+
+
+def draw(picture: Path, *, stopped: bool = False, robot: Sequence[str | Path] = ROBOT) -> None:
+    """Let the command of a picture draw it; ``stopped``: the robot stands still for a second of it."""
+    program, *arguments, file = shlex.split(PICTURES[picture.name])
 
     def run(process: subprocess.Popen) -> None:
-        pauses = [
-            threading.Timer(5.0, process.send_signal, [signal.SIGSTOP]),
-            threading.Timer(6.0, process.send_signal, [signal.SIGCONT]),
-        ]
-        for pause in pauses if stopped else ():
-            pause.start()
         with tempfile.TemporaryDirectory() as folder:  # view_frames writes the input of Graphviz beside it
-            subprocess.run([*_command(program), *arguments, Path(folder) / name], check=True)
-            shutil.copy(Path(folder) / name, IMAGES)
+            command = [*_command(program), *arguments, Path(folder) / file]
+            drawing = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+            for line in drawing.stderr:  # on a busy machine, it takes seconds to begin
+                for after_s, number in ((4.0, signal.SIGSTOP), (5.0, signal.SIGCONT)):
+                    if stopped and "Listening" in line:
+                        threading.Timer(after_s, process.send_signal, [number]).start()
+            if drawing.wait() != 0:
+                raise SystemExit(f"{shlex.join(map(str, command))} failed")
+            shutil.copy(Path(folder) / file, picture)
 
     with_robot(run, robot)
 
@@ -79,10 +100,11 @@ def show_monitor(_robot: subprocess.Popen) -> None:
     """What tf2_monitor shows on a terminal after some seconds."""
     screen = pyte.Screen(COLUMNS, ROWS)
     stream = pyte.Stream(screen)
-    [python, *arguments] = _command("tf2_monitor")
+    program, *frames = shlex.split(PICTURES["demo-monitor.svg"])
+    [python, *arguments] = _command(program)
     monitor = pexpect.spawn(
         python,
-        [*arguments, "map", "camera"],
+        [*arguments, *frames],
         dimensions=(ROWS, COLUMNS),
         env={**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"},
         encoding="utf-8",
@@ -98,7 +120,7 @@ def show_monitor(_robot: subprocess.Popen) -> None:
     for number in range(ROWS):
         console.print(_line(screen, number))
     console.save_svg(
-        str(IMAGES / "demo-monitor.svg"), title="tf2_monitor map camera", code_format=WITHOUT_FONTS
+        str(IMAGES / "demo-monitor.svg"), title=PICTURES["demo-monitor.svg"], code_format=WITHOUT_FONTS
     )
 
 

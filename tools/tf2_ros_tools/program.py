@@ -4,8 +4,7 @@ Read command lines, print and exit in the same way for all programs.
 A program is a module of ``tf2_ros_tools.programs`` with a ``PARSER`` and a ``main``. It imports ROS, NumPy
 and other libraries after the command line has been read, so that help is fast.
 
-Exit statuses: 0 and 1 depend on the program, and 1 also means that its output could not be written; 2 is
-wrong usage; 130 means that Ctrl-C or SIGTERM ended it before there was a result.
+STATUSES says what the exit statuses mean.
 """
 
 import math
@@ -31,6 +30,15 @@ SUCCESS = 0
 FAILURE = 1
 USAGE = 2
 INTERRUPTED = 130
+
+# For the documentation, too.
+STATUSES = {
+    SUCCESS: "the command did its work, and found no problem; or Ctrl-C ended a command that runs until then",
+    FAILURE: "the command could not do its work, or write its output; `tf2_check`, and `check` of `tf2_bag`: "
+    "there are problems",
+    USAGE: "wrong usage; one line on standard error says what is wrong",
+    INTERRUPTED: "Ctrl-C or SIGTERM ended the command before there was a result",
+}
 
 _ROS_ARGS = "--ros-args"
 _WIDTH = 80  # of the text of a help
@@ -298,8 +306,8 @@ def add_check_options(made: ArgumentParser) -> None:
         "--max-delay",
         type=non_negative_number,
         metavar="S",
-        help="maximum delay of dynamic transforms; without it, the average of a frame may be 1 s or 3 of its "
-        "periods, whichever is longer",
+        help="maximum delay of dynamic transforms; without it, report averages above 1 s or 3 periods of the "
+        "frame, whichever is longer",
     )
     made.add_argument(
         "--ignore",

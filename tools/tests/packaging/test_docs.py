@@ -1,7 +1,9 @@
 """The documentation of the tools, and the programs on all pages; and the site, which has both parts."""
 
+import ast
 import importlib
 import re
+import runpy
 import signal
 import subprocess
 import sys
@@ -118,6 +120,41 @@ def test_the_commands_of_a_page_name_options_targets_and_extras_that_exist(page)
                 assert {extra for extras in named for extra in extras.split(",")} <= EXTRAS, words
             case ["python", path, *_] if page in PAGES and not path.startswith("-"):
                 assert (ROOT / path).is_file() or path in FILES, words
+
+
+@by_name
+def test_the_tables_of_a_page_are_what_the_commands_say(page):
+    renewed = runpy.run_path(str(DOCS / "options.py"))["renewed"]
+    assert renewed(page) == page.read_text(encoding="utf-8")
+
+
+IMAGE = re.compile(r"!\[([^\]]*)\]\(\S*?([\w-]+\.(?:svg|png))\)")
+PICTURES = ast.literal_eval(
+    re.search(r"^PICTURES = ({.*?^})", (DOCS / "pictures.py").read_text(encoding="utf-8"), re.M | re.S)[1]
+)
+SHOWN = [
+    pytest.param(page, found[1], found[2], found.start(), id=f"{page.name}-{found[2]}")
+    for page in ALL_PAGES
+    for found in IMAGE.finditer(page.read_text(encoding="utf-8"))
+    if found[2] in PICTURES and page.name != "README.md"  # which shows a picture without its command
+]
+
+
+@pytest.mark.parametrize(("page", "caption", "picture", "place"), SHOWN)
+def test_a_picture_is_that_of_the_command_before_it(page, caption, picture, place):
+    name = PICTURES[picture].split()[0]
+    before = page.read_text(encoding="utf-8")[:place]
+    *_, command = re.findall(rf"^{name}\b.*$|(?<=`){name} [^`\n]+(?=`)", before, re.MULTILINE)
+    assert command.partition("  #")[0].rstrip() == PICTURES[picture]
+    # The frames of the command are in the caption, and those of the caption in the picture, if it has text.
+    frames = [word for word in PICTURES[picture].split() if word in ("map", "odom", "base_link", "camera")]
+    assert all(frame in caption for frame in frames) or name == "tf2_monitor"
+    if picture.endswith("-tree.svg"):
+        [link] = re.findall(rf"\((\S*{picture})\)", page.read_text(encoding="utf-8"))
+        drawn = (page.parent / link).read_text(encoding="utf-8")
+        assert all(
+            f">{frame}<" in drawn for frame in re.findall(r"\b(?:map|odom|base_link|camera)\b", caption)
+        )
 
 
 INTERNALS = DOCS / "internals.md"

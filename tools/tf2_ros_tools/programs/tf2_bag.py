@@ -45,7 +45,8 @@ and where a frame was at a given time.
 A recording is a rosbag2 folder, or a file that ends in .mcap, .db3 or .bag (ROS 1). Each command has its \
 own help, for example tf2_bag lookup --help.
 
-Exit status: 0 if the command could be done, otherwise 1."""
+Exit status: 0 if the command could be done; 1 if it could not, or if check has found problems; 2 after \
+wrong usage."""
 
 EXAMPLE = """\
   tf2_bag info drive.mcap

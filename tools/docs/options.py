@@ -1,0 +1,53 @@
+"""
+Write the tables of options and of exit statuses on the pages of the tools: `python tools/docs/options.py`.
+
+They are the help texts of the commands; a test compares them.
+"""
+
+import importlib
+import sys
+from argparse import SUPPRESS, Action
+from functools import partial
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent
+sys.path.insert(0, str(DOCS.parent.parent / "docs"))
+
+import tables  # noqa: E402
+
+from tf2_ros_tools.program import STATUSES  # noqa: E402
+
+PAGES = [DOCS / "programs.md", *sorted((DOCS / "programs").glob("*.md"))]
+# Explained once, on the page about all commands.
+COMMON = {"help", "namespace"}
+
+
+def named(action: Action) -> str:
+    """An option with its values, or an argument."""
+    values = action.metavar or ""
+    values = " ".join(values) if isinstance(values, tuple) else values
+    values += " ..." if action.nargs in ("*", "+") else ""
+    return ", ".join(f"`{f'{option} {values}'.strip()}`" for option in action.option_strings) or f"`{values}`"
+
+
+def options_of(command: str) -> tables.Table:
+    """The arguments of a command, with the texts of its help."""
+    parser = importlib.import_module(f"tf2_ros_tools.programs.{command}").PARSER
+    own = [one for one in parser._actions if one.dest not in COMMON and one.help != SUPPRESS]
+    return [["option", "meaning"], *([named(one), str(one.help)] for one in own)]
+
+
+def statuses() -> tables.Table:
+    """What the exit statuses of all commands mean."""
+    return [["exit status", "meaning"], *([str(status), meaning] for status, meaning in STATUSES.items())]
+
+
+def renewed(page: Path) -> str:
+    """The text of a page with its tables as the commands have them now."""
+    made = {"options": partial(options_of, page.stem), "statuses": statuses}
+    return tables.with_tables(page.read_text(encoding="utf-8"), made)
+
+
+if __name__ == "__main__":
+    for path in PAGES:
+        path.write_text(renewed(path), encoding="utf-8")

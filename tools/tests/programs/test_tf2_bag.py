@@ -18,6 +18,7 @@ from robots import ARM, description, joint_state
 from starting import ended, needs_dot, running
 from test_pictures import texts_of
 
+from tf2_ros_tools.bag import save
 from tf2_ros_tools.program import RunError
 from tf2_ros_tools.programs.tf2_bag import PARSER, bag
 
@@ -233,7 +234,7 @@ def test_of_a_saved_buffer_no_delay_is_known(run, tmp_path, tf2_ros):
         stamp = 1_795_000_000 + i / 20
         buffer.set_transform(transform("map", "odom", stamp), "here")
         buffer.set_transform(transform("odom", "base", stamp - 6), "a publisher that is late")
-    bag.save(buffer, tmp_path / "saved.mcap")
+    save(buffer, tmp_path / "saved.mcap")
     status, out, _ = run("check", tmp_path / "saved.mcap", "--max-delay", "0")
     assert (status, out[:27]) == (0, "ok: no findings in 3 frames")
     _, out, _ = run("info", tmp_path / "saved.mcap")

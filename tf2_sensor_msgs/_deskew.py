@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
-from tf2_py._internal import as_times_ns, duration_ns, printable, time_ns
+from tf2_py._internal import as_times_ns, duration_ns, time_ns
 from tf2_ros import BufferCore, ExtrapolationException, TransformException
 from tf2_ros._arguments import frame_of
+from tf2_ros_cython.output import printable
 from tf2_sensor_msgs._cloud import move_points, read_times, sampled_range
 from tf2_sensor_msgs._errors import FieldError
 

@@ -24,13 +24,27 @@ def refusals() -> list[list[str]]:
     return [head, *([f"`{tag}`", reason, f"`{key}`"] for tag, key, reason in REFUSALS)]
 
 
-def types() -> list[list[str]]:
-    """The types of arguments, with the comments that the reference shows."""
+def described_types() -> dict[str, str]:
+    """The types of arguments, with the comments above them."""
     found = re.findall(r"((?:^#: .*\n)+)^(\w+) =", TYPES.read_text(encoding="utf-8"), re.MULTILINE)
-    rows = [
-        [f"`{name}`", comment.replace("\n#: ", " ")[3:].strip().replace("``", "`")] for comment, name in found
-    ]
-    return [["type", "what it stands for"], *rows]
+    return {name: comment.replace("\n#: ", "\n").removeprefix("#: ").strip() for comment, name in found}
+
+
+def types() -> list[list[str]]:
+    """The types of arguments."""
+    texts = ((f"`{name}`", " ".join(text.split())) for name, text in described_types().items())
+    return [["type", "what it stands for"], *([name, text.replace("``", "`")] for name, text in texts)]
+
+
+def with_types(reference: str) -> str:
+    """The text of the reference, with the types as the sources have them now."""
+
+    def written(place: re.Match[str]) -> str:
+        texts = ((name, text.replace("\n", "\n   ")) for name, text in described_types().items())
+        return place["head"] + "".join(f"\n.. py:data:: {name}\n\n   {text}\n" for name, text in texts) + "\n"
+
+    place = r"(?P<head>\.\. The types, by docs/tables\.py\n).*?(?=\.\. autoclass)"
+    return re.sub(place, written, reference, flags=re.DOTALL)
 
 
 # A table is its head and its rows.
@@ -50,6 +64,9 @@ def with_tables(page: str, tables: Mapping[str, Callable[[], Table]] = TABLES) -
     return PLACE.sub(written, page)
 
 
+REFERENCE = DOCS / "api" / "tf2_py.rst"
+
 if __name__ == "__main__":
+    REFERENCE.write_text(with_types(REFERENCE.read_text(encoding="utf-8")), encoding="utf-8")
     for path in DOCS.glob("*.md"):
         path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -136,6 +136,12 @@ def test_the_tables_of_a_page_are_what_the_sources_say(page):
     assert runpy.run_path(str(ROOT / "docs" / "tables.py"))["with_tables"](text) == text
 
 
+def test_the_types_in_the_reference_are_what_the_sources_say():
+    tables = runpy.run_path(str(ROOT / "docs" / "tables.py"))
+    text = tables["REFERENCE"].read_text(encoding="utf-8")
+    assert tables["with_types"](text) == text
+
+
 # Links and names.
 
 

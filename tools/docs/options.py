@@ -24,7 +24,7 @@ COMMON = {"help", "namespace"}
 
 def named(action: Action) -> str:
     """An option with its values, or an argument."""
-    values = action.metavar or ""
+    values = action.metavar or (f"{{{','.join(map(str, action.choices))}}}" if action.choices else "")
     values = " ".join(values) if isinstance(values, tuple) else values
     values += " ..." if action.nargs in ("*", "+") else ""
     return ", ".join(f"`{f'{option} {values}'.strip()}`" for option in action.option_strings) or f"`{values}`"

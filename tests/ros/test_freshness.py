@@ -78,7 +78,7 @@ def test_a_tolerance_may_differ_between_frames(tf2_ros, buffer):
         ({"odom": 0.9, "base": 0.1}, "odom"),
         ({"odom": 2, "base": 0}, "base"),
     ):
-        with pytest.raises(tf2_ros.ExtrapolationException, match=f"after the newest sample of {late}"):
+        with pytest.raises(tf2_ros.ExtrapolationException, match=f"the newest sample of {late} .* too old"):
             buffer.lookup_transform("map", "camera", now, tolerance=limits)
     translations, _ = buffer.lookup_transforms(
         "map", "base", [100 * S] * 3, tolerance={"odom": 2, "base": 0.1}

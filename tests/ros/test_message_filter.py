@@ -368,7 +368,7 @@ class TestCallbacks:
             (
                 {"buffer_timeout": 0},
                 "T1 M3",
-                r"Lookup would require extrapolation at time 3\.0*, .* the one sample of lidar in map",
+                r"Lookup would require extrapolation at time 3\.0*.* the only sample of lidar \(parent map\)",
             ),
             ({"frames": "map odom", "buffer_timeout": 0}, "T1 M1", '"odom" .* target_frame does not exist'),
             ({"buffer_timeout": 0, "tolerance": 1.0}, "T1 M1", r"time 2\.0*, but only time 1\.0* is in"),

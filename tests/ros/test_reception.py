@@ -82,12 +82,14 @@ class TestErrors:
         # In steady time: no simulated clock is published here.
         silence = "nothing has been received on /tf for 1 s"
         until(lambda: error_at_any_time().endswith(f"does not exist. {silence.capitalize()}"), executor)
-        assert error_at_any_time("map", "arm", at(9)).endswith("of arm in map at 2.000000000 s; " + silence)
+        assert error_at_any_time("map", "arm", at(9)).endswith("is 7.000000000 s too old; " + silence)
         assert error_at_any_time("map", "tool").endswith("that of tool is other. " + silence.capitalize())
         # What is received now does not help with the past.
-        assert error(buffer, "map", "arm", at(0.5)).endswith("of arm in map at 1.000000000 s")
+        assert error(buffer, "map", "arm", at(0.5)).endswith(
+            "(parent map) at 1.000000000 is 0.500000000 s too new"
+        )
         publisher.send(("map", "arm", 3 * S, 1))
-        until(lambda: error(buffer, "map", "arm", at(9)).endswith("of arm in map at 3.000000000 s"), executor)
+        until(lambda: error(buffer, "map", "arm", at(9)).endswith("is 6.000000000 s too old"), executor)
 
 
 class TestRepr:

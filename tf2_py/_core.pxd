@@ -8,9 +8,20 @@ functions, its code (``.pyx``). A chapter uses those before it, in this order.
 from libc.float cimport DBL_MAX, DBL_MIN
 from libc.math cimport NAN, acos, atan2, cos, fabs, isfinite, isnan, sin, sqrt
 from libc.stddef cimport size_t
-from libc.stdint cimport INT64_MAX, INT64_MIN, UINT32_MAX, UINT64_MAX, int32_t, int64_t, uint32_t, uint64_t
+from libc.stdint cimport (
+    INT64_MAX,
+    INT64_MIN,
+    UINT32_MAX,
+    UINT64_MAX,
+    int32_t,
+    int64_t,
+    uint16_t,
+    uint32_t,
+    uint64_t,
+)
 from libc.stdlib cimport calloc, free, malloc, qsort, realloc
 from libc.string cimport memchr, memcmp, memcpy, memset
+from posix.mman cimport munmap
 from posix.time cimport CLOCK_MONOTONIC, CLOCK_REALTIME, clock_gettime, timespec
 
 include "core/types.pxd"
@@ -19,6 +30,7 @@ include "core/sync.pxd"
 include "core/names.pxd"
 include "core/history.pxd"
 include "core/tree.pxd"
+include "core/frozen.pxd"
 include "core/lookup.pxd"
 include "core/series.pxd"
 include "core/waiters.pxd"

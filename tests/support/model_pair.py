@@ -18,6 +18,7 @@ from encoding import encode
 from making import S, rotation, stamp_ns, transform, translation
 from model import STAMPS_END, Model, ModelError, Policy
 from rclpy.duration import Duration
+from travelling import BY_FILE
 from travelling import WAYS as WAYS_TO_TRAVEL
 
 from tf2_py import BufferCore, TransformException
@@ -170,6 +171,10 @@ class Pair:
         with tempfile.TemporaryDirectory() as folder:
             self.buffer = WAYS_TO_TRAVEL[how](before, Path(folder))
         self.model.travel()
+        if how in BY_FILE:  # which do not name the frames in their order
+            names = self.buffer._getFrameStrings()
+            assert sorted(names) == sorted(self.model.names)
+            self.model.order = names
         before.clear()  # what the copy has is its own
         before._self_check()
 

@@ -3,7 +3,9 @@
 import copy
 import pickle
 import re
+from pathlib import Path
 
+from frozen_files import FrozenFile
 from making import about_z, transform
 
 
@@ -43,23 +45,42 @@ def out_of_band(buffer, _folder):
     return pickle.loads(data, buffers=[bytes(one) for one in buffers])
 
 
+def frozen(buffer, folder, **options):
+    buffer.freeze(folder / "frozen.tf2")
+    return type(buffer).open(folder / "frozen.tf2", **options)
+
+
 WAYS = {
     "pickle": by_pickle(5),
     "pickle 0": by_pickle(0),
     "out of band": out_of_band,
     "deepcopy": lambda buffer, _folder: copy.deepcopy(buffer),
     "copy": lambda buffer, _folder: copy.copy(buffer),
+    "frozen": frozen,
+    "frozen, read": lambda buffer, folder: frozen(buffer, folder, copy=True),
+    "frozen, pickle": lambda buffer, folder: pickle.loads(pickle.dumps(frozen(buffer, folder))),
 }
+# These leave the attributes of a subclass behind, and list frames in an order of their own.
+BY_FILE = {"frozen", "frozen, read", "frozen, pickle"}
+
+
+def settings(buffer):
+    """Cache time, limits, and whether there was a loop; a state that names a file has them there."""
+    state = buffer.__getstate__()
+    if "frozen" in state:
+        header = FrozenFile(Path(state["frozen"][0]).read_bytes()).header
+        return [header.cache_time_ns, header.max_frames, header.max_bytes, header.flags == 1]
+    return [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes", "ever_looped")]
 
 
 def held(buffer):
     """The samples of a buffer with all that belongs to them, and what is said of the frames in them."""
-    histories, infos, state = buffer.histories(), buffer.frames(), buffer.__getstate__()
+    histories, infos = buffer.histories(), buffer.frames()
     names = sorted({name for one in histories.values() for name in (one.frame, *one.parents)})
     found = {
         "frames": {name: infos[name] for name in names},
         "yaml": sorted(re.split(r"\n(?=\S)", buffer.all_frames_as_yaml().rstrip())),  # in the order of names
-        "settings": [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes", "ever_looped")],
+        "settings": settings(buffer),
     }
     for name, one in histories.items():
         arrays = (one.stamps_ns, one.translations, one.rotations)

@@ -86,17 +86,23 @@ cdef inline bint quaternion_normalise_any(double* q) noexcept nogil:
     return quaternion_normalise(q)
 
 
+cdef inline double quaternion_lead(const double* q) noexcept nogil:
+    # The number whose sign decides which of q and -q is canonical, as tf2 chooses when it reads a rotation
+    # matrix: w > 0 if the matrix has a positive trace (4 w^2 - 1); otherwise the largest of x, y, z is
+    # positive, the first of equals.
+    cdef double lead
+    if 4.0 * q[3] * q[3] > 1.0:
+        return q[3]
+    lead = q[0]
+    if fabs(q[1]) > fabs(lead):
+        lead = q[1]
+    if fabs(q[2]) > fabs(lead):
+        lead = q[2]
+    return lead
+
+
 cdef inline void quaternion_canonicalise(double* q) noexcept nogil:
-    # Chooses from q and -q as tf2 does when it reads a rotation matrix: w > 0 if the matrix has a positive
-    # trace (4 w^2 - 1); otherwise the largest of x, y, z is positive, the first of equals.
-    cdef double lead = q[3]
-    if 4.0 * q[3] * q[3] <= 1.0:
-        lead = q[0]
-        if fabs(q[1]) > fabs(lead):
-            lead = q[1]
-        if fabs(q[2]) > fabs(lead):
-            lead = q[2]
-    if lead < 0.0:
+    if quaternion_lead(q) < 0.0:
         q[0] = -q[0]
         q[1] = -q[1]
         q[2] = -q[2]

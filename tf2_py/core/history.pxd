@@ -11,11 +11,20 @@ cdef enum HistoryKind:
     HISTORY_STATIC          # one sample, for every time
 
 
+cdef struct FileMapping:
+    # The bytes of a frozen file in memory, read-only. See frozen.pxd.
+    void* start                 # at a page
+    size_t size                 # bytes
+    uint32_t owners             # histories with samples there, and who opens it; read and written atomically
+    bint is_copy                # they are in memory of this process, not in the file
+
+
 cdef struct HistoryMemory:
-    # The first bytes of the memory that holds a frame's samples.
+    # The first bytes of the memory that holds a frame's samples; those of a mapping are elsewhere.
     uint32_t owners             # the history and its pinned copies; read and written atomically
     uint32_t pinned_from        # slot of the oldest sample of a pinned copy; valid where owners > 1
-    size_t bytes                # allocated, this head included
+    size_t bytes                # allocated in this process, this head included
+    FileMapping* mapping            # which has the samples, and pins all of them for ever; NULL: they follow
 
 
 cdef struct History:
@@ -97,6 +106,13 @@ cdef void history_clear(History* history) noexcept nogil
 # Pin with the lock held. `copy` may be read without the lock until it is unpinned.
 cdef void history_pin(const History* history, History* copy) noexcept nogil
 cdef void history_unpin(History* copy) noexcept nogil
+# Lets go of a mapping, which ends with its last owner.
+cdef void mapping_release(FileMapping* mapping) noexcept nogil
+# Makes a zeroed History of samples in a mapping, which it then owns as well. `stamps` and `samples`: `count`
+# of each, oldest first. The rest of what others read is the caller's. 0, or -1 without memory. Whether all of
+# this is consistent is for history_check to say.
+cdef int history_map(History* history, FileMapping* mapping, const int64_t* stamps, const Sample* samples,
+                     uint32_t count) noexcept nogil
 
 
 # What the history answers for a time.
@@ -212,8 +228,8 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
                                   HistoryChange* change) noexcept nogil
 cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const Sample* sample,
                                       size_t growth_limit, HistoryChange* change) noexcept nogil
-# NULL, or which invariant does not hold.
-cdef const char* history_check(const History* history) noexcept nogil
+# NULL, or which invariant does not hold; `where` is then the index of the sample, or `count`: of none.
+cdef const char* history_check(const History* history, uint32_t* where) noexcept nogil
 
 
 # Copying it into flat arrays.
@@ -224,3 +240,9 @@ cdef enum:
 # `count` elements each, oldest first. The history may be a pinned copy.
 cdef void history_export(const History* history, int64_t* stamps, double* transforms,
                          uint32_t* parents) noexcept nogil
+# The same for `count` samples from the index `first` on, as they lie in a frozen file: their stamps; and
+# whole samples, with the ids that `ids` has for their parents, and zeros behind these.
+cdef void history_copy_stamps(const History* history, uint32_t first, uint32_t count,
+                              int64_t* stamps) noexcept nogil
+cdef void history_copy_samples(const History* history, uint32_t first, uint32_t count, const FrameId* ids,
+                               Sample* samples) noexcept nogil

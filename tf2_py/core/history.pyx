@@ -33,13 +33,24 @@ cdef inline size_t _memory_bytes(uint32_t capacity) noexcept nogil:
             + capacity * sizeof(Sample))
 
 
+cdef void mapping_release(FileMapping* mapping) noexcept nogil:
+    if mapping != NULL and _add(&mapping.owners, <uint32_t>-1) == 0:
+        munmap(mapping.start, mapping.size)
+        free(mapping)
+
+
 cdef inline void _release(HistoryMemory* memory) noexcept nogil:
     if memory != NULL and _add(&memory.owners, <uint32_t>-1) == 0:
+        mapping_release(memory.mapping)
         free(memory)
 
 
+cdef inline bint _is_mapped(const History* history) noexcept nogil:
+    return history.memory != NULL and history.memory.mapping != NULL
+
+
 cdef bint history_is_pinned(const History* history) noexcept nogil:
-    return history.memory != NULL and _load(&history.memory.owners) > 1
+    return _is_mapped(history) or (history.memory != NULL and _load(&history.memory.owners) > 1)
 
 
 cdef void history_pin(const History* history, History* copy) noexcept nogil:
@@ -58,6 +69,8 @@ cdef uint32_t _pinned_before_head(const History* history) noexcept nogil:
     cdef uint32_t pinned_from
     if not history_is_pinned(history):
         return 0
+    if _is_mapped(history):
+        return history.head
     pinned_from = _load(&history.memory.pinned_from)
     if history.head >= pinned_from:
         return history.head - pinned_from
@@ -79,6 +92,7 @@ cdef HistoryInsert _move(History* history, uint32_t capacity, size_t growth_limi
         return HISTORY_NO_MEMORY
     memory.owners = 1
     memory.bytes = bytes
+    memory.mapping = NULL
     history.memory = memory
     history.stamps = <int64_t*>(<char*>memory + _whole_lines(sizeof(HistoryMemory)))
     history.samples = <Sample*>(<char*>history.stamps + _whole_lines(capacity * sizeof(int64_t)))
@@ -107,10 +121,12 @@ cdef HistoryInsert history_reserve_one(History* history, bint at_the_end, size_t
         return HISTORY_FULL
     if history.count >= capacity - capacity // 4:
         # By half: at most 1.5 x 72 bytes per sample. This cannot overflow 32 bits, see LAST_CAPACITY.
-        capacity = capacity + capacity // 2 if capacity else FIRST_CAPACITY
+        capacity += capacity // 2
+    # One that was mapped may be smaller than that.
+    capacity = max(capacity, <uint32_t>FIRST_CAPACITY)
     outcome = _move(history, min(capacity, <uint32_t>LAST_CAPACITY), growth_limit)
     if outcome == HISTORY_FULL and history.count < history.capacity:
-        outcome = _move(history, history.capacity, growth_limit)
+        outcome = _move(history, max(history.capacity, <uint32_t>FIRST_CAPACITY), growth_limit)
     return outcome
 
 
@@ -125,6 +141,25 @@ cdef void history_shrink(History* history) noexcept nogil:
     if history.mostly_empty_for > history.capacity:
         history.mostly_empty_for = 0
         _move(history, history.capacity // 2, 0)
+
+
+cdef int history_map(History* history, FileMapping* mapping, const int64_t* stamps, const Sample* samples,
+                     uint32_t count) noexcept nogil:
+    cdef size_t bytes = _whole_lines(sizeof(HistoryMemory))
+    cdef HistoryMemory* memory = <HistoryMemory*>aligned_alloc(LINE_BYTES, bytes)
+    if memory == NULL:
+        return -1
+    memory.owners = 1
+    memory.pinned_from = 0
+    # What others may use at the same time is not memory of this process.
+    memory.bytes = _memory_bytes(count) if mapping.is_copy else bytes
+    memory.mapping = mapping
+    _add(&mapping.owners, 1)
+    history.memory = memory
+    history.stamps = <int64_t*>stamps       # a write moves both elsewhere first, because they are pinned
+    history.samples = <Sample*>samples
+    history.capacity = history.count = count
+    return 0
 
 
 cdef inline void _drop_memory(History* history) noexcept nogil:
@@ -533,35 +568,35 @@ cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const 
 cdef const char* _transform_check(const Transform* transform) noexcept nogil:
     cdef const double* t = transform.translation
     cdef const double* q = transform.rotation
-    cdef Transform copy = transform[0]
-    cdef int i
     if not (isfinite(t[0]) and isfinite(t[1]) and isfinite(t[2])):
         return "a translation that is not finite"
     # Not "> 1e-12": that is false for NaN.
     if not fabs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) <= 1e-12:
         return "a rotation that is not normalised"
-    quaternion_canonicalise(copy.rotation)
-    for i in range(4):
-        if copy.rotation[i] != q[i]:
-            return "a rotation without the canonical sign"
+    if quaternion_lead(q) < 0.0:
+        return "a rotation without the canonical sign"
     return NULL
 
 
-cdef const char* history_check(const History* history) noexcept nogil:
-    cdef uint32_t i, slot, previous
+cdef const char* history_check(const History* history, uint32_t* where) noexcept nogil:
+    cdef uint32_t i, slot
+    cdef uint32_t previous = 0
     cdef uint32_t changes = 0
     cdef uint32_t same_stamp = 1
     cdef const char* problem
+    where[0] = history.count
     if history.count > history.capacity or (history.capacity and history.head >= history.capacity):
         return "count or head beyond capacity"
     if history.kind == HISTORY_NONE and history.capacity:
         return "a frame that was never a child owns memory"
     # A smaller one would not grow by half.
-    if history.kind == HISTORY_DYNAMIC and history.capacity and history.capacity < FIRST_CAPACITY:
+    if (history.kind == HISTORY_DYNAMIC and history.capacity and history.capacity < FIRST_CAPACITY
+            and not _is_mapped(history)):
         return "a dynamic history of less than the first capacity"
     if history.kind == HISTORY_STATIC and (history.count != 1 or history.newest_ns != 0):
         return "a static history without its one sample"
     for i in range(history.count):
+        where[0] = i
         slot = history_slot(history, i)
         if history.stamps[slot] < 0 or history.stamps[slot] > MAX_STAMP_NS:
             return "a sample with a stamp that no message holds"
@@ -571,13 +606,14 @@ cdef const char* history_check(const History* history) noexcept nogil:
         if problem != NULL:
             return problem
         if i:
-            previous = history_slot(history, i - 1)
             if history.stamps[previous] > history.stamps[slot]:
                 return "stamps out of order"
             same_stamp = same_stamp + 1 if history.stamps[previous] == history.stamps[slot] else 1
             if same_stamp > MAX_PER_STAMP:
                 return "too many samples of one stamp"
             changes += history.samples[previous].parent != history.samples[slot].parent
+        previous = slot
+    where[0] = history.count
     if changes != history.parent_changes:
         return "parent_changes miscounted"
     if history.kind == HISTORY_DYNAMIC and history.count:
@@ -611,3 +647,21 @@ cdef void history_export(const History* history, int64_t* stamps, double* transf
     _export_run(history, history.head, first, stamps, transforms, parents)
     _export_run(history, 0, history.count - first, stamps + first,
                 transforms + <size_t>first * TRANSFORM_DOUBLES, parents + first)
+
+
+cdef void history_copy_stamps(const History* history, uint32_t first, uint32_t count,
+                              int64_t* stamps) noexcept nogil:
+    cdef uint32_t i
+    for i in range(count):
+        stamps[i] = history.stamps[history_slot(history, first + i)]
+
+
+cdef void history_copy_samples(const History* history, uint32_t first, uint32_t count, const FrameId* ids,
+                               Sample* samples) noexcept nogil:
+    cdef const Sample* sample
+    cdef uint32_t i
+    for i in range(count):
+        sample = &history.samples[history_slot(history, first + i)]
+        memset(&samples[i], 0, sizeof(Sample))
+        samples[i].transform = sample.transform
+        samples[i].parent = ids[sample.parent]

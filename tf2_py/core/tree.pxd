@@ -21,6 +21,7 @@ cdef struct Tree:
     uint32_t hidden                 # frames whose names count as unknown
     FrameId last_child              # of the last insert
     bint ever_looped                # a parent link once closed a loop: then walks are made in tf2's order
+    bint is_frozen                  # it was opened from a frozen file, and holds what that file holds
     uint64_t work                   # extra cost of all inserts so far; 1 is the cost of an ordinary insert
     uint64_t samples                # in all histories
     size_t history_bytes            # allocated for all histories
@@ -61,6 +62,10 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
 # names; NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil
+# Adds a frame whose name is unknown, regardless of the limits. NO_FRAME: there is no memory, or no free id.
+cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size) noexcept nogil
+# Gives a frame without samples a history, and takes that over. `parent`: of its newest sample.
+cdef void tree_put_history(Tree* tree, FrameId frame, const History* history, FrameId parent) noexcept nogil
 # Marks the frame of the transform just inserted as one whose rotation was unnormalised. Whether it is new.
 cdef bint tree_mark_unnormalised(Tree* tree) noexcept nogil
 
@@ -94,3 +99,8 @@ cdef void tree_unpin(PinnedTree* pinned) noexcept nogil
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
 # NULL, or which invariant does not hold.
 cdef const char* tree_check(const Tree* tree) noexcept nogil
+# The same for one frame; `where`: as in history_check.
+cdef const char* tree_check_frame(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil
+# A frame from which parent links of any time lead back to it; NO_FRAME: there is none. Returns 0, or -1
+# without memory.
+cdef int tree_find_loop(const Tree* tree, FrameId* found) noexcept nogil

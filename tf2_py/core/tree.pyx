@@ -85,6 +85,18 @@ cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* chang
     return id
 
 
+cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size) noexcept nogil:
+    cdef uint32_t refused = 0
+    return _add_frame(tree, name, size, NULL, &refused)
+
+
+cdef void tree_put_history(Tree* tree, FrameId frame, const History* history, FrameId parent) noexcept nogil:
+    tree.histories[frame] = history[0]
+    tree.parents[frame] = parent | (MIXED_PARENTS if history.parent_changes else 0)
+    tree.samples += history.count
+    tree.history_bytes += history_allocated(history)
+
+
 cdef FrameId _intern_frame(Tree* tree, const char* name, size_t size, FrameId guess, Change* change,
                            uint32_t* refused) noexcept nogil:
     # The id of the frame, a new one if the name is unknown; NO_FRAME: it failed, see `refused`.
@@ -251,6 +263,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     cdef uint32_t count = history.count
     cdef size_t bytes_before = history_allocated(history)
     cdef size_t growth_limit = _bytes_left(tree)
+    tree.is_frozen = False      # a repeated sample, too, has another authority, and prunes
     sample.transform = incoming.transform
     sample.parent = parent
     if is_static:
@@ -290,6 +303,7 @@ cdef bint tree_mark_unnormalised(Tree* tree) noexcept nogil:
 
 cdef void tree_clear(Tree* tree) noexcept nogil:
     cdef uint32_t id
+    tree.is_frozen = False
     for id in range(1, tree.names.count):
         if tree.histories[id].kind == HISTORY_DYNAMIC:
             tree.samples -= tree.histories[id].count
@@ -325,6 +339,7 @@ cdef void _hide_isolated(Tree* tree) noexcept nogil:
 cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil:
     cdef History* history = &tree.histories[frame]
     cdef bint had_samples = history.count > 0
+    tree.is_frozen = False
     tree.samples -= history.count
     tree.history_bytes -= history_allocated(history)
     history_free(history)
@@ -399,11 +414,12 @@ cdef size_t tree_bytes(const Tree* tree) noexcept nogil:
             + tree.capacity * (sizeof(History) + sizeof(uint32_t)))
 
 
-cdef const char* _check_parents(const Tree* tree, FrameId frame) noexcept nogil:
+cdef const char* _check_parents(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil:
     cdef const History* history = &tree.histories[frame]
     cdef FrameId parent
     cdef uint32_t i
     for i in range(_links(history)):
+        where[0] = i
         parent = history_parent_of(history, i)
         if parent >= tree.names.count:
             return "a parent that is not a frame"
@@ -416,12 +432,27 @@ cdef const char* _check_parents(const Tree* tree, FrameId frame) noexcept nogil:
     return NULL
 
 
+cdef const char* tree_check_frame(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil:
+    cdef const History* history = &tree.histories[frame]
+    cdef const char* problem = history_check(history, where)
+    cdef uint32_t expected
+    if problem != NULL:
+        return problem
+    expected = history_newest_parent(history) | (MIXED_PARENTS if history.parent_changes else 0)
+    if history.is_hidden and history.kind != HISTORY_NONE:
+        return "a hidden frame that has samples"
+    if tree.parents[frame] != expected:
+        return "parents disagrees with the history"
+    if history.authority != NAME_UNKNOWN and history.authority >= tree.authorities.count:
+        return "an authority that is not a name"
+    return _check_parents(tree, frame, where)
+
+
 cdef const char* tree_check(const Tree* tree) noexcept nogil:
-    cdef uint32_t id, expected
+    cdef uint32_t id, where
     cdef uint64_t samples = 0
     cdef size_t history_bytes = 0
     cdef uint32_t hidden = 0
-    cdef const History* history
     cdef const char* problem
     if tree.names.count == 0 or tree.names.count > tree.capacity:
         return "frame count beyond capacity"
@@ -433,25 +464,49 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
     if tree.histories[0].kind != HISTORY_NONE:
         return "the reserved frame has a history"
     for id in range(tree.names.count):
-        history = &tree.histories[id]
-        problem = history_check(history)
+        problem = tree_check_frame(tree, id, &where)
         if problem != NULL:
             return problem
-        expected = history_newest_parent(history) | (MIXED_PARENTS if history.parent_changes else 0)
-        hidden += history.is_hidden
-        if history.is_hidden and history.kind != HISTORY_NONE:
-            return "a hidden frame that has samples"
-        if tree.parents[id] != expected:
-            return "parents disagrees with the history"
-        problem = _check_parents(tree, id)
-        if problem != NULL:
-            return problem
-        if history.authority != NAME_UNKNOWN and history.authority >= tree.authorities.count:
-            return "an authority that is not a name"
-        samples += history.count
-        history_bytes += history_allocated(history)
+        hidden += tree.histories[id].is_hidden
+        samples += tree.histories[id].count
+        history_bytes += history_allocated(&tree.histories[id])
     if samples != tree.samples or history_bytes != tree.history_bytes:
         return "samples or their bytes miscounted"
     if hidden != tree.hidden:
         return "hidden frames miscounted"
     return NULL
+
+
+cdef int tree_find_loop(const Tree* tree, FrameId* found) noexcept nogil:
+    # Depth first: a parent that lies on the path from the frame where the search began closes a loop.
+    cdef uint32_t frames = tree.names.count
+    cdef unsigned char* state = <unsigned char*>calloc(frames, 1)   # 0: not seen, 1: on the path, 2: done
+    cdef uint32_t* followed = <uint32_t*>calloc(frames, sizeof(uint32_t))   # links, by frame
+    cdef FrameId* path = <FrameId*>malloc(frames * sizeof(FrameId))
+    cdef int outcome = -1 if state == NULL or followed == NULL or path == NULL else 0
+    cdef uint32_t count
+    cdef FrameId start, frame, parent
+    found[0] = NO_FRAME
+    for start in range(1, frames if outcome == 0 else 1):
+        count = 0
+        if state[start] == 0:
+            path[0] = start
+            state[start] = count = 1
+        while count and found[0] == NO_FRAME:
+            frame = path[count - 1]
+            if followed[frame] == _links(&tree.histories[frame]):
+                state[frame] = 2
+                count -= 1
+                continue
+            parent = history_parent_of(&tree.histories[frame], followed[frame])
+            followed[frame] += 1
+            if state[parent] == 1:
+                found[0] = parent
+            elif state[parent] == 0:
+                path[count] = parent
+                state[parent] = 1
+                count += 1
+    free(state)
+    free(followed)
+    free(path)
+    return outcome

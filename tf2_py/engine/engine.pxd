@@ -52,6 +52,7 @@ cdef class Engine:
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
+    cdef object _frozen                 # the frozen_file.FrozenFile that was opened; valid if _tree.is_frozen
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef Tap _tap                       # of what a program inserts here; or None
     # Under _lock: no later than what the clock shows. After their first attempt, waits judge ages by it, so
@@ -88,6 +89,11 @@ cdef class Engine:
     # If that raises, nothing has changed.
     cdef dict export(self)
     cdef int restore(self, dict state) except -1
+    # The same for a frozen file: writes the content, as write_frozen; and replaces it by that of a file, as
+    # read_frozen. The state that names the file; None: the content is another now, or the file is.
+    cdef int write_frozen(self, file) except -1
+    cdef int open_frozen(self, path, bint is_copy, expected) except -1
+    cdef dict frozen_state(self)
 
     # Looking up. With `out` NULL, only whether there is an answer.
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
@@ -149,8 +155,8 @@ cdef class Engine:
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil
     # Returns the first of the errors that were raised, or None.
     cdef object _deliver(self, Batch* batch, object hand_over)
-    # Takes the tree over.
-    cdef int _replace_tree(self, const Tree* tree) except -1
+    # Takes the tree over, with the frozen file that has it.
+    cdef int _replace_tree(self, const Tree* tree, frozen=*) except -1
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil
     cdef int _wake_all(self, Batch* batch) except -1
 

@@ -359,7 +359,26 @@ cdef class Engine:
         read_state(state, &restored)
         return self._replace_tree(&restored)
 
-    cdef int _replace_tree(self, const Tree* tree) except -1:
+    cdef int write_frozen(self, file) except -1:
+        catch_up(self)
+        return write_frozen(&self._tree, &self._lock, file, self._names, self._authorities)
+
+    cdef int open_frozen(self, path, bint is_copy, expected) except -1:
+        cdef Tree opened
+        catch_up(self)
+        frozen = read_frozen(path, is_copy, expected, &opened)
+        return self._replace_tree(&opened, frozen)
+
+    cdef dict frozen_state(self):
+        cdef bint is_frozen
+        catch_up(self)
+        lock_acquire(&self._lock)
+        is_frozen = self._tree.is_frozen
+        lock_release(&self._lock)
+        frozen = self._frozen
+        return frozen.as_state() if is_frozen and frozen is not None and frozen.is_there() else None
+
+    cdef int _replace_tree(self, const Tree* tree, frozen=None) except -1:
         cdef Tree old
         cdef Batch batch
         cdef list names = []
@@ -370,7 +389,7 @@ cdef class Engine:
         # The waiters watch the old tree's frames.
         self._begin_to_wake_all(&batch)
         unlock_written(&self._lock, &self._tree, &self._waiters)
-        self._names, self._authorities = names, authorities
+        self._names, self._authorities, self._frozen = names, authorities, frozen
         with nogil:
             tree_free(&old)
         self._malformed = 0

@@ -1,0 +1,133 @@
+"""The format of frozen files as docs/frozen-files.md has it, written a second time, in Python."""
+
+import struct
+from typing import NamedTuple
+
+HEADER = struct.Struct("<8sIIQQQqQIIIIQ48x")
+FRAME = struct.Struct("<QIHHIIIIQQqq")
+NAME = struct.Struct("<QI4x")
+LINE = 64
+CHECKSUM_AT = 32  # in the header
+MASK = (1 << 64) - 1
+PRIME = 0x9E3779B185EBCA87
+
+
+class Header(NamedTuple):
+    magic: bytes
+    version: int
+    flags: int
+    file_bytes: int
+    index_bytes: int
+    checksum: int
+    cache_time_ns: int
+    max_bytes: int
+    max_frames: int
+    frame_count: int
+    authority_count: int
+    reserved: int
+    sample_count: int
+
+
+class Frame(NamedTuple):
+    name_start: int
+    name_size: int
+    kind: int
+    flags: int
+    authority: int
+    newest_parent: int
+    count: int
+    parent_changes: int
+    data_start: int
+    checksum: int
+    oldest_ns: int
+    newest_ns: int
+
+    @property
+    def samples_start(self):
+        return self.data_start + -(-8 * self.count // LINE) * LINE
+
+    @property
+    def data_end(self):
+        return self.samples_start + LINE * self.count
+
+
+def _mixed(lane, word):
+    product = (lane ^ word) * PRIME & MASK
+    return (product << 29 | product >> 35) & MASK
+
+
+def checksum(data):
+    """Of whole lines."""
+    lanes = [i * PRIME & MASK for i in range(1, 9)]
+    for line in struct.iter_unpack("<8Q", data):
+        lanes = [_mixed(lane, word) for lane, word in zip(lanes, line, strict=True)]
+    end = len(data)
+    for lane in lanes:
+        end = _mixed(end, lane)
+    return end ^ end >> 32
+
+
+class FrozenFile:
+    """A frozen file as bytes that can be changed."""
+
+    def __init__(self, data):
+        self.data = bytearray(data)
+
+    @property
+    def header(self):
+        return Header(*HEADER.unpack_from(self.data))
+
+    def frame(self, number):
+        """By its id, from 1 on."""
+        return Frame(*FRAME.unpack_from(self.data, HEADER.size + (number - 1) * FRAME.size))
+
+    @property
+    def frames(self):
+        return [self.frame(number) for number in range(1, self.header.frame_count + 1)]
+
+    @property
+    def authorities(self):
+        start = HEADER.size + self.header.frame_count * FRAME.size
+        places = [start + i * NAME.size for i in range(self.header.authority_count)]
+        return [self.text(*NAME.unpack_from(self.data, place)) for place in places]
+
+    def text(self, start, size):
+        return self.data[start : start + size].decode()
+
+    def name(self, number):
+        frame = self.frame(number)
+        return self.text(frame.name_start, frame.name_size)
+
+    def number(self, name):
+        """The id of a frame."""
+        [found] = [i for i in range(1, self.header.frame_count + 1) if self.name(i) == name]
+        return found
+
+    def change_header(self, **changes):
+        HEADER.pack_into(self.data, 0, *self.header._replace(**changes))
+
+    def change_frame(self, number, **changes):
+        FRAME.pack_into(
+            self.data, HEADER.size + (number - 1) * FRAME.size, *self.frame(number)._replace(**changes)
+        )
+
+    def change(self, code, place, *values):
+        struct.pack_into("<" + code, self.data, place, *values)
+
+    def checksum_of(self, frame):
+        return checksum(self.data[frame.data_start : frame.data_end])
+
+    def index_checksum(self):
+        index = self.data[: self.header.index_bytes]
+        index[CHECKSUM_AT : CHECKSUM_AT + 8] = bytes(8)
+        return checksum(index)
+
+    def renew_checksums(self):
+        """As if the file had been written like this."""
+        most = (len(self.data) - HEADER.size) // FRAME.size
+        for number in range(1, min(self.header.frame_count, most) + 1):
+            frame = self.frame(number)
+            if frame.data_start and frame.data_end <= len(self.data):
+                self.change_frame(number, checksum=self.checksum_of(frame))
+        if self.header.index_bytes <= len(self.data) and self.header.index_bytes % LINE == 0:
+            self.change_header(checksum=self.index_checksum())

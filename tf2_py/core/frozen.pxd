@@ -1,0 +1,85 @@
+"""
+Frozen files: a tree as the bytes of a file that processes map. docs/frozen-files.md describes each byte.
+
+A header, a FrozenFrame for each frame, a FrozenName for each authority, all names, and the samples of each
+frame as they lie in a History: stamps, then samples, each from a whole line on. Frames have the ids 1, 2, ...
+in their order. The header and all up to the first stamp is the index.
+"""
+
+cdef enum:
+    FROZEN_VERSION = 1
+    FROZEN_LOOPED = 1           # flag of a file: Tree.ever_looped
+    FROZEN_PARENT = 1           # flag of a frame: History.is_parent
+
+
+cdef struct FrozenHeader:
+    # 128 bytes. All numbers of a file are little-endian, as those of the machines that this project is for.
+    unsigned char[8] magic
+    uint32_t version            # FROZEN_VERSION
+    uint32_t flags
+    uint64_t file_bytes         # of the whole file
+    uint64_t index_bytes        # of the index, whole lines
+    uint64_t checksum           # of the index, computed while this field is 0
+    int64_t cache_time_ns
+    uint64_t max_bytes
+    uint32_t max_frames
+    uint32_t frame_count        # with those that are only parents
+    uint32_t authority_count
+    uint32_t reserved           # 0, as all that is reserved
+    uint64_t sample_count       # of all frames
+    uint64_t[6] reserved_line
+
+
+cdef struct FrozenFrame:
+    # One line.
+    uint64_t name_start         # from the beginning of the file
+    uint32_t name_size          # bytes
+    uint16_t kind               # a HistoryKind
+    uint16_t flags
+    uint32_t authority          # the number of its FrozenName; 0 without samples
+    uint32_t newest_parent      # of the newest sample; 0 without samples
+    uint32_t count              # samples
+    uint32_t parent_changes     # as in a History, as are the next but two
+    uint64_t data_start         # of the stamps, from the beginning of the file; 0 without samples
+    uint64_t checksum           # of stamps and samples, with what fills the last line of the stamps
+    int64_t oldest_ns
+    int64_t newest_ns
+
+
+cdef struct FrozenName:
+    uint64_t start              # from the beginning of the file
+    uint32_t size               # bytes
+    uint32_t reserved
+
+
+cdef struct FrozenProblem:
+    # Why a file is not what it should be.
+    const char* text            # NULL: it is; "": there is no memory
+    FrameId frame               # NO_FRAME: it is not about a frame
+    uint32_t sample             # the index; UINT32_MAX: it is not about a sample
+
+
+# A checksum of 64 bits, which finds damage but not intent. It takes whole lines.
+
+cdef struct Checksum:
+    uint64_t[8] lanes           # one for each word of a line
+    uint64_t size               # bytes so far
+
+cdef void checksum_begin(Checksum* checksum) noexcept nogil
+cdef void checksum_add(Checksum* checksum, const void* lines, size_t size) noexcept nogil
+cdef uint64_t checksum_end(const Checksum* checksum) noexcept nogil
+# Of an index, as if its field for that were 0.
+cdef uint64_t frozen_checksum(const void* index, size_t size) noexcept nogil
+
+
+cdef inline size_t frozen_stamp_bytes(uint32_t count) noexcept nogil:
+    # Of the stamps of a frame in a file, whole lines.
+    return (count * sizeof(int64_t) + LINE_BYTES - 1) // LINE_BYTES * LINE_BYTES
+
+
+cdef void frozen_header_begin(FrozenHeader* header) noexcept nogil
+# Whether header and index are those of a file of the size of the mapping.
+cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil
+# Makes a tree whose histories lie in the mapping, after frozen_check_index. `checks_samples`: refuse samples
+# that no tree holds; without it, they must have been checked before. tree_free is due in any case.
+cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* tree) noexcept nogil

@@ -128,6 +128,7 @@ def dataset(
     topics: Topics = TOPICS,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
+    cache: str | PathLike[str] | None = None,
     workers: int | None = None,
     scheduler: str | Client | None = None,
     progress: bool | None = None,
@@ -145,7 +146,8 @@ def dataset(
     :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see the same function.
     :param urdf: see the same function.
-    :param workers: see :func:`tf2_ros_tools.bag.map_recordings`; only with ``out``.
+    :param cache: see :func:`tf2_ros_tools.bag.map_recordings`.
+    :param workers: see the same function; only with ``out``.
     :param scheduler: see the same function; only with ``out``.
     :param progress: see the same function.
     :raises FileNotFoundError: the folders contain no recording.
@@ -177,6 +179,7 @@ def dataset(
             topics=topics,
             poses=poses,
             urdf=urdf,
+            cache=cache,
             workers=1 if out is None else workers,
             scheduler=scheduler,
             progress=progress,

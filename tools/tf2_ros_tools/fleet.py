@@ -18,8 +18,19 @@ import numpy as np
 
 from tf2_py import BufferCore, LookupException, TransformException
 from tf2_ros_cython.output import counted, printable
+from tf2_ros_tools.caching import Cached, state_of
 from tf2_ros_tools.findings import report
-from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
+from tf2_ros_tools.loading import (
+    TOPICS,
+    PoseTopics,
+    Topics,
+    Urdfs,
+    Wanted,
+    hear,
+    new_buffer,
+    progress_bar,
+    wanted,
+)
 from tf2_ros_tools.output import require, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError
 from tf2_ros_tools.tables import as_parquet, look_up_frames, times_when
@@ -84,8 +95,6 @@ S = 1_000_000_000
 # The metadata of a table that says what it was made from. The number changes with the format of this
 # metadata or of the table, and with the meaning of a request.
 KEY, FORMAT = b"tf2_ros.map_recordings", 5
-# Files that SQLite creates next to a database that is read.
-COMPANIONS = ("-wal", "-shm", "-journal")
 
 
 # A line of the table of findings: file, kind, frame and text. Only the kind "summary" has numbers, too:
@@ -136,7 +145,7 @@ def table_of(recording: str, out: str) -> str:
     return os.path.join(out, f"{short}-{digest}.parquet".lstrip("-"))
 
 
-def work(request: Request, recording: str, table: str) -> list[Row]:
+def work(request: Request, recording: str, table: str, cache: str | None = None) -> list[Row]:
     """
     Write the table of one recording in one step; return its findings, of which the first is the summary.
 
@@ -144,6 +153,7 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
     later, or on another machine.
 
     :param table: the path of the table; its folder exists.
+    :param cache: a folder in which the buffer is frozen, unless it has been.
     """
     begin = time.perf_counter()
     try:
@@ -153,6 +163,8 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
         return [_row(recording, ERROR, str(error))]
     except (FileNotFoundError, PermissionError) as error:
         return [_row(recording, ERROR, f"{error.filename or recording}: {error.strerror}")]
+    if cache is not None and not os.path.exists((cached := cached_of(request, recording, cache)).path):
+        cached.write(heard.buffer)
     single = isinstance(request.source, str)
     frames = [request.source] if isinstance(request.source, str) else request.source
     times_ns = np.zeros(0, np.int64) if heard.times_ns is None else heard.times_ns
@@ -180,6 +192,11 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
     return found
 
 
+def cached_of(request: Request, recording: str, cache: str) -> Cached:
+    """Get the frozen file that :func:`tf2_ros_tools.bag.load` opens for a recording."""
+    return Cached(cache, recording, asdict(request.what), new_buffer(None).cache_time_ns)
+
+
 def done_before(request: Request, recording: str, table: str) -> list[Row] | None:
     """Get the findings of an earlier run with the same request, unless the recording has changed since."""
     require("pyarrow", "fleet")
@@ -196,12 +213,7 @@ def done_before(request: Request, recording: str, table: str) -> list[Row] | Non
 
 def _made_from(request: Request, recording: str) -> dict[str, Any]:
     """Get the request, and the names, sizes and times of the recording's files, which change with it."""
-    files = [recording]
-    if os.path.isdir(recording):
-        inside = (one.path for one in os.scandir(recording) if one.is_file())
-        files = sorted(path for path in inside if not path.endswith(COMPANIONS))
-    states = [(path, os.stat(path)) for path in files]
-    state = [[printable(os.path.basename(path)), one.st_size, one.st_mtime_ns] for path, one in states]
+    state = [[printable(name), *facts] for name, *facts in state_of(recording)]
     # As JSON, which has no tuples.
     content = json.dumps({"request": {"format": FORMAT, **asdict(request)}, "recording": state})
     made_from: dict[str, Any] = json.loads(content)
@@ -222,7 +234,11 @@ IGNORE_INTERRUPT = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 
 
 def outcomes(
-    request: Request, tables: Mapping[str, str], workers: int | None, scheduler: "str | Client | None"
+    request: Request,
+    tables: Mapping[str, str],
+    workers: int | None,
+    scheduler: "str | Client | None",
+    cache: str | None = None,
 ) -> Generator[tuple[str, list[Row]], None, None]:
     """
     Process recordings, and yield each with its findings as soon as they are known.
@@ -239,7 +255,7 @@ def outcomes(
     if scheduler is None and count < 2:
         for recording, table in tables.items():
             try:
-                yield recording, work(request, recording, table)
+                yield recording, work(request, recording, table, cache)
             except Exception as error:
                 yield recording, _failed(recording, error)
         return
@@ -247,10 +263,10 @@ def outcomes(
     from distributed import Client
 
     if isinstance(scheduler, Client):
-        yield from _on_cluster(request, tables, scheduler)
+        yield from _on_cluster(request, tables, scheduler, cache)
         return
     with local_workers(count) if scheduler is None else Client(scheduler, set_as_default=False) as client:
-        yield from _on_cluster(request, tables, client)
+        yield from _on_cluster(request, tables, client, cache)
 
 
 @contextmanager
@@ -291,12 +307,12 @@ def local_workers(count: int) -> "Iterator[Client]":
 
 
 def _on_cluster(
-    request: Request, tables: Mapping[str, str], client: "Client"
+    request: Request, tables: Mapping[str, str], client: "Client", cache: str | None
 ) -> Iterator[tuple[str, list[Row]]]:
     from distributed import as_completed
 
     futures = [
-        client.submit(work, request, recording, table, pure=False, retries=RETRIES)
+        client.submit(work, request, recording, table, cache, pure=False, retries=RETRIES)
         for recording, table in tables.items()
     ]
     recordings = dict(zip((one.key for one in futures), tables, strict=True))
@@ -380,6 +396,7 @@ def map_recordings(
     topics: Topics = TOPICS,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
+    cache: "str | PathLike[str] | None" = None,
     workers: int | None = None,
     scheduler: "str | Client | None" = None,
     progress: bool | None = None,
@@ -407,6 +424,9 @@ def map_recordings(
     :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see the same function.
     :param urdf: see the same function.
+    :param cache: a folder in which the transforms of each recording are also frozen, so that ``load`` with
+        this folder and the same topics, poses and robots opens them at once. A recording without such a file
+        is not skipped.
     :param workers: the number of worker processes on this machine; None: one for each core. With 1, and for a
         single recording, this process does the work. Python starts the workers with the main module of the
         program, so a script that calls this needs ``if __name__ == "__main__":``.
@@ -429,14 +449,19 @@ def map_recordings(
     out = os.path.abspath(out)
     os.makedirs(out, exist_ok=True)
     tables = {path: table_of(path, out) for path in paths}
+    cache = None if cache is None else os.path.abspath(os.fsdecode(cache))
     known = {path: done_before(request, path, table) for path, table in tables.items()}
+    for path, rows in known.items():
+        # What cannot be found is what an earlier run has left of a recording.
+        if cache is not None and rows is not None and os.path.exists(path):
+            known[path] = rows if os.path.exists(cached_of(request, path, cache).path) else None
     ended = {path: rows for path, rows in known.items() if rows is not None}
     skipped = {path: tables[path] for path in ended}
     left = {path: table for path, table in tables.items() if path not in ended}
     try:
         with (
             progress_bar("tables", len(left), " recordings", progress) as count,
-            closing(outcomes(request, left, workers, scheduler)) as results,
+            closing(outcomes(request, left, workers, scheduler, cache)) as results,
         ):
             for path, rows in results:
                 ended[path] = rows

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from math import inf
 from os import PathLike
@@ -16,6 +16,7 @@ from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
 from tf2_ros_cython.output import printable
 from tf2_ros_tools import foxglove
+from tf2_ros_tools.caching import Cached
 from tf2_ros_tools.converting import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
 from tf2_ros_tools.output import first_names, require
 from tf2_ros_tools.reading import (
@@ -125,6 +126,7 @@ def load(
     end: TimeLike | None = None,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
+    cache: "str | PathLike[str] | None" = None,
     progress: bool | None = None,
 ) -> "Buffer":
     """
@@ -150,6 +152,9 @@ def load(
         ``/robot_description`` in the recording. For other topics, a mapping from their names to these; True
         then means the ``robot_description`` in the same namespace. Frames whose transforms are on ``topics``
         keep these. The authority of fixed joints is ``urdf``.
+    :param cache: a folder, which is created if it does not exist. The first call freezes the buffer to a file
+        in this folder, and the next ones, in any process, map this file, unless the recording, its path or
+        another argument has changed; see :meth:`tf2_py.BufferCore.open`. None: no file is kept.
     :param progress: show a bar, which needs tqdm. None: only if standard error is a terminal, after a second.
     :return: a buffer without a node and without a limit of memory. The authority of a transform is the name
         of its topic.
@@ -157,6 +162,7 @@ def load(
     :raises BagError: the file is not a recording, is broken, or has none of the topics, or a topic has
         messages of another type; or its joint states have no joint of the robot.
     :raises UrdfError: see :func:`tf2_ros_tools.urdf.load`.
+    :raises OSError: the file in ``cache`` cannot be written.
     :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
     :raises TypeError, ValueError: ``topics``, ``start`` or ``end`` are not as described.
 
@@ -165,9 +171,17 @@ def load(
     """
     what = wanted(topics, start, end, poses, urdf)
     buffer = new_buffer(cache_time)
-    with open_recording(path) as recorded:
-        fill_buffer(buffer, recorded, what, progress=progress)
-    return buffer
+    cached = None if cache is None else Cached(cache, path, asdict(what), buffer.cache_time_ns)
+    opened = None if cached is None else cached.open()
+    if opened is None:
+        with open_recording(path) as recorded:
+            fill_buffer(buffer, recorded, what, progress=progress)
+        if cached is None:
+            return buffer
+        cached.write(buffer)
+        opened = cached.open() or buffer
+    opened.clock = None  # pyright: ignore[reportAttributeAccessIssue]
+    return opened
 
 
 def new_buffer(cache_time: DurationLike | None) -> "Buffer":

@@ -23,6 +23,7 @@ from tf2_ros_tools.program import (
     add_check_options,
     add_output,
     add_plot_options,
+    ending_in,
     format_of,
     nanoseconds,
     non_negative_number,
@@ -52,7 +53,8 @@ EXAMPLE = """\
   tf2_bag info drive.mcap
   tf2_bag lookup drive.mcap map base_link -o path.tum
   tf2_bag check drive.mcap --expect robot.yaml
-  tf2_bag batch recordings/ --lookup map base_link --rate 10 --out tables"""
+  tf2_bag batch recordings/ --lookup map base_link --rate 10 --out tables
+  tf2_bag freeze drive.mcap -o drive.tf2"""
 
 
 S = 1_000_000_000
@@ -224,6 +226,23 @@ def batch(options: Namespace) -> int:
     return FAILURE if result.failed or result.unanswered else SUCCESS
 
 
+def freeze(options: Namespace) -> int:
+    """Write the transforms to a file that processes map; return the exit status."""
+    from tf2_ros_tools.loading import load
+
+    buffer = load(
+        options.file,
+        topics=_topics_of(options),
+        start=options.start,
+        end=options.end,
+        poses=dict(options.poses),
+        urdf=_robots_of(options),
+    )
+    buffer.freeze(options.output)
+    show(options.output)
+    return SUCCESS
+
+
 # Pictures.
 
 
@@ -380,6 +399,15 @@ def _parser() -> Parser:
     summary = "the scheduler of a Dask cluster that does the work"
     how.add_argument("--scheduler", metavar="ADDRESS", help=summary)
     _add_topics(command)
+    command = add(
+        "freeze",
+        freeze,
+        "write the transforms to a file that processes map with Buffer.open, so that they share one copy",
+        "drive.mcap -o drive.tf2",
+    )
+    _add_recording(command)
+    summary = "write this file, which ends in .tf2"
+    command.add_argument("-o", "--output", metavar="FILE", type=ending_in("tf2"), required=True, help=summary)
     command = add(
         "view",
         view,

@@ -1,0 +1,77 @@
+"""Keep the transforms of recordings in frozen files, which all processes map: the argument ``cache``."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from tf2_py import __version__
+from tf2_ros_tools.reading import SUFFIXES
+
+if TYPE_CHECKING:
+    from tf2_ros import Buffer
+
+SUFFIX = ".tf2"
+# Files that SQLite creates next to a database that is read.
+COMPANIONS = ("-wal", "-shm", "-journal")
+
+
+def state_of(recording: str) -> list[list[Any]]:
+    """Get the names, sizes and times of a recording's files, which change with it; JSON can hold them."""
+    files = [recording]
+    if os.path.isdir(recording):
+        inside = (one.path for one in os.scandir(recording) if one.is_file())
+        files = sorted(path for path in inside if not path.endswith(COMPANIONS))
+    states = [(path, os.stat(path)) for path in files]
+    return [[os.path.basename(path), one.st_size, one.st_mtime_ns] for path, one in states]
+
+
+class Cached:
+    """
+    The file in a folder for what is wanted of a recording; its name changes with both.
+
+    :param what: what is wanted, with keys and values that JSON can hold.
+    :raises FileNotFoundError: the recording does not exist.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        recording: str | os.PathLike[str],
+        what: dict[str, Any],
+        cache_time_ns: int,
+    ) -> None:
+        path = os.path.realpath(recording)
+        name = os.path.basename(path)
+        stem = name.rpartition(".")[0] if name.endswith(SUFFIXES) else name
+        # What a version makes of a recording may differ from what the next one does.
+        request = _digest([os.fsencode(path).hex(), what, cache_time_ns, __version__])
+        # A name has at most 255 bytes.
+        self._begin = f"{stem[:50]}-{request}-"
+        self._folder = os.path.abspath(os.fsdecode(folder))
+        self.path = os.path.join(self._folder, f"{self._begin}{_digest(state_of(path))}{SUFFIX}")
+
+    def open(self) -> Buffer | None:
+        """Open the file; None if there is none, or none that this version can read."""
+        from tf2_ros import Buffer
+
+        try:
+            return Buffer.open(self.path)
+        except (FileNotFoundError, ValueError):
+            return None
+
+    def write(self, buffer: Buffer) -> None:
+        """Write the file, and delete those of earlier states of the recording; who uses these keeps them."""
+        os.makedirs(self._folder, exist_ok=True)
+        buffer.freeze(self.path)
+        for one in os.listdir(self._folder):
+            if one.startswith(self._begin) and one != os.path.basename(self.path):
+                with suppress(FileNotFoundError):
+                    os.unlink(os.path.join(self._folder, one))
+
+
+def _digest(content: Any) -> str:
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]

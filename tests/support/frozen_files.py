@@ -129,5 +129,6 @@ class FrozenFile:
             frame = self.frame(number)
             if frame.data_start and frame.data_end <= len(self.data):
                 self.change_frame(number, checksum=self.checksum_of(frame))
-        if self.header.index_bytes <= len(self.data) and self.header.index_bytes % LINE == 0:
+        size = self.header.index_bytes
+        if HEADER.size <= size <= len(self.data) and size % LINE == 0:
             self.change_header(checksum=self.index_checksum())

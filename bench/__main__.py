@@ -61,6 +61,8 @@ SECTIONS = {
     ),
     "online": Section("receiving.online", ROS2, rounds=5),
     "nodes": Section("nodes.many", (OURS,), ["one", "listening", "attached", "looking", "idle"], rounds=3),
+    "frozen": Section("frozen.frozen", (OURS, "tf_tree"), rounds=3),
+    "frozen:workers": Section("frozen.workers", (OURS, "tf_tree"), rounds=3),
 }
 
 

@@ -23,9 +23,18 @@ TITLES = {
     "receiving:losses": "Messages lost, and sent per second",
     "online": "Lookups beside a process that publishes a tree at 50 Hz, µs; CPU seconds per second",
     "nodes": "CPU seconds per second of nodes that are spun, shared or not, all together",
+    "frozen": "Frozen files: writing, opening and lookups, µs; bytes per sample",
+    "frozen:workers": "Spawned workers that share a frozen file, µs",
 }
 BUSY = 0.75  # load for each core, this run's own included
-UNITS = {"x": "{:.2f}×", "B": "{:.1f} B", "/s": "{:.2f}/s", "CPU": "{:.3f}", "messages": "{:.0f}"}
+UNITS = {
+    "x": "{:.2f}×",
+    "B": "{:.1f} B",
+    "MB": "{:.1f} MB",
+    "/s": "{:.2f}/s",
+    "CPU": "{:.3f}",
+    "messages": "{:.0f}",
+}
 
 
 def page(

@@ -34,6 +34,10 @@ FULL: dict[str, Any] = {
     "online_frames": 300,
     "online_s": 8.0,  # of lookups, for each number of hops in each round
     "nodes": 20,
+    "frozen_samples": 10_000_000,
+    "frozen_frames": 50,
+    "frozen_lookups": 10_000,
+    "frozen_workers": 8,
 }
 
 QUICK = FULL | {
@@ -57,4 +61,6 @@ QUICK = FULL | {
     "unread_s": 1.0,
     "online_s": 1.0,
     "nodes": 4,
+    "frozen_samples": 500_000,
+    "frozen_workers": 2,
 }

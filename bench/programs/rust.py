@@ -39,10 +39,13 @@ class TfTree(Library):
     # Its plans are compiled before they are timed, as its users are meant to; "names" compiles none.
     ways, vector_ways = ("plan", "names"), ("vector",)
 
-    def load(self, tree):
+    def __init__(self):
         import tf_tree
 
         self.module = tf_tree
+
+    def load(self, tree):
+        tf_tree = self.module
         static = {child: pose for child, _, is_static, _, pose in tree.transforms() if is_static}
         lines = ["[topology]", 'interp = "lerpslerp"']  # as tf2 does
         for child, parent in tree.links:
@@ -61,6 +64,20 @@ class TfTree(Library):
             self.publishers[name] = self.tree.publisher(name, tree.names[own["parent"][0]])
             poses = own["pose"][:, [6, 3, 4, 5, 0, 1, 2]]
             self.publishers[name].push_many(own["stamp_ns"].copy(), np.ascontiguousarray(poses))
+
+    fill = load
+
+    def freeze(self, path):
+        self.tree.freeze(path)
+
+    def open(self, path):
+        self.tree = self.module.open_file(path)
+
+    def for_worker(self, path):
+        return path  # a tree cannot be pickled
+
+    def take(self, handed):
+        self.open(handed)
 
     def calls(self, way, queries):
         if way == "vector":

@@ -21,6 +21,7 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)  # the oldest of an archive, which is then the 
 PACKAGES = {
     "cdr": ["tf2_py"],
     "clouds": ["tf2_sensor_msgs"],
+    "frozen": ["tf2_py"],
     "recordings": ["tf2_ros_tools", "rosbags", "mcap"],
     "saved": ["tf2_ros_tools", "mcap"],
     "segments": ["tf2_py", "tf2_ros._shared"],
@@ -29,6 +30,7 @@ PACKAGES = {
 MOST_BYTES = {
     "cdr": 1024,
     "clouds": 1024,
+    "frozen": 4096,
     "recordings": 12000,
     "saved": 8192,
     "segments": 512,

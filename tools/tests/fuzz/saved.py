@@ -11,6 +11,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from reliability.fuzz.faults import answers
 from reliability.fuzz.targets import cdr
+from reliability.fuzz.targets.frozen import buffers
 from tf2_py import BufferCore
 from tf2_ros_tools.bag import load_saved, save
 
@@ -61,27 +62,9 @@ def _plain(path: Path) -> bytes:
     return made.getvalue()
 
 
-def _buffers() -> Iterator[BufferCore]:
-    # With static and moving frames, parents that change, and loops.
-    yield BufferCore()
-    turn = (0.0, 0.0, 0.6, 0.8)
-    for count in (1, 2, 5):
-        for parents in ((b"map",), (b"map", b"odom"), (b"map", b"base"), (b"//map", b"camera")):
-            buffer = BufferCore()
-            rows = [(b"base", b"camera", 0, 0, (1.0, 2.0, 3.0), turn)]
-            buffer.set_transforms_cdr(cdr.encoded(rows), "a", True)
-            for i in range(count):
-                rows = [
-                    (b"map", b"odom", 100 + i, 0, (float(i), 0.0, 0.0), turn),
-                    (parents[i % len(parents)], b"base", 100 + i, 5, (float(i), 1.0, 0.0), turn),
-                ]
-                buffer.set_transforms_cdr(cdr.encoded(rows), f"authority {i}")
-            yield buffer
-
-
 def seeds() -> Iterator[bytes]:
     """Saved buffers; most without checksums."""
-    for number, buffer in enumerate(_buffers()):
+    for number, buffer in enumerate(buffers()):
         save(buffer, _path)
         whole, plain = _path.read_bytes(), _plain(_path)
         yield plain

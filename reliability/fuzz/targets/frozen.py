@@ -1,0 +1,69 @@
+"""Fuzz frozen files: a ValueError, or a buffer that is sound."""
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from reliability.fuzz.faults import answers
+from reliability.fuzz.targets import ROOT, cdr
+from tf2_py import BufferCore
+
+# The format, written a second time.
+sys.path.insert(0, str(ROOT / "tests" / "support"))
+from frozen_files import HEADER, FrozenFile
+
+_folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
+_path = Path(_folder.name, "frozen.tf2")
+
+
+def run(data: bytes) -> None:
+    """Open a file as it is, and with the right size and checksums, which a fuzzer cannot find."""
+    _open(data)
+    if len(data) >= HEADER.size:
+        file = FrozenFile(data)
+        file.change_header(file_bytes=len(data))
+        file.renew_checksums()
+        _open(bytes(file.data))
+
+
+def _open(data: bytes) -> None:
+    _path.write_bytes(data)
+    for copies in (False, True):
+        try:
+            buffer = BufferCore.open(_path, copy=copies)
+        except (ValueError, MemoryError):
+            continue
+        buffer._self_check()
+        answers(buffer)
+        buffer.set_transforms_cdr(cdr.TWO_TRANSFORMS, "after")
+        buffer._self_check()
+        answers(buffer)
+        buffer.clear()
+        buffer._self_check()
+
+
+def buffers() -> Iterator[BufferCore]:
+    """Make buffers with static and moving frames, parents that change, and loops."""
+    yield BufferCore()
+    turn = (0.0, 0.0, 0.6, 0.8)
+    for count in (1, 2, 5):
+        for parents in ((b"map",), (b"map", b"odom"), (b"map", b"base"), (b"//map", b"camera")):
+            buffer = BufferCore()
+            rows = [(b"base", b"camera", 0, 0, (1.0, 2.0, 3.0), turn)]
+            buffer.set_transforms_cdr(cdr.encoded(rows), "a", True)
+            for i in range(count):
+                rows = [
+                    (b"map", b"odom", 100 + i, 0, (float(i), 0.0, 0.0), turn),
+                    (parents[i % len(parents)], b"base", 100 + i, 5, (float(i), 1.0, 0.0), turn),
+                ]
+                buffer.set_transforms_cdr(cdr.encoded(rows), f"authority {i}")
+            yield buffer
+
+
+def seeds() -> Iterator[bytes]:
+    """Frozen buffers."""
+    for buffer in buffers():
+        buffer.freeze(_path)
+        yield _path.read_bytes()
+        _path.unlink()

@@ -354,7 +354,7 @@ cdef class BufferCore(Engine):
 
         :raises OSError: the file cannot be written; an existing file remains unchanged.
         """
-        from tf2_py._objects.whole_file import whole_file
+        from tf2_ros_cython.output import whole_file
         with whole_file(path) as file:
             self.write_frozen(file)
             frozen_file.protect(file)

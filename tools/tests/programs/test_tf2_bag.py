@@ -237,6 +237,7 @@ def test_of_a_saved_buffer_no_delay_is_known(run, tmp_path, tf2_ros):
     save(buffer, tmp_path / "saved.mcap")
     status, out, _ = run("check", tmp_path / "saved.mcap", "--max-delay", "0")
     assert (status, out[:27]) == (0, "ok: no findings in 3 frames")
+    assert out.endswith("; a saved buffer: delays and stopped frames are unknown\n")
     _, out, _ = run("info", tmp_path / "saved.mcap")
     assert "  base: parent odom, publisher /tf, 20.0 Hz, longest gap 0.05 s\n" in out
     assert "\nsaved by a buffer, which keeps stamps but no times of reception: no delays\n" in out

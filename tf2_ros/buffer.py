@@ -392,9 +392,9 @@ class Buffer(BufferCore, BufferInterface):
         :param source_frame: the frame whose pose is wanted.
         :return: an asynchronous iterator for asyncio and for rclpy's executors. It yields the present
             transform, if there is one, and then each new one: at a later common time, along another path, or
-            with another static transform. So it yields at the rate of the slowest moving frame on the path.
-            A loop body that is slower than the changes gets the latest one and misses those before it. The
-            iteration ends with the shutdown of the context.
+            with another static transform. So changes come at the rate of the slowest moving frame on the
+            path, one or two with each of its transforms. A loop body that is slower than the changes gets the
+            latest one and misses those before it. The iteration ends with the shutdown of the context.
 
         A transform that does not change costs nothing.
 

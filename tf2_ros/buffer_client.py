@@ -221,10 +221,11 @@ class BufferClient(BufferInterface):
     :param timeout_padding: how much longer than the timeout of a lookup to wait for the server's response.
     :raises ValueError: ``check_frequency`` is not above 0.
 
-    A ``timeout`` is for finding a server, and then for the lookup in it. Without one, a coroutine waits until
-    the server is destroyed, or the context is shut down. A lookup raises what the lookup in the server
-    raises; and a ``TimeoutException`` if no server was found, it did not answer, the transform was not
-    available in time, or the context was shut down. The text says which, and how long the wait took.
+    A ``timeout`` covers both finding a server and the lookup in the server. Without a timeout, a coroutine
+    waits until the server is destroyed, or the context is shut down. A lookup raises what the lookup in the
+    server raises. It raises a ``TimeoutException`` if no server was found, if the server did not answer, if
+    the transform was not available in time, or if the context was shut down; the text says which, and how
+    long the wait took.
 
     ``destroy()`` ends the client, and so does destroying the node.
 

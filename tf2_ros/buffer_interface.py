@@ -56,8 +56,8 @@ class BufferInterface:
     """
     What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share.
 
-    A subclass implements the lookups; those that it does not implement raise a ``NotImplementedException``.
-    All other methods use them. The attribute ``registration`` is the
+    A subclass implements the lookups; a lookup that it does not implement raises a
+    ``NotImplementedException``. All other methods use the lookups. The attribute ``registration`` is the
     table of functions that transform objects. For every ``time`` and ``timeout``, see
     :class:`tf2_ros.Buffer`.
 
@@ -95,15 +95,15 @@ class BufferInterface:
         :param target_frame: the frame into which the object is to be transformed.
         :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param new_type: convert the result to this type. None: no conversion.
-        :param prefix: put before the frame of the object, as that of the :class:`TransformListener` that
-            receives the transforms of the same robot, for example ``"robot1/"``. ``target_frame`` is a whole
-            name. The object is not changed.
+        :param prefix: put before the frame of the object, for example ``"robot1/"``: the prefix of the
+            :class:`TransformListener` that receives the transforms of the same robot. ``target_frame`` is a
+            whole name. The object is not changed.
         :param policy: further arguments of the lookup: those of :class:`tf2_py.typing.LookupPolicy`, if this
             is a :class:`tf2_ros.Buffer`. The lookups of a :class:`tf2_ros.BufferClient` accept none.
-        :return: a new object; the one given is not changed. It keeps the stamp of the object, even if a
-            ``tolerance`` accepted an older transform. If that is 0, it gets the stamp of the transform,
-            except for a point cloud.
-        :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
+        :return: a new object, with the stamp of the object given, even if a ``tolerance`` accepted an older
+            transform. If the stamp of the object is 0, the new object has the stamp of the transform, except
+            for a point cloud.
+        :raises TypeException: the type, or a conversion to ``new_type``, is not registered.
         :raises TransformException: what the lookup raises.
         :raises TypeError: ``target_frame`` or ``prefix`` is not a str, or ``timeout`` is not a timeout.
         :raises ValueError: ``prefix`` contains a NUL character.
@@ -157,8 +157,8 @@ class BufferInterface:
         :param new_type: convert the result to this type. None: no conversion.
         :param prefix: put before the frame of the object, as in :meth:`transform`.
         :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
-        :return: a new object, stamped with the target time or, if that is 0, with the time of the transform;
-            a point cloud keeps its own stamp.
+        :return: a new object, stamped with the target time, or with the time of the transform if the target
+            time is 0; a point cloud keeps its own stamp.
         """
         stamped: Any = object_stamped
         do_transform: Any = self.registration.get(type(stamped))

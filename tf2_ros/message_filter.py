@@ -78,10 +78,10 @@ class FilterFailureReason(str, Enum):
     """
     Why a message filter dropped a message.
 
-    ``OUT_THE_BACK``: it is older than everything that the buffer keeps or accepts. ``EMPTY_FRAME_ID``: its
-    header names no frame. ``NO_TRANSFORM_FOUND``: the name of a frame is invalid, or the transform was not
-    available and ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest when the queue overflowed.
-    ``TIMEOUT``: its transform was not available in time.
+    ``OUT_THE_BACK``: the message is older than everything that the buffer keeps or accepts.
+    ``EMPTY_FRAME_ID``: its header names no frame. ``NO_TRANSFORM_FOUND``: the name of a frame is invalid, or
+    the transform was not available and ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest message
+    when the queue overflowed. ``TIMEOUT``: its transform was not available in time.
 
     >>> from geometry_msgs.msg import PointStamped
     >>> from tf2_ros import Buffer, FilterFailureReason, MessageFilter
@@ -117,9 +117,9 @@ class MessageFilter(Generic[_Message]):
     :param tolerance: a finite duration; transforms must be available for the message's stamp and for this
         much later, for example the duration of a sweep. None: zero. (The ``tolerance`` of a lookup differs:
         it accepts an older transform.)
-    :param prefix: put before the frames of the messages, as that of the :class:`TransformListener` that
-        receives the transforms of the same robot, for example ``"robot1/"``. ``target_frames`` are whole
-        names. The messages are not changed.
+    :param prefix: put before the frames of the messages, for example ``"robot1/"``: the prefix of the
+        :class:`TransformListener` that receives the transforms of the same robot. ``target_frames`` are
+        whole names. The messages are not changed.
     :raises TypeError: ``buffer`` is not a Buffer, ``input`` is none of these, its messages have no header, or
         a duration is not a duration or a number.
     :raises ValueError: ``target_frames`` is empty, a name or ``prefix`` is invalid, ``queue_size`` or

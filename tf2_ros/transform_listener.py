@@ -178,7 +178,7 @@ class TransformListener:
 
     @property
     def buffer(self) -> Any:
-        """What it fills."""
+        """The buffer that the listener fills; another one may be assigned."""
         return self._tf2_listening.buffer
 
     @buffer.setter

@@ -29,7 +29,7 @@ PARSER = Parser(
     "Show who publishes each frame, how often, how old its transforms are when they are received, and "
     "what is wrong, until interrupted. On a terminal, if the Python package textual is installed, this "
     "is a table, updated every second, which keys sort and filter. Otherwise, a report in the format of "
-    "tf2's own program is printed every ten seconds.\n\n"
+    "tf2's own command is printed every ten seconds.\n\n"
     "With two frames: show the chain that connects them, and the age of the newest transform between "
     "them.",
     "  tf2_monitor map base_link --interval 5",

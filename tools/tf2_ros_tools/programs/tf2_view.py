@@ -24,7 +24,7 @@ AXES_M = 0.3
 
 DESCRIPTION = """\
 Show the frames of a running robot in three dimensions, with their axes and names, in the viewer rerun, \
-whose timeline leads back to earlier times. The program runs until the viewer is closed, or until it is \
+whose timeline goes back to earlier times. The command runs until the viewer is closed, or until it is \
 interrupted.
 
 Exit status: 0, or 1 if the viewer did not open."""

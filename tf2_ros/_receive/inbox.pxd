@@ -120,8 +120,10 @@ cdef class Copying(Tap):
 
 
 cdef class Watching:
+    # All that this package knows of an executor.
     cdef Watcher watcher        # used until this object is destroyed
     cdef object inboxes         # LiveObjects: those that inform this
+    cdef readonly object receivers  # LiveObjects: those that leave their messages to an EventsExecutor
 
 
 cdef class Source:

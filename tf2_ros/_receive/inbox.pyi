@@ -2,12 +2,17 @@ from collections.abc import Callable
 from typing import Any, final
 
 from tf2_py import BufferCore
+from tf2_ros._forking import LiveObjects
 from tf2_ros.records import Recording
 
 AUTHORITY: str
 
 class Copying: ...
-class Watching: ...
+
+class Watching:
+    @property
+    def receivers(self) -> LiveObjects[Any]: ...
+
 class Source: ...
 
 @final

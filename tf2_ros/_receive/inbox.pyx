@@ -452,7 +452,7 @@ cdef class Watching:
     """Is informed of what arrives."""
 
     def __cinit__(self, *_, **__):
-        self.inboxes = LiveObjects()
+        self.inboxes, self.receivers = LiveObjects(), LiveObjects()
 
 
 cdef class Source:

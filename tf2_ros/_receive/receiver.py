@@ -25,10 +25,9 @@ from tf2_ros._rclpy import (
     report_event,
     watch_losses,
 )
-from tf2_ros._receive.inbox import Inbox
+from tf2_ros._receive.inbox import Inbox, Watching
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 from tf2_ros._threads import add_owner, check_regularly
-from tf2_ros._wait.runners import ExecutorRunner
 from tf2_ros_cython.output import counted
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
@@ -179,7 +178,7 @@ class Receiver:
         recording = listener._tf2_listening.recording
         self._source = Subscriptions(recording is not None, handle)
         self.inbox = Inbox(self._source, completions.receive, recording, listener._tf2_listening.prefix)
-        if isinstance(runner, ExecutorRunner):
+        if isinstance(runner, Watching):
             self.inbox.inform(runner)
             runner.receivers.add(self)
         try:
@@ -197,7 +196,7 @@ class Receiver:
             self._leave_to_executors()  # this middleware does not report arrivals
         add_owner(self)
         self.redirect(buffer)
-        if not runner.in_sets:
+        if not self._runner.in_sets:
             self.leave_sets()  # the node has moved meanwhile
 
     @property

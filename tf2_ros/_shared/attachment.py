@@ -13,13 +13,13 @@ from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import is_node, is_simulated
-from tf2_ros._receive.inbox import Inbox
+from tf2_ros._receive.inbox import Inbox, Watching
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import RingReader
 from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged
 from tf2_ros._wait.completions import completions_for
-from tf2_ros._wait.runners import ExecutorRunner, without_node
+from tf2_ros._wait.runners import without_node
 
 
 def open_ring(name: str) -> RingReader:
@@ -131,7 +131,7 @@ class Attachment:
         self._listeners[id(listener)] = listener
         listener._tf2_listening.attachment = self
         runner = listener._tf2_listening.completions.runner
-        if isinstance(runner, ExecutorRunner):
+        if isinstance(runner, Watching):
             self.inbox.inform(runner)  # its executor returns from `spin_once` for what arrives
 
     def remove(self, listener: Any) -> None:

@@ -10,7 +10,7 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.waitable import Waitable
 
-from tf2_ros._forking import LOCK, LiveObjects
+from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop
 from tf2_ros._threads import serve_in_reports
 from tf2_ros._wait.completions import Completions
@@ -67,7 +67,6 @@ class ExecutorRunner(ExecutorRounds, Runner, Waitable):
     def __init__(self, node: Node, group: CallbackGroup | None = None) -> None:
         Waitable.__init__(self, MutuallyExclusiveCallbackGroup() if group is None else group)
         self._node = weakref.ref(node)
-        self.receivers: LiveObjects[Any] = LiveObjects()  # of the node's listeners
         self.set_up(GuardCondition(None, None, node.context).handle)  # of no node
 
     def begin(self, completions: Completions) -> None:

@@ -92,7 +92,9 @@ class Buffer(BufferCore, BufferInterface):
     nanoseconds, or a ``numpy.datetime64``. 0 is the latest time for which all frames on the path have data.
     Every ``timeout``, ``cache_time`` or other duration is a :data:`~tf2_py.typing.DurationLike`: an rclpy
     ``Duration``, a duration message, a ``timedelta``, or a number of seconds. Timeouts count steady time,
-    also while time is simulated. NaT and NaN raise a ``ValueError``.
+    also while time is simulated. NaT and NaN raise a ``ValueError``. Ctrl-C ends a blocking lookup, and so
+    does the shutdown of the contexts of the buffer's node and listeners, even before it waits; without these,
+    the shutdown of the default context while it waits.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import Buffer
@@ -196,38 +198,6 @@ class Buffer(BufferCore, BufferInterface):
         timeout: DurationLike = NO_TIMEOUT,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
-        """
-        Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
-
-        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
-        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
-        path have data. The default ``timeout`` does not wait.
-
-        :param target_frame: the frame into which the data is to be transformed.
-        :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data. An int
-            is nanoseconds.
-        :param timeout: how long to wait for an answer. A number is seconds. Ctrl-C ends the wait, and so does
-            the shutdown of the contexts of the buffer's node and listeners, even before the wait; without
-            these, the shutdown of the default context during the wait. Zero or negative: do not wait.
-        :param policy: what the lookup accepts beyond tf2's: ``tolerance``, ``extrapolate``, ``max_gap`` and
-            ``max_age`` of :class:`tf2_py.typing.LookupPolicy`.
-        :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
-            (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
-        :raises LookupException: a frame is unknown, or the tree contains a loop.
-        :raises ConnectivityException: the frames are in different trees.
-        :raises ExtrapolationException: a frame on the path has no data for the time, or only data that is
-            older than ``max_age``.
-        :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
-        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
-        :raises ValueError: a limit is negative or of an unknown frame, or ``max_age`` is given for a time
-            that is not 0, or to a buffer without a clock.
-
-        After a wait, the text of an error also says how long it took, or that a shutdown ended it.
-
-        >>> buffer.lookup_transform("base_link", "camera", 1_000_000_000, timeout=0.5).header.stamp.sec
-        1
-        """
         if timeout is NO_TIMEOUT and not policy:
             return self.lookup_transform_core(target_frame, source_frame, time)
         accepted = policy_of("lookup_transform", **policy)
@@ -336,23 +306,6 @@ class Buffer(BufferCore, BufferInterface):
         timeout: DurationLike | None = None,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
-        """
-        Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
-        carries data from the source to the target. Without ``timeout`` it waits forever.
-
-        :param target_frame: the frame into which the data is to be transformed.
-        :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
-        :param timeout: how long to wait. None: until the context is shut down.
-        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
-        :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
-            text says which, and the reason.
-        :raises InvalidArgumentException: a name is empty or begins with ``/``.
-        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
-
-        This is a coroutine for asyncio and for rclpy's executors. Give a callback of rclpy that awaits it a
-        ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
-        """
         accepted = policy_of("lookup_transform_async", **policy)
         return await self.__answer(Lookup(target_frame, source_frame, time, policy=accepted), timeout)
 
@@ -368,17 +321,8 @@ class Buffer(BufferCore, BufferInterface):
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
         """
-        Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits forever.
-
-        :param target_frame: the frame into which the data is to be transformed.
-        :param target_time: the time in ``target_frame``; 0 is the latest time.
-        :param source_frame: the frame that the data is in.
-        :param source_time: the time of the data; 0 is the latest time.
-        :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait. None: until the context is shut down.
-        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
-
-        It raises what :meth:`lookup_transform_async` raises.
+        Await what :meth:`lookup_transform_full` returns, with its arguments. Without ``timeout`` it waits
+        forever. :meth:`lookup_transform_async` describes the rest, such as what it raises.
         """
         accepted = policy_of("lookup_transform_full_async", **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)

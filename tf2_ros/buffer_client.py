@@ -298,14 +298,8 @@ class BufferClient(BufferInterface):
         timeout: DurationLike | None = None,
     ) -> TransformStamped:
         """
-        Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits forever.
-
-        :param target_frame: the frame into which the data is to be transformed.
-        :param target_time: the time in ``target_frame``; 0 is the latest time.
-        :param source_frame: the frame that the data is in.
-        :param source_time: the time of the data; 0 is the latest time.
-        :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for a server and its answer, in steady time. None: forever.
+        Await what :meth:`lookup_transform_full` returns, with its arguments. Without ``timeout`` it waits
+        forever. :meth:`lookup_transform_async` describes the rest, such as what it raises.
         """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
         return await self._tf2_await(goal)

@@ -218,12 +218,34 @@ class BufferInterface:
         """
         Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
 
-        ``Time()``, which is 0, asks for the latest time. The default ``timeout`` does not wait.
+        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
+        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
+        path have data. The default ``timeout`` does not wait.
 
         :param target_frame: the frame into which the data is to be transformed.
         :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time.
-        :param timeout: how long to wait for an answer, in steady time. Zero: do not wait.
+        :param time: of the transform; 0 is the latest time for which all frames on the path have data. An int
+            is nanoseconds.
+        :param timeout: how long to wait for an answer, in steady time. A number is seconds. Zero or negative:
+            do not wait.
+        :param policy: what a :class:`tf2_ros.Buffer` accepts beyond tf2's: ``tolerance``, ``extrapolate``,
+            ``max_gap`` and ``max_age`` of :class:`tf2_py.typing.LookupPolicy`. A
+            :class:`tf2_ros.BufferClient` accepts none.
+        :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
+            (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
+        :raises LookupException: a frame is unknown, or the tree contains a loop.
+        :raises ConnectivityException: the frames are in different trees.
+        :raises ExtrapolationException: a frame on the path has no data for the time, or only data that is
+            older than ``max_age``.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
+        :raises ValueError: a limit is negative or of an unknown frame, or ``max_age`` is given for a time
+            that is not 0, or to a buffer without a clock.
+
+        After a wait, the text of an error also says how long it took, or that a shutdown ended it.
+
+        >>> buffer.lookup_transform("base_link", "camera", 1_000_000_000, timeout=0.5).header.stamp.sec
+        1
         """
         raise NotImplementedException()
 
@@ -262,7 +284,18 @@ class BufferInterface:
         Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
         carries data from the source to the target. Without ``timeout`` it waits forever.
 
-        :param timeout: how long to wait, in steady time. None: forever.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param source_frame: the frame that the data is in.
+        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
+        :param timeout: how long to wait, in steady time. None: until the context is shut down.
+        :param policy: as in :meth:`lookup_transform`.
+        :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
+            text says which, and the reason.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
+
+        This is a coroutine for asyncio and for rclpy's executors. Give a callback of rclpy that awaits it a
+        ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
         """
         raise NotImplementedException()
 

@@ -44,6 +44,15 @@ def test_a_public_class_has_an_example(name):
     assert any(examples(cls) for cls in PUBLIC[name].__mro__ if cls in PUBLIC.values())
 
 
+@pytest.mark.parametrize("name", CLASSES)
+def test_the_text_of_a_method_is_that_of_the_base(name):
+    # A second one would sooner or later say something else.
+    cls = PUBLIC[name]
+    bases = [one for one in cls.__mro__[1:] if one in PUBLIC.values()]
+    methods = [(n, m) for n, m in vars(cls).items() if n[0] != "_" and inspect.isroutine(m) and m.__doc__]
+    assert [n for n, _ in methods if any(vars(base)[n].__doc__ for base in bases if n in vars(base))] == []
+
+
 @pytest.mark.parametrize("name", PUBLIC)
 def test_no_text_refers_to_files_that_are_not_installed(name):
     members = vars(PUBLIC[name]).values() if inspect.isclass(PUBLIC[name]) else ()

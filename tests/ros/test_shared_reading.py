@@ -8,7 +8,7 @@ import random
 import pytest
 from hypothesis import given, settings
 from making import S, at_ns, transform
-from processes import until
+from processes import errors_so_far, until
 from random_histories import apply, steps
 from rclpy.duration import Duration
 from repetitions import times
@@ -149,6 +149,73 @@ def test_a_reader_that_sleeps_while_the_ring_wraps_begins_at_the_oldest_message(
         assert reader.statistics()["malformed_messages"] == 0
         reader._self_check()
         assert reader.statistics()["taken"] < inserted
+
+
+class TestAReaderThatIsOverrun:
+    """It had not read what the owner had no room for any more, and logs that, with the way out."""
+
+    def test_it_counts_that_and_one_warning_says_so(self, capfd):
+        with small_ring(), pair() as (owner, reader):
+            attachment = reader._tf2_attachment
+            assert not is_sound(reader, S)
+            wrap(owner)
+            assert attachment.overruns()[0] == 0  # nobody has looked
+            assert is_sound(reader, S)
+            count, room_s = attachment.overruns()
+            assert count == 1
+            assert 0.0 < room_s < 10.0
+            assert attachment.describe().endswith(", messages lost 1 time")
+            until(lambda: "Lost" in errors_so_far())
+            assert (
+                f"Lost messages of the shared buffer {attachment.name!r} 1 time: newer ones have displaced "
+                f"them before they were read here. It has room for the last {room_s:.1f} s, and this buffer "
+                f"keeps 10 s. Look something up at least every {room_s:.1f} s, or give process "
+                f"{attachment.owner} a larger /dev/shm, up to 1 GiB\n"
+            ) in errors_so_far()
+
+    def test_the_next_warning_comes_later_and_counts_from_the_last_one(self, capfd, monkeypatch):
+        with small_ring(), pair() as (owner, reader):
+            attachment = reader._tf2_attachment
+            for _ in range(3):
+                wrap(owner)
+                assert is_sound(reader, S)
+                until(lambda: "1 time: newer ones" in errors_so_far())
+            attachment._tf2_check()
+            assert "2 times" not in errors_so_far()
+            monkeypatch.setattr("tf2_ros._shared.attachment.LOSS_WARNING_S", 0)
+            until(lambda: "2 times: newer ones" in errors_so_far())
+
+    def test_one_that_reads_in_time_loses_nothing(self):
+        with small_ring(), pair() as (owner, reader):
+            wrap(owner, reader)
+            assert reader._tf2_attachment.overruns()[0] == 0
+
+    def test_what_is_older_than_the_cache_time_of_the_owner_is_not_lost(self):
+        with small_ring(), pair(Duration(nanoseconds=10)) as (owner, reader):
+            inserted = wrap(owner)
+            assert reader.can_transform_core("map", "f4", 0)[0]
+            assert reader.statistics()["taken"] < inserted
+            assert reader._tf2_attachment.overruns()[0] == 0
+
+    def test_what_the_reader_itself_would_not_keep_is_not_lost(self):
+        with small_ring(), pair() as (owner, reader):
+            brief = Buffer(Duration(nanoseconds=10), attach=owner._tf2_sharing.name)
+            wrap(owner)
+            for buffer in (reader, brief):
+                assert buffer.can_transform_core("map", "f4", 0)[0]
+            assert reader._tf2_attachment.overruns()[0] == 1
+            assert brief._tf2_attachment.overruns()[0] == 0
+
+    def test_static_transforms_are_not_lost(self):
+        with small_ring(), pair() as (owner, reader):
+            for number in range(10_000):
+                mount = transform("map", f"static{number % 10}", xyz=(number, 0.0, 0.0))
+                owner.set_transform_static(mount, "owner")
+            for number in range(10):
+                found = reader.lookup_transform_core("map", f"static{number}", 0)
+                assert found.transform.translation.x == 9990 + number
+            assert reader.statistics()["taken"] < 10_000
+            assert reader._tf2_attachment.overruns()[0] == 0
 
 
 def test_a_message_larger_than_a_record_may_be_is_shared_in_parts():

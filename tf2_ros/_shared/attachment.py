@@ -2,6 +2,7 @@
 
 import os
 import threading
+import time
 import weakref
 from functools import partial
 from typing import Any
@@ -14,12 +15,14 @@ from tf2_ros._nodes import node_has_ended
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import is_node, is_simulated
 from tf2_ros._receive.inbox import Inbox, Watching
+from tf2_ros._receive.receiver import LOSS_WARNING_S
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import RingReader
 from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged
 from tf2_ros._wait.completions import completions_for
 from tf2_ros._wait.runners import without_node
+from tf2_ros_cython.output import counted
 
 
 def open_ring(name: str) -> RingReader:
@@ -53,6 +56,9 @@ class Attachment:
     def __init__(self, buffer: Any, name: str, reader: RingReader) -> None:
         self.name, self.reader = name, reader
         self.owner = read_description(reader.descriptor).process
+        self._cache_time_s = buffer.cache_time_ns / 1e9
+        self._warned_of = 0  # overruns
+        self._warned_at = -LOSS_WARNING_S
         self._listeners: dict[int, Any] = {}  # kept alive, as by subscriptions; by their ids
         reference = self._buffer = weakref.ref(buffer)
         self._process = os.getpid()
@@ -80,6 +86,7 @@ class Attachment:
         if buffer is None:
             self.close()
             return
+        self._warn_of_overruns()
         if not self._has_ended:
             if not is_owned(self.reader.descriptor):
                 why = "no longer shares it"
@@ -104,6 +111,27 @@ class Attachment:
                 except SharedBufferError:
                     return  # the next check tries again
                 log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is process {found.owner}'s now")
+
+    def overruns(self) -> tuple[int, float]:
+        """
+        How often messages were lost that the buffer would still hold, because newer ones displaced them
+        unread, and for how many seconds of messages the owner has room.
+        """
+        count, room_s = self.reader.overruns()
+        return (count if room_s < self._cache_time_s else 0), room_s
+
+    def _warn_of_overruns(self) -> None:
+        (count, room_s), now = self.overruns(), time.monotonic()
+        if count <= self._warned_of or now - self._warned_at < LOSS_WARNING_S:
+            return
+        times = counted(count - self._warned_of, "time")
+        log.logger("tf2_ros").warning(
+            f"Lost messages of the shared buffer {self.name!r} {times}: newer ones have displaced them "
+            f"before they were read here. It has room for the last {room_s:.1f} s, and this buffer keeps "
+            f"{self._cache_time_s:g} s. Look something up at least every {room_s:.1f} s, or give process "
+            f"{self.owner} a larger /dev/shm, up to 1 GiB"
+        )
+        self._warned_of, self._warned_at = count, now
 
     def close(self) -> None:
         """Insert what has arrived, and receive nothing more; the buffer keeps what it holds."""
@@ -155,8 +183,10 @@ class Attachment:
                 self.remove(listener)
 
     def describe(self) -> str:
-        """Where transforms come from."""
-        return f"the shared buffer {self.name!r} of process {self.owner}"
+        """Where transforms come from, and how often some were lost."""
+        count, _ = self.overruns()
+        lost = f", messages lost {counted(count, 'time')}" if count else ""
+        return f"the shared buffer {self.name!r} of process {self.owner}{lost}"
 
 
 def attach_listener(listener: Any, unusual: str) -> bool:

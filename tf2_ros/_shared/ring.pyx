@@ -9,8 +9,9 @@ A record begins at a position, which only grows; its place in the file is that m
 one before the end of the ring may reach beyond it, and the next one then begins as far behind its beginning.
 The owner advances `oldest`, writes, and then publishes `next`. A reader copies a record and then looks at
 `oldest` again: if the record lies before it, it may have been overwritten, and the reader continues at
-`oldest`. Each static transform is a record of its own. Before the newest one of a child would be overwritten,
-the owner writes it again at the end, so the ring always has the newest of each child.
+`oldest`. It has lost messages if what it skips is not all older than the cache time (`displaced`). Each
+static transform is a record of its own. Before the newest one of a child would be overwritten, the owner
+writes it again at the end, so the ring always has the newest of each child.
 
 Records are read with `pread`, which returns less where the file is truncated. Any byte may be wrong, and may
 change at any time. So a reader reads each byte once, and checks its copy before it uses it (`_is_inside`): at
@@ -61,6 +62,8 @@ from tf2_ros._receive.inbox cimport (
     Parcel,
     Polling,
     Source,
+    inboxes_lock,
+    inboxes_unlock,
     parcel_reserve,
 )
 from tf2_ros._shared.memory cimport fence, futex_wait, futex_wake, give_back, load64, store64
@@ -81,7 +84,7 @@ cdef enum:
     KIND_STATIC = 2             # a message with one static transform
     KIND_REMOVAL = 3            # all transforms of a frame were removed: its name; without, all dynamic ones
 
-    LAYOUT = 10                 # changes with any change of the layout
+    LAYOUT = 11                 # changes with any change of the layout
 
 # For how long a reader that has looked wants messages at once.
 cdef int64_t WANTED_NS = 1000000000
@@ -97,7 +100,10 @@ cdef struct Head:
     uint64_t oldest             # position of the oldest record
     uint64_t next               # position behind the newest
     uint64_t cleared            # position behind the newest record of a clear; 0: there was none
-    uint64_t unused[2]          # what readers write has a cache line of its own
+    # The newest record that was dropped for lack of room before it was as old as the cache time.
+    uint64_t displaced          # position behind it; 0: there was none
+    uint64_t room_ns            # how old it became
+    # Written by readers, so on a cache line of its own.
     uint64_t wanted_until_ns    # steady time until which a reader wants each message at once
 
 

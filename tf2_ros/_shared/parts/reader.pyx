@@ -26,6 +26,8 @@ cdef struct Reading:
     unsigned char* chunk        # what was copied of the ring; MOST_RECORD bytes
     uint64_t chunk_from         # positions
     uint64_t chunk_to
+    uint64_t overruns           # how often the owner had displaced what was not read yet
+    uint64_t room_ns            # how old that had become, the last time
     # Of the thread that follows the ring; atomic.
     uint32_t is_quiet           # it sleeps on `nudges`, because nothing needs it
     uint32_t nudges
@@ -92,9 +94,12 @@ cdef bint _fill(Reading* reading, const Record* record, Parcel* parcel) noexcept
 
 
 cdef void _begin_anew(Reading* reading, Parcel* parcel) noexcept nogil:
-    # At the oldest record. Of what was before it, only a clear and static transforms matter, and those were
-    # written again.
+    # At the oldest record. Of what was dropped for its age, only a clear and static transforms matter, and
+    # those were written again.
     cdef uint64_t cleared
+    if reading.tail < load64(&reading.head.displaced):
+        reading.overruns += 1
+        reading.room_ns = load64(&reading.head.room_ns)
     reading.begun = load64(&reading.head.oldest)
     cleared = load64(&reading.head.cleared)     # only now: the ring may be cleared and lapped in between
     if reading.tail < cleared <= reading.begun:
@@ -219,3 +224,15 @@ cdef class RingReader(Source):
     def descriptor(self):
         """Of the file."""
         return self._reading.descriptor
+
+    def overruns(self):
+        """
+        Return how often the owner had displaced what was not read yet, for lack of room, and how many seconds
+        old that had become, the last time.
+        """
+        cdef uint64_t count, room_ns
+        with nogil:
+            inboxes_lock()
+            count, room_ns = self._reading.overruns, self._reading.room_ns
+            inboxes_unlock()
+        return count, room_ns / 1e9

@@ -94,6 +94,10 @@ cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept
             if (oldest.kind == KIND_STATIC and oldest.child < writing.statics_capacity
                     and writing.statics[oldest.child] == oldest.position):
                 _write_again(writing, &oldest, now_ns)
+            elif (oldest.kind != KIND_STATIC
+                    and oldest.written_ns > now_ns - (writing.keep_ns - MARGIN_NS)):
+                store64(&writing.head.room_ns, <uint64_t>now_ns - <uint64_t>oldest.written_ns)
+                store64(&writing.head.displaced, oldest.position + record_length(&oldest))
             _drop_until(writing, oldest.position + record_length(&oldest))
     return not writing.has_failed
 

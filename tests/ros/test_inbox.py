@@ -107,7 +107,8 @@ class TestEventsExecutor:
 
 def test_buffers_are_exchanged_while_threads_read_and_wait(tf2_ros, node, flood):
     """The buffers stay whole, and each wait ends."""
-    process, numbers = flood(200, 2, 600), itertools.count()
+    flood(200, 2)
+    numbers = itertools.count()
     buffers = [tf2_ros.Buffer() for _ in range(3)]
 
     def exchange():
@@ -124,9 +125,9 @@ def test_buffers_are_exchanged_while_threads_read_and_wait(tf2_ros, node, flood)
         tf2_ros.TransformListener(buffers[0], node) as listener,
         repeated(exchange, exchange, *(partial(wait, buffer) for buffer in buffers)),
     ):
-        process.wait()
+        # Not for some seconds: on a busy machine, all that is sent in them may arrive together.
+        until(lambda: all(buffer.statistics()["taken"] > 300 for buffer in buffers))
     for buffer in buffers:
-        assert buffer.statistics()["taken"] > 0
         buffer._self_check()
         until(lambda buffer=buffer: buffer.statistics()["waiters"] == 0)
 

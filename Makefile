@@ -89,7 +89,7 @@ bench: $(VENV)/installed.stamp $(VENV)/test.stamp
 # The site of the pages in docs and tools/docs, and of the docstrings: build/docs/index.html.
 docs: $(VENV)/docs.stamp $(VENV)/installed.stamp
 	$(MAKE) -C tools installed-all
-	$(PY) -m sphinx -E -W --keep-going -q -d build/doctrees docs build/docs
+	$(PY) -m sphinx -E -W --keep-going -q -d build/doctrees -c docs . build/docs
 
 # The pictures of docs/images and tools/docs/images, anew.
 pictures: $(VENV)/installed.stamp

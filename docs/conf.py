@@ -1,11 +1,9 @@
 """Settings of Sphinx for the site that `make docs` builds of these pages.
 
-The pages are plain Markdown, for git hosts, too. What the site needs beyond that is made of them here: the
-table of contents from the lists of index.md, and the pages from outside this folder. Those of the tools are
-here through a link to their folder.
+The pages are plain Markdown, for git hosts, too. They link to files of the whole repository, so Sphinx
+reads it from its root. The table of contents is made from the lists of docs/index.md.
 """
 
-import os
 import re
 import sys
 from pathlib import Path
@@ -24,7 +22,17 @@ author = copyright = "tf2-ros-cython authors"
 version = release = tf2_ros.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
-root_doc = "index"
+root_doc = "docs/index"
+include_patterns = [
+    "*.md",
+    "docs/**.md",
+    "docs/**.rst",
+    "tools/*.md",
+    "tools/docs/**.md",
+    "tools/docs/**.rst",
+]
+# Sphinx looks for pages in all other folders.
+exclude_patterns = [".*", "build", "dist"]
 myst_heading_anchors = 4  # as git hosts make them
 
 html_theme = "furo"
@@ -32,6 +40,7 @@ html_title = project
 html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_extra_path = ["site"]  # leads from the root of the site to docs/index.html
 
 # The reference. The docstrings say what a function takes and returns; testing.md explains the types.
 autodoc_member_order = "bysource"
@@ -42,15 +51,6 @@ python_maximum_signature_line_length = 90
 # A reference to a name that is not on the site is a warning.
 nitpicky = True
 
-# Pages outside this folder, and their places on the site.
-PLACES = {
-    ROOT / f"{name}.md": HERE / "site" / f"{name.lower()}.md"
-    for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")
-}
-TOOLS = ROOT / "tools"
-PLACES |= {
-    TOOLS / f"{name}.md": HERE / "site" / f"tools-{name.lower()}.md" for name in ("README", "CHANGELOG")
-}
 LINK = re.compile(r"\[(?P<text>[^\]]*)\]\((?P<path>[^)\s#:]+)(?P<anchor>#[^)\s]*)?\)")
 HEADING = re.compile(r"^## (?P<title>.*)$", re.MULTILINE)
 
@@ -67,37 +67,19 @@ def contents(text: str) -> str:
     return "\n\n".join(trees)
 
 
-def place(target: Path) -> Path | None:
-    """Where a file is on the site; None if it is not on it."""
-    if target.is_relative_to(TOOLS / "docs"):
-        return HERE / "tools" / target.relative_to(TOOLS / "docs")
-    return PLACES.get(target, None if target.suffix == ".md" and not target.is_relative_to(HERE) else target)
-
-
-def moved_links(text: str, source: Path, page: Path) -> str:
-    """The text of a file with links that are right on its page; what is not on the site becomes text."""
-
-    def moved(found: re.Match[str]) -> str:
-        target = (source.resolve().parent / found["path"]).resolve()
-        if not target.exists():
-            return found[0]
-        there = place(target)
-        if there is None or target.is_dir():
-            return found["text"]
-        return f"[{found['text']}]({os.path.relpath(there, page.parent)}{found['anchor'] or ''})"
-
-    return LINK.sub(moved, text)
-
-
 def read_page(app, name: str, source: list[str]) -> None:
-    page = HERE / f"{name}.md"
-    origin = {place: outside for outside, place in PLACES.items()}.get(page, page)
-    if not origin.exists():
+    """Make links to folders, and to Markdown that is not on the site, plain text; git hosts show these."""
+    page = ROOT / f"{name}.md"
+    if not page.exists():
         return  # not Markdown
-    if origin != page:
-        app.env.note_dependency(origin)
-        source[0] = origin.read_text(encoding="utf-8")
-    source[0] = moved_links(source[0], origin, page)
+
+    def on_site(found: re.Match[str]) -> str:
+        target = (page.parent / found["path"]).resolve()
+        document = target.relative_to(ROOT).with_suffix("").as_posix() if target.suffix == ".md" else None
+        there = document in app.env.found_docs if document else not target.is_dir()
+        return found[0] if there else found["text"]
+
+    source[0] = LINK.sub(on_site, source[0])
     if name == root_doc:
         source[0] += "\n" + contents(source[0]) + "\n"
 

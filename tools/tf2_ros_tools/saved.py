@@ -99,7 +99,7 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
     is replaced when the new one is complete. Attributes of a subclass are not saved.
 
     :raises OSError: the file cannot be written; an existing file remains unchanged.
-    :raises MissingLibraryError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
+    :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
     """
     require("mcap", "bag")
     from mcap.writer import Writer
@@ -128,7 +128,7 @@ def load_saved(path: str | os.PathLike[str], kind: type[_Kind] = Buffer) -> _Kin
     :param kind: the class of the buffer, whose ``__init__`` is not called.
     :raises FileNotFoundError, OSError: the file cannot be opened or read.
     :raises ValueError: it is not an mcap file, not whole, or does not hold a buffer; the text names the file.
-    :raises MissingLibraryError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
+    :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
     """
     require("mcap", "bag")
     from mcap.stream_reader import StreamReader

@@ -171,7 +171,19 @@ def test_a_name_in_the_internals_exists(name):
 def test_the_site_builds_without_warnings(tmp_path):
     pytest.importorskip("sphinx")
     recipe = (ROOT / "Makefile").read_text(encoding="utf-8")
-    [options] = re.findall(r"-m sphinx (.*) -d build/doctrees docs build/docs", recipe)
-    command = [sys.executable, "-m", "sphinx", *options.split(), "-d", tmp_path / "trees"]
-    done = run(*command, ROOT / "docs", tmp_path)
+    [options] = re.findall(r"-m sphinx (.*) -d build/doctrees -c docs . build/docs", recipe)
+    site = tmp_path / "site"
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        *options.split(),
+        "-d",
+        tmp_path / "trees",
+        "-c",
+        ROOT / "docs",
+    ]
+    done = run(*command, ROOT, site)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    [start] = re.findall(r'url=([^"]+)', (site / "index.html").read_text(encoding="utf-8"))
+    assert "tools/docs/programs/tf2_echo.html" in (site / start).read_text(encoding="utf-8")

@@ -160,7 +160,7 @@ $(VENV)/installed.stamp: $(SOURCES) | $(PY)
 
 $(VENV)/test.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
-	@echo "Installing what the tests use, 400 MB, into $(VENV). The tests then take 4 minutes on two cores."
+	@echo "Installing what the tests use, 20 MB, into $(VENV). The tests then take 4 minutes on two cores."
 	$(PY) -m pip install 'tf2-ros-cython[test]'
 	@touch $@
 

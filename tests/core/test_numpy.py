@@ -1,4 +1,4 @@
-"""Messages as matrices, arrays, rotations of SciPy and data frames, judged by SciPy."""
+"""Messages as matrices, arrays and the columns of data frames."""
 
 import math
 import re
@@ -6,13 +6,11 @@ from functools import partial
 
 import numpy as np
 import pytest
-from expected import matrix, turn, xyzw
+from expected import matrix
 from geometry_msgs.msg import (
     Point,
     Pose,
     PoseStamped,
-    Quaternion,
-    QuaternionStamped,
     Transform,
     TransformStamped,
     Twist,
@@ -23,9 +21,9 @@ from making import S, transform, translation
 from numpy.testing import assert_allclose
 from processes import output_of
 from random_messages import transforms, turns, vectors
-from scipy.spatial.transform import Rotation
+from turns import Turn
 
-from tf2_ros.numpy import from_matrix, from_rotation, to_arrays, to_columns, to_matrix, to_rotation
+from tf2_ros.numpy import from_matrix, to_arrays, to_columns, to_matrix, to_rotation
 
 pytestmark = pytest.mark.ours
 
@@ -36,7 +34,7 @@ def pose_of(t):
 
 
 @given(transforms)
-def test_a_matrix_is_what_scipy_makes(t):
+def test_a_matrix_is_that_of_the_textbook(t):
     got = to_matrix(t)
     assert got.dtype == np.float64 and got.shape == (4, 4)
     assert_allclose(got, matrix(t), rtol=1e-12, atol=1e-12)
@@ -64,7 +62,7 @@ def test_a_matrix_becomes_a_message_of_the_class_asked_for(t, cls):
 def test_a_matrix_that_was_rounded_to_float32_is_near_enough():
     m = np.eye(4, dtype=np.float32)
     for angle in range(100):
-        m[:3, :3] = m[:3, :3] @ Rotation.from_euler("xyz", [angle, 1, 2]).as_matrix().astype(np.float32)
+        m[:3, :3] = m[:3, :3] @ Turn.from_angles(angle, 1, 2).as_matrix().astype(np.float32)
     assert_allclose(to_matrix(from_matrix(m)), m, atol=1e-5)
 
 
@@ -77,8 +75,7 @@ def test_arrays_hold_translations_and_rotations_row_by_row(v, q):
     assert np.array_equal(translations, [v, (0, 0, 0), v])
     unit = np.array(q) / np.linalg.norm(q)
     assert_allclose(rotations, [unit, (0, 0, 0, 1), unit], atol=1e-15)
-    scipy = Rotation.from_quat(rotations)
-    assert_allclose(scipy[0].as_matrix(), to_matrix(messages[0])[:3, :3], atol=1e-12)
+    assert_allclose(Turn(rotations).as_matrix()[0], to_matrix(messages[0])[:3, :3], atol=1e-12)
 
 
 def test_what_is_masked_is_missing():
@@ -145,42 +142,20 @@ class TestManyMatrices:
     def test_turns_near_180_degrees_lose_nothing(self, axis):
         axis = axis / np.linalg.norm(axis)
         angles = math.pi + np.array([0, 1e-16, 1e-12, -1e-12, 1e-8, -1e-8, 1e-4, -1e-4])
-        turns = Rotation.from_rotvec(angles[:, None] * axis)
-        _, rotations = to_arrays(to_matrix((np.zeros((8, 3)), turns.as_quat())))
+        turns = Turn.from_vector(angles[:, None] * axis)
+        _, rotations = to_arrays(to_matrix((np.zeros((8, 3)), turns.q)))
         # The scalar product of two quaternions, but more exactly: the angle between them.
-        between = (turns.inv() * Rotation.from_quat(rotations)).magnitude()
+        between = (turns.inverse() * Turn(rotations)).angle()
         assert between.max() < 1e-15
 
 
-class TestSciPy:
-    @given(turns)
-    def test_a_message_becomes_the_rotation_that_scipy_makes(self, q):
-        t = transform("map", "base", 0, (1, 2, 3), q)
-        quaternion = t.transform.rotation
-        messages = (t, t.transform, pose_of(t), quaternion, QuaternionStamped(quaternion=quaternion))
-        arrays = ((np.zeros(3), np.array(q)), np.array(q))
-        for one in (*messages, *arrays):
-            got = to_rotation(one)
-            assert isinstance(got, Rotation)
-            assert_allclose(got.as_quat(), turn(q).as_quat(), rtol=0, atol=1e-15)
-        many = to_rotation(np.array([q, q]))
-        assert_allclose(many.as_quat(), [turn(q).as_quat()] * 2, rtol=0, atol=1e-15)
-
-    @given(turns)
-    def test_a_rotation_becomes_the_message_it_came_from(self, q):
-        got = from_rotation(turn(q))
-        assert type(got) is Quaternion and got.w >= 0
-        assert_allclose(abs(xyzw(got) @ turn(q).as_quat()), 1, rtol=0, atol=1e-15)
-        assert_allclose(np.linalg.norm(xyzw(got)), 1, rtol=0, atol=1e-15)
-        assert_allclose(to_rotation(got).as_matrix(), turn(q).as_matrix(), rtol=0, atol=1e-12)
-
-    def test_scipy_is_imported_only_when_it_is_needed(self):
-        code = "import sys, tf2_ros.numpy; print('scipy' in sys.modules, 'pandas' in sys.modules)"
-        assert output_of("-c", code) == "False False\n"
+def test_scipy_and_pandas_are_not_imported():
+    code = "import sys, tf2_ros.numpy; print({'pandas', 'scipy'} & {*sys.modules})"
+    assert output_of("-c", code) == "set()\n"
 
 
 class TestDataFrames:
-    def test_the_columns_hold_times_translations_and_rotations_and_pandas_takes_them(self):
+    def test_the_columns_hold_times_translations_and_rotations(self):
         translations = np.arange(9.0).reshape(3, 3)
         rotations = np.array([(0.0, 0.0, 0.0, 2.0), (0.5, -0.5, 0.5, -0.5), (math.nan,) * 4])
         translations[2] = math.nan
@@ -191,9 +166,13 @@ class TestDataFrames:
         rows = np.array([*got.values()][1:]).T
         assert rows[:2].tolist() == [[0, 1, 2, 0, 0, 0, 1], [3, 4, 5, 0.5, -0.5, 0.5, -0.5]]
         assert np.isnan(rows[2]).all()
+
+    def test_pandas_takes_the_columns(self):
         pandas = pytest.importorskip("pandas")
-        frame = pandas.DataFrame(got)
-        assert frame.shape == (3, 8) and len(frame.dropna()) == 2
+        translations = np.array([(1.0, 2.0, 3.0), (math.nan,) * 3])
+        rotations = np.array([(0.0, 0.0, 0.0, 1.0), (math.nan,) * 4])
+        frame = pandas.DataFrame(to_columns((translations, rotations), [S, 2 * S]))
+        assert frame.shape == (2, 8) and len(frame.dropna()) == 1
         assert pandas.to_datetime(frame.stamp_ns)[1] == pandas.Timestamp(2 * S)
 
     def test_stamped_messages_have_times_of_their_own(self):
@@ -237,7 +216,6 @@ REFUSED = {
     f"TypeError: {NO_MESSAGE}": [
         *[partial(to_matrix, wrong) for wrong in (None, "text", Twist(), [Transform()])],
         *[partial(to_arrays, [wrong]) for wrong in (None, "text", Twist(), [Transform()])],
-        partial(to_rotation, 5),
     ],
     # Of another message only the type is named.
     "TypeError: .*Pose, got Twist$": [partial(to_matrix, Twist())],
@@ -275,8 +253,6 @@ REFUSED = {
     "TypeError: .*(Transform|Pose|PoseStamped) has no child_": [
         partial(from_matrix, EYE, cls, child_frame_id="b") for cls in (Transform, Pose, PoseStamped)
     ],
-    "ValueError: .*holds one rotation, not 3: as_quat": [partial(from_rotation, Rotation.identity(3))],
-    "ValueError: .*finite": [partial(from_rotation, to_rotation([math.nan] * 4))],
     "AttributeError: 'Transform' object has no attribute 'header'": [partial(to_columns, [Transform()])],
     "TypeError: .*pass the times": [partial(to_columns, PAIR)],
     "TypeError: .*pass no times": [partial(to_columns, [ONE], [1]), partial(to_columns, (ONE, ONE), [1, 2])],

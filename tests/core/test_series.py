@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from making import S, about_z, at, at_ns, rotation, transform, translation
 from ros_optional import Duration, Time
-from scipy.spatial.transform import Rotation
+from turns import Turn
 
 from tf2_py import BufferCore, ExtrapolationException, TransformException
 
@@ -34,7 +34,7 @@ def buffer(tf2_ros):
         ("arm", "hand", 2.0),  # far turns between neighbours
         ("mast", "camera", 1e-9),
     ):
-        turns = Rotation.from_rotvec(np.cumsum(random.normal(scale=step, size=(300, 3)), axis=0)).as_quat()
+        turns = Turn.from_vector(np.cumsum(random.normal(scale=step, size=(300, 3)), axis=0)).q
         places = np.cumsum(random.normal(size=(300, 3)), axis=0)
         stamps = np.cumsum(random.integers(1_000_000, 30_000_000, 300)) + S
         rows = zip(stamps.tolist(), places, turns, strict=True)
@@ -220,7 +220,7 @@ class TestPoints:
         points.flags.writeable = False
         got = buffer.transform_points(points, times, "camera", "hand", **TWO_TIMES[1])
         translations, rotations = buffer.lookup_transforms("camera", "hand", times, **TWO_TIMES[1])
-        want = Rotation.from_quat(rotations).apply(points.astype(np.float64)) + translations
+        want = Turn(rotations).apply(points.astype(np.float64)) + translations
         assert got.dtype == dtype
         np.testing.assert_allclose(got, want, rtol=0, atol=np.finfo(dtype).eps * 100 * np.abs(want).max())
 

@@ -3,10 +3,11 @@
 import math
 import re
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import Pose, PoseStamped, Transform
 from making import about_z, transform
-from scipy.spatial.transform import Rotation
+from turns import Turn
 
 pytestmark = pytest.mark.ours
 
@@ -39,7 +40,7 @@ def test_what_is_shown_of_transforms_and_poses(text):
 def test_the_angles_turn_about_the_fixed_axes_x_y_z_in_turn(text, rpy):
     m, length = Transform(), 3.0  # a rotation need not have length one
     m.rotation.x, m.rotation.y, m.rotation.z, m.rotation.w = (
-        length * Rotation.from_euler("xyz", rpy, degrees=True).as_quat()
+        length * Turn.from_angles(*np.radians(rpy)).q
     ).tolist()
     angles = re.search(r"rpy \[(.*)\] deg", text(m))[1].split()
     assert [float(number) for number in angles] == pytest.approx(rpy, abs=0.051)

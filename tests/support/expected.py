@@ -1,7 +1,7 @@
-"""What a transform makes of points, rotations, covariances and every type of message, by SciPy."""
+"""What a transform makes of points, rotations, covariances and every type of message, by the textbook."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from turns import Turn
 
 
 def xyz(m):
@@ -13,13 +13,12 @@ def xyzw(m):
 
 
 def turn(q):
-    """SciPy's rotation for a quaternion of any length, message or tuple."""
-    q = np.array(q if isinstance(q, tuple) else xyzw(q))
-    return Rotation.from_quat(q / np.linalg.norm(q))
+    """The rotation of a quaternion of any length, message or tuple."""
+    return Turn(q if isinstance(q, tuple) else xyzw(q))
 
 
 def matrix(t):
-    """The 4x4 matrix of a transform, by SciPy."""
+    """The 4x4 matrix of a transform."""
     m = np.eye(4)
     m[:3, :3] = turn(t.transform.rotation).as_matrix()
     m[:3, 3] = xyz(t.transform.translation)
@@ -37,11 +36,6 @@ def covariance_rotated(covariance, r):
     return turns @ np.reshape(covariance, turns.shape) @ turns.T
 
 
-def canonical(rotation):
-    q = rotation.as_quat()
-    return q if q[3] >= 0 else -q
-
-
 def _of_point(m, r, moved):
     return r.apply(xyz(m)) + moved
 
@@ -51,7 +45,7 @@ def _of_vector(m, r, moved):
 
 
 def _of_transform(m, r, moved):
-    return [*(r.apply(xyz(m.translation)) + moved), *canonical(r * turn(m.rotation))]
+    return [*(r.apply(xyz(m.translation)) + moved), *(r * turn(m.rotation)).canonical()]
 
 
 def _of_wrench(m, r, moved):
@@ -73,7 +67,7 @@ def _of_odometry(m, r, moved):
 
 def _of_imu(m, r, moved):
     # The attitude is that of the new frame in the world.
-    parts = [canonical(turn(m.orientation) * r.inv()), m.orientation_covariance]
+    parts = [(turn(m.orientation) * r.inverse()).canonical(), m.orientation_covariance]
     for name in ("angular_velocity", "linear_acceleration"):
         parts += [r.apply(xyz(getattr(m, name))), numbers_in(getattr(m, f"{name}_covariance"), r, moved)]
     return np.concatenate(parts)
@@ -83,7 +77,7 @@ RULES = {
     "Point": _of_point,
     "Point32": _of_point,
     "Vector3": _of_vector,
-    "Quaternion": lambda m, r, moved: canonical(r * turn(m)),
+    "Quaternion": lambda m, r, moved: (r * turn(m)).canonical(),
     "Transform": _of_transform,
     "Wrench": _of_wrench,
     "VelocityStamped": _of_velocity,

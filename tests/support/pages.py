@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
+import pytest
 from paths import ROOT
 from processes import run
 
@@ -84,6 +85,9 @@ def program(page):
 
 def run_program(page, folder, python=sys.executable, environment=None):
     """Run the program of a page in a folder; it must print what the page says."""
+    for library, use in (("pandas", r"^import pandas"), ("scipy", r"^from scipy|to_rotation\(")):
+        if re.search(use, program(page), re.MULTILINE):
+            pytest.importorskip(library)
     path = folder / page.name
     path.write_text(program(page), encoding="utf-8")
     with programs_beside(page, folder):

@@ -62,7 +62,7 @@ def test_names_are_whole_and_all_frames_are_within_reach(size, talker):
 class TestKeys:
     def test_sorting_by_name_delay_and_rate(self, peer):
         talker = peer(*TOPICS)
-        with monitor((80, 24), "--window", "3") as terminal:
+        with monitor((80, 24)) as terminal:
             terminal.shows(lambda lines: " Hz " in joined(lines))
 
             def order(lines):

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tf2_ros_tools.streams import Stream
 
 INTERVAL_S = 10.0  # as in tf2's program
+WINDOW_S = 10.0  # the figures are of this long before a report
 
 
 PARSER = Parser(
@@ -41,13 +42,6 @@ PARSER.add_argument(
     metavar="S",
     help="print a report every S seconds instead of the table",
 )
-PARSER.add_argument(
-    "--window",
-    type=positive_number,
-    metavar="S",
-    default=10.0,
-    help="compute the figures over the last S seconds; 10 by default",
-)
 PARSER.add_argument("--json", action="store_true", help="print each report as one line of JSON")
 
 
@@ -58,7 +52,7 @@ def monitor(options: Namespace) -> int:
     from tf2_ros_tools.findings import Limits
 
     ends = _ends(options.frames)
-    with spun_node("tf2_monitor", options) as node, listening(node, options.window) as heard:
+    with spun_node("tf2_monitor", options) as node, listening(node, WINDOW_S) as heard:
         look = partial(heard.report, Limits(), ends=ends)
         if not options.json and options.interval is None and _has_screen():
             from tf2_ros_tools.screen import show_screen

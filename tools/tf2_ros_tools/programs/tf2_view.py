@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from tf2_ros_cython.output import printable
 from tf2_ros_tools.output import not_known, write_whole
-from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, positive_number, run
+from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, run
 
 if TYPE_CHECKING:
     from tf2_ros_tools.listening import Pace
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 PERIOD_S = 0.1  # from one batch to the next
 CHECK_AFTER = 50  # batches, by which publishers are found
-AXES_M = 0.3
 
 DESCRIPTION = """\
 Show the frames of a running robot in three dimensions, with their axes and names, in the viewer rerun, \
@@ -56,13 +55,6 @@ PARSER.add_argument(
 PARSER.add_argument(
     "--origin", metavar="FRAME", help="the frame that does not move; by default the root of the largest tree"
 )
-PARSER.add_argument(
-    "--axes",
-    type=positive_number,
-    metavar="M",
-    default=AXES_M,
-    help=f"the length of the axes in metres; {AXES_M:g} by default",
-)
 
 
 def view(options: Namespace) -> int:
@@ -86,7 +78,7 @@ def view(options: Namespace) -> int:
                     where = f"on {topics} in ROS domain {node.context.get_domain_id()}"
                     node.get_logger().warning(f"no transform was received {where}")
 
-            live = Live(buffer, origin=origin, trails=trails, axes=options.axes)
+            live = Live(buffer, origin=origin, trails=trails)
             if options.output is not None:
                 write_whole(options.output, b"")  # rerun would raise its own error
                 live.recording.save(options.output)

@@ -223,7 +223,7 @@ def _nanoseconds(value: float, unit: Unit, stamp_ns: int) -> int:
 
 
 def _time_field(cloud: PointCloud2) -> tuple[str, Unit]:
-    datatypes = {field.name: field.datatype for field in reversed(cloud.fields)}
+    datatypes = {field.name: field.datatype for field in reversed(list(cloud.fields))}
     for name, (accepted, unit) in KNOWN.items():
         if datatypes.get(name) in accepted:
             return name, unit

@@ -156,8 +156,6 @@ def deskew(
     policy = {"tolerance": tolerance, "extrapolate": extrapolate, "max_gap": max_gap}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
     sweep = _read_sweep(cloud, stamp_ns, times)
-    if sweep.size and fixed_frame is None:
-        _require_motion(buffer, target_frame, source_frame)
     _wait(motion, sweep.last, timeout, on_missing)
     stored = {SINCE_1970_S: new_ns / S, SINCE_1970_NS: float(new_ns)}.get(sweep.unit, 0.0) if fixed else None
 
@@ -166,6 +164,8 @@ def deskew(
         return move_points(cloud, new_ns, target_frame, is_dense, *time, *poses)
 
     steady = _steady_poses(motion, sweep)
+    if sweep.size and fixed_frame is None and (steady is None or _may_rest(steady)):
+        _require_motion(buffer, target_frame, source_frame)
     if steady is not None:
         message, is_complete = moved(steady, cloud.is_dense)
         if is_complete:
@@ -249,6 +249,11 @@ def _target_ns(
     if target_time is not None and target_ns == 0:
         target_ns = buffer.get_latest_common_time(target_frame, fixed_frame).nanoseconds
     return target_ns or stamp_ns
+
+
+def _may_rest(poses: Poses) -> bool:
+    """Whether the sensor is at the end where it was at the beginning."""
+    return bool((poses.matrices[0] == poses.matrices[-1]).all())
 
 
 def _require_motion(buffer: BufferCore, target_frame: str, source_frame: str) -> None:

@@ -5,6 +5,7 @@ import gc
 import pytest
 from interposing import output_with_library
 from processes import end, errors_so_far, start, until
+from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
 from tf2_msgs.msg import TFMessage
@@ -79,6 +80,18 @@ class TestInTheQueueOfTheListener:
             send(publisher, DEPTH)
             until(lambda number=number: topic.arrivals.taken()[0] == (number + 1) * DEPTH)
         assert topic.lost() == (0, 0)
+
+    def test_a_queue_that_keeps_all_loses_nothing(self, tf2_ros, buffer, node, publisher):
+        """The depth of such a profile is a default that the middleware ignores."""
+        keeps_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+        sent = 2 * max(keeps_all.depth, SENT)
+        with tf2_ros.TransformListener(buffer, node, qos=keeps_all) as listener:
+            inbox, topic = listener._tf2_listening.receiver.inbox, listener._tf2_listening.topics[0]
+            inbox.fill(None)
+            send(publisher, sent)
+            inbox.fill(buffer)
+            until(lambda: topic.arrivals.taken()[0] == sent)
+            assert topic.lost() == (0, 0)
 
     def test_a_queue_that_was_full_and_publishers_that_end_lose_nothing(self, paused, new_node):
         listener, go_on = paused

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.qos import QoSProfile
+from rclpy.qos import HistoryPolicy, QoSProfile
 
 from tf2_py import BufferCore
 from tf2_py._internal import log
@@ -152,6 +152,12 @@ class ListenerGroup(ReentrantCallbackGroup):
         return not self.hides_all and not any(topic.has(entity) for topic in self.hidden)
 
 
+def _depth(qos: QoSProfile) -> int:
+    """How many messages its queue holds; 0 if it is not known."""
+    # A profile that keeps all messages has a depth, too, which means nothing.
+    return qos.depth if qos.history == HistoryPolicy.KEEP_LAST else 0
+
+
 class Receiver:
     """
     Inserts what arrives on a listener's topics into a buffer when that is read: the owner of an inbox.
@@ -190,7 +196,7 @@ class Receiver:
                     subscription.handle,
                     topic.name,
                     topic.is_static,
-                    subscription.qos_profile.depth,
+                    _depth(subscription.qos_profile),
                 )
         except RuntimeError:
             self._leave_to_executors()  # this middleware does not report arrivals

@@ -230,7 +230,7 @@ cdef class Subscriptions(Source):
         inboxes_lock()
         arrivals.number = len(self.names) - 1
         arrivals.is_static, arrivals.depth = is_static, depth
-        arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
+        arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1) if depth else THRESHOLD
         arrivals.inbox = self.inbox
         arrivals.subscription = <const rcl_subscription_t*>address
         arrivals.following = self._subscribed.first

@@ -27,7 +27,7 @@ cdef enum:
 
 cdef struct Parcel:
     # One message. It does not move: waiters refer to its batch.
-    # What a source fills in; everything is reset before, except for the memory.
+    # What a source fills in; everything is reset before, except for memory and sender.
     ParcelKind kind
     unsigned char* data         # the message, of malloc, and behind it the authority
     size_t size                 # bytes of the message

@@ -33,9 +33,9 @@ cdef class Completions:
     1. **Order.** Calls are made in the order of :meth:`put`, one at a time.
     2. **Threads.** They are made by what runs the node, as callbacks of subscriptions are. While nothing runs
        the node they wait; after WARN_S, one warning says so.
-    3. **Exceptions.** What a call raises is logged, because later calls and other callbacks of the node do
-       not depend on it. In the main thread, what ends a program is raised instead, such as a
-       KeyboardInterrupt; the other calls remain.
+    3. **Exceptions.** An `Ending` logs each `Exception` of a callback itself. What a call raises nevertheless
+       is logged, because later calls and other callbacks of the node do not depend on it. In the main
+       thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other calls remain.
     4. **Interrupts.** Threads, signal handlers and finalizers may put. No signal handler comes between taking
        a call from the queue and making it. One that raises inside :meth:`put` at most delays the call until
        the next regular check.

@@ -11,7 +11,7 @@ import os
 import stat
 import sys
 from collections.abc import Iterator
-from typing import Any, BinaryIO, TypeVar
+from typing import Any, BinaryIO, TypeVar, overload
 
 import numpy as np
 
@@ -119,7 +119,11 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def load_saved(path: str | os.PathLike[str], kind: type[_Kind] = Buffer) -> _Kind:  # type: ignore[assignment]
+@overload
+def load_saved(path: str | os.PathLike[str]) -> Buffer: ...
+@overload
+def load_saved(path: str | os.PathLike[str], kind: type[_Kind]) -> _Kind: ...
+def load_saved(path: str | os.PathLike[str], kind: type[BufferCore] = Buffer) -> BufferCore:
     """
     Load a buffer from a file that :func:`save` wrote; its answers are identical to the last bit.
 

@@ -1,13 +1,14 @@
 """
-Publishes messages faster than the middleware sends them, once there is a subscriber.
+Publishes messages in bursts, faster than the middleware sends them, while there is a subscriber.
 
-Arguments: the topic, and how many messages.
+Arguments: the topic, and how many messages are in a burst.
 
 The queue of the publisher has room for one of them, so most are lost on the way. Ends when nobody subscribes.
 """
 
 import os
 import sys
+import threading
 
 os.environ["RMW_FASTRTPS_PUBLICATION_MODE"] = "ASYNCHRONOUS"  # another thread sends them
 
@@ -19,6 +20,7 @@ from rclpy.serialization import serialize_message
 from tf2_msgs.msg import TFMessage
 
 MANY = 20_000  # transforms
+PAUSE_S = 0.5  # between bursts, in which the subscriber works them off
 
 
 def main(topic, messages):
@@ -26,9 +28,12 @@ def main(topic, messages):
     publisher = rclpy.create_node("losing").create_publisher(TFMessage, topic, 1)
     until(lambda: publisher.get_subscription_count() > 0)
     message = serialize_message(TFMessage(transforms=[TransformStamped()] * MANY))
-    for _ in range(messages):
-        publisher.publish(message)
-    until(lambda: publisher.get_subscription_count() == 0)
+    pause = threading.Event()
+    # The subscriber may not have found this publisher when the first burst is sent.
+    while publisher.get_subscription_count() > 0:
+        for _ in range(messages):
+            publisher.publish(message)
+        pause.wait(PAUSE_S)
     rclpy.shutdown()
 
 

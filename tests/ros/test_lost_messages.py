@@ -27,11 +27,16 @@ def topic(tf2_ros, buffer, node):
         yield listener._tf2_listening.topics[0]
 
 
-def send(publisher, count):
-    """Send messages without transforms, until the middleware of the listener has them."""
+def publish(publisher, count):
+    """Send messages without transforms to the listener."""
     until(lambda: publisher.get_subscription_count() == 1)
     for _ in range(count):
         publisher.publish(serialize_message(TFMessage()))
+
+
+def send(publisher, count):
+    """Publish, and wait until the middleware of the listener has the messages."""
+    publish(publisher, count)
     assert publisher.wait_for_all_acked()
 
 
@@ -77,7 +82,7 @@ class TestInTheQueueOfTheListener:
 
     def test_messages_that_are_taken_in_time_are_not_lost(self, topic, publisher, buffer):
         for number in range(SENT):
-            send(publisher, DEPTH)
+            publish(publisher, DEPTH)
             until(lambda number=number: topic.arrivals.taken()[0] == (number + 1) * DEPTH)
         assert topic.lost() == (0, 0)
 

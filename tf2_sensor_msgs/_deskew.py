@@ -12,7 +12,7 @@ from tf2_py._internal import as_times_ns, duration_ns, time_ns
 from tf2_ros import BufferCore, ExtrapolationException, TransformException
 from tf2_ros._arguments import frame_of
 from tf2_ros_cython.output import printable
-from tf2_sensor_msgs._cloud import move_points, read_times, sampled_range
+from tf2_sensor_msgs._cloud import largest_bends, move_points, read_times, sampled_range, split_times
 from tf2_sensor_msgs._errors import FieldError
 
 if TYPE_CHECKING:
@@ -303,13 +303,12 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
         return None
     parts = math.ceil(PARTS / len(edges))
     # Twice as many, to see by how much the pose in the middle of each part differs from a steady change.
-    knots = _split(edges, 2 * parts)
+    knots = split_times(edges, 2 * parts)
     if len(knots) * POINTS_PER_KNOT > count:
         return None
     try:
         matrices = motion.matrices(knots)
-        bends = np.abs(matrices[1::2] - 0.5 * (matrices[:-1:2] + matrices[2::2]))
-        turn, move = bends[:, :3, :3].max(initial=0.0), bends[:, :3, 3].max(initial=0.0)
+        turn, move = largest_bends(matrices)
         if turn > FAR:
             return None
         # In pieces of a part, the difference decreases with the square of their number.
@@ -317,20 +316,11 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
         if pieces > 2:
             if parts * pieces * len(edges) * POINTS_PER_KNOT > count:
                 return None
-            knots = _split(edges, parts * pieces)
+            knots = split_times(edges, parts * pieces)
             matrices = motion.matrices(knots)
     except ExtrapolationException:
         return None  # at which point, or under which policy, the exact lookups say
     return Poses(knots, matrices)
-
-
-def _split(edges: NDArray[np.int64], pieces: int) -> NDArray[np.int64]:
-    """Split the time between each two edges into so many pieces."""
-    split = np.empty((len(edges) - 1) * pieces + 1, np.int64)
-    begins, spans = edges[:-1, None], (edges[1:] - edges[:-1])[:, None]
-    split[:-1] = (begins + spans * np.arange(pieces) // pieces).ravel()
-    split[-1] = edges[-1]
-    return split
 
 
 def _exact_poses(motion: Motion, times: NDArray[np.int64], first: int, on_missing: str) -> Poses:

@@ -306,6 +306,46 @@ cdef void _fill_knots(const int64_t* knots_ns, const double* matrices, Py_ssize_
     memset(slopes + 16 * (count - 1), 0, 16 * sizeof(double))
 
 
+def split_times(cnp.ndarray edges_ns, Py_ssize_t pieces):
+    """Split the time between each two of at least one int64 times, ascending, into so many pieces."""
+    cdef const int64_t* edges = <const int64_t*>cnp.PyArray_DATA(edges_ns)
+    cdef Py_ssize_t count = len(edges_ns) - 1
+    cdef cnp.ndarray split = np.empty(count * pieces + 1, np.int64)
+    cdef int64_t* out = <int64_t*>cnp.PyArray_DATA(split)
+    cdef int64_t span
+    cdef Py_ssize_t i, k
+    for i in range(count):
+        span = edges[i + 1] - edges[i]
+        for k in range(pieces):
+            # In two terms, because the product of all might overflow.
+            out[i * pieces + k] = edges[i] + span // pieces * k + span % pieces * k // pieces
+    out[count * pieces] = edges[count]
+    return split
+
+
+def largest_bends(cnp.ndarray matrices):
+    """
+    By how much each second pose differs, at most, from the mean of the poses before and after it.
+
+    :param matrices: float64, shape (K, 4, 4), contiguous, of poses that follow each other; K is odd.
+    :return: the largest difference of an element of the rotation, and of one of the translation in metres.
+    """
+    cdef const double* pose = <const double*>cnp.PyArray_DATA(matrices)
+    cdef double turn = 0.0
+    cdef double move = 0.0
+    cdef double bend
+    cdef Py_ssize_t i
+    cdef int k
+    for i in range(1, len(matrices), 2):
+        for k in range(12):
+            bend = fabs(pose[16 * i + k] - 0.5 * (pose[16 * (i - 1) + k] + pose[16 * (i + 1) + k]))
+            if k % 4 == 3:
+                move = max(move, bend)
+            else:
+                turn = max(turn, bend)
+    return turn, move
+
+
 def move_points(
     cloud,
     int64_t new_stamp_ns,

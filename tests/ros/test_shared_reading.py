@@ -4,6 +4,7 @@ import copy
 import gc
 import pickle
 import random
+import re
 
 import pytest
 from hypothesis import given, settings
@@ -216,6 +217,41 @@ class TestAReaderThatIsOverrun:
                 assert found.transform.translation.x == 9990 + number
             assert reader.statistics()["taken"] < 10_000
             assert reader._tf2_attachment.overruns()[0] == 0
+
+
+class TestAnOwnerWithoutRoom:
+    """It logs what those lack who attach to it."""
+
+    def test_a_ring_that_is_too_small_for_the_cache_time_is_one_warning(self, capfd):
+        with small_ring(), pair() as (owner, _):
+            sharing = owner._tf2_sharing
+            for _ in range(2):
+                wrap(owner)
+                sharing._tf2_check()
+            lines = [line for line in errors_so_far().splitlines() if "has room for" in line]
+            assert len(lines) == 1
+            assert re.search(
+                rf"The shared buffer '{sharing.name}' has room for the last [0-9.]+ s of messages, and this "
+                r"process keeps 10 s\.",
+                lines[0],
+            )
+
+    def test_messages_older_than_the_cache_time_need_no_room(self, capfd):
+        with small_ring(), pair(Duration(nanoseconds=10)) as (owner, _):
+            wrap(owner)
+            owner._tf2_sharing._tf2_check()
+            assert "has room for" not in errors_so_far()
+
+    def test_names_that_fit_no_record_are_counted_and_the_others_shared(self, capfd):
+        with pair() as (owner, reader):
+            long = [transform("map", letter * 200_000, ns=S) for letter in "ab"]
+            owner.set_transforms([*long, transform("map", "camera", ns=S)], "owner")
+            owner._tf2_sharing._tf2_check()
+            assert reader.can_transform_core("map", "camera", 0)[0]
+            assert (
+                f"The shared buffer '{owner._tf2_sharing.name}' lacks 2 transforms: names that are longer "
+                "than 100 kB are not shared"
+            ) in errors_so_far()
 
 
 def test_a_message_larger_than_a_record_may_be_is_shared_in_parts():

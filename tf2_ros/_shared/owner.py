@@ -27,6 +27,7 @@ from tf2_ros._receive.receiver import open_topics
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
 from tf2_ros._threads import check_regularly
+from tf2_ros_cython.output import counted
 
 # Of the file, which takes memory only for what it holds. At least, the ring has 1 MiB.
 LEAST_BYTES, MOST_BYTES = 19 << 16, 1 << 28
@@ -60,6 +61,7 @@ class Owner:
             why = "/dev/shm has no memory for it" if error.errno == errno.ENOSPC else str(error)
             raise SharedBufferError(f"the buffer cannot be shared as {name!r}: {why}") from None
         self._buffer = weakref.ref(buffer)
+        self._has_warned_of_room, self._warned_of_names = False, 0
         # Also when the interpreter exits, because other threads may still insert.
         self.close = weakref.finalize(buffer, _end, self._ring, self.path, os.getpid())
         check_regularly(self)
@@ -84,10 +86,29 @@ class Owner:
             log.logger("tf2_ros").error(
                 f"The shared buffer {self.name!r} has ended: there was no memory for a message"
             )
+        self._warn()
         with LOCK:  # of two threads that describe it, the later one must be right
             buffer = self._buffer()
             if buffer is not None and self._ring.descriptor >= 0:
                 self._describe(buffer)
+
+    def _warn(self) -> None:
+        """Say once that the ring is too small, and each time that transforms are not shared."""
+        buffer, room_s, too_long = self._buffer(), self._ring.room_s, self._ring.too_long
+        if buffer is not None and room_s and not self._has_warned_of_room:
+            self._has_warned_of_room = True
+            keeps_s = buffer.cache_time_ns / 1e9
+            log.logger("tf2_ros").warning(
+                f"The shared buffer {self.name!r} has room for the last {room_s:.1f} s of messages, and this "
+                f"process keeps {keeps_s:g} s. A process that attaches to it gets no older ones, and loses "
+                "some if it looks nothing up for as long. Give this process a larger /dev/shm, up to 1 GiB"
+            )
+        if new := too_long - self._warned_of_names:
+            self._warned_of_names = too_long
+            log.logger("tf2_ros").warning(
+                f"The shared buffer {self.name!r} lacks {counted(new, 'transform')}: names that are longer "
+                "than 100 kB are not shared"
+            )
 
 
 def _end(ring: RingWriter, path: Path, process: int) -> None:

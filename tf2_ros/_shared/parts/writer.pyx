@@ -25,6 +25,8 @@ cdef struct Writing:
     uint64_t* statics           # positions of their newest records, by their ids; 0: there is none
     uint32_t statics_capacity
     int64_t keep_ns             # for how long records are kept
+    int64_t room_ns             # for how long some were, at last, for lack of room; 0: always for `keep_ns`
+    uint64_t too_long           # transforms whose names fit no record
     Record* record              # with what follows it; MOST_RECORD bytes
 
 
@@ -96,7 +98,8 @@ cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept
                 _write_again(writing, &oldest, now_ns)
             elif (oldest.kind != KIND_STATIC
                     and oldest.written_ns > now_ns - (writing.keep_ns - MARGIN_NS)):
-                store64(&writing.head.room_ns, <uint64_t>now_ns - <uint64_t>oldest.written_ns)
+                writing.room_ns = now_ns - oldest.written_ns
+                store64(&writing.head.room_ns, <uint64_t>writing.room_ns)
                 store64(&writing.head.displaced, oldest.position + record_length(&oldest))
             _drop_until(writing, oldest.position + record_length(&oldest))
     return not writing.has_failed
@@ -142,6 +145,9 @@ cdef void _append(
         i = (start + end) // 2
         _append(writing, batch, start, i, now_ns)
         _append(writing, batch, i, end, now_ns)
+        return
+    if most > MOST_RECORD:
+        writing.too_long += 1
         return
     if batch.is_static and not incoming_refusals(&clean):
         child = _child_id(writing, clean.child, clean.child_size)
@@ -303,6 +309,16 @@ cdef class RingWriter(Copying):
     def has_failed(self):
         """Whether it has stopped sharing for lack of memory."""
         return self._writing.has_failed
+
+    @property
+    def room_s(self):
+        """For how long it kept messages when it last had no room for its cache time; 0: it always had."""
+        return self._writing.room_ns / 1e9
+
+    @property
+    def too_long(self):
+        """How many transforms have names that are too long to be shared."""
+        return self._writing.too_long
 
     cdef void inserting(self, const Batch* batch) noexcept:
         _share(&self._writing, batch, NULL, 0)

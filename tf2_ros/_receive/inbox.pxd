@@ -67,7 +67,8 @@ cdef struct Copier:
     bint (*is_wanted)(Copier* copier) noexcept nogil
 
 
-# Of a source to which nothing reports arrivals. Its functions are called without a lock.
+# Of a source to which nothing reports arrivals. Its functions are called without a lock: `has_message` and
+# `nudge` with the GIL; `watch` and `rest` without it, by the thread that runs `Inbox.follow`.
 cdef struct Polling:
     # A program reads the buffer: whether there is a message.
     bint (*has_message)(void* source) noexcept nogil
@@ -129,11 +130,16 @@ cdef class Watching:
 cdef class Source:
     # Where the messages of one inbox come from. A subclass has three duties:
     # 1. `next` fills a parcel with the next message; False: there is none, or no memory for it. It calls
-    #    nothing of the inbox but `parcel_reserve`. It runs under the lock of all inboxes, without the GIL.
-    #    What was filled before has been inserted when it is called again.
+    #    nothing of the inbox but `parcel_reserve`. It runs under the lock of all inboxes, in any thread that
+    #    drains or reads the buffer. Some of these hold the GIL and others do not: so it uses no Python
+    #    object, and reads no file that may be slow. What was filled before has been inserted when it is
+    #    called again.
     # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there;
     #    or, if nothing reports arrivals to it, by `polling`.
-    # 3. `silence` ends that: it is called with the GIL when the inbox ends.
+    # 3. `silence` ends that: from its return on, nothing may call `inbox_arrived`, because the inbox may be
+    #    freed. It is called once, with the GIL and without a lock, in any thread, perhaps by a finalizer. So
+    #    it must not wait for a thread that needs the GIL.
+    # In a forked child, none of them is called any more.
     cdef State* inbox           # that inbox, which sets this
     cdef bint (*next)(void* source, Parcel* parcel) noexcept nogil
     cdef void* data             # what `next` and the functions of `polling` get as `source`

@@ -144,33 +144,34 @@ class TransformListener:
         prefix: str = "",
         recording: Recording | None = None,
     ) -> None:
+        listening = self._tf2_listening
         if node is not None:
             require_node(type(self).__name__, node, "create_subscription")
             if spin_thread and runs_in_loop(node):
                 raise ValueError("spin_thread: an event loop runs this node, and no thread can spin it")
-        self._tf2_listening.prefix = valid_prefix(prefix)
-        self._tf2_listening.recording = recording
-        self._tf2_listening.process = os.getpid()
+        listening.prefix = valid_prefix(prefix)
+        listening.recording = recording
+        listening.process = os.getpid()
         self.node = hidden_node("transform_listener_impl", self) if node is None else node
-        self._tf2_listening.owns_node = node is None
+        listening.owns_node = node is None
         self.group = ListenerGroup()
         # Static transforms come last, and are taken first, because others may need them.
         topics = [
             Topic("tf_sub", "callback", tf_topic, qos, is_static=False),
             Topic("tf_static_sub", "static_callback", tf_static_topic, static_qos, is_static=True),
         ]
-        self._tf2_listening.topics = [topic for topic in topics if topic.is_static or not static_only]
-        for topic in self._tf2_listening.topics:
+        listening.topics = [topic for topic in topics if topic.is_static or not static_only]
+        for topic in listening.topics:
             topic.is_own = _is_method_of(TransformListener, self, topic.method)
-        self._tf2_listening.buffer = buffer
+        listening.buffer = buffer
         try:
             if is_node(self.node):
-                self._tf2_listening.completions = completions_of(self.node)
+                listening.completions = completions_of(self.node)
             given = [one for one in (qos, static_qos, recording) if one is not None]
             if not self.__attach(bool(static_only or prefix or given)):
                 self._tf2_listen_itself()
             note_listener(self)
-            if spin_thread or self._tf2_listening.owns_node:
+            if spin_thread or listening.owns_node:
                 self.__spin()
         except BaseException:
             self.__end()
@@ -183,13 +184,14 @@ class TransformListener:
 
     @buffer.setter
     def buffer(self, buffer: TransformSink) -> None:
-        refuse_inherited(self, self._tf2_listening.process)
-        changed = self._tf2_listening.buffer is not buffer
-        self._tf2_listening.buffer = buffer
-        if changed and (attachment := self._tf2_listening.attachment) is not None:
+        listening = self._tf2_listening
+        refuse_inherited(self, listening.process)
+        changed = listening.buffer is not buffer
+        listening.buffer = buffer
+        if changed and (attachment := listening.attachment) is not None:
             attachment.leave(self, "this program gives the listener another buffer")
-        if self._tf2_listening.receiver is not None:
-            self._tf2_listening.receiver.redirect(self.__direct_buffer())
+        if listening.receiver is not None:
+            listening.receiver.redirect(self.__direct_buffer())
         note_listener(self)
 
     @property
@@ -200,9 +202,10 @@ class TransformListener:
         The executor that spins the node inserts the transforms of other topics. Empty after the end of the
         listener, and in a forked child.
         """
-        topics = () if self._tf2_listening.receiver is None else self._tf2_listening.receiver.topics
-        if (attachment := self._tf2_listening.attachment) is not None and attachment.is_attached:
-            topics = self._tf2_listening.topics
+        listening = self._tf2_listening
+        topics = () if listening.receiver is None else listening.receiver.topics
+        if (attachment := listening.attachment) is not None and attachment.is_attached:
+            topics = listening.topics
         return tuple(topic.name for topic in topics)
 
     def unregister(self) -> None:
@@ -221,35 +224,37 @@ class TransformListener:
         self.__end()
 
     def __end(self, *, ends_thread: bool = True, waits: bool = True) -> None:
-        if is_inherited(self._tf2_listening.process):
+        listening = self._tf2_listening
+        if is_inherited(listening.process):
             return  # it belongs to the parent
-        if (attachment := self._tf2_listening.attachment) is not None:
+        if (attachment := listening.attachment) is not None:
             attachment.remove(self)
-        if self._tf2_listening.spinner is not None and ends_thread:
-            self._tf2_listening.spinner.stop(wait=waits)
-        if not self._tf2_listening.owns_node:
+        if listening.spinner is not None and ends_thread:
+            listening.spinner.stop(wait=waits)
+        if not listening.owns_node:
             # A subclass that does not call __init__ makes the first two itself.
             attributes = [
                 "tf_sub",
                 "tf_static_sub",
-                *(topic.attribute for topic in self._tf2_listening.topics),
+                *(topic.attribute for topic in listening.topics),
             ]
             for name in dict.fromkeys(attributes):
                 if self.__dict__.get(name) is not None:
                     destroy_subscription(self.node, self.__dict__[name])
-        elif self._tf2_listening.spinner is None:
+        elif listening.spinner is None:
             self.node.destroy_node()  # otherwise its thread does
 
     def __repr__(self) -> str:
         """Describe the topics: how many messages were received, and when the last one was."""
+        listening = self._tf2_listening
         name = class_name(type(self))
-        if is_inherited(self._tf2_listening.process):
+        if is_inherited(listening.process):
             return f"<{name}: {FORKED}>"
-        if (attachment := self._tf2_listening.attachment) is not None:
+        if (attachment := listening.attachment) is not None:
             return f"<{name} of {attachment.describe()}>"
-        if self._tf2_listening.receiver is not None:
-            self._tf2_listening.receiver.inbox.catch_up()
-        topics = [topic.describe() for topic in self._tf2_listening.topics if topic.subscription is not None]
+        if listening.receiver is not None:
+            listening.receiver.inbox.catch_up()
+        topics = [topic.describe() for topic in listening.topics if topic.subscription is not None]
         return f"<{name} of {'; '.join(topics)}>" if topics else f"<{name} without subscriptions of rclpy's>"
 
     def callback(self, data: TFMessage) -> None:
@@ -262,18 +267,20 @@ class TransformListener:
 
     def __insert(self, method: str, data: TFMessage, insert: Callable[..., object]) -> None:
         """Count a message for this method, and insert its transforms with the prefix."""
-        for topic in self._tf2_listening.topics:
+        listening = self._tf2_listening
+        for topic in listening.topics:
             if topic.method == method:
                 topic.arrivals.count()
         for transform in data.transforms:
-            insert(_prefixed(self._tf2_listening.prefix, transform), AUTHORITY)
+            insert(_prefixed(listening.prefix, transform), AUTHORITY)
 
     def __direct_buffer(self) -> BufferCore | None:
         """The buffer; None if user code would handle what is received or inserted."""
-        buffer: Any = self._tf2_listening.buffer
+        listening = self._tf2_listening
+        buffer: Any = listening.buffer
         is_direct = (
             isinstance(buffer, BufferCore)
-            and all(topic.is_own for topic in self._tf2_listening.topics)
+            and all(topic.is_own for topic in listening.topics)
             and all(_is_method_of(BufferCore, buffer, name) for name in SETTERS)
             # A node may make subscriptions of its own kind, or let a loop take their messages.
             and (runs_in_loop(self.node) or _is_method_of(Node, self.node, "create_subscription"))
@@ -297,24 +304,25 @@ class TransformListener:
 
     def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""
-        completions = self._tf2_listening.completions
+        listening = self._tf2_listening
+        completions = listening.completions
         # An EventsExecutor has arrivals reported to itself.
         can_receive = completions is not None and completions.runner.in_sets and problem() is None
         needs_executor = not can_receive or self.__direct_buffer() is None
-        if self._tf2_listening.recording is not None and needs_executor:
+        if listening.recording is not None and needs_executor:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"{_CANNOT_RECORD}: {reason}")
         # Of what arrives while an executor waits for a subscription, the receiver is not informed.
         self.group.hides_all = not needs_executor
         try:
-            for topic in self._tf2_listening.topics:
+            for topic in listening.topics:
                 self.__subscribe(topic, needs_executor)
-            made = [topic.subscription for topic in self._tf2_listening.topics]
+            made = [topic.subscription for topic in listening.topics]
             if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
-                self._tf2_listening.receiver = Receiver(self, completions, self.__direct_buffer())
+                listening.receiver = Receiver(self, completions, self.__direct_buffer())
         finally:
             self.group.hides_all = False
-        if self._tf2_listening.recording is not None and not self.receives:
+        if listening.recording is not None and not self.receives:
             raise NotImplementedError(f"{_CANNOT_RECORD}: the middleware does not report arrivals")
 
     def __subscribe(self, topic: Topic, needs_executor: bool) -> None:
@@ -335,10 +343,11 @@ class TransformListener:
             topic.begin(self.node, made)
 
     def __spin(self) -> None:
+        listening = self._tf2_listening
         # Only the listener uses a hidden node; a program's own keeps the program alive.
-        owns = self._tf2_listening.owns_node
+        owns = listening.owns_node
         spinner = Spinner(self.node, daemon=owns, at_end=self.node.destroy_node if owns else None)
-        self._tf2_listening.spinner = spinner
+        listening.spinner = spinner
         self.executor = spinner.executor
         self.dedicated_listener_thread = spinner.thread
 

@@ -34,7 +34,7 @@ TESTS = """
 test_advice test_conformance test_error_texts test_limits test_listings
 test_pinned test_plain_buffer test_printable test_series test_threads test_waiters
 """.split()
-OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "PyYAML", "scipy"]
+OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "PyYAML"]
 
 
 @dataclass(frozen=True)

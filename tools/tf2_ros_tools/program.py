@@ -131,6 +131,13 @@ class Parser(ArgumentParser):
         :return: the options, with ``ros_arguments`` for ``rclpy.init``, the ``parser`` that has read them,
             and the name of the ``command``, if the program has any.
         """
+        if self._node:
+            # ROS gets all of them; its bindings raise for others, even for the name of a file.
+            for argument in arguments:
+                try:
+                    utf_8(argument)
+                except ArgumentTypeError as refusal:
+                    self.error(str(refusal))
         own = self._without_ros_arguments(arguments)[1:]
         parse = self.parse_known_args if self._commands else self.parse_known_intermixed_args
         read, unknown = parse(own)
@@ -226,7 +233,16 @@ def _interrupt(number: int, _: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-# Numbers on a command line.
+# Names and numbers on a command line.
+
+
+def utf_8(text: str) -> str:
+    """For argparse: refuse bytes that are not UTF-8, which no name in ROS can contain."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ArgumentTypeError(f"{text!r} is not UTF-8") from None
+    return text
 
 
 def _number(expected: str, accepts: Callable[[float], bool]) -> Callable[[str], float]:
@@ -329,11 +345,17 @@ def add_plot_options(made: ArgumentParser, default: str) -> None:
     :param default: the name of the file without ``-o``, for the help.
     """
     made.add_argument(
-        "frames", nargs="*", metavar="FRAME", default=[], help="plot only these frames, in this order"
+        "frames",
+        nargs="*",
+        type=utf_8,
+        metavar="FRAME",
+        default=[],
+        help="plot only these frames, in this order",
     )
     made.add_argument(
         "--path",
         nargs=2,
+        type=utf_8,
         metavar=("TARGET", "SOURCE"),
         help="plot the path of the frame SOURCE in the frame TARGET",
     )

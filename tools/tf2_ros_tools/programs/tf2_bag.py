@@ -29,6 +29,7 @@ from tf2_ros_tools.program import (
     non_negative_number,
     positive_number,
     run,
+    utf_8,
 )
 
 if TYPE_CHECKING:
@@ -465,7 +466,7 @@ def _add_topics(made: Parser) -> None:
 
 
 def _topic(text: str) -> tuple[str, str]:
-    name, _, prefix = text.partition("=")
+    name, _, prefix = utf_8(text).partition("=")
     if not name:
         raise ArgumentTypeError(f"must begin with the name of a topic, not {text!r}")
     return name, prefix
@@ -498,7 +499,7 @@ def _add_when(made: Parser) -> _MutuallyExclusiveGroup:
 def _frame(name: str) -> str:
     from tf2_py import stored_name
 
-    return stored_name(name)
+    return stored_name(utf_8(name))
 
 
 def bag(options: Namespace) -> int:

@@ -255,7 +255,7 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
         _refuse_special(path)
         if not path.stat().st_size:
             raise BagError(f"{name} is empty")
-    for part in parts or [path]:
+    for part in [path / "metadata.yaml", *parts] if path.is_dir() else [path]:
         if part.is_file():
             _refuse_pointer(part)
         # Until a database is merged, what was written last is in a second file, which rosbags does not read.

@@ -456,6 +456,10 @@ def unmerged(folder):
             lambda at: split(at, lambda run: file(run, "run_1.mcap", POINTER)),
             "run/run_1.mcap is a pointer of Git LFS, not the recording itself: `git lfs pull` downloads it$",
         ),
+        (
+            lambda at: split(at, lambda run: file(run, "metadata.yaml", POINTER)),
+            "run/metadata.yaml is a pointer of Git LFS, .* `git lfs pull` downloads it$",
+        ),
     ],
 )
 def test_what_cannot_be_read_is_explained(write, text, tmp_path):

@@ -17,6 +17,7 @@ ctypedef int rcl_ret_t
 
 cdef enum:
     RCL_RET_OK = 0
+    RCL_RET_SUBSCRIPTION_TAKE_FAILED = 401                 # there is no message
     RMW_GID_STORAGE_SIZE = 16
 
 ctypedef struct rmw_gid_t:

@@ -10,9 +10,10 @@ from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
 from libc.string cimport memcpy
 
-from tf2_py._internal cimport monotonic_ns, system_ns, word_add, word_exchange
+from tf2_py._internal cimport monotonic_ns, system_ns, word_add, word_exchange, word_store
 from tf2_ros._rcl cimport (
     RCL_RET_OK,
+    RCL_RET_SUBSCRIPTION_TAKE_FAILED,
     MessageInfo,
     c_bool,
     rcl_allocator_t,
@@ -51,7 +52,7 @@ cdef struct Arrivals:
     uint32_t threshold          # messages that may wait
     State* inbox                # NULL: nothing is taken any more
     # Guarded by the lock of all inboxes.
-    bint has_more               # the last attempt to take a message found one
+    bint has_more               # the last attempt to take a message found one, or failed
     const rcl_subscription_t* subscription      # NULL: nothing is taken
     Arrivals* following         # in the order in which they are taken
     size_t number               # of the topic, in `names` of the Source
@@ -117,8 +118,7 @@ cdef void _note_reception(
     parcel.received_ns = info.received_timestamp if info.received_timestamp > 0 else system_ns()
 
 
-cdef bint _take_message(const Subscribed* source, Arrivals* topic, Parcel* parcel) noexcept nogil:
-    # Returns whether there was one.
+cdef rcl_ret_t _take_message(const Subscribed* source, Arrivals* topic, Parcel* parcel) noexcept nogil:
     cdef MessageInfo information
     cdef rcl_serialized_message_t message
     cdef rcl_ret_t result
@@ -130,27 +130,34 @@ cdef bint _take_message(const Subscribed* source, Arrivals* topic, Parcel* parce
     parcel.data, parcel.size, parcel.capacity = message.buffer, message.buffer_length, message.buffer_capacity
     if result != RCL_RET_OK:
         rcutils_reset_error()
-        return False
+        return result
     topic.taken += 1
     topic.untaken -= 1
     topic.taken_at_ns = monotonic_ns()
     parcel.kind, parcel.topic, parcel.is_static = PARCEL_MESSAGE, topic.number, topic.is_static
     if source.is_recorded:
         _note_reception(source, &information.known, parcel)
-    return True
+    return RCL_RET_OK
 
 
 cdef bint _next(void* data, Parcel* parcel) noexcept nogil:
     # Of the first topic that has one, so static messages come first.
     cdef const Subscribed* source = <const Subscribed*>data
     cdef Arrivals* topic = source.first
+    cdef rcl_ret_t result
     while topic != NULL:
         # First the count, then the message: `_arrived` is called after its message has arrived.
         if topic.subscription != NULL and (topic.has_more or _count_arrived(topic)):
-            topic.has_more = _take_message(source, topic, parcel)
-            if topic.has_more:
+            result = _take_message(source, topic, parcel)
+            topic.has_more = result != RCL_RET_SUBSCRIPTION_TAKE_FAILED
+            if result == RCL_RET_OK:
                 return True
-            _found_empty(topic)
+            if topic.has_more:
+                # After an error, such as a lack of memory for one message, others may wait, and nothing
+                # reports them again. The next round tries, and not this thread at once: the error may last.
+                word_store(&topic.inbox.pending, 1)
+            else:
+                _found_empty(topic)
         topic = topic.following
     return False
 

@@ -5,6 +5,7 @@
  * - "no_gids": the publisher's gid that comes with a message is zero;
  * - "local_gids": that gid is not the one by which the graph knows the publisher;
  * - "no_times": the time at which a message was received is zero;
+ * - "no_memory_once": there is no memory for the first message that is taken, which is lost;
  * - "no_loss_events": it has no event that says that messages were lost;
  * - "times_of_taking": that time is the one at which the message is taken.
  *
@@ -19,7 +20,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { RMW_RET_UNSUPPORTED = 3, GID_SIZE = 16, MESSAGE_LOST = 3 };
+enum { RMW_RET_UNSUPPORTED = 3, RMW_RET_BAD_ALLOC = 10, GID_SIZE = 16, MESSAGE_LOST = 3 };
 
 /* rmw_message_info_t. */
 typedef struct {
@@ -73,6 +74,12 @@ int rmw_take_serialized_message_with_info(const void *subscription, void *messag
     int (*next)(const void *, void *, bool *, message_info *, void *);
     *(void **)&next = function_of_rcl(__func__);
     int result = next(subscription, message, taken, info, allocation);
+    static bool has_failed;
+    if (has("no_memory_once") && *taken && !has_failed) {
+        has_failed = true;
+        *taken = false;
+        return RMW_RET_BAD_ALLOC;
+    }
     if (has("no_gids"))
         memset(info->gid, 0, GID_SIZE);
     if (has("local_gids"))

@@ -4,6 +4,7 @@ import os
 import threading
 import weakref
 from collections.abc import Iterator
+from functools import partial
 from typing import Generic, TypeVar
 
 from tf2_py._internal import class_name
@@ -31,8 +32,10 @@ class LiveObjects(Generic[_Object]):
 
     def add(self, one: _Object) -> None:
         """Add an object."""
-        address, forget = id(one), self._references.pop
-        self._references[address] = weakref.ref(one, lambda _: forget(address, None))
+        # In C, with the reference as the default of `pop`: Python would print and drop what a signal handler
+        # raises in a callback of its own, and so a Ctrl-C.
+        address = id(one)
+        self._references[address] = weakref.ref(one, partial(self._references.pop, address))
 
     def clear(self) -> None:
         """Remove all objects."""

@@ -19,6 +19,7 @@ from spinning import spinning
 import tf2_py
 import tf2_ros
 from tf2_ros import _threads
+from tf2_ros._forking import LiveObjects
 from tf2_ros._wait.deadlines import Deadlines
 
 pytestmark = pytest.mark.ours
@@ -90,6 +91,16 @@ def point(seconds):
     message = PointStamped()
     message.header.frame_id, message.header.stamp = "robot", at(seconds).to_msg()
     return message
+
+
+def test_the_end_of_a_live_object_runs_no_line_of_python():
+    """Python would drop what a handler raises in the callback of a weak reference."""
+    objects, one = LiveObjects(), Interrupt()
+    objects.add(one)
+    with interrupted(1) as count:
+        del one
+    assert not count.reached
+    assert not objects._references
 
 
 class TestEachLine:

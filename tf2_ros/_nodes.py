@@ -224,7 +224,7 @@ def note_filler(node: Any, buffer: object, completions: object = None) -> None:
 
 class Shutdown:
     """
-    The shutdown that ends one wait, which begins when this is made.
+    The shutdown that ends one wait, which begins when this is made. Waits that the same one ends have equals.
 
     :param core: the buffer; this does not keep it alive.
 
@@ -243,7 +243,17 @@ class Shutdown:
             if not context_was_shut_down(default):
                 self._default = default
 
-    def happened(self) -> bool:
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Shutdown)
+            and self._contexts is other._contexts
+            and self._default is other._default
+        )
+
+    def __hash__(self) -> int:
+        return hash((id(self._contexts), id(self._default)))
+
+    def __call__(self) -> bool:
         """Whether there was a shutdown, also before the wait."""
         return all(context_was_shut_down(one) for one in self._contexts.known or (self._default,))
 

@@ -11,7 +11,7 @@ class Shutdown:
     def __init__(self, core: object) -> None:
         pass
 
-    def happened(self) -> bool:
+    def __call__(self) -> bool:
         """Return False, because there is no shutdown."""
         return False
 

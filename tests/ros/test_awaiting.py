@@ -1,5 +1,6 @@
 """Whatever runs a coroutine that awaits a transform: the wait costs next to nothing, and ends at once."""
 
+import asyncio
 import threading
 import time
 
@@ -85,6 +86,21 @@ def test_a_wait_costs_nothing_and_ends_with_the_message(driver, what, buffer, li
         assert not ended.is_set()
         publisher.send(("map", "robot", 1 * S, 1))
         until(ended.is_set)
+        until(task.done)
+
+
+def test_thousands_of_waits_in_a_loop_cost_nothing_either(buffer, node):
+    count = 5000
+
+    async def work():
+        waits = [buffer.lookup_transform_async("map", "robot", LATEST) for _ in range(count)]
+        await asyncio.gather(*waits)
+
+    with drivers.loop(node) as run:
+        task = run(work)
+        until(lambda: buffer.statistics()["waiters"] == count)
+        assert share_of_a_core(QUIET_S) < MOST
+        buffer.set_transform(transform("map", "robot", 1.0, (0, 0, 0)), "me")
         until(task.done)
 
 

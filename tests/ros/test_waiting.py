@@ -211,6 +211,24 @@ class TestEndOfTheWait:
         gc.collect()
         assert buffer.statistics()["waiters"] == 0
 
+    def test_its_error_is_not_reported_if_the_coroutine_that_awaits_it_is_cancelled(self, buffer, capfd):
+        async def main():
+            future = wait(buffer)
+
+            async def work():
+                await future
+
+            task = asyncio.ensure_future(work())
+            await asyncio.sleep(0)
+            future.set_exception(KeyError("late"))
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+
+        asyncio.run(main())
+        gc.collect()
+        assert "never retrieved" not in capfd.readouterr().err
+
     def test_a_completed_future_does_not_keep_the_buffer(self, tf2_ros):
         buffer = tf2_ros.Buffer()
         future = wait(buffer)

@@ -55,7 +55,7 @@ class Lookup(NamedTuple):
         """
         if timeout_ns <= 0:
             return self.now(core)
-        shutdown = Shutdown(core)
+        was_shut_down = Shutdown(core)
         begin_ns = time.monotonic_ns()
         while True:
             wait = self.wait(core)
@@ -63,7 +63,7 @@ class Lookup(NamedTuple):
             if answer is not None:
                 return answer
             left_ns = begin_ns + timeout_ns - time.monotonic_ns()
-            is_answered = wait.wait_for(left_ns, lambda: not shutdown.happened())
+            is_answered = wait.wait_for(left_ns, lambda: not was_shut_down())
             if is_answered and not self.judges_age:
                 return wait.answer
             reason = wait.reason()
@@ -71,7 +71,7 @@ class Lookup(NamedTuple):
             # The next lookup finds what has arrived between the two. What has become too old is waited for.
             if reason is None or (is_answered and waited_ns < timeout_ns):
                 continue
-            ended = shutdown.happened()
+            ended = was_shut_down()
             text = errors.shut_down(waited_ns) if ended else errors.after_wait(str(reason), waited_ns)
             raise type(reason)(text)
 

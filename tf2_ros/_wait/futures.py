@@ -13,7 +13,7 @@ from rclpy.task import Future, Task
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
-from tf2_ros._forking import FORKED, is_inherited
+from tf2_ros._forking import FORKED, LiveObjects, is_inherited
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import (
     RESUMES_TASKS,
@@ -43,7 +43,7 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
     A future that may be completed in any thread, and wakes whatever runs the tasks that await it.
 
     :param in_vain: returns whether a shutdown has ended the wait. It is called while an asyncio loop awaits
-        the future, which :meth:`expire` then ends.
+        the future, which :meth:`expire` then ends. Futures whose `in_vain` are equal share the check.
     :param kept: the owner's references to futures that have callbacks, and to what awaits them. Nothing else
         may refer to these: an asyncio loop refers to its tasks only weakly.
 
@@ -94,6 +94,8 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
                 sleeper.awake = True
                 self.remove_done_callback(sleeper)
                 self.kept.pop(sleeper, None)
+                if self.has_ended():
+                    self.exception()  # of a cancelled coroutine, nobody else fetches it
         return self.result()
 
     def expire(self) -> None:
@@ -151,48 +153,84 @@ class _SleepingTask(Waker):
 
 
 class _SleepingLoop(Waker):
-    """
-    What wakes a task of an asyncio loop, which otherwise would poll. It awaits ``_woken``.
-
-    After a shutdown, an executor runs no tasks, but an asyncio loop continues. A signal shuts a context down
-    without calling anything, so the thread of the deadlines checks the contexts while a loop awaits.
-    """
+    """What wakes a task of an asyncio loop, which otherwise would poll. It awaits ``_woken``."""
 
     def __init__(self, loop: "asyncio.AbstractEventLoop", future: WakingFuture[Any]) -> None:
         self.awake = False
+        self.future = future
         self._loop = loop
-        self._future = future
         self._woken: asyncio.Future[None] = loop.create_future()
+        self._check: _ShutdownCheck | None = None  # which ends with the last one that refers to it
 
     def sleep(self, _: object) -> Generator[Any, Any, None]:
         """Sleep until the future has ended."""
-        self.expire()
+        if self.future.is_in_vain():
+            self.future.expire()
+        else:
+            self._check = _ShutdownCheck.of(self._loop, self.future.is_in_vain)
+            self._check.sleepers.add(self)
         yield from self._woken
 
     def __call__(self, _: object) -> None:
         try:
             self._loop.call_soon_threadsafe(self._end)
         except RuntimeError:  # the loop is closed, so its task will never take this out
-            self._future.kept.pop(self, None)
+            self.future.kept.pop(self, None)
 
     def _end(self) -> None:
         if not self._woken.done():
             self._woken.set_result(None)
 
+
+class _ShutdownCheck:
+    """
+    Regularly checks whether a shutdown has ended the futures that tasks of a loop await, once for them all.
+
+    After a shutdown, an executor runs no tasks, but an asyncio loop continues. A signal shuts a context down
+    without calling anything, so the thread of the deadlines checks the contexts while a loop awaits.
+    """
+
+    _known: "dict[tuple[asyncio.AbstractEventLoop, Callable[[], bool]], weakref.ref[_ShutdownCheck]]" = {}
+
+    def __init__(self, loop: "asyncio.AbstractEventLoop", in_vain: Callable[[], bool]) -> None:
+        self._loop, self._in_vain = loop, in_vain
+        self.sleepers: LiveObjects[_SleepingLoop] = LiveObjects()
+        self._check_later()
+
+    @classmethod
+    def of(cls, loop: "asyncio.AbstractEventLoop", in_vain: Callable[[], bool]) -> "_ShutdownCheck":
+        """The check for futures with this `in_vain`; called in the thread of the loop."""
+        key = loop, in_vain
+        known = cls._known.get(key)
+        check = None if known is None else known()
+        if check is None:
+            check = cls(loop, in_vain)
+            cls._known[key] = weakref.ref(check, partial(cls._known.pop, key))
+        return check
+
+    def _check_later(self) -> None:
+        deadlines.add(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
+
     # The protocol of what has a deadline.
 
     def over(self) -> bool:
-        """Whether the task is awake, or will never be."""
+        """Whether no task of the loop will wake, because it is closed."""
         if self._loop.is_closed():
-            self._future.kept.pop(self, None)
-        return self.awake or self._loop.is_closed()
+            for sleeper in self.sleepers:
+                sleeper.future.kept.pop(sleeper, None)
+        return self._loop.is_closed()
 
     def expire(self) -> None:
-        """End the future if it waits in vain; otherwise check again after SHUTDOWN_CHECK_NS."""
-        if self._future.is_in_vain():
-            self._future.expire()
-        else:
-            deadlines.add(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
+        """End the futures if they wait in vain, and check again after SHUTDOWN_CHECK_NS."""
+        self._check_later()
+        if self._in_vain():
+            for sleeper in self.sleepers:
+                if not sleeper.awake:
+                    sleeper.future.expire()
+
+
+# A forked child has neither the loops nor the deadlines.
+os.register_at_fork(after_in_child=_ShutdownCheck._known.clear)
 
 
 def _sleeper(future: WakingFuture[Any]) -> _SleepingTask | _SleepingLoop:
@@ -230,8 +268,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
         timeout: Any = None,
         begin_ns: int | None = None,
     ) -> None:
-        self.__shutdown = Shutdown(core)
-        super().__init__(self.__shutdown.happened, getattr(core, "_tf2_kept", None))
+        self.__was_shut_down = Shutdown(core)
+        super().__init__(self.__was_shut_down, getattr(core, "_tf2_kept", None))
         self.__core = weakref.ref(core)  # which the wait keeps
         self.__begin_ns = time.monotonic_ns() if begin_ns is None else begin_ns
         self.__timeout_ns = optional_timeout_ns(timeout)
@@ -266,7 +304,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         waited_ns = time.monotonic_ns() - self.__begin_ns
         if self.__timeout_ns is not None:
             waited_ns = min(waited_ns, self.__timeout_ns)
-        if self.__shutdown.happened():
+        if self.__was_shut_down():
             return TimeoutException(errors.shut_down(waited_ns))
         return TimeoutException(errors.timed_out(wait.reason(), waited_ns))
 

@@ -421,6 +421,14 @@ cdef int _add_triples(object cloud, dict fields, tuple names, const Transform* t
     return 0
 
 
+cdef int _add_directions(object cloud, dict fields, const Transform* transform, Grid* grid) except -1:
+    if _has_directions(fields, NORMAL):
+        _add_triples(cloud, fields, NORMAL, transform, False, grid)
+    if _has_directions(fields, VIEWPOINT):
+        _add_triples(cloud, fields, VIEWPOINT, transform, True, grid)
+    return 0
+
+
 cdef void _copy_points(const char* source, char* target, Py_ssize_t count, const Grid* grid) noexcept nogil:
     cdef Py_ssize_t _
     if grid.new_point_step == grid.point_step:
@@ -558,10 +566,7 @@ def do_transform_cloud(
         if len(fields) == 3:
             _drop_padding(&grid.triples[0], &grid)
         elif not only_xyz:
-            if _has_directions(fields, NORMAL):
-                _add_triples(cloud, fields, NORMAL, &tf, False, &grid)
-            if _has_directions(fields, VIEWPOINT):
-                _add_triples(cloud, fields, VIEWPOINT, &tf, True, &grid)
+            _add_directions(cloud, fields, &tf, &grid)
         for i in range(grid.triple_count):
             grid.triples[i].step = grid.new_point_step
         new_data = array.clone(NO_BYTES, grid.new_size, False)

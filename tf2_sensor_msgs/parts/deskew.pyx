@@ -423,11 +423,7 @@ def move_points(
         elif unit == SINCE_1970_NS:
             motion.field.minus = <double>motion.base_ns
             motion.field.plus = <double>(<int64_t>motion.field.minus - motion.base_ns)
-        fields = _fields_by_name(cloud)
-        if _has_directions(fields, NORMAL):
-            _add_triples(cloud, fields, NORMAL, &identity, False, &grid)
-        if _has_directions(fields, VIEWPOINT):
-            _add_triples(cloud, fields, VIEWPOINT, &identity, True, &grid)
+        _add_directions(cloud, _fields_by_name(cloud), &identity, &grid)
         for i in range(grid.triple_count):
             grid.triples[i].step = grid.point_step
         data = array.clone(NO_BYTES, grid.new_size, False)

@@ -33,7 +33,7 @@ def refuse_other_cython():
         found = f"has {version}" if version else "has none"
         raise SystemExit(
             f"tf2-ros-cython needs Cython 3.2, and {sys.executable} {found}: with that Python,"
-            " pip install --user 'Cython>=3.2,<3.3'"
+            " pip install 'Cython>=3.2,<3.3'"
         )
 
 

@@ -15,7 +15,10 @@ from tf2_ros_cython import _finder, _ros
 from tf2_ros_cython._ros import __version__
 
 _WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
-_TOOLS_ADVICE = "not installed; pip install tf2-ros-tools adds tf2_echo and other programs, and recordings"
+_TOOLS_ADVICE = (
+    "not installed; in a clone of tf2-ros-cython, pip install './tools[cli]' adds tf2_echo and others; "
+    "in a colcon workspace, link the folder tools into src and build"
+)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -44,7 +44,7 @@ def test_another_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, i
     monkeypatch.setattr(sys, "path", [str(tmp_path)])
     monkeypatch.setitem(sys.modules, "Cython", None)  # so that what is imported now is not there afterwards
     monkeypatch.delitem(sys.modules, "Cython")
-    with pytest.raises(SystemExit, match=f"{said}: with that Python, pip install --user 'Cython>=3.2,<3.3'"):
+    with pytest.raises(SystemExit, match=f"{said}: with that Python, pip install 'Cython>=3.2,<3.3'"):
         environment.refuse_other_cython()
 
 

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import shutil
+import sys
 import tarfile
 import zipfile
 
@@ -9,7 +10,7 @@ import installing
 import pytest
 from packaging.requirements import Requirement
 from places import TOOLS
-from processes import output_of
+from processes import output_of, run
 from sources import PYPROJECT as CORE
 from tool_sources import PYPROJECT
 
@@ -29,6 +30,16 @@ def test_an_install_needs_numpy_and_a_core_that_fits():
     always = {one.name: one for one in needed if one.marker is None}
     assert always.keys() == {"numpy", "tf2-ros-cython"}
     assert CORE["project"]["version"] in always["tf2-ros-cython"].specifier
+
+
+def test_a_command_without_the_core_says_in_one_line_that_it_is_missing():
+    code = "import sys; sys.modules['tf2_ros_cython'] = None; import tf2_ros_tools.programs.tf2_bag"
+    ended = run(sys.executable, "-c", code)
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert ended.stderr == (
+        "tf2-ros-tools needs tf2-ros-cython, which this Python does not have: in a clone of tf2-ros-cython, "
+        "pip install .\n"
+    )
 
 
 def test_the_manifest_has_the_version_of_the_project():

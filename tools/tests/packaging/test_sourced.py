@@ -73,10 +73,11 @@ def test_pip_installs_the_tools_beside_the_core(ros, tmp_path):
     alone = Installation(python, tmp_path / "venv")
     said = alone.run(sourced(ros), "-m", "tf2_ros_cython").stdout
     assert [line for line in said.splitlines() if line.startswith("tools: ")] == [
-        "tools: not installed; pip install tf2-ros-tools adds tf2_echo and other programs, and recordings"
+        "tools: not installed; in a clone of tf2-ros-cython, pip install './tools[cli]' adds tf2_echo and "
+        "others; in a colcon workspace, link the folder tools into src and build"
     ]
     installing.pip_install(python, tools)
     both = alone.run(sourced(ros), "-m", "tf2_ros_tools.programs.tf2_echo", "-h")
     assert both.stdout.startswith("usage: tf2_echo "), both.stderr
     said = alone.run(sourced(ros), "-m", "tf2_ros_cython").stdout
-    assert "not installed; pip install tf2-ros-tools" not in said
+    assert "tools: not installed" not in said

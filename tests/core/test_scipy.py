@@ -52,11 +52,12 @@ def test_a_rotation_becomes_the_message_it_came_from(q):
 @pytest.mark.parametrize(
     ("call", "error", "text"),
     [
+        (partial(to_rotation, np.eye(4) * 1j), TypeError, "numbers: they are complex"),
         (partial(to_rotation, 5), TypeError, "expected a TransformStamped, Transform, PoseStamped or Pose"),
         (partial(from_rotation, Rotation.identity(3)), ValueError, "holds one rotation, not 3: as_quat"),
         (partial(from_rotation, to_rotation([math.nan] * 4)), ValueError, "finite"),
     ],
-    ids=("no message", "three rotations", "missing"),
+    ids=("complex", "no message", "three rotations", "missing"),
 )
 def test_what_is_not_one_rotation_is_refused(call, error, text):
     with pytest.raises(error, match=text):

@@ -43,7 +43,7 @@ endif
 define HELP
 Try it
   make demo        watch a robot being broadcast and looked up
-  make test        run the tests: 4 minutes on 2 cores; TESTS=tests/ros/test_buffer.py: some of them
+  make test        run the tests: 5 minutes on 2 cores; TESTS=tests/ros/test_buffer.py: some of them
 Develop
   make build       compile after a change to a .pyx or .pxd file
   make lint        check style and types
@@ -160,7 +160,7 @@ $(VENV)/installed.stamp: $(SOURCES) | $(PY)
 
 $(VENV)/test.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
-	@echo "Installing what the tests use, 20 MB, into $(VENV). The tests then take 4 minutes on two cores."
+	@echo "Installing what the tests use, 20 MB, into $(VENV). The tests then take 3 minutes on two cores."
 	$(PY) -m pip install 'tf2-ros-cython[test]'
 	@touch $@
 

@@ -39,9 +39,12 @@ def main(args: list[str] | None = None) -> int:
         allow_abbrev=False,
     )
     parser.error = _refuse  # type: ignore[method-assign]
-    parser.parse_args((sys.argv if args is None else args)[1:])
-    lines, status = _answer()
     try:
+        try:
+            parser.parse_args((sys.argv if args is None else args)[1:])
+        finally:
+            sys.stdout.flush()  # argparse ignores that its help cannot be written, and Python would try again
+        lines, status = _answer()
         print(*lines, sep="\n", flush=True)
     except OSError as failure:
         # Otherwise the interpreter would try to write the rest once more.

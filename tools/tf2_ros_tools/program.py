@@ -200,7 +200,10 @@ def run(
         if isinstance(sys.stdout, TextIOWrapper):
             # The reader of a pipe may wait for a line, and the name of a frame may not be in the encoding.
             sys.stdout.reconfigure(errors="backslashreplace", line_buffering=True)
-        options = parser.read(arguments)
+        try:
+            options = parser.read(arguments)
+        finally:
+            sys.stdout.flush()  # argparse ignores that its help cannot be written, and Python would try again
         parser = options.parser
         return work(options)
     except KeyboardInterrupt:

@@ -84,7 +84,8 @@ class TestEveryProgram:
         assert (status, out, err.count("\n")) == (2, "", 1)
         assert err.startswith(f"{name}: ") and err.endswith(f"(see {name} --help)\n")
 
-    def test_a_reader_who_leaves_ends_it_without_a_word(self, name):
+    def test_a_reader_who_leaves_ends_it_without_a_word(self, name, monkeypatch):
+        monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
         reading, writing = os.pipe()
         os.close(reading)
         try:

@@ -14,11 +14,13 @@ pytestmark = pytest.mark.ours
 @pytest.mark.parametrize(
     ("device", "said"), [("/dev/full", "tf2_which: No space left on device\n"), (None, "")]
 )
-def test_output_that_cannot_be_written_is_one_line_and_status_1(device, said):
+@pytest.mark.parametrize("arguments", [[], ["-h"]], ids=["answer", "help"])
+def test_output_that_cannot_be_written_is_one_line_and_status_1(device, said, arguments, monkeypatch):
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
     reading, writing = os.pipe()
     os.close(reading)  # a reader who leaves
     out = writing if device is None else os.open(device, os.O_WRONLY)
-    command = [sys.executable, "-m", "tf2_ros_cython"]
+    command = [sys.executable, "-m", "tf2_ros_cython", *arguments]
     done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True, timeout=DEADLINE_S)
     assert (done.returncode, done.stderr) == (1, said)
     for one in {out, writing}:

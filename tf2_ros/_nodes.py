@@ -224,7 +224,9 @@ def note_filler(node: Any, buffer: object, completions: object = None) -> None:
 
 class Shutdown:
     """
-    The shutdown that ends one wait, which begins when this is made. Waits that the same one ends have equals.
+    The shutdown that ends one wait, which begins when this is made.
+
+    Two of them are equal if the same shutdown ends their waits.
 
     :param core: the buffer; this does not keep it alive.
 

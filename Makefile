@@ -47,7 +47,7 @@ Try it
 Develop
   make build       compile after a change to a .pyx or .pxd file
   make lint        check style and types
-  make test-all    run all tests: 8 minutes on 2 cores
+  make test-all    run all tests: 14 minutes on 2 cores
   make guard       count instructions; fail if they have grown
   make docs        build the site in build/docs
   make pictures    draw the pictures in docs/images again

@@ -1,7 +1,8 @@
 """
 Waits in every way while the time of day is set: `clocks.py SECONDS TIMEOUT`, with `interposed/clocks.c`.
 
-For each way it prints a line of JSON: how long it lasted, how much processor time it took, and the outcome.
+For each way it prints a line of JSON: how long it lasted, its outcome, and how much processor time it took.
+The processor time of a wait counts from the step on.
 """
 
 import asyncio
@@ -30,6 +31,7 @@ class Step:
         self._buffer, self._clock, self._ns, self._insert = buffer, clock, ns, insert
         self._is_over = False
         self.happened = False
+        self.cpu = 0.0
         self._thread = threading.Thread(target=self._run)
 
     def _run(self):
@@ -37,6 +39,7 @@ class Step:
             if self._is_over:
                 return
             os.sched_yield()
+        self.cpu = time.process_time()
         self._clock.value += self._ns
         self.happened = True
         if self._insert:
@@ -96,13 +99,13 @@ def tell(what, begin, cpu, outcome):
 
 def wait(way, clock, ns, timeout_s, insert):
     buffer = Buffer()
-    begin, cpu = time.monotonic(), time.process_time()
+    begin = time.monotonic()
     with Step(buffer, clock, ns, insert) as step:
         try:
             outcome = way(buffer, timeout_s)
         except TransformException as error:
             outcome = type(error).__name__
-        tell(f"{way.__name__}{', then inserts' * insert}", begin, cpu, outcome)
+        tell(f"{way.__name__}{', then inserts' * insert}", begin, step.cpu, outcome)
     assert step.happened, "it was over before the clock could be set"
     assert buffer.statistics()["waiters"] == 0
 

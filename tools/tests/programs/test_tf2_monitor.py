@@ -1,0 +1,90 @@
+"""tf2_monitor, as a process of its own, beside one that broadcasts."""
+
+import json
+import re
+
+import pytest
+from making import S
+from processes import until
+from starting import broadcasting, running
+
+pytestmark = pytest.mark.ours
+
+HOSTILE, ESCAPED = "x\x1b[2J\x01\nok: 1 frames", r"x\x1b[2J\x01\nok: 1 frames"
+# Without the robot of the other tests.
+ALONE = ("-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with broadcasting() as process:
+        yield process
+
+
+def frames(report):
+    return {stream["frame"]: stream for stream in report["streams"]}
+
+
+def test_json_has_the_figures_of_each_frame(robot):
+    with running("tf2_monitor", "--json", "--interval", "1") as process:
+
+        def known():
+            report = json.loads(process.stdout.readline())
+            base = frames(report).get("base_link", {})
+            # The graph may know an endpoint before it knows its node.
+            return base.get("count", 0) > 50 and base["publisher"] == "/fleet/robot" and report
+
+        report = until(known)
+    found = frames(report)
+    assert set(found) == {"odom", "base_link", "camera"}
+    base = found["base_link"]
+    assert (base["parent"], base["publisher"], base["static"]) == ("odom", "/fleet/robot", False)
+    assert 5 < base["rate"] < 60  # 50 on a machine that is not busy
+    assert 0 < base["delay"] < base["delay_max"] < 2
+    assert 0 < base["jitter"] < 1
+    assert found["camera"]["static"]
+    assert {one["kind"] for one in report["findings"]} <= {"gap"}
+    assert report["chain"] is None
+
+
+def test_a_pipe_gets_what_scripts_for_tf2s_program_parse(robot):
+    number = r"-?\d+(\.\d+)?(e[-+]\d+)?"
+    figures = f"Average Delay: {number}, Max Delay: {number}"
+    report = (
+        "\n\n\nRESULTS: for camera to map\n"
+        "Chain is: camera -> base_link -> odom -> map\n"
+        f"Net delay     avg = {number}: max = {number}\n\n"
+        "Frames:\n"
+        f"Frame: base_link, published by /fleet/robot, {figures}\n"
+        "Frame: camera, published by /fleet/robot, Average Delay: nan, Max Delay: nan\n"
+        f"Frame: odom, published by /fleet/robot, {figures}\n\n"
+        "All Broadcasters:\n"
+        f"Node: /fleet/robot {number} Hz, {figures.replace(',', '')}\n"
+    )
+    with running("tf2_monitor", "camera", "map", "--interval", "1.5") as process:
+        out = [process.stdout.readline()]
+        assert out == ["Gathering data on camera -> map for 1.5 seconds...\n"]
+        until(lambda: out.append(process.stdout.readline()) or re.search(report, "".join(out)))
+
+
+def test_a_pipe_gets_problems_after_all_of_that():
+    with running("tf2_monitor", "--interval", "1", "--ros-args", *ALONE) as process:
+        lines = [process.stdout.readline() for _ in range(12)]
+    assert "".join(lines[:-1]) == (
+        "Gathering data on all frames for 1.0 second...\n\n\n\n"
+        "RESULTS: for all Frames\n\nFrames:\n\nAll Broadcasters:\n\nProblems:\n"
+    )
+    silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
+    assert re.fullmatch(rf"{silence} \d+\n", lines[-1])
+
+
+@pytest.mark.parametrize("term", ["xterm", "dumb"])
+def test_names_cannot_steer_the_terminal(term, peer):
+    pytest.importorskip("pexpect")
+    from terminals import Terminal
+
+    topic = ("-r", "/tf_static:=/tf_hostile_static", "-r", "/tf:=/tf_hostile")
+    with Terminal(180, 40, "tf2_monitor", "--interval", "1", "--ros-args", *topic, TERM=term) as terminal:
+        peer(*topic).send(("camera", HOSTILE, S, 1.0), static=True)
+        terminal.shows(lambda lines: ESCAPED in "".join(lines))
+        assert not any(line.startswith("ok: 1 frames") for line in terminal.lines)

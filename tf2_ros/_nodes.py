@@ -15,6 +15,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import uninstall_signal_handlers
 from rclpy.utilities import get_default_context
 
 from tf2_py._internal import MalformedObjectError, keep_for_ever
@@ -183,6 +184,11 @@ class Spinner:
 
 @atexit.register
 def _stop_all() -> None:
+    if not _running:
+        return
+    # After Ctrl-C, a thread of rclpy wakes all executors and shuts all contexts down. It does not notice when
+    # they are destroyed meanwhile, and crashes. This waits until it has ended.
+    uninstall_signal_handlers()
     for spinner in _running:
         spinner.stop()
 

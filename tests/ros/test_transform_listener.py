@@ -2,15 +2,14 @@
 
 import gc
 import re
-import signal
-import subprocess
 import sys
 import threading
 
 import pytest
+from interposing import output_with_library
 from making import at, transform, translation
 from paths import PROGRAMS
-from processes import DEADLINE_S, run, start, until
+from processes import DEADLINE_S, run, until
 from public_names import NAMES
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -224,10 +223,12 @@ class TestEnd:
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["thread", "interrupted"])
     def test_a_node_spun_by_a_thread_keeps_the_program_until_its_context_ends(self, how, inserter):
-        program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        assert [program.stdout.readline() for _ in range(2)] == ["at the end\n", "after the end\n"]
-        if how == "interrupted":
-            program.send_signal(signal.SIGINT)
-        output, errors = program.communicate(timeout=DEADLINE_S)
+        done = run(sys.executable, PROGRAMS / "exits.py", how, inserter)
+        assert (done.returncode, done.stdout) == (0, "at the end\nafter the end\n")
         # Python itself speaks of an interrupt that finds it waiting for its last thread.
-        assert (program.returncode, output, errors if how == "thread" else "") == (0, "", "")
+        assert how == "interrupted" or done.stderr == ""
+
+    @pytest.mark.ours
+    def test_the_interpreter_exits_while_rclpy_handles_a_signal(self, inserter, tmp_path):
+        printed = output_with_library("late_signals", tmp_path, "interrupted", inserter, program="exits")
+        assert printed == "at the end\nafter the end\n"

@@ -4,6 +4,8 @@ Ends while something is still active.
 Arguments: what is active; what inserts transforms, "receiver" or "executor".
 """
 
+import os
+import signal
 import sys
 import threading
 
@@ -28,6 +30,8 @@ def keep_running(how):
     print("after the end", flush=True)
     if how == "thread":
         rclpy.shutdown()
+    else:
+        os.kill(os.getpid(), signal.SIGINT)
 
 
 def main(how, inserter):

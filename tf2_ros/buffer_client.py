@@ -6,7 +6,7 @@ import os
 import threading
 import time
 import weakref
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
@@ -42,6 +42,8 @@ _names.offer(globals())
 LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")
 
+# Without a response, a request is repeated after this time, and again after twice as long.
+REPEAT_NS = 10**9
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
 
 EXCEPTIONS = {code: kind for kind, code in CODES}
@@ -164,19 +166,20 @@ class GoalSender:
             if time.monotonic_ns() >= pending.deadline_ns:
                 raise pending.error(f"The buffer server is not ready: no server of [{self.name}] was found.")
             yield
-        goal = pending.goal
-        left_ns = max(pending.deadline_ns - time.monotonic_ns(), 0)
-        goal.timeout = Duration(nanoseconds=left_ns).to_msg()
-        request = self.action_client.send_goal_async(goal)
+        requests: list[Future] = []
         try:
-            handle = yield from self._response(pending, request)
+            handle = yield from self._response(pending, partial(self._send_goal, pending), requests)
             if not handle.accepted:
                 raise pending.error("The buffer server refused the goal. Something is likely wrong with it.")
-            response = yield from self._response(pending, handle.get_result_async())
+            for request in requests:
+                if not (request.done() and request.result() is handle):
+                    _cancel(request)
+            response = yield from self._response(pending, handle.get_result_async, [])
         except BaseException:  # also if it was abandoned
-            _cancel(request)
+            for request in requests:
+                _cancel(request)
             raise
-        result = response.result
+        goal, result = pending.goal, response.result
         # A server whose wait timed out or was cancelled may send an empty result without an error.
         if result.error.error == TF2Error.NO_ERROR and (
             response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
@@ -187,16 +190,34 @@ class GoalSender:
             )
         return result
 
-    def _response(self, pending: PendingGoal, request: Future) -> Generator[None, None, Any]:
+    def _send_goal(self, pending: PendingGoal) -> Future:
+        left_ns = max(pending.deadline_ns - time.monotonic_ns(), 0)
+        pending.goal.timeout = Duration(nanoseconds=left_ns).to_msg()
+        return self.action_client.send_goal_async(pending.goal)
+
+    def _response(
+        self, pending: PendingGoal, send: Callable[[], Future], requests: list[Future]
+    ) -> Generator[None, None, Any]:
+        """
+        Send requests, which are added to the list, and return the first response.
+
+        One is not enough, because the middleware drops the response if the server has not discovered this
+        client yet.
+        """
         server = f"The buffer server [{self.name}]"
-        request.add_done_callback(partial(self._advance, pending))
-        while not request.done():
-            if not self.action_client.server_is_ready():
+        pause_ns, next_ns = REPEAT_NS, 0
+        while not any(request.done() for request in requests):
+            now_ns = time.monotonic_ns()
+            if requests and not self.action_client.server_is_ready():
                 raise pending.error(f"{server} went away before it answered.")
-            if time.monotonic_ns() >= pending.last_ns:
+            if requests and now_ns >= pending.last_ns:
                 raise pending.error(f"{server} did not answer in time. Something is likely wrong there.")
+            if now_ns >= next_ns:
+                next_ns, pause_ns = now_ns + pause_ns, 2 * pause_ns
+                requests.append(send())
+                requests[-1].add_done_callback(partial(self._advance, pending))
             yield
-        return request.result()
+        return next(request for request in requests if request.done()).result()
 
 
 def _cancel(request: Future) -> None:

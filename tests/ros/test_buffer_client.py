@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
+from interposing import output_with_library
 from making import S, at, stamp_ns, transform, translation
 from processes import DEADLINE_S, PROMPT_S, until
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -278,6 +279,11 @@ class TestThreads:
             until(lambda hidden=hidden: hidden in node.get_node_names())
             client.destroy()
             until(lambda hidden=hidden: hidden not in node.get_node_names())
+
+
+@pytest.mark.ours
+def test_responses_that_the_middleware_drops_are_asked_for_again(tmp_path):
+    assert output_with_library("lost_responses", tmp_path) == "robot\n"
 
 
 @pytest.mark.ours

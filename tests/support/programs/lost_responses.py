@@ -1,0 +1,17 @@
+"""Asks a buffer server whose first responses are lost, see `interposed/lost_responses.c`."""
+
+import rclpy
+from making import transform
+from spinning import spun_node
+
+from tf2_ros import Buffer, BufferClient, BufferServer
+
+rclpy.init()
+with spun_node("serving") as node:
+    buffer = Buffer(node=node)
+    buffer.set_transform(transform("map", "robot", 1), "test")
+    server = BufferServer(buffer, node, "lookup")
+    client = BufferClient(node, "lookup")
+    print(client.lookup_transform("map", "robot", 1_000_000_000, 20.0).child_frame_id)
+    client.destroy()
+rclpy.shutdown()

@@ -62,8 +62,10 @@ help:
 	@echo "$$HELP"
 
 # Two processes for each core, because tests wait for others half of their time; those of big machines would wait for
-# each other. The tests of a file share what it makes. If a process dies, xdist would wait for ever instead of ending.
-PYTEST = $(PY) -m pytest --numprocesses=$$((2 * $$(nproc))) --maxprocesses=8 --dist=loadfile --max-worker-restart=0
+# each other. The tests of a file share what it makes; tests/support/suite.py orders the files. If a process dies, xdist
+# would wait for ever instead of ending.
+PYTEST = $(PY) -m pytest --numprocesses=$$((2 * $$(nproc))) --maxprocesses=8 --dist=loadfile \
+	--no-loadscope-reorder --max-worker-restart=0
 
 # First the core's, in an environment without what only the tools need, if that is new.
 test: test-core

@@ -6,6 +6,7 @@ from functools import partial
 
 import pytest
 from making import S, at, at_ns, stamp_ns, transform
+from repetitions import times
 from ros_optional import Duration
 
 pytestmark = pytest.mark.ours
@@ -165,7 +166,7 @@ class TestPendingWaits:
         try:
             for thread in threads:
                 thread.start()
-            for _ in range(2000):
+            for _ in range(times(700, 2000)):
                 assert all(line.startswith(START) for line in buffer._pending_waits())
         finally:
             gc.set_threshold(*threshold)

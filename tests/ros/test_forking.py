@@ -11,6 +11,7 @@ from paths import PROGRAMS
 from processes import output_of
 from rclpy.time import Time
 from rclpy.utilities import get_rmw_implementation_identifier
+from repetitions import times
 from sharing import links, new_name
 
 pytestmark = pytest.mark.ours
@@ -26,7 +27,8 @@ fast_dds_only = pytest.mark.skipif(
 
 
 @pytest.mark.parametrize(
-    ("what", "count"), [("use", 20), ("drop", 40), pytest.param("have_a_node", 1, marks=fast_dds_only)]
+    ("what", "count"),
+    [("use", 20), ("drop", times(20, 40)), pytest.param("have_a_node", 1, marks=fast_dds_only)],
 )
 def test_children_of_a_process_whose_every_thread_is_busy(what, count, flood):
     """In an insert, a vector lookup, a listing, a wait, a callback, the receiver and an executor."""

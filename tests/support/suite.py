@@ -106,6 +106,8 @@ def pytest_collection_modifyitems(config, items):
         long = [item for item in items if item.get_closest_marker("long")]
         config.hook.pytest_deselected(items=long)
         items[:] = [item for item in items if item not in set(long)]
+    # The processes of `pytest -n` begin the files in this order. A long file of waits must not be the last.
+    items.sort(key=lambda item: item.path.parent.name not in ("ros", "programs"))
     if not config.getoption("--reference"):
         return
     for item in items:

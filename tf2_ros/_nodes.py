@@ -15,7 +15,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.signals import uninstall_signal_handlers
+from rclpy.signals import SignalHandlerOptions, get_current_signal_handlers_options, uninstall_signal_handlers
 from rclpy.utilities import get_default_context
 
 from tf2_py._internal import MalformedObjectError, keep_for_ever
@@ -89,15 +89,19 @@ def keep_in_children(node_or_executor: object) -> None:
 
 
 def _after_fork_in_child() -> None:
+    global _lacks_signal_thread
     keep_for_ever(*_of_middleware)
     _of_middleware.clear()
     _running.clear()
+    if get_current_signal_handlers_options() != SignalHandlerOptions.NO:
+        _lacks_signal_thread = True
 
 
 os.register_at_fork(after_in_child=_after_fork_in_child)
 
 
 _running: "LiveObjects[Spinner]" = LiveObjects()
+_lacks_signal_thread = False  # rclpy's, because this process was forked from one that had it
 
 
 class Spinner:
@@ -187,8 +191,10 @@ def _stop_all() -> None:
     if not _running:
         return
     # After Ctrl-C, a thread of rclpy wakes all executors and shuts all contexts down. It does not notice when
-    # they are destroyed meanwhile, and crashes. This waits until it has ended.
-    uninstall_signal_handlers()
+    # they are destroyed meanwhile, and crashes. This waits until it has ended. A forked child would wait for
+    # a thread that does not exist, or for another one in its place.
+    if not _lacks_signal_thread:
+        uninstall_signal_handlers()
     for spinner in _running:
         spinner.stop()
 

@@ -8,7 +8,7 @@ import pytest
 from forking import in_a_child
 from making import transform
 from paths import PROGRAMS
-from processes import output_of
+from processes import DEADLINE_S, output_of
 from rclpy.time import Time
 from rclpy.utilities import get_rmw_implementation_identifier
 from repetitions import times
@@ -34,6 +34,11 @@ def test_children_of_a_process_whose_every_thread_is_busy(what, count, flood):
     """In an insert, a vector lookup, a listing, a wait, a callback, the receiver and an executor."""
     flood(500, 20)
     assert json.loads(output_of(PROGRAMS / "forks.py", what, count)) == [0] * count
+
+
+def test_a_child_that_spins_a_node_of_its_own_exits():
+    """It lacks the thread of rclpy that handles signals, and may have another one in its place."""
+    output_of(PROGRAMS / "forked_exits.py", 6, timeout=DEADLINE_S)
 
 
 def test_no_first_use_of_a_buffer_imports_anything():

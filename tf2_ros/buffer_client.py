@@ -10,14 +10,14 @@ from collections.abc import Callable, Generator
 from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
+from uuid import uuid4
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus
 from geometry_msgs.msg import TransformStamped
-from rclpy.action.client import ActionClient
+from rclpy.action.client import ActionClient, ClientGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.task import Future
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
@@ -42,7 +42,7 @@ _names.offer(globals())
 LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")
 
-# Without a response, a request is repeated after this time, and again after twice as long.
+# Without a response, the result is requested again after this time, and again after twice as long.
 REPEAT_NS = 10**9
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
 
@@ -63,6 +63,59 @@ class PendingGoal(WakingFuture[Any]):
     def error(self, text: str) -> TimeoutException:
         """The exception of a goal that fails now."""
         return TimeoutException(errors.after_wait(text, time.monotonic_ns() - self.begin_ns))
+
+
+class SentGoal:
+    """
+    One goal that was sent, with the requests of its result.
+
+    :param on_response: called after each response of the server.
+    """
+
+    def __init__(self, client: ActionClient, goal: Any, on_response: Callable[[Any], None]) -> None:
+        identifier = GoalInfo().goal_id
+        identifier.uuid = list(uuid4().bytes)
+        self._on_response = on_response
+        self._request: Any = client.send_goal_async(goal, goal_uuid=identifier)
+        self._request.add_done_callback(on_response)
+        # Also for a goal whose acceptance was dropped.
+        accepted = LookupTransform.Impl.SendGoalService.Response(accepted=True)
+        self._handle = ClientGoalHandle(client, identifier, accepted)
+        self._accepted = False
+        self._results: list[Any] = []  # futures
+        self.refused = False
+        self.unknown = False  # to the server, when it last said so
+
+    def request_result(self) -> None:
+        """Request the result, once more."""
+        self._results.append(self._handle.get_result_async())
+        self._results[-1].add_done_callback(self._on_response)
+
+    def result(self) -> Any:
+        """The response with the result, or None; requests it when the server has accepted the goal."""
+        if self._request.done() and not self._accepted and not self.refused:
+            self._accepted = self._request.result().accepted
+            self.refused = not self._accepted
+            if self._accepted:
+                self.unknown = False
+                self.request_result()
+        for request in [request for request in self._results if request.done()]:
+            response = request.result()
+            if response.status != GoalStatus.STATUS_UNKNOWN:
+                return response
+            # Earlier ones may say so because the server had not taken the goal yet.
+            self.unknown = self.unknown or request is self._results[-1]
+            self._results.remove(request)
+        return None
+
+    def cancel(self, _: object = None) -> None:
+        """Cancel the goal in the server, and again if a server that is busy accepts it later."""
+        if not self._request.done():
+            self._request.add_done_callback(self.cancel)
+        elif not self._request.result().accepted:
+            return
+        with suppress(RuntimeError):  # the context was shut down
+            self._handle.cancel_goal_async()
 
 
 class GoalSender:
@@ -166,69 +219,62 @@ class GoalSender:
             if time.monotonic_ns() >= pending.deadline_ns:
                 raise pending.error(f"The buffer server is not ready: no server of [{self.name}] was found.")
             yield
-        requests: list[Future] = []
+        sent: list[SentGoal] = []
         try:
-            handle = yield from self._response(pending, partial(self._send_goal, pending), requests)
-            if not handle.accepted:
-                raise pending.error("The buffer server refused the goal. Something is likely wrong with it.")
-            for request in requests:
-                if not (request.done() and request.result() is handle):
-                    _cancel(request)
-            response = yield from self._response(pending, handle.get_result_async, [])
-        except BaseException:  # also if it was abandoned
-            for request in requests:
-                _cancel(request)
-            raise
-        goal, result = pending.goal, response.result
+            goal, response = yield from self._response(pending, sent)
+            sent.remove(goal)
+        finally:  # also if it was abandoned
+            for goal in sent:
+                goal.cancel()
+        lookup, result = pending.goal, response.result
         # A server whose wait timed out or was cancelled may send an empty result without an error.
         if result.error.error == TF2Error.NO_ERROR and (
             response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
         ):
             raise pending.error(
-                f"The buffer server did not get the transform from [{printable(goal.source_frame)}] to "
-                f"[{printable(goal.target_frame)}] in time."
+                f"The buffer server did not get the transform from [{printable(lookup.source_frame)}] to "
+                f"[{printable(lookup.target_frame)}] in time."
             )
         return result
 
-    def _send_goal(self, pending: PendingGoal) -> Future:
-        left_ns = max(pending.deadline_ns - time.monotonic_ns(), 0)
-        pending.goal.timeout = Duration(nanoseconds=left_ns).to_msg()
-        return self.action_client.send_goal_async(pending.goal)
-
     def _response(
-        self, pending: PendingGoal, send: Callable[[], Future], requests: list[Future]
-    ) -> Generator[None, None, Any]:
+        self, pending: PendingGoal, sent: list[SentGoal]
+    ) -> Generator[None, None, tuple[SentGoal, Any]]:
         """
-        Send requests, which are added to the list, and return the first response.
+        Send a goal, and return it with the first response that has its result.
 
-        One is not enough, because the middleware drops the response if the server has not discovered this
-        client yet.
+        The middleware drops the responses of a server that has not discovered this client yet. So the result
+        is requested again, also of a goal whose acceptance may have been dropped. The goal itself is sent
+        again only if the server does not know it: a busy server would otherwise do the same work repeatedly.
+
+        :param sent: receives the goals that were sent.
         """
         server = f"The buffer server [{self.name}]"
         pause_ns, next_ns = REPEAT_NS, 0
-        while not any(request.done() for request in requests):
+        while True:
+            for goal in sent:
+                response = goal.result()
+                if response is not None:
+                    return goal, response
+                if goal.refused:
+                    raise pending.error(
+                        "The buffer server refused the goal. Something is likely wrong with it."
+                    )
             now_ns = time.monotonic_ns()
-            if requests and not self.action_client.server_is_ready():
+            if sent and not self.action_client.server_is_ready():
                 raise pending.error(f"{server} went away before it answered.")
-            if requests and now_ns >= pending.last_ns:
+            if sent and now_ns >= pending.last_ns:
                 raise pending.error(f"{server} did not answer in time. Something is likely wrong there.")
             if now_ns >= next_ns:
                 next_ns, pause_ns = now_ns + pause_ns, 2 * pause_ns
-                requests.append(send())
-                requests[-1].add_done_callback(partial(self._advance, pending))
+                known = [goal for goal in sent if not goal.unknown]
+                for goal in known:
+                    goal.request_result()
+                if not known:
+                    left_ns = max(pending.deadline_ns - now_ns, 0)
+                    pending.goal.timeout = Duration(nanoseconds=left_ns).to_msg()
+                    sent.append(SentGoal(self.action_client, pending.goal, partial(self._advance, pending)))
             yield
-        return next(request for request in requests if request.done()).result()
-
-
-def _cancel(request: Future) -> None:
-    """Cancel a goal in the server, now or when it says that it has accepted the goal."""
-    if not request.done():
-        request.add_done_callback(_cancel)
-        return
-    handle: Any = request.result()
-    if handle.accepted:
-        with suppress(RuntimeError):  # the context was shut down
-            handle.cancel_goal_async()
 
 
 class BufferClient(BufferInterface):

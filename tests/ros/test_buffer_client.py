@@ -287,6 +287,25 @@ def test_responses_that_the_middleware_drops_are_asked_for_again(tmp_path):
 
 
 @pytest.mark.ours
+def test_a_server_that_is_slow_to_accept_a_goal_gets_no_other_one(tf2_ros, node):
+    """It would do the work of both, and make others wait."""
+    with serving("slow_lookup") as server:
+        client = tf2_ros.BufferClient(node, "slow_lookup")
+        goals = []
+
+        def judge(goal):
+            goals.append(goal)
+            waiting = client.action_client
+            until(lambda: len(waiting._pending_goal_requests) > 1 or waiting._pending_result_requests)
+            return GoalResponse.ACCEPT
+
+        server.server.register_goal_callback(judge)
+        assert client.lookup_transform("map", "robot", LATEST, LONG).child_frame_id == "robot"
+        assert len(goals) == 1
+        client.destroy()
+
+
+@pytest.mark.ours
 @pytest.mark.parametrize("since", ["sent", "accepted"])
 def test_a_goal_that_nobody_awaits_any_more_is_cancelled(tf2_ros, node, since):
     with serving("quiet_lookup") as server:

@@ -44,6 +44,9 @@ LookupTransformResult = TypeVar("LookupTransformResult")
 
 # Without a response, the result is requested again after this time, and again after twice as long.
 REPEAT_NS = 10**9
+# A server went away if it is unavailable for this long. While the middleware discovers another server of the
+# same name, it finds none available.
+GONE_NS = 10**9
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
 
 EXCEPTIONS = {code: kind for kind, code in CODES}
@@ -251,6 +254,7 @@ class GoalSender:
         """
         server = f"The buffer server [{self.name}]"
         pause_ns, next_ns = REPEAT_NS, 0
+        missing_ns = None  # the time since when the server is unavailable
         while True:
             for goal in sent:
                 response = goal.result()
@@ -261,7 +265,11 @@ class GoalSender:
                         "The buffer server refused the goal. Something is likely wrong with it."
                     )
             now_ns = time.monotonic_ns()
-            if sent and not self.action_client.server_is_ready():
+            if self.action_client.server_is_ready():
+                missing_ns = None
+            elif missing_ns is None:
+                missing_ns = now_ns
+            elif now_ns - missing_ns >= GONE_NS:
                 raise pending.error(f"{server} went away before it answered.")
             if sent and now_ns >= pending.last_ns:
                 raise pending.error(f"{server} did not answer in time. Something is likely wrong there.")

@@ -282,8 +282,8 @@ class TestThreads:
 
 
 @pytest.mark.ours
-def test_responses_that_the_middleware_drops_are_asked_for_again(tmp_path):
-    assert output_with_library("lost_responses", tmp_path) == "robot\n"
+def test_neither_dropped_responses_nor_a_server_that_is_half_discovered_end_a_lookup(tmp_path):
+    assert output_with_library("partial_discovery", tmp_path) == "robot\n"
 
 
 @pytest.mark.ours

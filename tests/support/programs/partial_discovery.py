@@ -1,4 +1,4 @@
-"""Asks a buffer server whose first responses are lost, see `interposed/lost_responses.c`."""
+"""Asks a buffer server that is discovered in part, see `interposed/partial_discovery.c`."""
 
 import rclpy
 from making import transform
@@ -10,8 +10,8 @@ rclpy.init()
 with spun_node("serving") as node:
     buffer = Buffer(node=node)
     buffer.set_transform(transform("map", "robot", 1), "test")
-    server = BufferServer(buffer, node, "lookup")
-    client = BufferClient(node, "lookup")
+    server = BufferServer(buffer, node, "half_discovered")
+    client = BufferClient(node, "half_discovered")
     print(client.lookup_transform("map", "robot", 1_000_000_000, 20.0).child_frame_id)
     client.destroy()
 rclpy.shutdown()

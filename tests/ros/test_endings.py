@@ -15,6 +15,7 @@ from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from repetitions import times
+from spinning import shut_down
 
 from tf2_ros import (
     Buffer,
@@ -157,9 +158,10 @@ class RandomEnds:
 
     def end_executor(self):
         executor, thread = self.pop(self.executors)
-        executor.shutdown()
         if thread.is_alive():
-            thread.join()
+            shut_down(executor, thread)
+        else:
+            executor.shutdown()
 
 
 @pytest.mark.parametrize("seed", range(times(5, 50)))

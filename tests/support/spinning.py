@@ -31,11 +31,19 @@ def spinning(executor):
     try:
         yield executor
     finally:
-        # As shutdown() begins; the rest would pull parts away that the thread is using.
-        executor._is_shutdown = True
-        if executor.context.ok():
-            executor.wake()
-        thread.join(DEADLINE_S)
+        shut_down(executor, thread)
+
+
+def shut_down(executor, thread):
+    """
+    Shut an executor down that a thread may be spinning, once the thread has ended.
+
+    rclpy's `shutdown()` alone destroys the guard condition of the executor, which the thread may be using.
+    """
+    executor._is_shutdown = True
+    if executor.context.ok():
+        executor.wake()
+    thread.join(DEADLINE_S)
     assert not thread.is_alive()
     executor.shutdown()
 

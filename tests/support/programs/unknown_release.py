@@ -24,6 +24,7 @@ from making import transform
 from processes import until
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
+from spinning import shut_down
 
 import tf2_ros
 from tf2_ros import _rclpy
@@ -52,7 +53,8 @@ def main():
     node, sender = rclpy.create_node("using"), rclpy.create_node("sending")
     executor = MultiThreadedExecutor(2)
     executor.add_node(node)
-    threading.Thread(target=executor.spin).start()
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
     buffer = tf2_ros.Buffer(node=node)
     listener = tf2_ros.TransformListener(buffer, node)
     print("without an executor:", ", ".join(listener.receives) or "nothing")
@@ -93,7 +95,7 @@ def main():
     client.destroy()
     server.destroy()
     listener.unregister()
-    executor.shutdown()
+    shut_down(executor, thread)
     rclpy.shutdown()
 
 

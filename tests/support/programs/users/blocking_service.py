@@ -7,7 +7,7 @@ import rclpy
 from geometry_msgs.msg import TransformStamped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.executors import MultiThreadedExecutor
 from std_srvs.srv import SetBool
 
 from tf2_ros import Buffer, LookupException, TransformBroadcaster, TransformListener
@@ -41,11 +41,12 @@ for one in (node, client_node):
     executor.add_node(one)
 
 
+ending = Event()
+
+
 def spin():
-    try:
-        executor.spin()
-    except ExternalShutdownException:
-        pass
+    while not ending.is_set():
+        executor.spin_once(timeout_sec=0.1)
 
 
 thread = Thread(target=spin)
@@ -79,6 +80,7 @@ print("patient:", replies[0].success, replies[0].message)
 answer = client.call(SetBool.Request(data=False))
 print("now:", answer.success, answer.message)
 
-executor.shutdown()
+ending.set()
 thread.join()
+executor.shutdown()
 rclpy.try_shutdown()

@@ -83,11 +83,18 @@ def main(args=None):
     nodes = [Odometry(), Consumers()]
     for node in nodes:
         executor.add_node(node)
-    spinner = threading.Thread(target=executor.spin)
+    ending = threading.Event()
+
+    def spin():
+        while not ending.is_set():
+            executor.spin_once(timeout_sec=0.1)
+
+    spinner = threading.Thread(target=spin)
     spinner.start()
     in_time = nodes[1].all_done.wait(65)
-    executor.shutdown()
+    ending.set()
     spinner.join()
+    executor.shutdown()
     print("in time:", in_time)
     for name, result in sorted(nodes[1].results.items()):
         print(f"{name}: {result}")

@@ -82,7 +82,13 @@ def main():
     executor = MultiThreadedExecutor(4)
     executor.add_node(server)
     executor.add_node(asking)
-    thread = threading.Thread(target=executor.spin)
+    ending = threading.Event()
+
+    def spin():
+        while not ending.is_set():
+            executor.spin_once(timeout_sec=0.1)
+
+    thread = threading.Thread(target=spin)
     thread.start()
 
     client = tf2_ros.BufferClient(
@@ -115,8 +121,9 @@ def main():
 
     client.destroy()
     server.server.destroy()
-    executor.shutdown()
+    ending.set()
     thread.join()
+    executor.shutdown()
     server.destroy_node()
     asking.destroy_node()
     rclpy.shutdown()

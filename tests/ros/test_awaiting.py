@@ -82,7 +82,8 @@ def test_a_wait_costs_nothing_and_ends_with_the_message(driver, what, buffer, li
     with driver(node) as run:
         task = run(work)
         until(begun.is_set)
-        assert share_of_a_core(QUIET_S) < MOST
+        publisher.matched(1)  # the work of discovery is no cost of the wait
+        until(lambda: share_of_a_core(QUIET_S) < MOST)
         assert not ended.is_set()
         publisher.send(("map", "robot", 1 * S, 1))
         until(ended.is_set)
@@ -99,7 +100,7 @@ def test_thousands_of_waits_in_a_loop_cost_nothing_either(buffer, node):
     with drivers.loop(node) as run:
         task = run(work)
         until(lambda: buffer.statistics()["waiters"] == count)
-        assert share_of_a_core(QUIET_S) < MOST
+        until(lambda: share_of_a_core(QUIET_S) < MOST)
         buffer.set_transform(transform("map", "robot", 1.0, (0, 0, 0)), "me")
         until(task.done)
 

@@ -148,7 +148,7 @@ class TestPlaces:
         self, buffer, recwarn, capfd, end
     ):
         """Python would show equal warnings of one place only once."""
-        futures = [wait(buffer, fail, timeout=0.3 if end == "timeout" else None) for _ in range(3)]
+        futures = [wait(buffer, fail, timeout=1 if end == "timeout" else None) for _ in range(3)]
         if end == "insert":
             buffer.set_transform(transform("map", "robot", 1), "me")
         elif end == "cancel":

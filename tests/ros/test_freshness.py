@@ -427,20 +427,20 @@ def test_what_an_await_returns_is_fresh_at_that_moment(buffer, node):
 
 def test_a_timeout_counts_from_the_beginning_of_an_await(tf2_ros, buffer, node):
     async def follow():
-        answer = asyncio.ensure_future(buffer.lookup_transform_async(*ROBOT, max_age=0.5, timeout=0.5))
+        answer = asyncio.ensure_future(buffer.lookup_transform_async(*ROBOT, max_age=0.5, timeout=1))
         await asyncio.sleep(0)
         insert(buffer, "map", "odom", 99.75)
         simulate(node, seconds=200)
         await answer
 
     began = time.monotonic()
-    with pytest.raises(tf2_ros.TimeoutException, match=r"Waited 0\.5 s .* odom in map, at 99\.75"):
+    with pytest.raises(tf2_ros.TimeoutException, match=r"Waited 1 s .* odom in map, at 99\.75"):
         asyncio.run(follow())
-    assert time.monotonic() - began >= 0.5
+    assert time.monotonic() - began >= 1
 
 
 def test_at_the_timeout_the_error_describes_what_is_stale_then(tf2_ros, buffer, node):
-    pending = buffer.wait_for_transform_async(*ROBOT, max_age={"odom": 0.5, "base": 0.5}, timeout=0.2)
+    pending = buffer.wait_for_transform_async(*ROBOT, max_age={"odom": 0.5, "base": 0.5}, timeout=1)
     insert(buffer, "odom", "base", 100)
     simulate(node, seconds=105)
     insert(buffer, "map", "odom", 105)

@@ -146,7 +146,7 @@ def adds_up(counts):
         ({"tolerance": Duration(seconds=1)}, "M2147483647.5 T1 M1 T2 =1 clear"),
         ({"buffer_timeout": Infinite}, "M1 T1 =1"),
         ({"buffer_timeout": 0.05}, "T1 M2 !TIMEOUT:2 T3 = M3 =3"),
-        ({"buffer_timeout": 0.5}, "T1 M2 T2 =2 M3 !TIMEOUT:3"),
+        ({"buffer_timeout": 2.0}, "T1 M2 T2 =2 M3 !TIMEOUT:3"),
         ({"buffer_timeout": Duration()}, "M1 !NO_TRANSFORM_FOUND:1 T1 M1 =1"),
         ({}, "T20 T21 M10.9 !OUT_THE_BACK:10.9 M11 = T11 =11"),
         ({}, "M1 T20 = M20 !OUT_THE_BACK:1 =20"),

@@ -88,8 +88,12 @@ class TestErrors:
         assert error(buffer, "map", "arm", at(0.5)).endswith(
             "(parent map) at 1.000000000 is 0.500000000 s too new"
         )
-        publisher.send(("map", "arm", 3 * S, 1))
-        until(lambda: error(buffer, "map", "arm", at(9)).endswith("is 6.000000000 s too old"), executor)
+
+        def has_noticed_the_end_of_silence():
+            publisher.send(("map", "arm", 3 * S, 1))
+            return error(buffer, "map", "arm", at(9)).endswith("is 6.000000000 s too old")
+
+        until(has_noticed_the_end_of_silence, executor)
 
 
 class TestRepr:

@@ -8,9 +8,11 @@ import time
 import pytest
 from making import at, transform
 from processes import DEADLINE_S, until
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning import knows, repeated, shut_down_at_sleep, spinning
+from rclpy.waitable import NumberOfEntities, Waitable
+from spinning import EXECUTOR, knows, repeated, shut_down_at_sleep, spinning
 
 from tf2_ros._wait.runners import completions_of
 
@@ -101,6 +103,59 @@ class TestSpinOnce:
         listener.unregister()
         listener.executor.shutdown()
         listener.dedicated_listener_thread.join(DEADLINE_S)
+
+    @pytest.mark.ours
+    def test_nor_does_one_whose_former_executor_was_just_gathering(
+        self, tf2_ros, buffer, node, executor, peer
+    ):
+        """It prepares for its sleep after the other executor did, and would take away what wakes that one."""
+        gathering, asleep, returned = threading.Event(), threading.Event(), threading.Event()
+        publisher, other = peer(), SingleThreadedExecutor()
+
+        class Entity(Waitable):
+            """In the former executor, waits until the other one sleeps, before the listener is asked."""
+
+            def __init__(self, is_last):
+                super().__init__(ReentrantCallbackGroup())
+                self.is_last = is_last
+
+            def __enter__(self):
+                pass
+
+            def __exit__(self, *_):
+                pass
+
+            def get_num_entities(self):
+                return NumberOfEntities()
+
+            def is_in_former(self):
+                return threading.current_thread().name == EXECUTOR
+
+            def add_to_wait_set(self, _):
+                if self.is_last and not self.is_in_former():
+                    asleep.set()
+                elif not self.is_last and self.is_in_former():
+                    gathering.set()
+                    asleep.wait(DEADLINE_S)
+
+            def is_ready(self, _):
+                if self.is_last and self.is_in_former():
+                    returned.set()
+                return False
+
+        node.add_waitable(Entity(is_last=False))
+        with tf2_ros.TransformListener(buffer, node):
+            node.add_waitable(Entity(is_last=True))
+            with spinning(executor):
+                until(gathering.is_set)
+                other.add_node(node)
+                spinning_once = threading.Thread(target=other.spin_once)
+                spinning_once.start()
+                until(returned.is_set)
+                publisher.send(("map", "robot", 1 * S, 1))
+                spinning_once.join(DEADLINE_S)
+                assert not spinning_once.is_alive()
+        other.shutdown()
 
     @pytest.mark.parametrize("spin", ["spin_once", "spin"])
     def test_signal_handlers_run(self, ros, listener, node, peer, spin):

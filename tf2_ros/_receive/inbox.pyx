@@ -307,12 +307,13 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
         if inbox.has_large:
             break
         _process(inbox)
+    # Before `pending` is cleared: executors have then heard of all that a reader sees.
+    if work and inbox.watcher != NULL:
+        inbox.watcher.arrived(inbox.watcher.data)
     if work >= most or inbox.parcel == NULL:
         word_store(&inbox.pending, 1)   # without memory, the next round tries again
     else:
         word_replace(&inbox.pending, BEING_INSERTED, 0)
-    if work and inbox.watcher != NULL:
-        inbox.watcher.arrived(inbox.watcher.data)
     return work >= most
 
 

@@ -28,6 +28,9 @@ from rclpy.waitable import NumberOfEntities
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import has_tasks
 
+cdef extern from "Python.h":
+    unsigned long PyThread_get_thread_ident()
+
 cdef extern from *:
     """
     #define TF2_STORE(place, value) __atomic_store_n(place, value, __ATOMIC_SEQ_CST)
@@ -108,6 +111,8 @@ cdef class ExecutorRounds(Watching):
     cdef object _handle         # keeps the guard condition
     cdef public object calls    # those that are to be made in rounds
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
+    cdef unsigned long _thread  # in which it did
+    cdef bint _has_displaced    # an executor of another thread, which may sleep
     cdef readonly bint in_sets  # no executor has had the node that does not wait for sets
 
     def __cinit__(self, *_, **__):
@@ -144,7 +149,8 @@ cdef class ExecutorRounds(Watching):
         """Prepare for an executor that is about to sleep."""
         if not self.in_sets:
             return
-        self._wait_set = <void*>wait_set
+        self._has_displaced = self._wait_set != NULL and self._thread != PyThread_get_thread_ident()
+        self._wait_set, self._thread = <void*>wait_set, PyThread_get_thread_ident()
         store(&self.state.round_due, False)
         if is_below_own_loop(sys._getframe()):
             store(&self.state.arrived, False)
@@ -171,6 +177,10 @@ cdef class ExecutorRounds(Watching):
         store_ns(&self.state.wake_at_ns, NEVER)
         store(&self.state.round_due, False)
         store(&self.state.arrived, False)
+        if self._has_displaced:
+            # The node moved to the other executor while this one was gathering: the other must prepare again.
+            self._has_displaced = False
+            self.wake()
         return due
 
     def take_data(self):

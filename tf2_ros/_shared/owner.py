@@ -161,11 +161,11 @@ def _lock(descriptor: int, path: Path) -> None:
 
 def _lockers(descriptor: int) -> str:
     """Which processes have locked a file, as far as this one can see them."""
-    # In a line such as "1: FLOCK ADVISORY READ 4711 00:18:1234 0 EOF", the last of the three numbers is that
-    # of the file in its file system.
-    inode = os.fstat(descriptor).st_ino
+    # In a line such as "1: FLOCK ADVISORY READ 4711 00:1a:1234 0 EOF", a file has its device in hexadecimal.
+    status = os.fstat(descriptor)
+    file = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
     lines = [line.split() for line in Path("/proc/locks").read_text().splitlines()]
-    found = [line[4] for line in lines if line[1] == "FLOCK" and line[5].split(":")[2] == str(inode)]
+    found = [line[4] for line in lines if line[1] == "FLOCK" and line[5] == file]
     return " and ".join(f"process {process}" for process in found) or "another process"
 
 

@@ -271,7 +271,7 @@ async def test_the_program_of_the_documentation_works(tf2_ros, buffer, sender):
     publisher = sender.create_publisher(PointStamped, "clicked_point", 10)
     program = await asyncio.create_subprocess_exec(sys.executable, "-c", code, stdout=asyncio.subprocess.PIPE)
     try:
-        await until(lambda: sender.count_subscribers("clicked_point") > 0)
+        await until(lambda: publisher.get_subscription_count() > 0)
         publisher.publish(point_in("camera"))
         assert await program.stdout.readline() == b"1.0 m ahead, 2.0 m to the left\n"
     finally:

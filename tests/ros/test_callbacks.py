@@ -154,9 +154,9 @@ class TestPlaces:
         elif end == "cancel":
             for future in futures:
                 future.cancel()
-        until(lambda: errors_so_far().count("In a callback: Traceback (most recent call last)") == 3)
+        until(lambda: errors_so_far().count("ValueError: mine") == 3)
+        assert errors_so_far().count("In a callback: Traceback (most recent call last)") == 3
         assert errors_so_far().count('test_callbacks.py", line') == 3
-        assert errors_so_far().count("ValueError: mine") == 3
         assert not recwarn.list
 
     def test_while_nobody_spins_they_wait_and_one_warning_says_so(

@@ -118,7 +118,8 @@ def test_malformed_messages_are_counted_and_survived(tf2_ros, buffer, node, exec
     until(knows(buffer, "robot"), executor)
     until(lambda: buffer.statistics()["malformed_messages"] == len(bad), executor)
     assert buffer._getFrameStrings() == ["robot", "map"]
-    assert capfd.readouterr().err.count("Ignoring a malformed message on /tf") == 1
+    # At most once in a second.
+    assert 1 <= capfd.readouterr().err.count("Ignoring a malformed message on /tf") < len(bad)
 
 
 def test_a_set_transform_of_the_buffer_itself_is_called(tf2_ros, buffer, node, executor, peer):

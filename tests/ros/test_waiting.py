@@ -124,6 +124,7 @@ class TestTimeout:
     def test_its_thread_ends_with_the_last(self, buffer):
         futures = [wait(buffer, timeout=LONGER) for _ in range(3)]
         until(lambda: deadline_threads() == 1)
+        until(lambda: all(future.done() for future in futures))
         until(lambda: deadline_threads() == 0)
         assert all(future.exception() is not None for future in futures)
         again = wait(buffer, timeout=SHORT)

@@ -157,7 +157,7 @@ async def demonstrate(client, robot):
                 await stream.content.readline()
         robot.is_localised = False
         await ask(client, "/health", 503)
-        await ask(client, "/pose", 503, until=False)
+        await ask(client, "/pose", 503)
     finally:
         driving.cancel()
 

@@ -112,7 +112,13 @@ class TestWaits:
 
     def test_control_c_ends_one(self, buffer):
         main = threading.main_thread().ident
-        thread = after(0.05, lambda: signal.pthread_kill(main, signal.SIGINT))
+
+        def interrupt():
+            while buffer.statistics()["waiters"] == 0:
+                time.sleep(0.005)
+            signal.pthread_kill(main, signal.SIGINT)
+
+        thread = after(0, interrupt)
         begin = time.monotonic()
         with pytest.raises(KeyboardInterrupt):
             buffer.lookup_transform("base_link", "lidar", 0, timeout=60.0)

@@ -251,6 +251,7 @@ def open_viewer(
     :raises ViewerError: at the end, if the viewer did not open.
     """
     port, page_port = _free_ports(2)
+    ports = [port, page_port] if web else [port]
     options = [f"--port={port}", f"--memory-limit={MEMORY}", f"--server-memory-limit={MEMORY}"]
     if web:
         options += ["--serve-web", f"--web-viewer-port={page_port}"]
@@ -263,7 +264,7 @@ def open_viewer(
         )
         stack.callback(_end, process)
         # A recording that cannot connect would keep the program from exiting.
-        while process.poll() is None and not _accepts(port):
+        while process.poll() is None and not all(map(_accepts, ports)):
             time.sleep(OPENING_S)
         if process.poll() is None:
             recording.connect_grpc(address)

@@ -21,7 +21,7 @@ from pages import (
 )
 from paths import ROOT
 from places import DOCS, TOOLS
-from processes import DEADLINE_S, killed, output_of, run
+from processes import DEADLINE_S, killed, run
 from sources import words_of_sources
 from tool_pages import ALL_PAGES, PAGES, provide_torch, run_program
 from tool_sources import PACKAGES, PYPROJECT
@@ -74,7 +74,7 @@ def test_the_programs_show_the_first_robot_as_the_page_says(command, tmp_path):
     signed = re.compile(r"-?\d+")
     with programs_beside(page, tmp_path):
         # On a busy machine a program may end before it has found the robot.
-        printed = (signed.sub("#", output_of(*started, cwd=tmp_path)) for _ in range(4))
+        printed = (signed.sub("#", run(sys.executable, *started, cwd=tmp_path).stdout) for _ in range(4))
         assert any(one.startswith(signed.sub("#", shown)) for one in printed)
 
 

@@ -356,9 +356,9 @@ def test_a_name_in_a_log_is_escaped(line, escaped):
 )
 def test_names_in_messages_are_shown_without_control_characters(line, peer):
     name, *arguments = line.split()
+    frames = (HOSTILE, "b", S, 1.0), ("map", HOSTILE, S, 1.0), (HOSTILE, "a", S, 1.0)
+    peer().send_without_subscriber(*frames, static=True)
     with running(name, *arguments) as process:
-        talker = peer()
-        talker.send((HOSTILE, "b", S, 1.0), ("map", HOSTILE, S, 1.0), (HOSTILE, "a", S, 1.0), static=True)
         out, err = process.communicate(timeout=DEADLINE_S)
     assert has_no_control_characters(out + err) and out
     if "--json" in line:

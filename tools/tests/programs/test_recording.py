@@ -5,7 +5,7 @@ from tf2_ros_tools.listening import listening
 import numpy as np
 import pytest
 from making import S, transform
-from processes import until
+from processes import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros.records import RECORD, Recording
@@ -89,15 +89,8 @@ def test_a_rotation_that_newer_releases_refuse_is_marked(heard, node, capfd):
     records = take(recording, 3)
     marks = {recording.frames()[one["child"]]: (one["unnormalised"], one["refusals"] != 0) for one in records}
     assert marks == {"odom": (0, False), "arm": (1, False), "hand": (0, True)}
-    logged = ""
-
-    def has_logged():
-        nonlocal logged
-        logged += capfd.readouterr().err
-        return "rotation of length 2." in logged
-
-    until(has_logged)
-    assert logged.count("of length") == 1
+    until(lambda: "rotation of length 2." in errors_so_far())
+    assert errors_so_far().count("of length") == 1
 
 
 def test_what_there_is_no_place_for_and_what_cannot_be_read_is_counted(heard, peer):

@@ -19,7 +19,7 @@ TREE = re.compile(
     base_link \(\d+ samples over [\d.]+ s, newest at \d+\.\d+\)
       camera \(static\)
 (
-(gap: .*
+((gap|stale): .*
 )+)?"""  # on a busy machine a healthy robot has gaps
 )
 
@@ -73,9 +73,9 @@ class TestRobot:
         assert sorted(groups(svg, "frame")) == [["base_link"], ["camera"], ["map"], ["odom"]]
         assert groups(svg, "static") == [["/fleet/robot", "static"]]
         assert len(groups(svg, "dynamic")) == 2
-        for publisher, rate, delay, length in groups(svg, "dynamic"):
+        for publisher, rate, delay, length, *_ in groups(svg, "dynamic"):
             assert publisher == "/fleet/robot"
-            assert 10 < float(re.fullmatch(r"([\d.]+) Hz", rate)[1]) < 60
+            assert 10 < float(re.fullmatch(r"([\d.]+) Hz", rate)[1]) < 100
             assert re.fullmatch(r"delay \d+\.\d ms, max \d+\.\d ms", delay)
             assert 0 < float(re.fullmatch(r"buffer ([\d.]+) s", length)[1]) < 5
 

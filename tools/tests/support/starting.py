@@ -33,9 +33,10 @@ def ended(name, *arguments, **popen):
 
 @contextmanager
 def broadcasting():
-    """Run `programs/broadcasting.py` during a `with` statement."""
-    process = start(PROGRAMS / "broadcasting.py")
-    try:
-        yield process
-    finally:
-        end(process)
+    """Run `programs/broadcasting.py` during a `with` statement, from when it has its publishers."""
+    with start(PROGRAMS / "broadcasting.py", stdout=subprocess.PIPE) as process:
+        try:
+            process.stdout.readline()
+            yield process
+        finally:
+            end(process)

@@ -1,4 +1,8 @@
-"""Broadcasts the transforms of a robot at 50 Hz, once there is a subscriber: map, odom, base_link, camera."""
+"""
+Broadcasts the transforms of a robot at 50 Hz, once there is a subscriber: map, odom, base_link, camera.
+
+Prints a line when it begins to wait for subscribers.
+"""
 
 import signal
 
@@ -20,6 +24,7 @@ def main():
         return transform(parent, child, ns=node.get_clock().now().nanoseconds)
 
     static.sendTransform(made("base_link", "camera"))
+    print("ready", flush=True)
     is_heard = False
     while not signal.sigtimedwait({signal.SIGTERM}, PERIOD_S):
         is_heard = is_heard or broadcaster.pub_tf.get_subscription_count() > 0

@@ -40,6 +40,7 @@ STATUSES = {
     INTERRUPTED: "Ctrl-C or SIGTERM ended the command before there was a result",
 }
 
+_AGAIN_S = 0.01  # when an interrupt that was dropped is repeated
 _ROS_ARGS = "--ros-args"
 _WIDTH = 80  # of the text of a help
 
@@ -196,6 +197,7 @@ def run(
     arguments = sys.argv if arguments is None else arguments
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
+    sys.unraisablehook = _after_unraisable
     try:
         if isinstance(sys.stdout, TextIOWrapper):
             # The reader of a pipe may wait for a line, and the name of a frame may not be in the encoding.
@@ -227,6 +229,8 @@ def run(
         if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
             return interrupted  # what rclpy's bindings make of it while they convert an argument
         raise
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def _interrupt(number: int, _: FrameType | None) -> None:
@@ -234,6 +238,15 @@ def _interrupt(number: int, _: FrameType | None) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     raise KeyboardInterrupt
+
+
+def _after_unraisable(dropped: Any) -> None:
+    # Python drops what a handler raises in a finalizer. Then the program is interrupted a little later.
+    if issubclass(dropped.exc_type, KeyboardInterrupt):
+        signal.signal(signal.SIGALRM, _interrupt)
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+    else:
+        sys.__unraisablehook__(dropped)
 
 
 # Names and numbers on a command line.

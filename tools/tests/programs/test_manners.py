@@ -123,6 +123,17 @@ def test_ctrl_c_ends_it_also_where_rclpy_makes_another_error_of_it():
     assert (done.returncode, done.stderr) == (7, "")
 
 
+def test_ctrl_c_ends_it_also_where_python_drops_an_exception():
+    code = (
+        "import signal, sys\nfrom tf2_ros_tools.program import Parser, run\n"
+        "class Thing:\n    def __del__(self):\n        signal.raise_signal(signal.SIGINT)\n"
+        "def work(options):\n    Thing()\n    while True:\n        sum(range(1000))\n"
+        "sys.exit(run(Parser('program', '', ''), work, ['program'], interrupted=7))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, timeout=DEADLINE_S)
+    assert (done.returncode, done.stderr) == (7, "")
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_ctrl_c_ends_a_node_once_however_often_it_comes(name, node, folder):
     if name == "tf2_view" and find_spec("rerun") is None:

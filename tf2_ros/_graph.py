@@ -1,16 +1,16 @@
 """Name the publishers of a topic, where what they do affects listeners and buffers."""
 
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
-from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from tf2_ros._rclpy import event_handlers
+from tf2_ros._threads import check_regularly
 from tf2_ros_cython.output import printable
 
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # until the graph knows the node of an endpoint
@@ -24,22 +24,45 @@ def clock_publishers(node: Node | None) -> list[str]:
 def name_unfit_publishers(node: Node, subscription: Any) -> None:
     """When publishers do not fit a subscription, log their names: rclpy's own warning has only the topic."""
     for handler in event_handlers(subscription):
-        handler.callback = partial(
-            _on_event, weakref.ref(node), subscription.topic_name, subscription.qos_profile, handler.callback
-        )
+        handler.callback = _UnfitPublishers(node, subscription, handler.callback)
 
 
-def _on_event(
-    node: "weakref.ref[Node]", topic: str, qos: QoSProfile, callback: Callable[[Any], Any], event: Any
-) -> None:
-    callback(event)
-    listening = node()
-    for one in _publishers(listening, topic):
-        compatibility, reasons = qos_check_compatible(one.qos_profile, qos)
-        if listening is not None and compatibility == QoSCompatibility.ERROR:
-            errors = [part[len("ERROR: ") :] for part in reasons.split(";") if part.startswith("ERROR: ")]
-            text = f"Nothing is received from {_name(one)} on {topic}: {', '.join(errors)}"
-            listening.get_logger().warning(text)
+class _UnfitPublishers:
+    """The callback of an event handler of a subscription; it calls the former one first."""
+
+    def __init__(self, node: Node, subscription: Any, former: Callable[[Any], Any]) -> None:
+        self._node = weakref.ref(node)
+        self._topic, self._qos, self._former = subscription.topic_name, subscription.qos_profile, former
+        self._unnamed: set[bytes] = set()  # their identifiers
+        check_regularly(self)
+
+    def __call__(self, event: Any) -> None:
+        self._former(event)
+        for identifier, publisher, reason in self._unfit():
+            if publisher.node_name == UNKNOWN_NODE:
+                self._unnamed.add(identifier)  # its name follows
+            else:
+                self._warn(publisher, reason)
+
+    def _tf2_check(self) -> None:
+        unnamed, self._unnamed = self._unnamed, set()
+        if unnamed:
+            for identifier, publisher, reason in self._unfit():
+                if identifier in unnamed:
+                    self._warn(publisher, reason)
+
+    def _unfit(self) -> Iterator[tuple[bytes, Any, str]]:
+        for publisher in _publishers(self._node(), self._topic):
+            compatibility, reasons = qos_check_compatible(publisher.qos_profile, self._qos)
+            if compatibility == QoSCompatibility.ERROR:
+                errors = [part[len("ERROR: ") :] for part in reasons.split(";") if part.startswith("ERROR: ")]
+                yield bytes(publisher.endpoint_gid), publisher, ", ".join(errors)
+
+    def _warn(self, publisher: Any, reason: str) -> None:
+        node = self._node()
+        if node is not None:
+            text = f"Nothing is received from {_name(publisher)} on {self._topic}: {reason}"
+            node.get_logger().warning(text)
 
 
 def _publishers(node: Node | None, topic: str) -> list[Any]:

@@ -70,6 +70,30 @@ class TestWithoutAnExecutor:
         )
         until(lambda: said in errors_so_far())
 
+    def test_one_whose_node_the_graph_does_not_know_yet_is_named_later(
+        self, ros, tf2_ros, buffer, new_node, capfd
+    ):
+        asked = []
+
+        class Knowing(ros.node.Node):
+            """Knows the endpoints of other nodes before it knows these nodes, as the graph may."""
+
+            def get_publishers_info_by_topic(self, topic):
+                found = super().get_publishers_info_by_topic(topic)
+                asked.append(len(found))
+                if sum(map(bool, asked)) == 1:
+                    for one in found:
+                        one.node_name = "_NODE_NAME_UNKNOWN_"
+                return found
+
+        node = Knowing("knowing")
+        with tf2_ros.TransformListener(buffer, node):
+            other = new_node("volatile")
+            other.create_publisher(TFMessage, "/tf_static", 10)
+            until(lambda: "Nothing is received from" in errors_so_far())
+            assert "from /volatile on /tf_static" in errors_so_far()
+        node.destroy_node()
+
 
 def test_a_message_of_any_size_is_taken(buffer, listener, peer):
     publisher = peer()

@@ -254,7 +254,7 @@ class GoalSender:
         """
         server = f"The buffer server [{self.name}]"
         pause_ns, next_ns = REPEAT_NS, 0
-        missing_ns = None  # the time since when the server is unavailable
+        missing_ns: int | None = None  # the time since when the server is unavailable
         while True:
             for goal in sent:
                 response = goal.result()
@@ -265,12 +265,12 @@ class GoalSender:
                         "The buffer server refused the goal. Something is likely wrong with it."
                     )
             now_ns = time.monotonic_ns()
-            if self.action_client.server_is_ready():
-                missing_ns = None
-            elif missing_ns is None:
-                missing_ns = now_ns
-            elif now_ns - missing_ns >= GONE_NS:
-                raise pending.error(f"{server} went away before it answered.")
+            if not self.action_client.server_is_ready():
+                missing_ns = missing_ns or now_ns
+                if now_ns - missing_ns >= GONE_NS:
+                    raise pending.error(f"{server} went away before it answered.")
+            elif missing_ns is not None:  # perhaps it is another one, which does not know the goal
+                missing_ns, pause_ns, next_ns = None, REPEAT_NS, now_ns
             if sent and now_ns >= pending.last_ns:
                 raise pending.error(f"{server} did not answer in time. Something is likely wrong there.")
             if now_ns >= next_ns:

@@ -34,6 +34,7 @@ class Server:
     """A buffer server that does what the target frame of a goal orders."""
 
     def __init__(self, node, action):
+        self.is_asked = threading.Event()  # for an answer that it never gives
         self.cancelled = Future()
         self.server = ActionServer(
             node,
@@ -54,6 +55,7 @@ class Server:
     async def execute(self, handle):
         goal, result = handle.request, LookupTransform.Result()
         if goal.target_frame == "silent":
+            self.is_asked.set()
             await self.cancelled
             handle.canceled()
         elif goal.target_frame == "too late":
@@ -334,6 +336,26 @@ class TestServerThatEnds:
             with serving("twice"):
                 assert client.can_transform("map", "robot", LATEST, LONG)
             until(lambda: not client.action_client.server_is_ready())
+        client.destroy()
+
+    def test_another_one_that_takes_over_gets_the_goal(self, tf2_ros, node, monkeypatch):
+        monkeypatch.setattr("tf2_ros.buffer_client.GONE_NS", 10**12)
+        monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**12)
+        client = tf2_ros.BufferClient(node, "taken_over")
+        sender, noticed = client._tf2_goal_sender, threading.Event()
+        with serving("taken_over"):
+            coroutine = client.lookup_transform_async("silent", "robot", LATEST)
+            coroutine.send(None)
+            until(lambda: client.action_client._pending_result_requests)
+        until(lambda: not client.action_client.server_is_ready())
+        sender._completions.put(sender._advance_all)
+        sender._completions.put(noticed.set)
+        until(noticed.is_set)
+        monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**8)
+        with serving("taken_over") as server:
+            until(server.is_asked.is_set)
+            coroutine.close()
+            until(server.cancelled.done)
         client.destroy()
 
     def test_one_that_ends_during_a_goal_without_a_timeout_is_one(self, tf2_ros, tf2_py, node):

@@ -8,11 +8,9 @@ import time
 import pytest
 from making import at, transform
 from processes import DEADLINE_S, until
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from rclpy.waitable import NumberOfEntities, Waitable
-from spinning import EXECUTOR, knows, repeated, shut_down_at_sleep, spinning
+from spinning import EXECUTOR, Observer, knows, repeated, shut_down_at_sleep, spinning
 
 from tf2_ros._wait.runners import completions_of
 
@@ -112,40 +110,28 @@ class TestSpinOnce:
         gathering, asleep, returned = threading.Event(), threading.Event(), threading.Event()
         publisher, other = peer(), SingleThreadedExecutor()
 
-        class Entity(Waitable):
-            """In the former executor, waits until the other one sleeps, before the listener is asked."""
+        def is_in_former():
+            return threading.current_thread().name == EXECUTOR
 
-            def __init__(self, is_last):
-                super().__init__(ReentrantCallbackGroup())
-                self.is_last = is_last
-
-            def __enter__(self):
-                pass
-
-            def __exit__(self, *_):
-                pass
-
-            def get_num_entities(self):
-                return NumberOfEntities()
-
-            def is_in_former(self):
-                return threading.current_thread().name == EXECUTOR
-
+        class BeforeListener(Observer):
             def add_to_wait_set(self, _):
-                if self.is_last and not self.is_in_former():
-                    asleep.set()
-                elif not self.is_last and self.is_in_former():
+                if is_in_former():
                     gathering.set()
                     asleep.wait(DEADLINE_S)
 
+        class AfterListener(Observer):
+            def add_to_wait_set(self, _):
+                if not is_in_former():
+                    asleep.set()
+
             def is_ready(self, _):
-                if self.is_last and self.is_in_former():
+                if is_in_former():
                     returned.set()
                 return False
 
-        node.add_waitable(Entity(is_last=False))
+        node.add_waitable(BeforeListener())
         with tf2_ros.TransformListener(buffer, node):
-            node.add_waitable(Entity(is_last=True))
+            node.add_waitable(AfterListener())
             with spinning(executor):
                 until(gathering.is_set)
                 other.add_node(node)

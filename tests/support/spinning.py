@@ -69,6 +69,28 @@ def knows(buffer, child, parent="map", time=LATEST):
     return lambda: buffer.can_transform(parent, child, time)
 
 
+class Observer(Waitable):
+    """A part of a node in which executors find nothing to do; tests override what they call each round."""
+
+    def __init__(self):
+        super().__init__(ReentrantCallbackGroup())
+
+    def __enter__(self):
+        pass
+
+    def __exit__(self, *_):
+        pass
+
+    def get_num_entities(self):
+        return NumberOfEntities()
+
+    def add_to_wait_set(self, _):
+        pass
+
+    def is_ready(self, _):
+        return False
+
+
 def shut_down_quietly(context):
     """Shut a context down as rclpy does after a signal: executors that sleep are not woken."""
     context.handle.shutdown()
@@ -83,26 +105,14 @@ def shut_down_at_sleep(queue):
     """
     context, rounds, began = queue.node().context, itertools.count(), threading.Event()
 
-    class AtSleep(Waitable):
-        def __enter__(self):
-            pass
-
-        def __exit__(self, *_):
-            pass
-
-        def get_num_entities(self):
-            return NumberOfEntities()
-
-        def is_ready(self, _):
-            return False
-
+    class AtSleep(Observer):
         def add_to_wait_set(self, _):
             if not began.is_set() or next(rounds) < 3:
                 queue.runner.wake()  # until all that has woken the executor before is used up
             elif context.ok():
                 shut_down_quietly(context)
 
-    queue.node().add_waitable(AtSleep(ReentrantCallbackGroup()))
+    queue.node().add_waitable(AtSleep())
     queue.runner.wake()
     began.set()
     until(lambda: not context.ok())

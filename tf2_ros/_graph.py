@@ -14,6 +14,7 @@ from tf2_ros._threads import check_regularly
 from tf2_ros_cython.output import printable
 
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # until the graph knows the node of an endpoint
+NAME_CHECKS = 2  # how many regular checks to wait for a name; the first may come at once
 
 
 def clock_publishers(node: Node | None) -> list[str]:
@@ -33,23 +34,22 @@ class _UnfitPublishers:
     def __init__(self, node: Node, subscription: Any, former: Callable[[Any], Any]) -> None:
         self._node = weakref.ref(node)
         self._topic, self._qos, self._former = subscription.topic_name, subscription.qos_profile, former
-        self._unnamed: set[bytes] = set()  # their identifiers
+        self._unnamed: dict[
+            bytes, int
+        ] = {}  # identifiers of publishers, and for how many more checks to wait
         check_regularly(self)
 
     def __call__(self, event: Any) -> None:
         self._former(event)
         for identifier, publisher, reason in self._unfit():
-            if publisher.node_name == UNKNOWN_NODE:
-                self._unnamed.add(identifier)  # its name follows
-            else:
-                self._warn(publisher, reason)
+            self._warn(identifier, publisher, reason, NAME_CHECKS)
 
     def _tf2_check(self) -> None:
-        unnamed, self._unnamed = self._unnamed, set()
+        unnamed, self._unnamed = self._unnamed, {}
         if unnamed:
             for identifier, publisher, reason in self._unfit():
                 if identifier in unnamed:
-                    self._warn(publisher, reason)
+                    self._warn(identifier, publisher, reason, unnamed[identifier] - 1)
 
     def _unfit(self) -> Iterator[tuple[bytes, Any, str]]:
         for publisher in _publishers(self._node(), self._topic):
@@ -58,9 +58,11 @@ class _UnfitPublishers:
                 errors = [part[len("ERROR: ") :] for part in reasons.split(";") if part.startswith("ERROR: ")]
                 yield bytes(publisher.endpoint_gid), publisher, ", ".join(errors)
 
-    def _warn(self, publisher: Any, reason: str) -> None:
+    def _warn(self, identifier: bytes, publisher: Any, reason: str, checks_left: int) -> None:
         node = self._node()
-        if node is not None:
+        if publisher.node_name == UNKNOWN_NODE and checks_left:
+            self._unnamed[identifier] = checks_left
+        elif node is not None:
             text = f"Nothing is received from {_name(publisher)} on {self._topic}: {reason}"
             node.get_logger().warning(text)
 

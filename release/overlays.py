@@ -21,9 +21,8 @@ from release.interpreters import interpreters
 NAMES = re.compile(r"rclpy-(?P<version>[\d.]+)-(?:on-)?(?P<ros>\w+)-cp(?P<python>\d{3,})")
 FOLDER = wheels.ROOT.parent / "shared" / "ros"
 # Two processes for each core, as for `make test`.
-PROCESSES = min(2 * len(os.sched_getaffinity(0)), 8)
-HOW = ["--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0"]
-TESTS = [f"--numprocesses={PROCESSES}", *HOW, "tests/ros"]
+PROCESSES = f"--numprocesses={min(2 * len(os.sched_getaffinity(0)), 8)}"
+TESTS = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0", "tests/ros"]
 
 
 def main(arguments=None):

@@ -93,19 +93,35 @@ class BuildExtensions(build_ext):
 
         refused = []
         base = self.get_finalized_command("build").build_base
+        # A newer Cython checks only the age of the sources, and would reuse the C code of an older one.
+        folder = Path(base, f"cython-{Cython.__version__}")
         for ext in list(self.extensions):
+            [source] = ext.sources
+            generated = folder / Path(source).with_suffix(".c")
+            if not self.force and _is_newest(generated, source):
+                ext.sources = [str(generated)]
+                continue
             try:
                 [done] = cythonize(
-                    ext,
-                    # A newer Cython checks only the age of the sources, and would reuse the C code of an
-                    # older one.
-                    build_dir=os.path.join(base, f"cython-{Cython.__version__}"),
-                    compiler_directives=DIRECTIVES,
-                    force=self.force,
-                    quiet=True,
+                    ext, build_dir=str(folder), compiler_directives=DIRECTIVES, force=True, quiet=True
                 )
                 ext.sources = done.sources
             except CompileError:
                 refused.append(ext.name)
                 self.extensions.remove(ext)
         return refused
+
+
+def _is_newest(generated, source):
+    """
+    Whether C code is newer than all files of the project that it was generated from.
+
+    Cython also looks at its own files and at those of NumPy, which are newer in each new environment.
+    """
+    from Cython.Build.Dependencies import create_dependency_tree
+
+    if not generated.exists():
+        return False
+    used = map(Path, create_dependency_tree(quiet=True).all_dependencies(source))
+    of_project = [path for path in used if not path.is_absolute()]
+    return max(path.stat().st_mtime for path in of_project) <= generated.stat().st_mtime

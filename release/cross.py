@@ -155,8 +155,12 @@ def _install(name, version, *requirements):
     return folder
 
 
-def build(name, tools):
-    """Compile all extensions into a copy of the sources; return it, and the errors of each that failed."""
+def build(name, tools, *options):
+    """
+    Compile all extensions into a copy of the sources; return it, and the errors of each that failed.
+
+    :param options: further ones of the compiler.
+    """
     checkout = FOLDER / name / "checkout"
     _copy_sources(checkout)
     modules = extensions.cython_extensions(ROOT, find_packages(str(ROOT), include=PACKAGES))
@@ -165,7 +169,7 @@ def build(name, tools):
     sources = {one.name: _generate(one) for one in modules}
     [of_numpy] = tools.site.glob("numpy/_core/include")
     command = [*tools.compiler, *extensions.COMPILE_ARGS, *extensions.NO_DEBUG_ARGS, "-DNDEBUG", "-fPIC"]
-    command += ["-Werror=implicit-function-declaration", *TARGETS[name].link]
+    command += ["-Werror=implicit-function-declaration", *TARGETS[name].link, *options]
     command += [f"-I{folder}" for folder in (*tools.headers, of_numpy)]
 
     def compile_one(module):

@@ -18,5 +18,5 @@ def test_the_extensions_compile(name):
         tools = cross.tools_for(name)
     except cross.Unavailable as error:
         pytest.skip(str(error))
-    _, errors = cross.build(name, tools)
+    _, errors = cross.build(name, tools, "-O0")
     assert errors == {}

@@ -33,7 +33,7 @@ def wheel(made):
     """Built as for a Python whose own flags ask for debug information."""
     project = installing.checkout_copy(made / "project")
     installing.reuse_builds(project)
-    flags = {**os.environ, "CFLAGS": "-g"}
+    flags = installing.unoptimised(made, {**os.environ, "CFLAGS": "-g"})
     return installing.build("build_backend.build_wheel", project, made / "wheel", environment=flags)
 
 

@@ -63,6 +63,15 @@ def reuse_builds(project):
             shutil.copytree(folder, project / "build" / folder.name)
 
 
+def unoptimised(folder, environment):
+    """An environment whose C compiler does not optimise, for what must load and need not be fast."""
+    compiler = folder / "unoptimised-cc"
+    name = sysconfig.get_config_var("CC").split()[0]
+    compiler.write_text(f'#!/bin/sh\nexec {name} "$@" -O0\n')
+    compiler.chmod(0o755)
+    return {**environment, "CC": str(compiler)}
+
+
 def build(hook, project, target, settings=None, environment=None):
     """Call one of a build's hooks, such as `backend.build_wheel`, as pip does; the path of what it made."""
     target.mkdir()

@@ -54,7 +54,8 @@ class Workspace(Installation):
         if packages is not None:
             packages(self.source)
         colcon = Path(sysconfig.get_path("scripts"), "colcon")
-        subprocess.run([colcon, "build", *options], cwd=path, env=sourced(ros), check=True)
+        environment = installing.unoptimised(path, sourced(ros))
+        subprocess.run([colcon, "build", *options], cwd=path, env=environment, check=True)
         super().__init__(installing.new_venv(path / "venv"), build if options else self.prefix / SITE)
 
     def run(self, environment, *arguments):

@@ -66,7 +66,8 @@ def test_programs_are_where_ros2_run_looks_and_start(workspace, ros):
 def test_pip_installs_the_tools_beside_the_core(ros, tmp_path):
     project = installing.checkout_copy(tmp_path / "project")
     installing.reuse_builds(project)
-    core = installing.build("build_backend.build_wheel", project, tmp_path / "core")
+    quick = installing.unoptimised(tmp_path, os.environ)
+    core = installing.build("build_backend.build_wheel", project, tmp_path / "core", environment=quick)
     sources = copy_tools(tmp_path / "tools")
     tools = installing.build("setuptools.build_meta.build_wheel", sources, tmp_path / "made")
     python = installing.new_venv(tmp_path / "venv", core)

@@ -37,8 +37,8 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: bare bench build clean cross demo docs fuzz guard help lint matrix oldest pictures releases sanitize stress
-.PHONY: test test-all test-core test-core-all wheels
+.PHONY: bare bench build clean cross demo docs endure fuzz guard help lint matrix oldest pictures releases sanitize stress
+.PHONY: test test-all test-core test-core-all test-core-long test-long wheels
 
 define HELP
 Try it
@@ -48,12 +48,13 @@ Develop
   make build       compile after a change to a .pyx or .pxd file
   make lint        check style and types
   make test-all    run all tests: 14 minutes on 2 cores
+  make test-long   run only what test-all adds to test
   make guard       count instructions; fail if they have grown
   make docs        build the site in build/docs
   make pictures    draw the pictures in docs/images again
   make clean       remove everything that these commands create
 Measure, search for faults, release: CONTRIBUTING.md describes
-  make bench  fuzz  sanitize  stress  wheels  matrix  releases  oldest  cross  bare
+  make bench  fuzz  sanitize  stress  endure  wheels  matrix  releases  oldest  cross  bare
 Each installs what it needs into $(VENV).
 endef
 export HELP
@@ -78,8 +79,14 @@ test-all: test-core-all
 test-core: $(VENV)/installed.stamp $(VENV)/test.stamp
 	$(PYTEST) $(TESTS)
 
+test-long: test-core-long
+	$(MAKE) -C tools test-long
+
 test-core-all: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
 	$(PYTEST) --all $(TESTS)
+
+test-core-long: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
+	$(PYTEST) --long $(TESTS)
 
 demo: $(VENV)/installed.stamp
 	@$(PY) examples/demo.py
@@ -102,7 +109,7 @@ guard: $(VENV)/installed.stamp
 
 # Long searches for faults, see docs/reliability.md. OPTIONS go to the program, as
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
-fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test.stamp
+endure fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(MAKE) -C tools installed-all
 	$(PY) -m reliability.$@ $(OPTIONS)
 

@@ -96,7 +96,7 @@ number = st.floats(width=64)
 nanoseconds = st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.lists(
         st.tuples(text, text, nanoseconds, st.tuples(*[number] * 3), st.tuples(*[number] * 4)), max_size=5

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from frozen_files import HEADER, FrozenFile
 from making import S, about_z, at_ns, transform
-from repetitions import times
+from repetitions import first_seed, times
 from travelling import check_copy, filled, held
 
 from tf2_py import BufferCore, TransformException
@@ -89,8 +89,9 @@ def answers(buffer, times_ns):
     return found
 
 
+@pytest.mark.repeated
 def test_random_trees_answer_the_same_frozen_opened_pickled_changed_and_copied(path):
-    for seed in range(times(150, 1000)):
+    for seed in range(first_seed(), first_seed() + times(150, 1000)):
         dice = random.Random(seed)
         buffer = BufferCore(dice.choice((10.0, 30.0, math.inf)))
         insert_all(buffer, random_inserts(dice, dice.randrange(12)), dice.choice((None, None, *NAMES)))
@@ -346,6 +347,7 @@ def test_a_second_reader_finds_what_the_buffer_holds(buffer, file):
             assert (file.name(parent), zero) == (one.parents[i], 0)
 
 
+@pytest.mark.repeated
 def test_a_file_with_any_bit_changed_or_cut_off_anywhere_is_refused(file, path, tmp_path):
     whole = bytes(file.data)
     damaged = tmp_path / "damaged.tf2"

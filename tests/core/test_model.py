@@ -140,14 +140,10 @@ class Machine(RuleBasedStateMachine):
         self.pair.ask(random.Random(self.steps))
 
 
-# Other steps in every run, also where Hypothesis sees that it runs in CI.
-TestBufferAndModel = Machine.TestCase
+TestBufferAndModel = pytest.mark.repeated(Machine.TestCase)
 TestBufferAndModel.settings = settings(
     max_examples=repetitions.times(20, 60),
     stateful_step_count=25,
-    deadline=None,
-    database=None,
-    derandomize=False,
     phases=[Phase.generate, Phase.shrink],
     suppress_health_check=list(HealthCheck),
 )

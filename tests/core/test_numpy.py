@@ -167,6 +167,7 @@ class TestDataFrames:
         assert rows[:2].tolist() == [[0, 1, 2, 0, 0, 0, 1], [3, 4, 5, 0.5, -0.5, 0.5, -0.5]]
         assert np.isnan(rows[2]).all()
 
+    @pytest.mark.long("needs pandas")
     def test_pandas_takes_the_columns(self):
         pandas = pytest.importorskip("pandas")
         translations = np.array([(1.0, 2.0, 3.0), (math.nan,) * 3])

@@ -17,7 +17,7 @@ from tf2_ros.numpy import from_rotation, to_rotation
 
 Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
 
-pytestmark = pytest.mark.ours
+pytestmark = [pytest.mark.ours, pytest.mark.long("needs SciPy")]
 
 
 @given(turns)

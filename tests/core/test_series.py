@@ -136,11 +136,23 @@ def dates(ns, unit):
     return np.array(ns).view("M8[ns]").astype(f"M8[{unit}]")
 
 
+needs_pandas = pytest.mark.long("needs pandas")
+
+
 def pandas_index(ns, unit="ns", zone=None):
     index = pytest.importorskip("pandas").DatetimeIndex(dates(ns, unit))
     return index if zone is None else index.tz_localize("UTC").tz_convert(zone)
 
 
+OF_PANDAS = {
+    **{
+        f"pandas, {unit}, {zone}": partial(pandas_index, unit=unit, zone=zone)
+        for unit in ("ms", "us", "ns")
+        for zone in (None, "UTC", "Asia/Tokyo")
+    },
+    "list of pandas": lambda ns: list(pandas_index(ns)),
+    "Series": lambda ns: pytest.importorskip("pandas").Series(pandas_index(ns), index=[7, 8, 9]),
+}
 FORMS = {
     "list": list,
     "tuple": tuple,
@@ -155,19 +167,12 @@ FORMS = {
     "messages": lambda ns: [at_ns(one).to_msg() for one in ns],
     **{f"datetime64 in {unit}": partial(dates, unit=unit) for unit in ("ms", "us", "ns", "ps")},
     "list of datetime64": lambda ns: list(dates(ns, "ms")),
-    **{
-        f"pandas, {unit}, {zone}": partial(pandas_index, unit=unit, zone=zone)
-        for unit in ("ms", "us", "ns")
-        for zone in (None, "UTC", "Asia/Tokyo")
-    },
-    "list of pandas": lambda ns: list(pandas_index(ns)),
-    "Series": lambda ns: pytest.importorskip("pandas").Series(pandas_index(ns), index=[7, 8, 9]),
 }
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", [*FORMS, *(pytest.param(one, marks=needs_pandas) for one in OF_PANDAS)])
 def test_times_may_be_anything_that_is_whole_nanoseconds(buffer, form):
-    got = buffer.lookup_transforms("map", "odom", FORMS[form](NS))
+    got = buffer.lookup_transforms("map", "odom", {**FORMS, **OF_PANDAS}[form](NS))
     assert_same_to_the_last_bit(got, singles(buffer, "map", "odom", NS))
 
 
@@ -179,6 +184,7 @@ def test_times_of_several_kinds_in_any_order(buffer, places):
         assert_same_to_the_last_bit(got, singles(buffer, "map", "odom", [NS[i] for i in places]))
 
 
+@needs_pandas
 def test_a_date_of_pandas_that_does_not_fit_is_named(buffer):
     pandas = pytest.importorskip("pandas")
     late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])

@@ -72,6 +72,7 @@ def test_a_time_is_converted_exactly(time, ns):
     assert time_ns(time, "time") == ns
 
 
+@pytest.mark.long("needs pandas")
 @pytest.mark.parametrize("zone", [None, "UTC", "Asia/Tokyo"])
 @pytest.mark.parametrize("unit", ["s", "ns"])
 def test_a_timestamp_of_pandas_is_its_nanoseconds(zone, unit):

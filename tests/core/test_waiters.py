@@ -150,6 +150,7 @@ class TestPendingWaits:
         assert ["[frame3]" in line for line in buffer._pending_waits()] == [True, False]
         assert waits[1].lacks().endswith(": the answer is available and is being delivered")
 
+    @pytest.mark.repeated
     def test_those_that_end_or_are_destroyed_meanwhile_do_no_harm(self, buffer):
         stop, threshold = threading.Event(), gc.get_threshold()
 

@@ -1,7 +1,7 @@
 """
 After whatever happens to a buffer, no waiter is pending whose lookup would answer.
 
-`--hypothesis-seed` repeats a run, and the environment variable WAITERS_RUNS sets how many there are.
+`pytest --seed` searches from another seed, and the environment variable WAITERS_RUNS sets how many there are.
 """
 
 import os
@@ -259,8 +259,8 @@ class Machine(RuleBasedStateMachine):
         self.buffer._self_check()
 
 
-Machine.TestCase.settings = settings(max_examples=RUNS, stateful_step_count=60, deadline=None)
-TestMachine = Machine.TestCase
+Machine.TestCase.settings = settings(max_examples=RUNS, stateful_step_count=60)
+TestMachine = pytest.mark.repeated(Machine.TestCase)
 
 
 # Where a waiter was once forgotten, or a rule of its own wakes it: the cache time, and what happens until

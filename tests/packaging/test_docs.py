@@ -12,6 +12,7 @@ from pages import (
     check_blocks,
     check_links,
     commands_and_spans,
+    libraries_of,
     named_files,
     named_programs,
     names_of,
@@ -40,7 +41,14 @@ def test_every_block_is_found(page):
 # Programs: in a process of their own, with rclpy, on the ROS domain of this test run.
 
 
-@pytest.mark.parametrize("page", [*filter(program, PAGES)], ids=lambda page: page.name)
+def with_a_program():
+    """The pages that have one."""
+    for page in filter(program, PAGES):
+        marks = [pytest.mark.long(f"needs {name}") for name in libraries_of(page)]
+        yield pytest.param(page, id=page.name, marks=marks)
+
+
+@pytest.mark.parametrize("page", [*with_a_program()])
 def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
     run_program(page, tmp_path)
 

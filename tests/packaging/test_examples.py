@@ -13,7 +13,7 @@ from processes import DEADLINE_S, killed, run
 
 pytestmark = pytest.mark.ours
 
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
 
 # What each of the longer ones prints before it waits for something: interrupted then, it is not at its end.
 WAITS_AFTER = {
@@ -27,14 +27,21 @@ NEEDS = {"web_server": "aiohttp"}
 INTERRUPTED = 128 + signal.SIGINT  # the exit status, as shells count it
 
 
-def require(name):
+def each(names):
+    """The values of a parameter: names of examples."""
+    for name in names:
+        yield pytest.param(name, marks=[pytest.mark.long(f"needs {NEEDS[name]}")] if name in NEEDS else [])
+
+
+def example_of(name):
     if name in NEEDS:
         pytest.importorskip(NEEDS[name])
+    return ROOT / "examples" / f"{name}.py"
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_runs_and_ends_by_itself(example):
-    require(example.stem)
+@pytest.mark.parametrize("name", [*each(EXAMPLES)])
+def test_an_example_runs_and_ends_by_itself(name):
+    example = example_of(name)
     for _ in range(ATTEMPTS):
         done = run(sys.executable, example, timeout=3 * DEADLINE_S)
         if OF_MIDDLEWARE not in done.stderr:
@@ -43,10 +50,9 @@ def test_an_example_runs_and_ends_by_itself(example):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("name", WAITS_AFTER)
+@pytest.mark.parametrize("name", [*each(WAITS_AFTER)])
 def test_an_example_ends_cleanly_on_ctrl_c(name, tmp_path):
-    require(name)
-    example = ROOT / "examples" / f"{name}.py"
+    example = example_of(name)
     for attempt in range(ATTEMPTS):
         status, errors = interrupted(example, WAITS_AFTER[name], tmp_path / f"errors_{attempt}")
         if not raised_in_rclpy(errors):

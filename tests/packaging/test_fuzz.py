@@ -10,6 +10,7 @@ pytestmark = pytest.mark.ours
 TARGETS = sorted(PACKAGES.keys() - OF_TOOLS)
 
 
+@pytest.mark.repeated
 @pytest.mark.parametrize("name", TARGETS)
 def test_no_input_of_the_corpus_shows_a_fault(name):
     check_corpus(name)

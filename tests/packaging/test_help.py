@@ -65,7 +65,13 @@ def test_a_function_of_arrays_has_an_example(name):
     assert examples(PUBLIC[name])
 
 
-@pytest.mark.parametrize("name", [name for name, thing in PUBLIC.items() if examples(thing)])
+def with_examples():
+    """The names whose docstrings have one."""
+    for name in filter(lambda name: examples(PUBLIC[name]), PUBLIC):
+        yield pytest.param(name, marks=[pytest.mark.long("needs SciPy")] if name in OF_SCIPY else [])
+
+
+@pytest.mark.parametrize("name", [*with_examples()])
 def test_an_example_runs_and_prints_what_it_says(name):
     if name in OF_SCIPY:
         pytest.importorskip("scipy")

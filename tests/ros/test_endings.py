@@ -14,7 +14,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from repetitions import times
+from repetitions import seeds
 from spinning import shut_down
 
 from tf2_ros import (
@@ -164,7 +164,7 @@ class RandomEnds:
             executor.shutdown()
 
 
-@pytest.mark.parametrize("seed", range(times(5, 50)))
+@pytest.mark.parametrize("seed", seeds(5, 50))
 def test_nothing_is_left_of_what_ended_in_random_order(ros, seed):
     ends = RandomEnds(ros, seed)
     ends.play(40)

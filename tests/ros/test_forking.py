@@ -28,7 +28,11 @@ fast_dds_only = pytest.mark.skipif(
 
 @pytest.mark.parametrize(
     ("what", "count"),
-    [("use", 20), ("drop", times(20, 40)), pytest.param("have_a_node", 1, marks=fast_dds_only)],
+    [
+        ("use", 20),
+        pytest.param("drop", times(20, 40), marks=pytest.mark.repeated),
+        pytest.param("have_a_node", 1, marks=fast_dds_only),
+    ],
 )
 def test_children_of_a_process_whose_every_thread_is_busy(what, count, flood):
     """In an insert, a vector lookup, a listing, a wait, a callback, the receiver and an executor."""

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from making import S, at, transform
 from processes import DEADLINE_S, until
@@ -165,7 +165,6 @@ WORDS = st.one_of(
 )
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.sampled_from(["map", "odom", "map odom"]),
     st.sampled_from([0.0, 2.0]),

@@ -19,7 +19,7 @@ from processes import PROMPT_S, run, until
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from repetitions import times
+from repetitions import seeds, times
 from sharing import Intruder, Owner, is_sound, links, new_name, pair, ring_threads, small_ring
 from spinning import at_once, repeated
 
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.ours
 
 FIRST_NS = 1000 * S
 LATER = at_ns(10**6 * S)  # what an owner never inserts
-KILLS = times(5, 25)
+KILLS = times(5, 12)
 RING_AT = 1 << 16  # as in ring.pyx
 
 
@@ -40,7 +40,8 @@ def insert_later(buffer):
         buffer.set_transform(link, "test")
 
 
-@pytest.mark.parametrize("seed", range(times(2, 4)))
+@pytest.mark.repeated
+@pytest.mark.parametrize("seed", seeds(2, 4))
 def test_readers_outlive_owners_that_are_killed_at_any_moment(seed):
     chance = random.Random(seed)
     held = 0
@@ -314,7 +315,7 @@ def random_record(chance, stamp_ns):
     return content, change, at, (0, 1, True)
 
 
-@pytest.mark.parametrize("seed", range(times(1, 4)))
+@pytest.mark.parametrize("seed", seeds(1, 4))
 def test_of_random_records_the_valid_ones_are_inserted_and_the_others_counted(seed):
     """Valid, torn and hostile ones; one with a wrong head hides those behind it that are there already."""
     chance, records, taken, malformed = random.Random(seed), 0, 0, 0

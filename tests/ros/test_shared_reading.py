@@ -7,12 +7,12 @@ import random
 import re
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from making import S, at_ns, transform
 from processes import errors_so_far, until
 from random_histories import apply, steps
 from rclpy.duration import Duration
-from repetitions import times
+from repetitions import seeds
 from sharing import LINKS, is_sound, links, new_name, pair, small_ring
 from travelling import check_copy, everything
 
@@ -28,7 +28,6 @@ def held(buffer):
     return found
 
 
-@settings(deadline=None, max_examples=100)
 @given(steps, steps)
 def test_after_every_step_it_holds_what_the_owner_does(before, after):
     # The first steps are taken before anybody is attached. A cache time that drops nothing: who attaches
@@ -56,7 +55,7 @@ def test_after_every_step_it_holds_what_the_owner_does(before, after):
 LOOKUPS = [(target, source, ns) for target in "abc" for source in "abcd" for ns in (0, 2, 5, 11)]
 
 
-@pytest.mark.parametrize("seed", range(times(4, 20)))
+@pytest.mark.parametrize("seed", seeds(4, 20))
 def test_a_waiter_is_told_of_every_change_that_helps_it(seed):
     # The invariant: what is pending would fail now.
     chance = random.Random(seed)

@@ -36,6 +36,7 @@ def taken(buffer):
     return buffer.statistics()["taken"]
 
 
+@pytest.mark.repeated
 def test_no_message_is_lost_beside_readers_that_never_pause(tf2_ros, buffer, node, flood):
     messages, before = times(150, 1000), taken(buffer)
     with tf2_ros.TransformListener(buffer, node) as listener:

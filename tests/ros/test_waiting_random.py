@@ -13,6 +13,7 @@ from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
+from repetitions import seeds
 from spinning import spinning
 
 from tf2_py import BufferCore
@@ -144,7 +145,7 @@ class Player:
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", seeds(4))
 def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
     buffer = tf2_ros.Buffer()
     executor = MultiThreadedExecutor(3)

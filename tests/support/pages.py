@@ -83,11 +83,18 @@ def program(page):
     return "\n".join(lines)
 
 
+LIBRARIES = {"pandas": r"^import pandas", "scipy": r"^from scipy|to_rotation\("}
+
+
+def libraries_of(page):
+    """The libraries that the program of a page needs, of those that `make test` does not install."""
+    return [name for name, use in LIBRARIES.items() if re.search(use, program(page), re.MULTILINE)]
+
+
 def run_program(page, folder, python=sys.executable, environment=None):
     """Run the program of a page in a folder; it must print what the page says."""
-    for library, use in (("pandas", r"^import pandas"), ("scipy", r"^from scipy|to_rotation\(")):
-        if re.search(use, program(page), re.MULTILINE):
-            pytest.importorskip(library)
+    for library in libraries_of(page):
+        pytest.importorskip(library)
     path = folder / page.name
     path.write_text(program(page), encoding="utf-8")
     with programs_beside(page, folder):

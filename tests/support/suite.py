@@ -14,6 +14,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 import repetitions
+from hypothesis.internal.conjecture import providers
 from paths import ROOT, SUPPORT
 from processes import Peer, end, start
 
@@ -54,15 +55,21 @@ os.environ["PYTHONPATH"] = os.pathsep.join(
     filter(None, [str(ROOT), str(SUPPORT), os.environ.get("PYTHONPATH", "")])
 )
 
-
-# A busy machine takes its time.
+# A busy machine takes its time. Nothing is stored between runs: the seed repeats a failure.
 hypothesis.settings.register_profile(
     "tests",
-    hypothesis.settings.get_profile(hypothesis.settings.get_current_profile_name()),
+    hypothesis.settings.get_profile("default"),
     deadline=None,
-    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+    database=None,
+    suppress_health_check=[
+        hypothesis.HealthCheck.too_slow,
+        hypothesis.HealthCheck.function_scoped_fixture,
+    ],
 )
 hypothesis.settings.load_profile("tests")
+# It would also draw constants that it finds in the modules imported so far, and these depend on the tests
+# that ran before in the same process.
+providers._get_local_constants = lambda: providers._local_constants
 
 # Helpers that assert.
 pytest.register_assert_rewrite("fuzzed", "model_pair", "pages", "recorded_answers", "sharing")
@@ -72,7 +79,13 @@ def pytest_addoption(parser):
     parser.addoption(
         "--all",
         action="store_true",
-        help="run the tests marked `long`, too, and repeat the others as often as they ask for",
+        help="run the tests marked `long`, too, and those marked `repeated` more often",
+    )
+    parser.addoption("--long", action="store_true", help="run only what `--all` adds")
+    parser.addoption(
+        "--seed",
+        default="0",
+        help="search from this seed, or from a `new` one, in everything that depends on chance; default: 0",
     )
     parser.addoption(
         "--reference",
@@ -94,7 +107,13 @@ def pytest_configure(config):
     config.addinivalue_line(
         "markers", "long(why): run by `pytest --all` only, as it takes long or needs more than the others"
     )
-    repetitions.all_of_them = config.getoption("--all")
+    config.addinivalue_line("markers", "repeated: more often by `pytest --all` and `pytest --long`")
+    repetitions.all_of_them = config.getoption("--all") or config.getoption("--long")
+    seed = config.getoption("--seed")
+    # The processes of `pytest -n` have it from the first one, and so have the tests' own programs.
+    if not hasattr(config, "workerinput"):
+        os.environ[repetitions.VARIABLE] = str(random.randrange(10**6)) if seed == "new" else seed
+    config.option.hypothesis_seed = os.environ[repetitions.VARIABLE]
     if config.getoption("--reference"):
         _reveal_reference()
     elif config.getoption("--record"):
@@ -103,9 +122,9 @@ def pytest_configure(config):
 
 def pytest_collection_modifyitems(config, items):
     if not config.getoption("--all"):
-        long = [item for item in items if item.get_closest_marker("long")]
-        config.hook.pytest_deselected(items=long)
-        items[:] = [item for item in items if item not in set(long)]
+        left_out = [item for item in items if _is_left_out(item, config.getoption("--long"))]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in set(left_out)]
     # The processes of `pytest -n` begin the files in this order. A long file of waits must not be the last.
     items.sort(key=lambda item: item.path.parent.name not in ("ros", "programs"))
     if not config.getoption("--reference"):
@@ -113,6 +132,16 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if item.get_closest_marker("ours") is not None:
             item.add_marker(pytest.mark.skip(reason="not so in the reference"))
+
+
+def _is_left_out(item, only_long):
+    if only_long:
+        return not any(item.iter_markers("long")) and not any(item.iter_markers("repeated"))
+    return any(item.iter_markers("long"))
+
+
+def pytest_report_header(config):
+    return f"seed {repetitions.first_seed()}: `pytest --seed` repeats a run with another one"
 
 
 def _reveal_reference():

@@ -17,11 +17,13 @@ import rclpy
 from geometry_msgs.msg import PointStamped
 from making import transform
 from rclpy.time import Time
+from repetitions import first_seed
 
 from tf2_ros import Buffer, BufferClient, MessageFilter, TransformException, TransformListener
 from tf2_ros._forking import LOCK
 
 faulthandler.enable()
+random.seed(first_seed())
 
 
 class Interrupt(Exception):

@@ -45,10 +45,11 @@ def test_links_lead_somewhere(page):
 
 
 def with_a_program():
-    """The pages that have one; that of recordings starts workers and viewers."""
-    long = pytest.mark.long("processes many recordings")
+    """The pages that have one."""
+    whys = {"recordings.md": "starts workers and viewers", "datasets.md": "needs pyarrow"}
     for page in filter(program, PAGES):
-        yield pytest.param(page, id=page.name, marks=[long] if page.name == "recordings.md" else [])
+        marks = [pytest.mark.long(whys[page.name])] if page.name in whys else []
+        yield pytest.param(page, id=page.name, marks=marks)
 
 
 @pytest.mark.parametrize("page", [*with_a_program()])

@@ -16,7 +16,6 @@ import sys
 import termios
 import threading
 import time
-from importlib.util import find_spec
 
 import pytest
 from making import S
@@ -134,10 +133,13 @@ def test_ctrl_c_ends_it_also_where_python_drops_an_exception():
     assert (done.returncode, done.stderr) == (7, "")
 
 
-@pytest.mark.parametrize("name", NODES)
+OF_RERUN = pytest.param("tf2_view", marks=pytest.mark.long("needs rerun"))
+
+
+@pytest.mark.parametrize("name", [OF_RERUN if name == "tf2_view" else name for name in NODES])
 def test_ctrl_c_ends_a_node_once_however_often_it_comes(name, node, folder):
-    if name == "tf2_view" and find_spec("rerun") is None:
-        pytest.skip("rerun is not installed")
+    if name == "tf2_view":
+        pytest.importorskip("rerun")
     line, status = PROGRAMS[name]
     options = ["--namespace", "robot_1", "--ros-args", "-r", "__node:=ended"]
     with running(name, *line.split(), *options) as process:

@@ -57,6 +57,7 @@ def rows_of(text):
     return stamps, [[float(row[name]) for name in COLUMNS] for row in rows], [row["valid"] for row in rows]
 
 
+@pytest.mark.long("needs pyarrow")
 def test_all_formats_of_a_lookup_hold_the_same(run, drive_mcap, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -123,6 +124,7 @@ class TestGaps:
         ):
             run("lookup", path, "map", "base", "--times", "3", "--max-gap", "1")
 
+    @pytest.mark.long("needs pyarrow")
     def test_csv_and_parquet_have_the_same_columns(self, run, path, tmp_path):
         parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -202,6 +204,7 @@ class TestOtherTopics:
         with pytest.raises(RunError, match=r"arm.urdf: the robot has no links$"):
             run("info", drive_mcap, "--urdf", tmp_path / "arm.urdf")
 
+    @pytest.mark.long("needs pyarrow")
     def test_a_batch_reads_them(self, run, tmp_path):
         parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -271,6 +274,7 @@ def test_a_picture_of_one_message_and_of_a_part_is_drawn(run, drive_mcap, tmp_pa
     assert ticks and all(104.0 <= tick <= 106.0 for tick in ticks)
 
 
+@pytest.mark.long("needs Dask")
 def test_a_misspelt_frame_of_a_batch_is_told_and_no_success(run, tmp_path):
     pytest.importorskip("pyarrow")
     pytest.importorskip("distributed")
@@ -282,6 +286,7 @@ def test_a_misspelt_frame_of_a_batch_is_told_and_no_success(run, tmp_path):
         assert err.startswith(f"tf2_bag batch: {path}: ") and "camra" in err and err.count("\n") == 1
 
 
+@pytest.mark.long("needs Dask")
 def test_ctrl_c_in_a_batch_says_how_to_go_on(tmp_path):
     pytest.importorskip("pyarrow")
     pytest.importorskip("distributed")
@@ -298,6 +303,7 @@ def test_ctrl_c_in_a_batch_says_how_to_go_on(tmp_path):
     assert err == "tf2_bag batch: interrupted; the same command does the rest\n"
 
 
+@pytest.mark.long("needs rerun")
 def test_without_a_screen_it_says_so_in_one_line(drive_mcap):
     pytest.importorskip("rerun")
     screens = {"DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"}

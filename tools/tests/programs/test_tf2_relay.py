@@ -8,6 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from making import S, about_z, stamp_ns, transform, translation
 from processes import DEADLINE_S, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from repetitions import seeds
 from scipy.spatial.transform import Rotation
 from starting import running
 
@@ -76,7 +77,7 @@ def test_a_rule_sends_the_frames_that_it_chooses_under_their_new_names(keys, dyn
     assert sent(robot(), **keys) == (dynamic, static)
 
 
-@pytest.mark.parametrize("seed", range(100))
+@pytest.mark.parametrize("seed", seeds(100))
 def test_receivers_look_up_what_the_robot_would(seed):
     random, collapse = np.random.default_rng(seed), seed % 2 == 1
     buffer, receiver = BufferCore(), BufferCore()

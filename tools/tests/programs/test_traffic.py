@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from repetitions import seeds
 
 from tf2_ros.records import RECORD
 from tf2_ros_tools.findings import Expectation, Limits, expected_by, find, line_of
@@ -336,7 +337,7 @@ class TestSettling:
         assert (len(kept_of(before)), len(kept_of(before, records(steady("base"))))) == (1, 200)
 
     @pytest.mark.parametrize("window", [None, 1.0])
-    @pytest.mark.parametrize("seed", range(50))
+    @pytest.mark.parametrize("seed", seeds(50))
     def test_no_report_depends_on_how_the_records_are_cut(self, seed, window):
         generator = random.Random(seed)
         mine = random_traffic(generator)

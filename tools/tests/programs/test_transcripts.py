@@ -23,19 +23,25 @@ from tf2_ros_tools.programs import tf2_bag
 pytestmark = pytest.mark.ours
 
 
+def libraries_of(command):
+    """What a command needs that `make test` does not install."""
+    needed = (("tf2_bag view", "rerun"), ("tf2_bag batch nothing", "pyarrow"))
+    return [library for begin, library in needed if command.startswith(begin)]
+
+
 def commands():
     """Each command with the lines below it."""
     for path in sorted(Path(__file__).with_name("transcripts").glob("*.txt")):
         for block in re.split(r"^\$ ", path.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
             command, *lines = block.splitlines()
-            yield pytest.param(command, lines, id=command)
+            marks = [pytest.mark.long(f"needs {one}") for one in libraries_of(command)]
+            yield pytest.param(command, lines, id=command, marks=marks)
 
 
 @pytest.mark.parametrize(("command", "lines"), [*commands()])
 def test_a_command_prints_what_its_transcript_shows(command, lines, folder, monkeypatch, peer, capfd):
-    for begin, library in (("tf2_bag view", "rerun"), ("tf2_bag batch nothing", "pyarrow")):
-        if command.startswith(begin):
-            pytest.importorskip(library)
+    for library in libraries_of(command):
+        pytest.importorskip(library)
     monkeypatch.chdir(folder)
     sent = [line.split() for line in lines if line.startswith(">")]
     status = next((int(line[2:]) for line in lines if line.startswith("? ")), 0)

@@ -8,7 +8,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from making_bags import (
     FORMATS,
@@ -172,7 +172,7 @@ LOG_TIMES |= st.sampled_from([-(2**63), 2**63 - 1])
 
 
 @given(start=LOG_TIMES, end=LOG_TIMES, which=st.integers(0, 3))
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40)
 def test_start_and_end_limit_dynamic_transforms_alone(recorded, start, end, which):
     if start is not None and end is not None and end < start:
         with pytest.raises(ValueError, match="is before start"):

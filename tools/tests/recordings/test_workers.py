@@ -16,7 +16,9 @@ COUNT, WORKERS = 400_000, 3
 MB = 1_000_000
 
 
-@pytest.mark.parametrize("method", ["fork", "forkserver", "spawn", "dask"])
+@pytest.mark.parametrize(
+    "method", ["fork", "forkserver", "spawn", pytest.param("dask", marks=pytest.mark.long("needs Dask"))]
+)
 def test_workers_share_a_frozen_file(method):
     if method == "dask" and importlib.util.find_spec("distributed") is None:
         pytest.skip("needs distributed")

@@ -9,7 +9,11 @@ import pytest
 from places import PROGRAMS
 from processes import DEADLINE_S, end, killed, start
 
-needs_dot = pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
+
+def needs_dot(test):
+    """Mark a test that runs Graphviz, which `make test` does not install."""
+    is_missing = pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
+    return pytest.mark.long("needs Graphviz")(is_missing(test))
 
 
 def program(name, *arguments, **popen):

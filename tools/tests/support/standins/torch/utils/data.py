@@ -10,7 +10,7 @@ class DataLoader:
     def __iter__(self):
         places = np.arange(len(self._dataset))
         if self._shuffle:
-            np.random.default_rng().shuffle(places)
+            np.random.default_rng(0).shuffle(places)
         for begin in range(0, len(places), self._size):
             # torch passes integers of Python.
             rows = [self._dataset[int(place)] for place in places[begin : begin + self._size]]

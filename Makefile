@@ -86,7 +86,7 @@ test-core-all: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
 	$(PYTEST) --all $(TESTS)
 
 test-core-long: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
-	$(PYTEST) --long $(TESTS)
+	$(PYTEST) --long --durations=20 $(TESTS)
 
 demo: $(VENV)/installed.stamp
 	@$(PY) examples/demo.py

@@ -10,7 +10,7 @@ from functools import partial
 
 import pytest
 from making import transform
-from paths import PROGRAMS
+from paths import PROGRAMS, SUPPORT
 from processes import DEADLINE_S, errors_so_far, output_of, until
 from rclpy.duration import Duration
 from rclpy.time import Time
@@ -31,7 +31,8 @@ def taken(listener):
 
 def output_with_own_settings(program, *arguments):
     """The profiles of the tests would have the middleware deliver later."""
-    env = {name: value for name, value in os.environ.items() if not name.endswith("_PROFILES_FILE")}
+    names = [name for name in os.environ if name.endswith("_PROFILES_FILE")]
+    env = {**os.environ, **dict.fromkeys(names, str(SUPPORT / "fastdds_log.xml"))}
     return output_of(PROGRAMS / program, *arguments, env=env)
 
 

@@ -5,7 +5,7 @@ import os
 import pytest
 from places import SUPPORT, TOOLS
 
-pytest_plugins = ["suite"]
+pytest_plugins = ["suite", "fastdds_log"]
 
 # For the tests' own programs.
 os.environ["PYTHONPATH"] = os.pathsep.join([str(TOOLS), str(SUPPORT), os.environ.get("PYTHONPATH", "")])

@@ -2,6 +2,7 @@
 
 import copy
 import gc
+import os
 import pickle
 import random
 import re
@@ -289,8 +290,9 @@ def test_names_are_refused_before_anything_is_made():
 
 
 def test_auto_is_the_name_of_the_domain(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "77")
+    domain = int(os.environ["ROS_DOMAIN_ID"]) + 100  # of this test run alone, and no tf2_shared_buffer's
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     owner = Buffer(share="auto")
-    assert owner._tf2_sharing.name == "domain-77"
+    assert owner._tf2_sharing.name == f"domain-{domain}"
     assert Buffer(attach="auto")._tf2_attachment.is_attached
     owner._tf2_sharing.close()

@@ -22,6 +22,7 @@ from making import S
 from making_bags import Sent, Tf, drive, write_mcap
 from places import TOOLS
 from processes import DEADLINE_S, run, until
+from sharing import new_name
 from starting import broadcasting, ended, needs_dot, running
 from tool_sources import PYPROJECT
 
@@ -37,7 +38,7 @@ PROGRAMS = {
     "tf2_monitor": ("", 0),
     "tf2_plot": ("-t 3600", 130),
     "tf2_relay": ("relay.yaml", 0),
-    "tf2_shared_buffer": ("--name manners", 0),
+    "tf2_shared_buffer": (f"--name {new_name()}", 0),
     "tf2_state_publisher": ("robot.urdf", 0),
     "tf2_view": ("-o live.rrd", 0),
     "view_frames": ("-t 3600 --text", 130),

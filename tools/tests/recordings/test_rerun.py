@@ -220,7 +220,7 @@ def viewer_home(monkeypatch, tmp_path):
         monkeypatch.delenv(variable, raising=False)
 
 
-@pytest.mark.parametrize("display", [None, ":99"], ids=["none", "one that is not there"])
+@pytest.mark.parametrize("display", [None, ":54321"], ids=["none", "one that is not there"])
 def test_without_a_screen_tf2_view_names_the_options_that_need_none(display, viewer_home, monkeypatch):
     for variable in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(variable, raising=False)
@@ -249,7 +249,8 @@ def test_a_running_robot_is_written_until_interrupted_and_an_unknown_frame_told(
     assert len(stamps) > 10 and stamps == sorted(set(stamps))
 
 
-def test_a_browser_is_served_until_interrupted(viewer_home, tmp_path):
+def test_a_browser_is_served_until_interrupted(viewer_home, tmp_path, monkeypatch):
+    monkeypatch.setenv("no_proxy", "127.0.0.1")
     log = tmp_path / "view.log"
     with log.open("w") as errors, running("tf2_view", "--web", stderr=errors) as process:
         [page] = until(lambda: re.findall(r"The viewer is at (\S+)", log.read_text()))

@@ -6,7 +6,6 @@ import shlex
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 from contextlib import ExitStack
 
@@ -14,7 +13,7 @@ import pytest
 from pages import blocks, commands
 from places import SAMPLES
 from processes import DEADLINE_S, until
-from starting import broadcasting, running
+from starting import broadcasting, command, heard, running
 from tool_pages import ALL_PAGES
 from tool_sources import PYPROJECT
 
@@ -28,6 +27,10 @@ FILES = {"frames:": "robot.yaml", "- {frame_id": "transforms.yaml", "- name: ope
 ENDING = re.compile(r"tf2_(bag|check|plot)|view_frames|tf2_echo .*--once")
 # What a program that runs on prints first when it works; others print anything.
 WORKING = {"tf2_echo": "At time", "tf2_echo base_link camra": "Did you mean"}
+# By program, what it must hear of the robot and of static_transform_publisher before it ends.
+HEARS = dict.fromkeys(
+    ("tf2_check", "tf2_plot", "view_frames"), heard("camera", "robot", odom=50, base_link=50)
+)
 # The status that is not 0, and what the program then prints.
 REPORTED = {1: re.compile(r"^wrong: |which has the program dot", re.MULTILINE), 130: re.compile("camra")}
 
@@ -57,17 +60,20 @@ def test_the_commands_of_a_page_run(page, folder):
     # All at once, because most of them listen.
     frame = ["--frame-id", "base_link", "--child-frame-id", "robot"]
     with broadcasting(), running("static_transform_publisher", *frame), ExitStack() as ends:
-        for one in [Started(*command, folder, ends) for command in started(page)]:
+        for one in [Started(*line, folder, ends) for line in started(page)]:
             one.end()
 
 
 class Started:
     def __init__(self, variables, words, folder, ends):
         self.line = shlex.join(words)
-        command = [sys.executable, "-m", f"tf2_ros_tools.programs.{words[0]}", *words[1:]]
         self.output = ends.enter_context(tempfile.TemporaryFile("w+"))
         self.process = subprocess.Popen(
-            command, cwd=folder, env={**os.environ, **variables}, stdout=self.output, stderr=self.output
+            command(*words, hears=HEARS.get(words[0])),
+            cwd=folder,
+            env={**os.environ, **variables},
+            stdout=self.output,
+            stderr=self.output,
         )
         ends.callback(self.process.kill)
 

@@ -23,7 +23,7 @@ from making_bags import Sent, Tf, drive, write_mcap
 from places import TOOLS
 from processes import DEADLINE_S, run, until
 from sharing import new_name
-from starting import broadcasting, ended, needs_dot, running
+from starting import ROBOT, broadcasting, ended, heard, needs_dot, running
 from tool_sources import PYPROJECT
 
 pytestmark = pytest.mark.ours
@@ -366,14 +366,13 @@ def test_a_name_in_a_log_is_escaped(line, escaped):
 
 
 @pytest.mark.parametrize(
-    "line", ["tf2_check -t 3", "tf2_check -t 3 --json", "view_frames -t 3 --text", "tf2_echo map a --once"]
+    "line", ["tf2_check", "tf2_check --json", "view_frames --text", "tf2_echo map a --once"]
 )
 def test_names_in_messages_are_shown_without_control_characters(line, peer):
     name, *arguments = line.split()
     frames = (HOSTILE, "b", S, 1.0), ("map", HOSTILE, S, 1.0), (HOSTILE, "a", S, 1.0)
     peer().send_without_subscriber(*frames, static=True)
-    with running(name, *arguments) as process:
-        out, err = process.communicate(timeout=DEADLINE_S)
+    _, out, err = ended(name, *arguments, hears=heard("a", "b", HOSTILE))
     assert has_no_control_characters(out + err) and out
     if "--json" in line:
         assert HOSTILE in {stream["frame"] for stream in json.loads(out)["streams"]}
@@ -387,8 +386,8 @@ FILES = {
     "tree.gv": "tf2_bag tree drive.mcap -o {}",
     "plot.png": "tf2_bag plot drive.mcap -o {}",
     "robot.rrd": "tf2_bag view drive.mcap -o {}",
-    "frames.gv": "view_frames -t 2 -o frames.pdf",
-    "live.png": "tf2_plot -t 2 -o {}",
+    "frames.gv": "view_frames -o frames.pdf",
+    "live.png": "tf2_plot -o {}",
 }
 
 
@@ -407,7 +406,7 @@ def test_a_file_that_cannot_be_written_is_one_line_and_nothing_changes(name, fol
 
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     with broadcasting():
-        status, _, err = ended(*line, preexec_fn=limit, env=environment)
+        status, _, err = ended(*line, hears=ROBOT, preexec_fn=limit, env=environment)
     lines = [one for one in err.splitlines() if "[INFO]" not in one]
     assert (status, len(lines)) == (1, 1), err
     assert name in lines[0] and lines[0].endswith(": File too large"), err

@@ -2,14 +2,15 @@
 
 import json
 import re
+import subprocess
 import threading
 import time
 
 import pytest
 from making import S
-from processes import DEADLINE_S
+from processes import DEADLINE_S, until
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from starting import broadcasting, ended, running
+from starting import ROBOT, UNTIL_TOLD, broadcasting, ended, heard, running
 
 from tf2_msgs.msg import TFMessage
 
@@ -23,9 +24,9 @@ CLOCKS = "clocks: the stamps of base by /peer are"
 
 def test_a_healthy_robot_passes(tmp_path):
     path = tmp_path / "robot.yaml"
-    path.write_text("frames: {base_link: {parent: odom, min_rate: 10, max_delay: 2, static: false}}")
+    path.write_text("frames: {base_link: {parent: odom, min_rate: 1, max_delay: 2, static: false}}")
     with broadcasting():
-        status, out, err = ended("tf2_check", "-t", "6", *TOLERANT, "--expect", str(path))
+        status, out, err = ended("tf2_check", "-t", "6", *TOLERANT, "--expect", str(path), hears=ROBOT)
     assert (status, err) == (0, "")
     assert re.fullmatch(r"ok: no findings in 4 frames, \d+ messages and 6 s\n", out)
 
@@ -33,7 +34,7 @@ def test_a_healthy_robot_passes(tmp_path):
 def test_json_has_the_verdict_the_findings_and_the_figures(peer):
     talker = peer()
     talker.send_without_subscriber(("map", "b", S, 1.0), ("sea", "isle", S, 1.0), static=True)
-    with running("tf2_check", "--json") as process:
+    with running("tf2_check", "--json", hears=f"{heard('b', 'isle')} and len(findings) > 1") as process:
         talker.send_bytes(b"\x00\x01")
         out, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 1 and "malformed TFMessage" in err
@@ -58,7 +59,8 @@ def test_json_has_the_verdict_the_findings_and_the_figures(peer):
 def test_a_clock_that_is_wrong_is_found(options, offset, simulated, said, peer):
     talker = peer()
     talker.send_without_subscriber(("base", "camera", S, 1.0), static=True)
-    with running("tf2_check", *TOLERANT, "--ros-args", *options) as process:
+    hears = f"{heard('camera')} and any('clock' in one for one in findings)"
+    with running("tf2_check", *TOLERANT, "--ros-args", *options, hears=hears) as process:
         while process.poll() is None:
             if simulated is not None:
                 talker.set_clock(simulated)
@@ -80,7 +82,8 @@ def test_two_publishers_of_the_clock_are_named(peer):
             talker.send_without_subscriber(("map", "base", seconds * S, 0.0))
 
     publish()
-    with running("tf2_check", *TOLERANT, "--ros-args", *SIMULATED) as process:
+    hears = "any('/clock has 2 publishers, /player and /simulator' in one for one in findings)"
+    with running("tf2_check", *TOLERANT, "--ros-args", *SIMULATED, hears=hears) as process:
         while process.poll() is None:
             publish()
             threading.Event().wait(0.05)
@@ -107,13 +110,15 @@ def test_two_publishers_of_the_clock_are_named(peer):
     ],
 )
 def test_a_publisher_whose_qos_does_not_fit_is_named(topic, qos, reason, new_node):
-    with running("tf2_check", "--json", "--ignore", "nothing", "--ignore", "clock") as process:
-        name = f"unfit_{topic[1:]}"
+    name = f"unfit_{topic[1:]}"
+    line = ("--json", "--ignore", "nothing", "--ignore", "clock")
+    with running("tf2_check", *line, hears=UNTIL_TOLD, stdin=subprocess.PIPE) as process:
         profile = QoSProfile(depth=1, **qos)
         new_node(name, namespace="/fleet").create_publisher(TFMessage, topic, profile)
-        out, err = process.communicate(timeout=DEADLINE_S)
+        # The listener's own log names it, too.
+        log = f"Nothing is received from /fleet/{name} on {topic}: {reason[0].upper()}{reason[1:]}\n"
+        until(lambda: log in process.stderr.readline())
+        out, _ = process.communicate(timeout=DEADLINE_S)
     text = f"listeners receive nothing from /fleet/{name} on {topic}: {reason}"
     found = json.loads(out)["findings"]
     assert {"kind": "qos", "frame": "", "text": text, "frames": []} in found
-    # The listener's own log names it, too.
-    assert f"Nothing is received from /fleet/{name} on {topic}: {reason[0].upper()}{reason[1:]}\n" in err

@@ -6,7 +6,7 @@ import threading
 import pytest
 from making import S
 from processes import DEADLINE_S
-from starting import broadcasting, ended, running
+from starting import ROBOT, broadcasting, ended, heard, running
 from test_pictures import texts_of
 
 pytestmark = pytest.mark.ours
@@ -23,7 +23,7 @@ def robot():
 
 
 def test_all_frames_have_a_row(robot, tmp_path):
-    status, out, err = ended("tf2_plot", *LISTEN, "-o", "heard.svg", cwd=tmp_path)
+    status, out, err = ended("tf2_plot", *LISTEN, "-o", "heard.svg", hears=ROBOT, cwd=tmp_path)
     assert (status, out) == (0, "heard.svg\n")
     assert "Listening to tf data for 5.5 seconds..." in err
     texts = texts_of(tmp_path / "heard.svg")
@@ -40,7 +40,8 @@ def test_all_frames_have_a_row(robot, tmp_path):
 def test_a_way_leads_where_the_frame_was(peer, tmp_path):
     talker = peer(*ALONE[1:])
     picture = tmp_path / "way.svg"
-    with running("tf2_plot", "--path", "map", "robot", *LISTEN, "-o", str(picture), *ALONE) as process:
+    line = ("--path", "map", "robot", *LISTEN, "-o", str(picture), *ALONE)
+    with running("tf2_plot", *line, hears=heard(robot=20)) as process:
         talker.matched(1)
         step = 0
         while process.poll() is None:

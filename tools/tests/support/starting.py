@@ -16,21 +16,44 @@ def needs_dot(test):
     return pytest.mark.long("needs Graphviz")(is_missing(test))
 
 
-def program(name, *arguments, **popen):
-    """Start one of the programs; its standard output and errors are pipes."""
-    command = [sys.executable, "-m", f"tf2_ros_tools.programs.{name}", *arguments]
+def command(name, *arguments, hears=None):
+    """
+    The words that start one of the programs.
+
+    :param hears: what it must have heard before it ends, instead of listening for a time; see
+        `programs/hears.py`.
+    """
+    if hears is None:
+        return [sys.executable, "-m", f"tf2_ros_tools.programs.{name}", *arguments]
+    return [sys.executable, str(PROGRAMS / "hears.py"), hears, name, *arguments]
+
+
+def heard(*static, **moving):
+    """For `hears`: static frames, and how many transforms of others, of publishers that are known by name."""
+    counts = dict.fromkeys(static, 1) | moving
+    one = "frame in streams and streams[frame].publisher[0] == '/' and streams[frame].count >= count"
+    return f"all({one} for frame, count in {counts}.items())"
+
+
+# The robot of `broadcasting`, long enough for figures.
+ROBOT = heard("camera", odom=50, base_link=50)
+# Until the test closes the standard input of the program, as `communicate` does.
+UNTIL_TOLD = "open(0).read() == ''"
+
+
+def running(name, *arguments, hears=None, **popen):
+    """
+    Start one of the programs for a `with` statement, which kills it in the end.
+
+    Its standard output and errors are pipes.
+    """
     popen = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **popen}
-    return subprocess.Popen(command, text=True, **popen)
+    return killed(subprocess.Popen(command(name, *arguments, hears=hears), text=True, **popen))
 
 
-def running(name, *arguments, **popen):
-    """The same for a `with` statement, which kills it in the end."""
-    return killed(program(name, *arguments, **popen))
-
-
-def ended(name, *arguments, **popen):
+def ended(name, *arguments, **how):
     """Run one of the programs to its end: exit status, standard output and errors."""
-    with running(name, *arguments, **popen) as process:
+    with running(name, *arguments, **how) as process:
         out, err = process.communicate(timeout=DEADLINE_S)
     return process.returncode, out, err
 

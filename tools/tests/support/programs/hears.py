@@ -1,0 +1,35 @@
+"""
+Runs a program of the tools that listens until it has heard what a test needs, however long its options say.
+
+`hears.py CONDITION PROGRAM ARGUMENT ...`: an expression over `streams`, by the names of their frames, and the
+texts of all `findings`.
+"""
+
+# First, as in the programs of the project.
+from tf2_ros_tools.listening import Listening
+
+import sys
+from importlib import import_module
+
+from processes import until
+
+from tf2_ros_tools.findings import Limits
+
+
+def main(condition, name, *arguments):
+    listen = Listening.listen
+
+    def listen_on(self, seconds):
+        def has_heard():
+            listen(self, 0.1)
+            report = self.report(Limits())
+            known = {"streams": {one.frame: one for one in report.streams}}
+            return eval(condition, known | {"findings": [one.text for one in report.findings]})
+
+        until(has_heard)
+
+    Listening.listen = listen_on
+    sys.exit(import_module(f"tf2_ros_tools.programs.{name}").main([name, *arguments]))
+
+
+main(*sys.argv[1:])

@@ -100,12 +100,14 @@ class TestTimeout:
 
     def test_a_timeout_of_microseconds_is_one(self, buffer, tf2_py):
         timeout = Duration(nanoseconds=200_000)
-        waited = [
-            seconds_of(lambda: buffer.lookup_transform("map", "robot", LATEST, timeout)) for _ in range(20)
-        ]
-        # Polling, as tf2 does, takes 20 ms.
-        assert 0.0002 <= min(seconds for seconds, _ in waited) < 0.02
-        assert {type(error) for _, error in waited} == {tf2_py.LookupException}
+
+        def is_over_soon():
+            seconds, error = seconds_of(lambda: buffer.lookup_transform("map", "robot", LATEST, timeout))
+            assert seconds >= 0.0002 and type(error) is tf2_py.LookupException
+            return seconds < 0.02
+
+        # Polling, as tf2 does, takes 20 ms each time; on a busy machine, some waits do.
+        until(is_over_soon)
 
     @pytest.mark.parametrize("name", ["", "/map"])
     def test_an_invalid_name_is_not_waited_for(self, ros, tf2_ros, node, name):

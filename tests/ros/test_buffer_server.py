@@ -16,11 +16,12 @@ from spinning import spinning, spun_node
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 from tf2_ros._qos import lookup_qos
+from tf2_ros._wait.blocking import Lookup
 
 pytestmark = pytest.mark.ours
 
 LONG = Duration(seconds=DEADLINE_S)
-NONE, PAST = Duration(), Duration(seconds=-1)
+SHORT, NONE, PAST = Duration(seconds=0.1), Duration(), Duration(seconds=-1)
 
 
 @pytest.fixture
@@ -175,16 +176,16 @@ class TestErrors:
             assert (status, result.error.error) == (GoalStatus.STATUS_SUCCEEDED, code)
             assert result.error.error_string == str(raised.value)
 
-    def test_a_timeout_has_the_reason_of_the_last_attempt(self, goal_client, buffer):
-        def insert_at_once():
-            until(lambda: buffer.statistics()["waiters"] == 1)
-            insert(buffer)
+    def test_a_timeout_has_the_reason_of_the_last_attempt(self, goal_client, buffer, monkeypatch):
+        begin = Lookup.wait
 
-        # Beside the client, whose own work may take longer than the timeout.
-        inserting = threading.Thread(target=insert_at_once)
-        inserting.start()
-        _, result = goal_client.answer_to(timeout=Duration(seconds=1), ns=9 * S)
-        inserting.join()
+        def begin_and_insert(*arguments):
+            wait = begin(*arguments)
+            insert(buffer)
+            return wait
+
+        monkeypatch.setattr(Lookup, "wait", begin_and_insert)
+        _, result = goal_client.answer_to(timeout=SHORT, ns=9 * S)
         assert result.error.error == TF2Error.TIMEOUT_ERROR
         assert "extrapolation" in result.error.error_string
         assert buffer.statistics()["waiters"] == 0

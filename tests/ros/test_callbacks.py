@@ -124,7 +124,7 @@ class TestPlaces:
             if end == "add":
                 buffer.set_transform(robot, "me")
             callbacks = [note] if (kind, end) == ("future", "add") else [fail, note]
-            future = self.begin(kind, buffer, node, callbacks, 0.05 if end == "timeout" else None, at_end)
+            future = self.begin(kind, buffer, node, callbacks, 1.0 if end == "timeout" else None, at_end)
             if node_is == "destroyed":
                 node.destroy_node()
             if node_is == "shut down":

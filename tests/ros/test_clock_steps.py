@@ -4,12 +4,11 @@ import json
 
 import pytest
 from interposing import output_with_library
+from processes import PROMPT_S
 
 pytestmark = pytest.mark.ours
 
 TIMEOUT_S = 0.4
-# A busy machine is late, and an hour is not.
-LATE_S = 10.0
 # Of processor time after the step: a wait takes some milliseconds, and a loop that spins most of the timeout.
 WORK_S = 0.1
 
@@ -30,10 +29,10 @@ def test_the_time_of_day_is_set_during_waits(tmp_path, seconds):
     for way in EXPIRED:
         expired, answered = found[way], found[f"{way}, then inserts"]
         assert expired["outcome"] == EXPIRED[way]
-        assert TIMEOUT_S <= expired["s"] < TIMEOUT_S + LATE_S, (way, expired)
+        assert TIMEOUT_S <= expired["s"] < PROMPT_S, (way, expired)  # a busy machine is late, and not an hour
         assert answered["outcome"] == ANSWERED[way]
-        assert answered["s"] < TIMEOUT_S + LATE_S, (way, answered)
+        assert answered["s"] < PROMPT_S, (way, answered)
         assert expired["cpu_s"] < WORK_S, (way, expired)
     assert found["receives 1"]["outcome"] and found["receives 2"]["outcome"]
     assert found["spin_once"]["outcome"] == "TimeoutException"
-    assert TIMEOUT_S <= found["spin_once"]["s"] < TIMEOUT_S + LATE_S
+    assert TIMEOUT_S <= found["spin_once"]["s"] < PROMPT_S

@@ -16,6 +16,7 @@ from contextlib import suppress
 import rclpy
 from geometry_msgs.msg import PointStamped
 from making import transform
+from processes import DEADLINE_S
 from rclpy.time import Time
 from repetitions import first_seed
 
@@ -82,7 +83,7 @@ def make_garbage():
 def elsewhere(call, what):
     thread = threading.Thread(target=call, daemon=True)
     thread.start()
-    thread.join(20)
+    thread.join(DEADLINE_S)
     if thread.is_alive():
         problems.append(f"{what} hangs")
         faulthandler.dump_traceback()
@@ -95,7 +96,7 @@ def check():
     def look():
         future = buffer.wait_for_transform_async("map", "never", Time(seconds=3), timeout=0.01)
         future.add_done_callback(lambda future: (future.exception(), done.set()))
-        if not done.wait(15):
+        if not done.wait(DEADLINE_S / 2):
             problems.append("a timeout has no end")
 
     def lock():
@@ -109,7 +110,7 @@ def check():
             point = PointStamped()
             point.header.frame_id = "robot"
             other.add(point)
-            if not passed.wait(15):
+            if not passed.wait(DEADLINE_S / 2):
                 problems.append("a filter passes nothing")
 
     elsewhere(lock, "the lock")

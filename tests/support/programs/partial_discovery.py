@@ -2,6 +2,7 @@
 
 import rclpy
 from making import transform
+from processes import DEADLINE_S
 from spinning import spun_node
 
 from tf2_ros import Buffer, BufferClient, BufferServer
@@ -12,6 +13,6 @@ with spun_node("serving") as node:
     buffer.set_transform(transform("map", "robot", 1), "test")
     server = BufferServer(buffer, node, "half_discovered")
     client = BufferClient(node, "half_discovered")
-    print(client.lookup_transform("map", "robot", 1_000_000_000, 20.0).child_frame_id)
+    print(client.lookup_transform("map", "robot", 1_000_000_000, DEADLINE_S).child_frame_id)
     client.destroy()
 rclpy.shutdown()

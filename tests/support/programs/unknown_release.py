@@ -21,7 +21,7 @@ if "functions" in sys.argv:
 import rclpy
 from geometry_msgs.msg import PointStamped
 from making import transform
-from processes import until
+from processes import DEADLINE_S, until
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
 from spinning import shut_down
@@ -29,7 +29,6 @@ from spinning import shut_down
 import tf2_ros
 from tf2_ros import _rclpy
 
-LONG = 30.0
 UNKNOWN = {
     "_is_shutdown",
     "_tasks",
@@ -74,7 +73,7 @@ def main():
     broadcaster = tf2_ros.TransformBroadcaster(sender)
     until(lambda: sender.count_subscribers("/tf") > 0)
     broadcaster.sendTransform(transform("map", "robot", 1.0))
-    buffer.lookup_transform("map", "robot", Time(), LONG)
+    buffer.lookup_transform("map", "robot", Time(), DEADLINE_S)
     for name, what in {"filter": passed, "on_change": changes, "future": done, "await": awaited}.items():
         until(lambda what=what: what)
         print(name)
@@ -82,15 +81,15 @@ def main():
     asyncio.run(buffer.lookup_transform_async("map", "robot", Time()))
     server = tf2_ros.BufferServer(buffer, node, "lookup")
     client = tf2_ros.BufferClient(sender, "lookup")
-    client.lookup_transform("map", "robot", Time(), LONG)
+    client.lookup_transform("map", "robot", Time(), DEADLINE_S)
     print("server and client")
     tf2_ros.StaticTransformBroadcaster(sender).sendTransform(transform("robot", "arm"))
     hidden = tf2_ros.Buffer()
     with tf2_ros.TransformListener(hidden):
-        hidden.lookup_transform("robot", "arm", Time(), LONG)
+        hidden.lookup_transform("robot", "arm", Time(), DEADLINE_S)
     spun = tf2_ros.Buffer()
     with tf2_ros.TransformListener(spun, sender, spin_thread=True):
-        spun.lookup_transform("robot", "arm", Time(), LONG)
+        spun.lookup_transform("robot", "arm", Time(), DEADLINE_S)
     print("threads of listeners")
     client.destroy()
     server.destroy()

@@ -39,7 +39,7 @@ def test_json_has_the_figures_of_each_frame(robot):
     assert set(found) == {"odom", "base_link", "camera"}
     base = found["base_link"]
     assert (base["parent"], base["publisher"], base["static"]) == ("odom", "/fleet/robot", False)
-    assert 5 < base["rate"] < 80  # 50 on a machine that is not busy
+    assert 1 < base["rate"] < 500  # 50 on a machine that is not busy
     assert 0 < base["delay"] < base["delay_max"] < 2
     assert 0 < base["jitter"] < 1
     assert found["camera"]["static"]

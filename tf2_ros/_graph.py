@@ -22,6 +22,11 @@ def clock_publishers(node: Node | None) -> list[str]:
     return sorted(map(_name, _publishers(node, "/clock")))
 
 
+def publisher_ids(node: Node, topic: str) -> set[bytes]:
+    """The identifiers of the publishers of a topic, also of a killed one until the middleware notices."""
+    return {bytes(publisher.endpoint_gid) for publisher in _publishers(node, topic)}
+
+
 def name_unfit_publishers(node: Node, subscription: Any) -> None:
     """When publishers do not fit a subscription, log their names: rclpy's own warning has only the topic."""
     for handler in event_handlers(subscription):

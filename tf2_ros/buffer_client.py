@@ -26,6 +26,7 @@ from tf2_py._internal import class_name, duration_ns, errors, frame_name
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._forking import refuse_inherited
+from tf2_ros._graph import publisher_ids
 from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, companion_node, require_node
 from tf2_ros._qos import lookup_qos
@@ -33,7 +34,7 @@ from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.runners import completions_of
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
-from tf2_ros.buffer_server import CODES, GOAL_SERVICE
+from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
 from tf2_ros_cython.output import printable
 
 __all__ = ["BufferClient", "LookupTransformGoal", "LookupTransformResult"]
@@ -42,8 +43,10 @@ _names.offer(globals())
 LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")
 
-# Without a response, the result is requested again after this time, and again after twice as long.
+# Without a response, the result is requested again after the first of these times, then after twice as long
+# each time, up to the second. A server keeps all requests of a goal until it has the result.
 REPEAT_NS = 10**9
+LONGEST_PAUSE_NS = 30 * 10**9
 # A server went away if it is unavailable for this long. While the middleware discovers another server of the
 # same name, it finds none available.
 GONE_NS = 10**9
@@ -136,6 +139,8 @@ class GoalSender:
         self.name = node.resolve_service_name(ns + GOAL_SERVICE).removesuffix(GOAL_SERVICE)
         self.process = os.getpid()
         self._pending: dict[PendingGoal, Generator[None, None, Any]] = {}  # with the steps that are left
+        self._servers: set[bytes] = set()  # at the last check
+        self._appearances = 0  # how often a check has found a new server
         self._ended = False
         self._node = hidden = companion_node("_buffer_client_impl", self, node)
         self.action_client = ActionClient(hidden, LookupTransform, self.name, **lookup_qos())
@@ -192,7 +197,15 @@ class GoalSender:
         if steps is not None:
             steps.close()
 
+    def _find_servers(self) -> set[bytes]:
+        return publisher_ids(self._node, self.name + STATUS_TOPIC)
+
     def _advance_all(self) -> None:
+        """Check for new servers, and take the next step of each goal; after each period."""
+        # A server that was killed remains available until its lease expires, in 20 s with Fast DDS.
+        servers = self._find_servers()
+        self._appearances += not servers <= self._servers
+        self._servers = servers
         for pending in list(self._pending):
             self._advance(pending)
 
@@ -214,6 +227,7 @@ class GoalSender:
         if not self._pending:
             self._timer.cancel()
         elif self._timer.is_canceled():
+            self._servers = self._find_servers()
             self._timer.reset()
 
     def _steps(self, pending: PendingGoal) -> Generator[None, None, Any]:
@@ -249,12 +263,14 @@ class GoalSender:
         The middleware drops the responses of a server that has not discovered this client yet. So the result
         is requested again, also of a goal whose acceptance may have been dropped. The goal itself is sent
         again only if the server does not know it: a busy server would otherwise do the same work repeatedly.
+        When another server appears, its answer decides at once, because the former one may have been killed.
 
         :param sent: receives the goals that were sent.
         """
         server = f"The buffer server [{self.name}]"
         pause_ns, next_ns = REPEAT_NS, 0
         missing_ns: int | None = None  # the time since when the server is unavailable
+        appearances, is_new = self._appearances, False  # whether a server may not have been sent the goal
         while True:
             for goal in sent:
                 response = goal.result()
@@ -269,16 +285,18 @@ class GoalSender:
                 missing_ns = missing_ns or now_ns
                 if now_ns - missing_ns >= GONE_NS:
                     raise pending.error(f"{server} went away before it answered.")
-            elif missing_ns is not None:  # perhaps it is another one, which does not know the goal
-                missing_ns, pause_ns, next_ns = None, REPEAT_NS, now_ns
+            elif missing_ns is not None or appearances != self._appearances:
+                missing_ns, appearances, is_new = None, self._appearances, True
+                pause_ns, next_ns = REPEAT_NS, now_ns
             if sent and now_ns >= pending.last_ns:
                 raise pending.error(f"{server} did not answer in time. Something is likely wrong there.")
-            if now_ns >= next_ns:
-                next_ns, pause_ns = now_ns + pause_ns, 2 * pause_ns
-                known = [goal for goal in sent if not goal.unknown]
+            known = [goal for goal in sent if not goal.unknown]
+            if now_ns >= next_ns or (is_new and not known):
+                next_ns, pause_ns = now_ns + pause_ns, min(2 * pause_ns, LONGEST_PAUSE_NS)
                 for goal in known:
                     goal.request_result()
                 if not known:
+                    is_new = False
                     left_ns = max(pending.deadline_ns - now_ns, 0)
                     pending.goal.timeout = Duration(nanoseconds=left_ns).to_msg()
                     sent.append(SentGoal(self.action_client, pending.goal, partial(self._advance, pending)))

@@ -40,7 +40,9 @@ __all__ = ["BufferServer"]
 # state of all goals that are kept.
 KEEP_RESULT_S = 10
 
-GOAL_SERVICE = "/_action/send_goal"  # of an action, behind its name
+# Of an action, behind its name.
+GOAL_SERVICE = "/_action/send_goal"
+STATUS_TOPIC = "/_action/status"  # which each server publishes
 
 CODES = (
     (ConnectivityException, TF2Error.CONNECTIVITY_ERROR),

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 from interposing import output_with_library
 from making import S, at, stamp_ns, transform, translation
-from processes import DEADLINE_S, PROMPT_S, until
+from processes import DEADLINE_S, PROMPT_S, killed, start, until
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.context import Context
 from rclpy.duration import Duration
@@ -57,7 +57,7 @@ class Server:
         if goal.target_frame == "silent":
             self.is_asked.set()
             await self.cancelled
-            handle.canceled()
+            handle.canceled() if handle.is_cancel_requested else handle.abort()
         elif goal.target_frame == "too late":
             handle.abort()
         elif goal.target_frame == "empty":
@@ -356,6 +356,51 @@ class TestServerThatEnds:
             until(server.is_asked.is_set)
             coroutine.close()
             until(server.cancelled.done)
+        client.destroy()
+
+    def test_another_one_gets_the_goal_of_one_that_was_killed(self, tf2_ros, node, monkeypatch):
+        """The middleware takes the killed one for available until its lease expires."""
+        monkeypatch.setattr("tf2_ros.buffer_client.GONE_NS", 10**12)
+        monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**12)
+        client = tf2_ros.BufferClient(node, "killed")
+        with killed(start("serves_lookups.py", "killed")):
+            coroutine = client.lookup_transform_async("silent", "robot", LATEST)
+            coroutine.send(None)
+            until(lambda: client.action_client._pending_result_requests)
+        monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**8)
+        with serving("killed") as server:
+            until(server.is_asked.is_set)
+            coroutine.close()
+            until(server.cancelled.done)
+        client.destroy()
+
+    def test_one_that_appears_beside_another_shares_the_goal(self, tf2_ros, tf2_py, node, monkeypatch):
+        """It is asked, since the other one may have been killed; the first response ends both goals."""
+        monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**12)
+        client, ends = tf2_ros.BufferClient(node, "shared"), []
+        with serving("shared") as first:
+            goal = LookupTransform.Goal(target_frame="silent", timeout=LONG.to_msg())
+            client._tf2_goal_sender.send(goal, 0).add_done_callback(ends.append)
+            until(first.is_asked.is_set)
+            monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**8)
+            with serving("shared") as second:
+                until(second.is_asked.is_set)
+                second.cancelled.set_result(True)
+                until(first.cancelled.done)
+                until(lambda: ends)
+        assert [type(end.exception()) for end in ends] == [tf2_py.TimeoutException]
+        client.destroy()
+
+    def test_pauses_between_requests_do_not_double_for_ever(self, tf2_ros, node, monkeypatch):
+        """From a nanosecond on, the fiftieth pause would last a fortnight."""
+        monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 1)
+        monkeypatch.setattr("tf2_ros.buffer_client.LONGEST_PAUSE_NS", 1)
+        client = tf2_ros.BufferClient(node, "asked_often", check_frequency=100.0)
+        with serving("asked_often"):
+            coroutine = client.lookup_transform_async("silent", "robot", LATEST)
+            coroutine.send(None)
+            until(lambda: len(client.action_client._pending_result_requests) > 50)
+            coroutine.close()
         client.destroy()
 
     def test_one_that_ends_during_a_goal_without_a_timeout_is_one(self, tf2_ros, tf2_py, node):

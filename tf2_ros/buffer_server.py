@@ -7,7 +7,6 @@ import weakref
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.task import Future
@@ -97,15 +96,15 @@ class BufferServer:
         self._spinner: Spinner | None = None
         if runs_in_loop(node):
             node, ns = self._hide(node, ns)
-        # Both are in one group, so that no other thread ends a goal while its cancellation is decided.
-        group = MutuallyExclusiveCallbackGroup()
-        self._completions = Completions(node, ExecutorRunner(node, group))
+        runner = ExecutorRunner(node)
+        self._completions = Completions(node, runner)
         self._server: ActionServer | None = ActionServer(
             node,
             LookupTransform,
             ns,
             self._finish,
-            callback_group=group,
+            # So that no other thread ends a goal while its cancellation is decided.
+            callback_group=runner.callback_group,
             handle_accepted_callback=self._begin,
             cancel_callback=self._cancel,
             result_timeout=KEEP_RESULT_S,

@@ -143,6 +143,38 @@ class TestSpinOnce:
                 assert not spinning_once.is_alive()
         other.shutdown()
 
+    @pytest.mark.ours
+    @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+    @pytest.mark.parametrize("of_server", [False, True])
+    def test_calls_continue_in_an_executor_that_gets_the_node_during_one(
+        self, tf2_ros, buffer, node, executor, kind, of_server
+    ):
+        """It falls asleep without what calls them, and must be woken when the call in the other returns."""
+        server = tf2_ros.BufferServer(buffer, node, "lookup")
+        calls = server._completions if of_server else completions_of(node)
+        begun, asleep, called = threading.Event(), threading.Event(), threading.Event()
+        gathered = itertools.count(1)
+
+        def call():
+            begun.set()
+            asleep.wait(DEADLINE_S)
+
+        class Last(Observer):
+            def add_to_wait_set(self, _):
+                if begun.is_set() and next(gathered) == 2:  # adding the node has caused another round
+                    asleep.set()
+
+        node.add_waitable(Last())
+        other = kind()
+        with spinning(executor):
+            calls.put(call)
+            until(begun.is_set)
+            executor.remove_node(node)
+            other.add_node(node)
+            with spinning(other):
+                calls.put(called.set)
+                until(called.is_set)
+
     @pytest.mark.parametrize("spin", ["spin_once", "spin"])
     def test_signal_handlers_run(self, ros, listener, node, peer, spin):
         """Python runs them between two rounds, and transforms cause rounds."""

@@ -4,14 +4,15 @@ import os
 import weakref
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import Executor
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.waitable import Waitable
 
 from tf2_ros._forking import LOCK
-from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop
+from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, wake
 from tf2_ros._threads import serve_in_reports
 from tf2_ros._wait.completions import Completions
 from tf2_ros._wait.rounds import ExecutorRounds
@@ -57,15 +58,30 @@ class Runner:
         raise NotImplementedError
 
 
+class _MovableGroup(MutuallyExclusiveCallbackGroup):
+    """
+    Lets one callback of a node run at a time, also when the node moves to another executor meanwhile.
+
+    That executor sleeps without what is in the group, because a callback runs. When this returns, rclpy wakes
+    only the executor that has called it.
+    """
+
+    def __init__(self, node: Node) -> None:
+        super().__init__()
+        self._node = weakref.ref(node)
+
+    def ending_execution(self, entity: Any) -> None:
+        super().ending_execution(entity)
+        executor = getattr(self._node(), "executor", None)
+        if isinstance(executor, Executor):
+            wake(executor)
+
+
 class ExecutorRunner(ExecutorRounds, Runner, Waitable):
-    """
-    The executor that spins a node.
+    """The executor that spins a node."""
 
-    :param group: the callback group of the calls; None: a separate one.
-    """
-
-    def __init__(self, node: Node, group: CallbackGroup | None = None) -> None:
-        Waitable.__init__(self, MutuallyExclusiveCallbackGroup() if group is None else group)
+    def __init__(self, node: Node) -> None:
+        Waitable.__init__(self, _MovableGroup(node))
         self._node = weakref.ref(node)
         self.set_up(GuardCondition(None, None, node.context).handle)  # of no node
 

@@ -127,7 +127,9 @@ class TransformListener:
     def __new__(cls, *_: object, **__: object) -> "Self":
         # Here, because a subclass may not call __init__.
         self = super().__new__(cls)
-        self._tf2_listening = Listening()
+        # This makes __dict__. If the finalizer made it, the collector would keep all to which it refers, such
+        # as the node, until its next run.
+        self.__dict__["_tf2_listening"] = Listening()
         return self
 
     def __init__(

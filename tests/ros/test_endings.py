@@ -1,5 +1,6 @@
 """Nodes and what uses them, ended in any order, leave nothing behind."""
 
+import asyncio
 import gc
 import itertools
 import random
@@ -7,12 +8,14 @@ import threading
 import weakref
 
 import pytest
+from async_nodes import AsyncNode
 from geometry_msgs.msg import PointStamped
 from known_faults import accept
 from making import transform
 from processes import until
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from repetitions import seeds
@@ -48,6 +51,10 @@ def spin(executor):
             accept(error)  # a part of a node was destroyed while the executor gathered them
 
 
+def listen(node, buffer):
+    return TransformListener(buffer, node)
+
+
 def listen_with_thread(node, buffer):
     return TransformListener(buffer, node, spin_thread=is_free(node))
 
@@ -69,17 +76,26 @@ def serve(node, buffer):
     return ask(node) if node.may_be_spun else BufferServer(buffer, node, "random_lookup")
 
 
+def serve_and_end(node, buffer):
+    BufferServer(buffer, node, "random_lookup").destroy()
+
+
 def ask(node, _=None):
     return BufferClient(node, "random_lookup")
 
 
+def broadcast(node, _):
+    return TransformBroadcaster(node)
+
+
+def broadcast_static(node, _):
+    return StaticTransformBroadcaster(node)
+
+
 # What uses a node, and the method that ends it.
-USES = [(lambda node, buffer: TransformListener(buffer, node), "unregister")] * 2 + [
-    (filter_points, "close")
-] * 2
+USES = [(listen, "unregister"), (filter_points, "close")] * 2
 USES += [(listen_with_thread, "unregister"), (wait, "cancel"), (serve, "destroy"), (ask, "destroy")]
-USES += [(lambda node, _: TransformBroadcaster(node), None)]
-USES += [(lambda node, _: StaticTransformBroadcaster(node), None)]
+USES += [(broadcast, None), (broadcast_static, None)]
 
 
 class RandomEnds:
@@ -163,6 +179,27 @@ class RandomEnds:
             shut_down(executor, thread)
         else:
             executor.shutdown()
+
+
+@pytest.mark.parametrize("use", [listen, filter_points, wait, serve_and_end, broadcast, broadcast_static])
+@pytest.mark.parametrize("kind", [Node, AsyncNode])
+def test_the_next_collection_frees_a_node_that_has_ended(ros, kind, use):
+    """Otherwise a finalizer has made something that refers to it."""
+
+    async def handle_of_ended():
+        node = kind("ended")
+        handle = weakref.ref(node.handle)
+        user = use(node, Buffer())
+        node.destroy_node()
+        del user
+        return handle
+
+    def is_freed():
+        handle = asyncio.run(handle_of_ended())
+        gc.collect()
+        return handle() is None
+
+    assert any(is_freed() for _ in range(3)), "a regular check may use it just then, but not always"
 
 
 @pytest.mark.filterwarnings("error::pytest.PytestUnhandledThreadExceptionWarning")

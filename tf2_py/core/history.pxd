@@ -188,9 +188,9 @@ cdef inline int64_t history_time_within(const History* history, int64_t time_ns,
     return time_ns
 
 
-# The earliest time from which on it answers with the parent that it has at `time_ns`, for which it answers.
-# INT64_MIN: with this parent at all times.
-cdef int64_t history_same_parent_since(const History* history, int64_t time_ns) noexcept nogil
+# The earliest time from which on, until `time_ns`, it answers with the same parent, or has no answer.
+# `time_ns` is not 0. INT64_MIN: this is so at all earlier times.
+cdef int64_t history_unchanged_since(const History* history, int64_t time_ns) noexcept nogil
 # NO_FRAME: the history does not answer.
 cdef FrameId history_parent_at(const History* history, int64_t time_ns) noexcept nogil
 

@@ -369,12 +369,14 @@ cdef FrameId history_parent_at(const History* history, int64_t time_ns) noexcept
     return history.samples[older].parent
 
 
-cdef int64_t history_same_parent_since(const History* history, int64_t time_ns) noexcept nogil:
+cdef int64_t history_unchanged_since(const History* history, int64_t time_ns) noexcept nogil:
     cdef FrameId parent
     cdef int64_t stamp_ns
     cdef uint32_t i
-    if history.kind == HISTORY_STATIC:
+    if history.kind == HISTORY_STATIC or history.count == 0 or time_ns < history.oldest_ns:
         return INT64_MIN
+    if time_ns > history.newest_ns:
+        return history.newest_ns + 1
     if history.parent_changes == 0 or time_ns == history.oldest_ns:
         return history.oldest_ns
     i = history_first_after(history, time_ns) - 1

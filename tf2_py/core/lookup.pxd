@@ -40,9 +40,9 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
                         const Policy* policy, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil
 cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
                              int64_t* common_ns) noexcept nogil
-# The times for which a lookup answers, without a break up to the latest common time; where nothing moves, all
-# from 0 to MAX_STAMP_NS. The status is that of a lookup at the latest common time.
-cdef Status walk_time_range(const Tree* tree, FrameId target, FrameId source,
+# The times for which a lookup answers, without a break up to the latest common time; where nothing moves, up
+# to MAX_STAMP_NS. The status is that of a lookup at the latest common time. Both frames are pinned.
+cdef Status walk_time_range(const PinnedTree* pinned, FrameId target, FrameId source,
                             TimeRange* answered) noexcept nogil
 # Finds only the path, at a time or at NEWEST, in a tree in which no link ever closed a loop, between two
 # different frames. False: no path, or too many hops. `mixed` is set if a visited frame had several

@@ -451,19 +451,35 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
     return _judge_ages(tree, target, source, policy, path, status)
 
 
-cdef int64_t _same_path_since(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
-    # The earliest time from which on every hop of a path leads to the same parent as at `time_ns`.
-    cdef int64_t since_ns = INT64_MIN
+cdef int64_t _unchanged_since(const PinnedTree* pinned, int64_t time_ns) noexcept nogil:
+    # The earliest time, at least 1, from which on each walk between pinned frames is the same as at `time_ns`.
+    # Frames above the path count, too: a walk in tf2's order passes them, and may meet a loop there.
+    cdef int64_t since_ns = 1
     cdef uint32_t i
-    for i in range(path.source_hops):
-        since_ns = max(since_ns, history_same_parent_since(&tree.histories[path.source[i]], time_ns))
-    for i in range(path.target_hops):
-        since_ns = max(since_ns, history_same_parent_since(&tree.histories[path.target[i]], time_ns))
+    for i in range(pinned.count):
+        since_ns = max(since_ns, history_unchanged_since(&pinned.view.histories[pinned.frames[i]], time_ns))
     return since_ns
 
 
-cdef Status walk_time_range(const Tree* tree, FrameId target, FrameId source,
+cdef int64_t _begin_of_side(const Tree* tree, const FrameId* frames, uint32_t hops) noexcept nogil:
+    cdef int64_t begin_ns = INT64_MIN
+    cdef uint32_t i
+    for i in range(hops):
+        if tree.histories[frames[i]].kind == HISTORY_DYNAMIC:
+            begin_ns = max(begin_ns, tree.histories[frames[i]].oldest_ns)
+    return begin_ns
+
+
+cdef int64_t _path_begin(const Tree* tree, Path* path) noexcept nogil:
+    # The newest of the oldest stamps of the moving frames; INT64_MIN: none of them moves.
+    _cut_common(path)
+    return max(_begin_of_side(tree, path.source, path.source_hops),
+               _begin_of_side(tree, path.target, path.target_hops))
+
+
+cdef Status walk_time_range(const PinnedTree* pinned, FrameId target, FrameId source,
                             TimeRange* answered) noexcept nogil:
+    cdef const Tree* tree = &pinned.view
     cdef Policy nothing
     cdef Path path
     cdef int64_t stamp_ns
@@ -472,15 +488,20 @@ cdef Status walk_time_range(const Tree* tree, FrameId target, FrameId source,
     status = walk_lookup(tree, target, source, 0, &nothing, &path, NULL, &answered.last)
     if status.code != STATUS_OK:
         return status
-    answered.first = _same_path_since(tree, &path, answered.last)
-    if answered.first == INT64_MIN:
-        answered.first = 0
+    if _path_begin(tree, &path) == INT64_MIN:
         answered.last = MAX_STAMP_NS
-        return status
-    # Before that, another path may answer. No stamp is negative, and 0 asks for the latest time.
-    while answered.first > 1 and walk_lookup(
-            tree, target, source, answered.first - 1, &nothing, &path, NULL, &stamp_ns).code == STATUS_OK:
-        answered.first = _same_path_since(tree, &path, answered.first - 1)
+    answered.first = answered.last
+    while answered.first > 0:
+        answered.first = _unchanged_since(pinned, answered.first)
+        if answered.first == 1:
+            # The lookup at 0 asks for the latest time, so samples decide whether 0 belongs to the range.
+            walk_lookup(tree, target, source, 1, &nothing, &path, NULL, &stamp_ns)
+            answered.first = _path_begin(tree, &path) > 0
+            break
+        if walk_lookup(tree, target, source, answered.first - 1, &nothing, &path, NULL,
+                       &stamp_ns).code != STATUS_OK:
+            break
+        answered.first -= 1
     return status
 
 

@@ -495,7 +495,7 @@ cdef class Engine:
         lock_release(&self._lock)
         if status.code != STATUS_OK or problem != 0:
             return problem
-        status[0] = walk_time_range(&pinned.view, ends[0], ends[1], answered)
+        status[0] = walk_time_range(&pinned, ends[0], ends[1], answered)
         tree_unpin(&pinned)
         return 0
 

@@ -117,6 +117,27 @@ def test_both_halves_of_a_lookup_at_two_times_are_judged(tf2_ros, buffer):
             buffer.lookup_transform_full(*two, max_age=limits)
 
 
+def test_a_moving_frame_whose_stamp_is_0_has_an_age(tf2_ros, buffer):
+    """Not its stamp but its kind decides whether a frame moves."""
+    insert(buffer, "base", "arm", 0)
+    buffer.set_transform_static(transform("arm", "hand", 0), "x")
+    assert buffer.ages("base", "hand") == {"arm": 100.0}
+    assert buffer.ages("map", "hand") == {"arm": 100.0, "base": 0.0625, "odom": 1.0}
+    for frames, limits in ((("base", "hand"), 1), (("arm", "base"), {"arm": 1}), (("map", "arm"), 1)):
+        with pytest.raises(tf2_ros.ExtrapolationException, match="of arm in base, at 0.0*, is 100.0* s old"):
+            buffer.lookup_transform(*frames, LATEST, max_age=limits)
+        assert not buffer.can_transform(*frames, LATEST, max_age=limits)
+    assert buffer.lookup_transform("base", "hand", LATEST, max_age=100)
+    assert buffer.lookup_transform("arm", "hand", LATEST, max_age=0)  # which is static
+
+
+def test_a_stamp_of_0_seems_not_to_be_set_to_a_clock_that_shows_the_date(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    insert(buffer, "map", "base", 0)
+    with pytest.raises(tf2_ros.ExtrapolationException, match=r"\. Its stamp is 0: was it never set\?$"):
+        buffer.lookup_transform(*ROBOT, max_age=1)
+
+
 # Every method.
 
 DATA = transform("base", "data", 0)

@@ -182,8 +182,20 @@ def stale(
         f"{child} in {parent}, at {seconds(newest_ns)}, {fact}; max_age allows {seconds(max_age_ns)} s"
     )
     if newest_ns < YEAR_NS and age_ns > 30 * YEAR_NS:
-        text += ". The sample is from 1970: is it in simulated time, which this clock does not follow?"
+        if newest_ns == 0:
+            text += ". Its stamp is 0: was it never set?"
+        else:
+            text += ". The sample is from 1970: is it in simulated time, which this clock does not follow?"
     return ExtrapolationException(text)
+
+
+def limit_of_root(name: str, argument: str, children: list[str]) -> str:
+    """The error text for a limit of a frame that is not a child, so that the limit could never apply."""
+    some = " or ".join(f"[{printable(child)}]" for child in children[:MOST_SUGGESTED])
+    return (
+        f"{argument} has a limit for [{printable(name)}], which is not the child of any frame. The limit of a "
+        f"frame is that of the transform from its parent: limit {some or 'a child'} instead"
+    )
 
 
 # Which known frame names resemble an unknown one.

@@ -373,7 +373,7 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
     cdef const History* history = &tree.histories[frame]
     cdef int64_t limit_ns = limit_of(&policy.max_age, frame)
     cdef int64_t age_ns = now_ns - history.newest_ns if now_ns > 0 else INT64_MAX
-    if history.newest_ns == 0 or limit_ns == INT64_MAX or age_ns - limit_ns <= excess_ns[0]:
+    if history.kind == HISTORY_STATIC or limit_ns == INT64_MAX or age_ns - limit_ns <= excess_ns[0]:
         return False
     excess_ns[0] = age_ns - limit_ns
     status[0] = status_of(STATUS_EXTRAPOLATION)

@@ -516,7 +516,7 @@ cdef class Engine:
                 frames[count] = (path.source[i] if i < path.source_hops
                                  else path.target[path.source_hops + path.target_hops - 1 - i])
                 stamps_ns[count] = self._tree.histories[frames[count]].newest_ns
-                count += stamps_ns[count] != 0
+                count += self._tree.histories[frames[count]].kind == HISTORY_DYNAMIC
         lock_release(&self._lock)
         return count
 

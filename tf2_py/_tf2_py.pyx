@@ -394,9 +394,9 @@ cdef class BufferCore(Engine):
             raise self.error(query, status)
         return 0
 
-    cdef int _refuse_unknown_limits(self, const Query* query) except -1:
-        # After a lookup that has succeeded; one that has not raises the same.
-        error = self.unknown_limits(query, status_of(STATUS_OK))
+    cdef int _refuse_void_limits(self, const Query* query, Status status) except -1:
+        # After a lookup that has not raised; one that has raises the same.
+        error = self.limit_error(query, status)
         if error is not None:
             raise error
         return 0
@@ -409,7 +409,7 @@ cdef class BufferCore(Engine):
         if query.policy.judges_age:
             self.read_clock(query, &reading)
         self._lookup_or_raise(query, out, stamp_ns)
-        return self._refuse_unknown_limits(query)
+        return self._refuse_void_limits(query, status_of(STATUS_OK))
 
     cdef object _answer(self, Query* query, target_frame, source_frame):
         cdef Transform transform
@@ -699,7 +699,7 @@ cdef class BufferCore(Engine):
             if answered != SERIES_BAD_NAME:
                 error = type(error)(f"times[{answered // per_time}]: {error}")
             raise error
-        return self._refuse_unknown_limits(query)
+        return self._refuse_void_limits(query, status)
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time) -> tuple[int, str]:
         """

@@ -70,7 +70,8 @@ class LookupPolicy(TypedDict, total=False):
     ``tf2_ros.Buffer`` has one, unless it is that of a recording.
 
     The frames of a mapping are children: the limit of ``base_link`` is that of the transform from its parent.
-    One that the buffer does not know, although it has a path between the two frames, is a ``ValueError``.
+    One that the buffer does not know, or that is not a child, is a ``ValueError`` if the buffer has a path
+    between the two frames.
     """
 
     tolerance: DurationsLike | None

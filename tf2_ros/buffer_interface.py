@@ -239,8 +239,8 @@ class BufferInterface:
             older than ``max_age``.
         :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
-        :raises ValueError: a limit is negative or of an unknown frame, or ``max_age`` is given for a time
-            that is not 0, or to a buffer without a clock.
+        :raises ValueError: a limit is negative, or of a frame that is unknown or not a child, or ``max_age``
+            is given for a time that is not 0, or to a buffer without a clock.
 
         After a wait, the text of an error also says how long it took, or that a shutdown ended it.
 

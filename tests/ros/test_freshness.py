@@ -6,6 +6,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 from clocks import simulate
 from making import S, insert, stamp_ns, transform
@@ -61,7 +62,7 @@ def test_each_frame_may_have_a_limit_of_its_own(tf2_ros, buffer):
         {"odom": 1, "base": 0.0625},
         {"odom": 2},
         {"base": 0.1},
-        {"camera": 0, "map": 0},  # they do not move
+        {"camera": 0},  # it does not move
         {},
     ):
         assert buffer.can_transform("map", "camera", LATEST, max_age=limits), limits
@@ -267,6 +268,35 @@ def test_a_limit_of_an_unknown_frame_is_refused_where_the_path_is_known(tf2_ros,
     buffer.forget("camera")
     with pytest.raises(ValueError, match='"camera"'):
         buffer.can_transform(*ROBOT, max_age={"camera": 1, "odom": 1})
+
+
+def test_where_no_path_is_known_many_lookups_do_not_refuse_a_limit_either(tf2_ros, buffer):
+    insert(buffer, "house", "kitchen", 99)
+    for limits in ({"odm": 1}, {"map": 1}):
+        translations, _ = buffer.lookup_transforms("map", "kitchen", [0], on_missing="nan", max_age=limits)
+        assert np.isnan(translations).all()
+        with pytest.raises(tf2_ros.ConnectivityException):
+            buffer.lookup_transforms("map", "kitchen", [0], max_age=limits)
+        with pytest.raises(ValueError, match="max_age"):
+            buffer.lookup_transforms("map", "base", [0], on_missing="nan", max_age=limits)
+
+
+@pytest.mark.parametrize("argument", ["max_age", "tolerance"])
+@pytest.mark.parametrize("way", ["lookup_transform", "with a timeout", "can", "async", "future", "many"])
+def test_a_limit_of_a_root_is_refused_and_its_child_on_the_path_named(buffer, way, argument):
+    """It would never apply, so a localiser that has stopped would not be noticed."""
+    for child in ("a", "b", "c", "d"):
+        insert(buffer, "map", child, 99)
+    with pytest.raises(
+        ValueError,
+        match=rf"{argument} has a limit for \[map\], which is not the child .*: limit \[odom\] instead$",
+    ):
+        WAYS[way](buffer, **{argument: {"map": 0.5, "base": 1}})
+    with pytest.raises(ValueError, match=r"limit \[odom\] or \[a\] or \[b\] instead$"):
+        buffer.lookup_transform("base", "camera", LATEST, **{argument: {"map": 1}})
+    # Once it is a child, it may have a limit.
+    insert(buffer, "earth", "map", 99)
+    assert WAYS[way](buffer, **{argument: {"map": 0.5}})
 
 
 @pytest.mark.parametrize("way", ["with a timeout", "async", "future"])

@@ -193,8 +193,8 @@ def limit_of_root(name: str, argument: str, children: list[str]) -> str:
     """The error text for a limit of a frame that is not a child, so that the limit could never apply."""
     some = " or ".join(f"[{printable(child)}]" for child in children[:MOST_SUGGESTED])
     return (
-        f"{argument} has a limit for [{printable(name)}], which is not the child of any frame. The limit of a "
-        f"frame is that of the transform from its parent: limit {some or 'a child'} instead"
+        f"{argument} has a limit for [{printable(name)}], which is not the child of any frame. The limit of "
+        f"a frame is that of the transform from its parent: limit {some or 'a child'} instead"
     )
 
 

@@ -528,9 +528,12 @@ cdef bint query_is_identity(const Query* query) noexcept nogil:
 
 
 cdef void _find_named(const Tree* tree, const FrameLimits* limits) noexcept nogil:
+    cdef FrameLimit* named
     cdef uint32_t i
     for i in range(limits.count):
-        limits.named[i].frame = tree_frame(tree, limits.named[i].name, limits.named[i].size)
+        named = &limits.named[i]
+        named.frame = tree_frame(tree, named.name, named.size)
+        named.is_child = tree.histories[named.frame].kind != HISTORY_NONE
 
 
 cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil:

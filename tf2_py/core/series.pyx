@@ -484,6 +484,7 @@ cdef uint32_t _answer_times(const Query* query, PinnedLookup* pinned, const int6
                             bint nan_missing, SeriesWork* work, Status* status) noexcept nogil:
     # Up to BATCH_TIMES times. Returns how many of `count` are answered; see series_lookup.
     cdef Transform transform
+    cdef Status single
     cdef uint32_t i
     if pinned.by_batches:
         _answer_batch(pinned, times_ns, count, work)
@@ -496,8 +497,10 @@ cdef uint32_t _answer_times(const Query* query, PinnedLookup* pinned, const int6
                 status.half = HALF_SOURCE if pinned.has_fixed else HALF_NONE
                 return i
         else:
-            status[0] = _answer_one(query, pinned, times_ns[i], &transform)
-            if status.code == STATUS_OK:
+            single = _answer_one(query, pinned, times_ns[i], &transform)
+            if single.code in (STATUS_OK, STATUS_EXTRAPOLATION) or not nan_missing:
+                status[0] = single
+            if single.code == STATUS_OK:
                 _put(&work.result, i, &transform)
                 continue
             if not nan_missing:
@@ -521,6 +524,8 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
     lock_release(lock)
     if not is_pinned:
         return SERIES_BAD_NAME if status.code != STATUS_OK else SERIES_NO_MEMORY
+    if not pinned.by_batches:
+        status[0] = status_of(STATUS_UNCONNECTED)       # until a path is found
     while start < series.count and answered == count:
         count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
         answered = _answer_times(query, &pinned, series.times_ns + start, count, series.nan_missing, &work,

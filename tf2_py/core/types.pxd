@@ -59,6 +59,7 @@ cdef struct FrameLimit:
     Py_ssize_t size         # bytes
     int64_t limit_ns
     FrameId frame           # found anew for each lookup, under the lock; NO_FRAME: the name is unknown
+    bint is_child           # found with it: the frame was ever a child, so the limit may apply
 
 
 cdef struct FrameLimits:

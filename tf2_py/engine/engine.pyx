@@ -443,18 +443,32 @@ cdef class Engine:
         unlock_written(&self._lock, &self._tree, &self._waiters)
         self._wake_all(&batch)
 
-    cdef object unknown_limits(self, const Query* query, Status status):
+    cdef object limit_error(self, const Query* query, Status status):
+        cdef const FrameLimit* limit
         if not query.policy.is_given or status.code not in (STATUS_OK, STATUS_EXTRAPOLATION):
             return None
         argument = "tolerance"
-        name = unknown_limit(&query.policy.tolerance)
-        if name is None:
+        limit = void_limit(&query.policy.tolerance)
+        if limit == NULL:
             argument = "max_age"
-            name = unknown_limit(&query.policy.max_age)
-        if name is None:
+            limit = void_limit(&query.policy.max_age)
+        if limit == NULL:
             return None
+        name = limit.name[:limit.size].decode("utf-8")
+        if limit.frame != NO_FRAME:
+            return ValueError(errors.limit_of_root(name, argument, self._children_towards(query, name)))
         self._begin_advice()
         return ValueError(self._advice.unknown(name, argument, "lookupTransform", self._tf2_names))
+
+    cdef list _children_towards(self, const Query* query, str name):
+        # The children of a frame; only those on the path, if there are such.
+        cdef FrameId frames[2 * MAX_HOPS]
+        cdef int64_t stamps_ns[2 * MAX_HOPS]
+        cdef Status status
+        cdef uint32_t count = self.newest_stamps(query, frames, stamps_ns, &status)
+        on_path = set(self.frame_names([frames[i] for i in range(count)]))
+        children = [one.name for one in self.frame_facts() if one.parent == name]
+        return [child for child in children if child in on_path] or children
 
     cdef Status _check_names(self, const Query* query) noexcept nogil:
         cdef QueryFrames frames
@@ -545,9 +559,9 @@ cdef class Engine:
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
         cdef str child = None
         cdef str parent = None
-        unknown = self.unknown_limits(query, status)
-        if unknown is not None:
-            return unknown
+        wrong = self.limit_error(query, status)
+        if wrong is not None:
+            return wrong
         if status.code == STATUS_EXTRAPOLATION or status.code == STATUS_UNCONNECTED:
             child, parent = self.frame_names((status.child, status.parent))
         self._begin_advice()

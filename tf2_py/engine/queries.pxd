@@ -25,8 +25,8 @@ cdef int query_fill_any(Query* query, object target_frame, object source_frame, 
                         str argument=*) except -1
 
 
-# The name of a frame that has a limit, and that the last lookup did not find; None: there is none.
-cdef str unknown_limit(const FrameLimits* limits)
+# The first limit of a frame that the last lookup did not find, or found not to be a child; NULL: none.
+cdef const FrameLimit* void_limit(const FrameLimits* limits) noexcept
 
 
 # Frame names as Python text.

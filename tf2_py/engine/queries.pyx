@@ -113,13 +113,12 @@ def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, max_age=Non
     return made
 
 
-cdef str unknown_limit(const FrameLimits* limits):
-    # The name of a frame that has a limit, and that the last lookup did not find; None: there is none.
+cdef const FrameLimit* void_limit(const FrameLimits* limits) noexcept:
     cdef uint32_t i
     for i in range(limits.count):
-        if limits.named[i].frame == NO_FRAME:
-            return limits.named[i].name[:limits.named[i].size].decode("utf-8")
-    return None
+        if not limits.named[i].is_child:
+            return &limits.named[i]
+    return NULL
 
 
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,

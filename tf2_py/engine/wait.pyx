@@ -24,7 +24,7 @@ cdef class Wait(WaiterOwner):
         if self._policy is not None:
             if self._policy.policy.judges_age and not self._engine.confirm_waiter(&self._waiter):
                 return None
-            error = self._engine.unknown_limits(&self._waiter.query, status_of(STATUS_OK))
+            error = self._engine.limit_error(&self._waiter.query, status_of(STATUS_OK))
             if error is not None:
                 return self._notify(None, error)
         return self._notify(self.answer)
@@ -49,7 +49,7 @@ cdef class Wait(WaiterOwner):
             engine.read_clock(&self._waiter.query, &reading)
         self._engine = engine
         engine.add_waiter(&self._waiter, &status)
-        error = None if policy is None else engine.unknown_limits(query, status)
+        error = None if policy is None else engine.limit_error(query, status)
         if error is not None:
             engine.remove_waiter(&self._waiter)
             raise error
@@ -126,7 +126,7 @@ cdef class Wait(WaiterOwner):
         finally:
             self._engine.remove_waiter(&self._waiter)
         # The waiter may have been answered between the last sleep and the removal.
-        error = self._engine.unknown_limits(&self._waiter.query, status_of(STATUS_OK))
+        error = self._engine.limit_error(&self._waiter.query, status_of(STATUS_OK))
         if error is not None and self._waiter.answered:
             raise error
         return self._waiter.answered

@@ -1,17 +1,24 @@
 """The buffer and a slow model of tf2, side by side; and the model beside the recordings of the real tf2."""
 
+import inspect
+import itertools
 import random
 import re
 
 import pytest
 import repetitions
-from hypothesis import HealthCheck, Phase, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
-from model import STAMPS_END, Model, ModelError, S
+from model import Model
 from model_pair import AUTHORITIES, FRAMES, GOOD_PLACES, GOOD_TURNS, ODD_NAMES, PLACES, TURNS, WAYS, Pair
+from model_questions import CHANGES, QUESTIONS, ask, compare_ranges
+from model_terms import STAMPS_END, ModelError, S
 from recorded_answers import SCENARIOS, check_answer, number
 from travelling import WAYS as WAYS_TO_TRAVEL
+
+from tf2_py.typing import LookupPolicy
+from tf2_ros import Buffer
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
 
@@ -122,6 +129,10 @@ class Machine(RuleBasedStateMachine):
     def change(self, change):
         change(self.pair)
 
+    @rule(now_ns=st.none() | st.sampled_from([0, 5, 20, 45, STAMPS_END - 1]))
+    def set_clock(self, now_ns):
+        self.pair.set_clock(now_ns)
+
     @rule()
     def init_again(self):
         self.pair.init(10)
@@ -137,7 +148,7 @@ class Machine(RuleBasedStateMachine):
     @invariant()
     def all_queries_are_answered_as_by_the_model(self):
         self.steps += 1
-        self.pair.ask(random.Random(self.steps))
+        ask(self.pair, random.Random(self.steps))
 
 
 TestBufferAndModel = pytest.mark.repeated(Machine.TestCase)
@@ -147,3 +158,79 @@ TestBufferAndModel.settings = settings(
     phases=[Phase.generate, Phase.shrink],
     suppress_health_check=list(HealthCheck),
 )
+
+
+# Small trees, in which frames loop, change their parents and become static.
+
+pairs_of_frames = st.sampled_from(list(itertools.permutations(FRAMES, 2)))
+small_stamps = st.integers(0, 11)
+small_links = st.tuples(pairs_of_frames, small_stamps, st.sampled_from([False, False, False, True]))
+
+
+@given(st.lists(small_links, max_size=25))
+@example([("ac", 3, False), ("bc", 3, False), ("ac", 5, False)])
+@example([("ac", 2, False), ("ac", 3, False), ("bc", 3, False), ("ac", 5, False), ("ab", 0, True)])
+@example([("ba", 5, False), ("ab", 2, False), ("be", 8, False), ("eb", 7, False), ("be", 2, False)])
+@example([("ea", 0, True), ("ad", 1, False), ("de", 1, False)])
+@example([("ab", 3, False), ("ac", 0, False), ("db", 5, False), ("ba", 0, True), ("be", 0, True)])
+@settings(max_examples=repetitions.times(150, 3000), deadline=None)
+def test_ranges_and_ages_of_small_trees(transforms):
+    pair = Pair()
+    pair.init(2**62)
+    for (parent, child), ns, static in transforms:
+        pair.insert("static" if static else "set", ((parent, child, ns, 1, 0),), "x")
+    for query in itertools.product(pair.model.names, repeat=2):
+        compare_ranges(pair, *query)
+
+
+# That nothing is left out.
+
+
+class Asked:
+    """A buffer that notes which arguments each of its methods was called with."""
+
+    def __init__(self, buffer):
+        self.buffer, self.arguments = buffer, {}
+
+    def __contains__(self, name):
+        return name in self.buffer
+
+    def __getattr__(self, name):
+        value = getattr(self.buffer, name)
+        if not inspect.ismethod(value) and not inspect.isbuiltin(value):
+            return value
+
+        def call(*arguments, **more):
+            given = inspect.signature(value).bind(*arguments, **more).arguments
+            given |= given.pop("policy", {})
+            self.arguments.setdefault(name, set()).update(given)
+            return value(*arguments, **more)
+
+        return call
+
+
+def parameters(method):
+    named = set(inspect.signature(method).parameters) - {"self"}
+    return named - {"policy"} | set(LookupPolicy.__annotations__) if "policy" in named else named
+
+
+METHODS = {
+    name: value
+    for name in sorted(set(dir(Buffer)) - set(dir(object)))
+    if not name.startswith("_") and callable(value := getattr(Buffer, name))
+}
+
+
+def test_every_public_method_is_asked_or_changes_the_buffer():
+    assert set(METHODS) == set(QUESTIONS) | CHANGES
+    assert not set(QUESTIONS) & CHANGES
+
+
+@pytest.mark.parametrize("name", sorted(QUESTIONS))
+def test_every_parameter_is_asked(name):
+    pair, dice = Pair(), random.Random(1)
+    pair.insert("list", tuple(("ab"[i % 2], "bc"[i % 2], 40 + i, i % 3, i % 4) for i in range(6)), "x")
+    pair.buffer = Asked(pair.buffer)
+    for one in QUESTIONS[name] * 100:
+        one(pair, dice)
+    assert pair.buffer.arguments[name] == parameters(METHODS[name])

@@ -1,5 +1,5 @@
 """
-What random trees, clocks and waits answer under a `max_age`, against a model in plain Python.
+What random trees, clocks and waits answer under a `max_age`, against the model.
 
 The environment variable FRESHNESS_RUNS sets how many runs there are. A failure names its seed, and
 FRESHNESS_SEED repeats that run alone.
@@ -11,11 +11,14 @@ import random
 import pytest
 import repetitions
 from clocks import simulate
-from making import S, at_ns, stamp_ns, transform, translation
-from model import NEWEST, Model, ModelError
+from making import S, transform
+from model import Model
+from model_pair import as_model_tells, of_buffer, of_model, same_answer, same_kind
+from model_questions import arguments_of
+from model_terms import Policy
 from rclpy.duration import Duration
 
-from tf2_py import BufferCore, TransformException
+from tf2_py import BufferCore
 
 pytestmark = pytest.mark.ours
 
@@ -23,7 +26,6 @@ RUNS = int(os.environ.get("FRESHNESS_RUNS", repetitions.times(400, 10_000)))
 STEPS = 40
 CACHE_NS = 30
 FRAMES = ("map", "odom", "base", "arm", "lidar", "hand")  # each is below one that comes before it
-LATEST = at_ns(0)
 NOT_BEGUN = 0
 MOST_PENDING = 6
 
@@ -35,114 +37,40 @@ class Question:
         self.target, self.source, self.fixed = dice.choices(FRAMES, k=3)
         self.is_full = dice.random() < 0.2
         if dice.random() < 0.4:
-            limits = dice.randrange(12)
+            self.limits = dice.randrange(12)
         else:
-            limits = {name: dice.randrange(12) for name in dice.sample(FRAMES, dice.randrange(4))}
+            names = dice.sample(FRAMES, dice.randrange(4))
             if dice.random() < 0.1:
-                limits["odm"] = 3
-        self.limits = limits
+                names.append("odm")
+            self.limits = tuple((name, dice.randrange(12)) for name in names)
 
     @property
     def policy(self):
-        limits = self.limits
-        if isinstance(limits, dict):
-            return {"max_age": {name: Duration(nanoseconds=ns) for name, ns in limits.items()}}
-        return {"max_age": Duration(nanoseconds=limits)}
-
-    def limit_ns(self, frame):
-        return self.limits.get(frame) if isinstance(self.limits, dict) else self.limits
-
-    def names_unknown(self, model):
-        return isinstance(self.limits, dict) and not all(map(model.exists, self.limits))
+        return arguments_of(Policy(max_age=self.limits))
 
     @property
     def arguments(self):
         if self.is_full:
-            return (self.target, LATEST, self.source, LATEST, self.fixed)
-        return (self.target, self.source, LATEST)
+            return (self.target, 0, self.source, 0, self.fixed)
+        return (self.target, self.source, 0)
+
+    def outcome(self, model, limits=None):
+        """("answer", it) or ("error", kind, texts) of the model."""
+        policy = Policy(max_age=self.limits if limits is None else limits)
+        look_up = model.lookup_full_under if self.is_full else model.lookup_under
+        return of_model(look_up, policy, *self.arguments)
+
+    def is_over(self, model):
+        """Whether a wait for it ends: with an answer, or because that is there and a limit is void."""
+        outcome = self.outcome(model)
+        if outcome[1] != "ValueError":
+            return outcome[0] == "answer"
+        valid = tuple(pair for pair in self.limits if pair[0] in model.frames)
+        return self.outcome(model, valid)[0] == "answer"
 
     def __repr__(self):
         between = f"{self.source} in {self.target}" + (f" by way of {self.fixed}" if self.is_full else "")
         return f"<{between}, limits {self.limits}>"
-
-
-class Answers:
-    """What the model says."""
-
-    def __init__(self, model):
-        self.model, self.now_ns = model, NOT_BEGUN
-
-    def newest_path(self, target, source):
-        """The frames whose newest samples connect two frames; None: they do not."""
-        above = [self.upwards(frame) for frame in (source, target)]
-        common = [frame for frame in above[0] if frame in above[1]]
-        return (
-            None
-            if not common
-            else [
-                *above[0][: above[0].index(common[0])],
-                *reversed(above[1][: above[1].index(common[0])]),
-            ]
-        )
-
-    def upwards(self, frame):
-        chain = []
-        while frame is not None:
-            chain.append(frame)
-            one = self.model.frames.get(frame)
-            frame = None if one is None else one.newest_parent()
-        return chain
-
-    def ages(self, frames):
-        """By name, of those that move; in nanoseconds."""
-        newest = {frame: self.model.frames[frame].newest_ns() for frame in frames}
-        never = float("inf")
-        return {
-            frame: self.now_ns - ns if self.now_ns > NOT_BEGUN else never
-            for frame, ns in newest.items()
-            if ns
-        }
-
-    def stalest(self, frames, question):
-        """The frames that are furthest beyond their limits."""
-        limits = {frame: question.limit_ns(frame) for frame in frames}
-        ages = self.ages(frame for frame in frames if limits[frame] is not None)
-        beyond = {frame: age - limits[frame] for frame, age in ages.items() if age > limits[frame]}
-        most = max(beyond.values(), default=0)
-        return {frame for frame, excess in beyond.items() if excess == most}
-
-    def half(self, target, source, question):
-        """The kind of the outcome; the frames that it may name, or the answer."""
-        try:
-            found = self.model.lookup(target, source, 0)
-        except ModelError as error:
-            if error.kind != "ExtrapolationException":
-                return error.kind, None
-            stale = self.stalest(self.newest_path(target, source), question)
-            return ("stale", stale) if stale else (error.kind, None)
-        if target == source:
-            return "ok", found
-        stamp_ns = self.model.latest(target, source)
-        _, chain, top = self.model._walk(target, source, stamp_ns or NEWEST)
-        stale = self.stalest(chain[:top] + chain[top + 1 :], question)
-        return ("stale", stale) if stale else ("ok", found)
-
-    def outcome(self, question):
-        target, source, fixed = question.target, question.source, question.fixed
-        if not question.is_full:
-            kind, what = self.half(target, source, question)
-        else:
-            try:
-                self.model._check_names("", target_frame=target, source_frame=source, fixed_frame=fixed)
-            except ModelError as error:
-                return error.kind, None
-            first, second = self.half(fixed, source, question), self.half(target, fixed, question)
-            kind, what = first if first[0] != "ok" else second
-            if kind == "ok":
-                what = self.model.lookup_full(target, 0, source, 0, fixed)
-        if kind in ("ok", "stale", "ExtrapolationException") and question.names_unknown(self.model):
-            return "ValueError", kind
-        return kind, what
 
 
 class Run:
@@ -153,7 +81,6 @@ class Run:
         # A buffer that is initialised again is empty.
         BufferCore.__init__(buffer, Duration(nanoseconds=CACHE_NS))
         self.model = Model(CACHE_NS)
-        self.answers = Answers(self.model)
         self.pending = []
         dice = self.dice
         self.homes = {child: dice.choice(FRAMES[:i]) for i, child in enumerate(FRAMES) if i}
@@ -164,10 +91,10 @@ class Run:
 
     @property
     def now_ns(self):
-        return self.answers.now_ns
+        return self.model.now_ns
 
     def set_clock(self, ns):
-        self.answers.now_ns = ns
+        self.model.now_ns = ns
         simulate(self.node, ns=ns)
 
     # Steps.
@@ -216,60 +143,36 @@ class Run:
     def ask(self):
         question = Question(self.dice)
         way = self.buffer.lookup_transform_full if question.is_full else self.buffer.lookup_transform
-        self.compare(question, lambda: way(*question.arguments, **question.policy))
+        got = of_buffer(way, *question.arguments, **question.policy)
+        self.compare(question, got)
         if not question.is_full:
-            self.compare_ages(question)
-            can = self.buffer.can_transform
-            if not question.names_unknown(self.model):
-                expected = self.answers.outcome(question)[0] == "ok"
-                assert can(*question.arguments, **question.policy) == expected
+            names = question.target, question.source
+            assert of_buffer(self.buffer.ages, *names)[:2] == of_model(self.model.ages, *names)[:2], names
+            if got[1] != "ValueError":
+                can = self.buffer.can_transform(*question.arguments, **question.policy)
+                assert can == (got[0] == "answer"), question
 
-    def compare_ages(self, question):
-        target, source = question.target, question.source
-        if self.model.exists(target) and self.model.exists(source):
-            path = self.answers.newest_path(target, source)
-            if path is not None:
-                wanted = {name: age / 1e9 for name, age in self.answers.ages(path).items()}
-                assert self.buffer.ages(target, source) == wanted
-                return
-        with pytest.raises(TransformException):
-            self.buffer.ages(target, source)
-
-    def compare(self, question, call):
-        kind, what = self.answers.outcome(question)
-        try:
-            found = call()
-        except (TransformException, ValueError) as error:
-            text = str(error)
-            is_stale = "is too old; the newest sample of " in text
-            assert ("stale" if is_stale else type(error).__name__) == kind, (question, text)
-            if is_stale:
-                assert text.partition("newest sample of ")[2].split(" ")[0] in what, (question, text)
-            return
-        assert kind == "ok", (question, kind, what)
-        self.compare_answer(found, what)
-
-    def compare_answer(self, found, what):
-        assert (stamp_ns(found), found.header.frame_id, found.child_frame_id) == what[:3]
-        assert translation(found) == pytest.approx(what[3])
+    def compare(self, question, got):
+        wanted = question.outcome(self.model)
+        if got[0] == "error":
+            assert same_kind(got, wanted), (question, got, wanted)
+        else:
+            assert same_answer(as_model_tells(got[1]), wanted[1]), (question, got, wanted)
 
     def wait(self):
         question = Question(self.dice)
         begin = self.buffer.wait_for_transform_async
         if question.is_full:
             begin = self.buffer.wait_for_transform_full_async
-        kind, what = self.answers.outcome(question)
+        kind = question.outcome(self.model)[1]
         try:
             future = begin(*question.arguments, **question.policy)
         except ValueError:
             assert kind == "ValueError", question
             return
         assert kind != "ValueError", question
-        assert future.done() == (kind == "ok"), (question, kind)
-        if kind == "ok":
-            self.compare_answer(future.result(), what)
-        else:
-            self.pending.append((future, question))
+        self.pending.append((future, question))
+        self.settle()
         if len(self.pending) > MOST_PENDING:
             self.pending.pop(0)[0].cancel()
 
@@ -277,15 +180,11 @@ class Run:
         """After what wakes waits: those that have an answer now are done, and no others."""
         pending, self.pending = self.pending, []
         for future, question in pending:
-            kind, what = self.answers.outcome(question)
-            ends = kind == "ok" or (kind, what) == ("ValueError", "ok")
-            assert future.done() == ends, (question, kind, what)
-            if not ends:
-                self.pending.append((future, question))
-            elif kind == "ValueError":
-                assert isinstance(future.exception(), ValueError)
+            assert future.done() == question.is_over(self.model), (question, question.outcome(self.model))
+            if future.done():
+                self.compare(question, of_buffer(future.result))
             else:
-                self.compare_answer(future.result(), what)
+                self.pending.append((future, question))
         assert self.buffer.statistics()["waiters"] == len(self.pending)
 
     def run(self):

@@ -8,9 +8,8 @@ rotations x y z w.
 
 import math
 import sys
-from typing import NamedTuple
 
-from model_listings import RESERVED, Listings, S, seconds
+from model_listings import Listings
 from model_math import (
     IDENTITY,
     added,
@@ -24,11 +23,11 @@ from model_math import (
     slerp,
     turned,
 )
+from model_policies import Policies
+from model_terms import NEWEST, RESERVED, STAMPS_END, TF2, ModelError, S, limit_of, seconds
 
-STAMPS_END = 2**31 * S  # messages carry seconds as int32
 MOST_OF_ONE_STAMP = 64  # samples; then the newest replaces the one before it
 MOST_HOPS = 1000  # from a frame up to the common ancestor
-NEWEST = "newest"  # as a time: that of the newest sample, whatever its stamp
 REASONS = (
     "self_transform",
     "no_frame_id",
@@ -41,29 +40,6 @@ REASONS = (
     "old_data",
     "stamp_too_late",
 )
-
-
-class ModelError(Exception):
-    """
-    What a lookup raises: the name of tf2's class, and the text, or one of several.
-
-    ``of_tf2`` begins with the sentence that tf2 raises, if that may be another one.
-    """
-
-    def __init__(self, kind, *texts, of_tf2=None):
-        super().__init__(texts[0])
-        self.kind, self.texts, self.of_tf2 = kind, texts, of_tf2
-
-
-class Policy(NamedTuple):
-    """What a lookup accepts beyond tf2's; times in ns."""
-
-    tolerance: int = 0
-    extrapolate: bool = False
-    max_gap: int | None = None
-
-
-TF2 = Policy()
 
 
 class Gap(Exception):
@@ -110,13 +86,14 @@ class Frame:
     def newest_parent(self):
         return self.samples[-1][1] if self.samples else None
 
-    def used_ns(self, time, policy):
+    def used_ns(self, name, time, policy):
         """The stamp of the data for a time, and whether it is carried on from there."""
-        late = not self.static and self.samples and 0 < time - self.newest_ns() <= policy.tolerance
+        tolerance = limit_of(policy.tolerance, name, 0)
+        late = not self.static and self.samples and 0 < time - self.newest_ns() <= tolerance
         return (self.newest_ns(), policy.extrapolate) if late else (time, False)
 
     def data_under(self, name, time, policy):
-        used_ns, carried_on = (time, False) if time == NEWEST else self.used_ns(time, policy)
+        used_ns, carried_on = (time, False) if time == NEWEST else self.used_ns(name, time, policy)
         if not carried_on:
             return self.data_at(name, used_ns)
         before, last = self.samples[-2:] if len(self.samples) > 1 else self.samples * 2
@@ -124,11 +101,11 @@ class Frame:
             return (last[1], last[2:])
         return interpolated(before, last, time)
 
-    def is_torn(self, time, policy):
+    def is_torn(self, name, time, policy):
         """Whether the samples around the time are further apart than accepted."""
         if self.static or policy.max_gap is None:
             return False
-        time, _ = self.used_ns(time, policy)
+        time, _ = self.used_ns(name, time, policy)
         stamps = [sample[0] for sample in self.samples]
         before, after = [ns for ns in stamps if ns <= time], [ns for ns in stamps if ns > time]
         return time not in stamps and after[0] - before[-1] > policy.max_gap
@@ -164,7 +141,7 @@ class Frame:
         return {sample[1] for sample in self.samples}
 
 
-class Model(Listings):
+class Model(Listings, Policies):
     def __init__(self, cache_ns=10 * S):
         self.cache_ns = cache_ns
         self.order = []  # names, by first use
@@ -341,20 +318,6 @@ class Model(Listings):
         found, *_ = self._walk(target, source, stamp or NEWEST)
         return stamp, found
 
-    def lookup_under(self, policy, target, source, ns):
-        """As `lookup`; of an error only the kind is what it should be."""
-        if target == source:
-            return self.lookup(target, source, ns)
-        self._check_names("lookupTransform", target_frame=target, source_frame=source)
-        stamp = ns or self._latest(target, source)
-        found, chain, top = self._walk(target, source, stamp or NEWEST, policy)
-        frames = [self.frames[name] for name in chain[:top] + chain[top + 1 :]] if stamp else []
-        if any(frame.is_torn(stamp, policy) for frame in frames):
-            raise ModelError("ExtrapolationException", "a long gap")
-        used = [frame.used_ns(stamp, policy) for frame in frames]
-        stamp = min([stamp, *[ns for ns, carried_on in used if not carried_on]])
-        return self._answer(stamp, target, source, found)
-
     def can(self, target, source, ns):
         return self._reason(lambda: self.lookup(target, source, ns))
 
@@ -385,13 +348,18 @@ class Model(Listings):
             raise ModelError("TransformException", *error.texts) from None
 
     def _latest(self, target, source):
-        """tf2's getLatestCommonTime: it follows the newest sample of each frame."""
+        """tf2's getLatestCommonTime, which leaves out the stamp 0."""
+        stamps = [self.frames[name].newest_ns() for name in self._newest_hops(target, source)]
+        return min([ns for ns in stamps if ns != 0], default=0)
+
+    def _newest_hops(self, target, source):
+        """The frames from the source up and down to the target, by the newest sample of each."""
         upwards, frame = [], source
         while self._newest_parent(frame) is not None:
             upwards.append(frame)
             frame = self._newest_parent(frame)
             if frame == target:
-                return self._smallest(upwards)
+                return upwards
             if frame in upwards:
                 raise self._loop(target, source)
         parents = [self._newest_parent(frame) for frame in upwards]
@@ -400,16 +368,12 @@ class Model(Listings):
             downwards.append(frame)
             frame = self._newest_parent(frame)
             if frame in parents:
-                return self._smallest(downwards + upwards[: parents.index(frame) + 1])
+                return upwards[: parents.index(frame) + 1] + downwards[::-1]
             if frame == source:
-                return self._smallest(downwards)
+                return downwards[::-1]
             if frame in downwards:
                 raise self._loop(target, source)
         raise self._unconnected(target, source, frame, [source, *parents][-1])
-
-    def _smallest(self, names):
-        stamps = [self.frames[name].newest_ns() for name in names]
-        return min([ns for ns in stamps if ns != 0], default=0)
 
     def data_at(self, name, time, policy=TF2):
         """(parent, transform to it), None for a root, or the Gap."""

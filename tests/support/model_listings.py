@@ -1,12 +1,6 @@
 """Listings of the model."""
 
-S = 1_000_000_000  # ns
-RESERVED = "NO_PARENT"
-
-
-def seconds(ns):
-    sign, ns = ("-", -ns) if ns < 0 else ("", ns)
-    return f"{sign}{ns // S}.{ns % S:09d}"
+from model_terms import RESERVED, S, seconds
 
 
 class Listings:

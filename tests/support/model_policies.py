@@ -1,0 +1,228 @@
+"""Times, ages and limits of the model."""
+
+import math
+
+from model_math import IDENTITY, composed
+from model_terms import NEWEST, STAMPS_END, ModelError, limit_of, seconds
+
+MOST_SUGGESTED = 3  # names in the text of an error
+YEAR = 365 * 86400 * 10**9  # ns
+NO_CLOCK = (
+    "this buffer has no clock, which ages need: a tf2_ros.Buffer has one, a BufferCore and the buffer of a "
+    "recording do not"
+)
+
+
+class Policies:
+    """Of a model, which has `names`, `frames`, and tf2's lookups and walks."""
+
+    now_ns = None  # of the clock by which ages are counted; 0: it has not begun; None: there is no clock
+
+    # The times that have an answer.
+
+    def time_range(self, target, source):
+        """Of the times from 1 on, those without a break up to the latest; and 0, if there is data since."""
+        self._check_names("time_range", target_frame=target, source_frame=source)
+        if target == source:
+            return 0, STAMPS_END - 1
+        latest = self._latest(target, source)
+        _, *hops = self._walk(target, source, latest or NEWEST)
+        last = latest if self._oldest_stamps(*hops) else STAMPS_END - 1
+        if last == 0:
+            return 0, 0
+        first = last
+        for time in sorted(self._times_of_changes(), reverse=True):
+            if time <= last:
+                try:
+                    _, *hops = self._walk(target, source, time)
+                except ModelError:
+                    break
+                first = time
+        if first == 1 and not any(self._oldest_stamps(*hops)):
+            first = 0
+        return first, last
+
+    def _oldest_stamps(self, chain, top):
+        """Of the moving frames on a path."""
+        hops = [self.frames[name] for name in chain[:top] + chain[top + 1 :]]
+        return [frame.oldest_ns() for frame in hops if not frame.static]
+
+    def _times_of_changes(self):
+        """Times between which every frame keeps its parent, or the lack of one."""
+        stamps = {sample[0] for frame in self.frames.values() for sample in frame.samples}
+        near = {1, STAMPS_END - 1} | {ns + step for ns in stamps for step in (-1, 0, 1)}
+        return [ns for ns in near if 0 < ns < STAMPS_END]
+
+    def stamps_between(self, target, source, first, last):
+        """Of the moving frames, with the two given."""
+        hops = [] if target == source else self._newest_hops(target, source)
+        moving = [self.frames[name] for name in hops if not self.frames[name].static]
+        stamps = {sample[0] for frame in moving for sample in frame.samples}
+        return sorted({first, last} | {ns for ns in stamps if first < ns <= last})
+
+    def has_one_path(self, target, source):
+        """Whether there is a path, and no frame above the two ever had another parent."""
+        if target == source:
+            return True
+        try:
+            self._check_names("", target_frame=target, source_frame=source)
+            self._newest_hops(target, source)
+        except ModelError:
+            return False
+        above = [target, source]
+        for name in above:
+            parents = self.frames[name].parents() if name in self.frames else set()
+            if len(parents) > 1 or self.looped:
+                return False
+            above += parents
+        return True
+
+    # Ages.
+
+    def ages(self, target, source):
+        """In seconds, by the names of the moving frames, from the source to the target."""
+        self._check_names("ages", target_frame=target, source_frame=source)
+        hops = [] if target == source else self._newest_hops(target, source)
+        self._require_clock()
+        return {name: self._age_ns(name) / 1e9 for name in hops if not self.frames[name].static}
+
+    def _require_clock(self):
+        if self.now_ns is None:
+            raise ModelError("ValueError", NO_CLOCK)
+
+    def _age_ns(self, name):
+        return self.now_ns - self.frames[name].newest_ns() if self.now_ns > 0 else math.inf
+
+    def _judge_ages(self, target, source, hops, max_age):
+        """Raise the error about the frame that is furthest beyond its limit, or one of several."""
+        limits = {name: limit_of(max_age, name, None) for name in hops if not self.frames[name].static}
+        excess = {
+            name: (self._age_ns(name) > limit, self._age_ns(name) - limit, -limit)
+            for name, limit in limits.items()
+            if limit is not None
+        }
+        worst = max(excess.values(), default=(False,))
+        if worst[0]:
+            texts = [
+                self._stale(target, source, name, limits[name]) for name in excess if excess[name] == worst
+            ]
+            raise ModelError("ExtrapolationException", *texts)
+
+    def _stale(self, target, source, name, limit):
+        frame, age = self.frames[name], self._age_ns(name)
+        if age == math.inf:
+            fact = "has no known age: the clock of the buffer is at 0, because simulated time has not begun"
+        else:
+            fact = f"is {seconds(age)} s old by the clock of the buffer, at {seconds(self.now_ns)}"
+        text = (
+            f"The latest transform from frame [{source}] to frame [{target}] is too old; the newest sample "
+            f"of {name} in {frame.newest_parent()}, at {seconds(frame.newest_ns())}, {fact}; max_age allows "
+            f"{seconds(limit)} s"
+        )
+        if 30 * YEAR < age < math.inf and frame.newest_ns() < YEAR:
+            text += (
+                ". The sample is from 1970: is it in simulated time, which this clock does not follow?"
+                if frame.newest_ns()
+                else ". Its stamp is 0: was it never set?"
+            )
+        return text
+
+    # Lookups under a policy.
+
+    def lookup_under(self, policy, target, source, ns):
+        """As `lookup`. Of an error about the time only the kind is what it should be."""
+        self._require_latest(policy, time=ns)
+
+        def look_up():
+            if target == source:
+                return self.lookup(target, source, ns)
+            self._check_names("lookupTransform", target_frame=target, source_frame=source)
+            return self._answer_under(policy, target, source, ns)
+
+        return self._with_limits_checked(policy, target, source, look_up)
+
+    def lookup_full_under(self, policy, target, target_ns, source, source_ns, fixed):
+        self._require_latest(policy, target_time=target_ns, source_time=source_ns)
+
+        def look_up():
+            names = {"target_frame": target, "source_frame": source, "fixed_frame": fixed}
+            self._check_names("lookupTransform", **names)
+            _, _, _, *from_source = self._answer_under(policy, fixed, source, source_ns)
+            stamp, _, _, *to_target = self._answer_under(policy, target, fixed, target_ns)
+            return self._answer(stamp, target, source, composed(to_target, from_source))
+
+        return self._with_limits_checked(policy, target, source, look_up)
+
+    def _answer_under(self, policy, target, source, ns):
+        if target == source:
+            return self._answer(self._transform(target, source, ns)[0], target, source, IDENTITY)
+        judged = policy.max_age is not None
+        stamp = ns or self._latest(target, source)
+        try:
+            found, chain, top = self._walk(target, source, stamp or NEWEST, policy)
+            hops = chain[:top] + chain[top + 1 :]
+            moving = {name: self.frames[name] for name in hops} if stamp else {}
+            if any(frame.is_torn(name, stamp, policy) for name, frame in moving.items()):
+                raise ModelError("ExtrapolationException", "a long gap")
+        except ModelError as error:
+            if judged and error.kind == "ExtrapolationException":
+                self._judge_ages(target, source, self._newest_hops(target, source), policy.max_age)
+            raise
+        if judged:
+            self._judge_ages(target, source, hops, policy.max_age)
+        used = [frame.used_ns(name, stamp, policy) for name, frame in moving.items()]
+        stamp = min([stamp, *[ns for ns, carried_on in used if not carried_on]])
+        return self._answer(stamp, target, source, found)
+
+    def _require_latest(self, policy, **times):
+        if policy.max_age is None:
+            return
+        for argument, ns in times.items():
+            if ns != 0:
+                raise ModelError(
+                    "ValueError",
+                    f"max_age limits the age of the latest transform, so {argument} must be 0, got "
+                    f"{seconds(ns)} s; for a time, use tolerance",
+                )
+        self._require_clock()
+
+    # Limits for frames that cannot have any.
+
+    def _with_limits_checked(self, policy, target, source, look_up):
+        """Wrong ones are refused where a path is known."""
+        try:
+            answer = look_up()
+        except ModelError as error:
+            if error.kind == "ExtrapolationException":
+                self._check_limits(policy, target, source)
+            raise
+        self._check_limits(policy, target, source)
+        return answer
+
+    def _check_limits(self, policy, target, source):
+        for argument, limits in (("tolerance", policy.tolerance), ("max_age", policy.max_age)):
+            for name, _ in limits if isinstance(limits, tuple) else ():
+                if name not in self.names:
+                    try:
+                        self._check_name(f"lookupTransform argument {argument}", name)
+                    except ModelError as error:
+                        text = error.texts[0]
+                        if "does not exist" not in text:
+                            text += self._unknown()
+                        raise ModelError("ValueError", text) from None
+                elif name not in self.frames:
+                    raise ModelError("ValueError", self._of_root(argument, name, target, source))
+
+    def _of_root(self, argument, name, target, source):
+        try:
+            on_path = [] if target == source else self._newest_hops(target, source)
+        except ModelError:
+            on_path = []
+        moving = [one for one in on_path if not self.frames[one].static]
+        children = self.children(name)
+        children = [one for one in children if one in moving] or children
+        some = " or ".join(f"[{child}]" for child in children[:MOST_SUGGESTED])
+        return (
+            f"{argument} has a limit for [{name}], which is not the child of any frame. The limit of a frame "
+            f"is that of the transform from its parent: limit {some or 'a child'} instead"
+        )

@@ -1,0 +1,42 @@
+"""The terms of the model: times, errors, and what a lookup accepts beyond tf2's."""
+
+from typing import NamedTuple
+
+S = 1_000_000_000  # ns
+STAMPS_END = 2**31 * S  # messages carry seconds as int32
+NEWEST = "newest"  # as a time: that of the newest sample, whatever its stamp
+RESERVED = "NO_PARENT"
+
+
+def seconds(ns):
+    sign, ns = ("-", -ns) if ns < 0 else ("", ns)
+    return f"{sign}{ns // S}.{ns % S:09d}"
+
+
+class ModelError(Exception):
+    """
+    What a lookup raises: the name of tf2's class, and the text, or one of several.
+
+    ``of_tf2`` begins with the sentence that tf2 raises, if that may be another one.
+    """
+
+    def __init__(self, kind, *texts, of_tf2=None):
+        super().__init__(texts[0])
+        self.kind, self.texts, self.of_tf2 = kind, texts, of_tf2
+
+
+class Policy(NamedTuple):
+    """What a lookup accepts beyond tf2's; in ns. A limit may be pairs: the names of frames, and theirs."""
+
+    tolerance: int | tuple = 0
+    extrapolate: bool = False
+    max_gap: int | None = None
+    max_age: int | tuple | None = None
+
+
+TF2 = Policy()
+
+
+def limit_of(limits, name, others):
+    """The limit of one frame; `others`: that of frames that pairs do not name."""
+    return dict(limits).get(name, others) if isinstance(limits, tuple) else limits

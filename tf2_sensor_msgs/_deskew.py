@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
-from tf2_py._internal import as_times_ns, duration_ns, time_ns
-from tf2_ros import BufferCore, ExtrapolationException, TransformException
+from tf2_py._internal import as_times_ns, duration_ns, errors, time_ns
+from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, TransformException
 from tf2_ros._arguments import frame_of
 from tf2_ros_cython.output import printable
 from tf2_sensor_msgs._cloud import largest_bends, move_points, read_times, sampled_range, split_times
@@ -117,7 +117,7 @@ def deskew(
     :param target_frame: the frame to transform the points into. Without ``fixed_frame``, one in which the
         sensor moves, such as ``odom``.
     :param fixed_frame: a frame that does not move, such as ``odom``, if ``target_frame`` itself moves, such
-        as the frame of the robot or of the sensor: the points are transformed into the target frame at
+        as the frame of the robot or the cloud's own: the points are transformed into the target frame at
         ``target_time``.
     :param target_time: only with ``fixed_frame``; 0: the latest common time of both frames. None: the stamp
         of the cloud.
@@ -134,7 +134,8 @@ def deskew(
     :raises TypeError: an argument is of another type, or there is a ``target_time`` without ``fixed_frame``.
     :raises ValueError: no field has the times of the points (the text names the fields), a time is not a
         number, the cloud is inconsistent as for :func:`do_transform_cloud`, or the sensor does not move in
-        the target frame, but that frame moves itself, so that ``fixed_frame`` is missing.
+        ``fixed_frame``, or without one in ``target_frame``, because that frame is the sensor's or moves with
+        it.
 
     Points with a NaN need no time, and have three NaN in the result. Normals and viewpoints are transformed,
     too. Poses are looked up at some times, and between these the points move steadily. There are so many of
@@ -164,8 +165,8 @@ def deskew(
         return move_points(cloud, new_ns, target_frame, is_dense, *time, *poses)
 
     steady = _steady_poses(motion, sweep)
-    if sweep.size and fixed_frame is None and (steady is None or _may_rest(steady)):
-        _require_motion(buffer, target_frame, source_frame)
+    if sweep.size and (steady is None or _may_rest(steady)):
+        _require_motion(buffer, source_frame, target_frame, fixed_frame)
     if steady is not None:
         message, is_complete = moved(steady, cloud.is_dense)
         if is_complete:
@@ -256,21 +257,41 @@ def _may_rest(poses: Poses) -> bool:
     return bool((poses.matrices[0] == poses.matrices[-1]).all())
 
 
-def _require_motion(buffer: BufferCore, target_frame: str, source_frame: str) -> None:
-    """Refuse to deskew into a frame that moves together with the sensor: nothing would be corrected."""
+def _require_motion(
+    buffer: BufferCore, source_frame: str, target_frame: str, fixed_frame: str | None
+) -> None:
+    """Refuse a frame that moves together with the sensor: nothing would be corrected."""
+    frame = fixed_frame or target_frame
     try:
-        if buffer.get_latest_common_time(target_frame, source_frame).nanoseconds:
+        if frame != source_frame and buffer.get_latest_common_time(frame, source_frame).nanoseconds:
             return
     except TransformException:
         return  # the lookups say why
-    frames, frame = buffer.frames(), target_frame
-    while frame in frames and (parent := frames[frame].parent) is not None:
-        if not frames[frame].static:
-            raise ValueError(
-                f"[{printable(source_frame)}] does not move in [{printable(target_frame)}], which moves "
-                f"itself: pass a fixed_frame, for example [{printable(parent)}]"
-            )
+    frames = buffer.frames()
+    body = _body(frames, frame, source_frame)
+    moves_in = frames[body].parent if body in frames else None
+    if moves_in is None and frame == source_frame:
+        raise ValueError(
+            f"[{printable(frame)}] does not move in itself: pass a fixed_frame in which it moves"
+        )
+    if moves_in is None or body != _body(frames, source_frame, frame):
+        return
+    given, wanted = ("fixed_frame ", "another") if fixed_frame else ("", "a fixed_frame")
+    raise ValueError(
+        f"[{printable(source_frame)}] does not move in {given}[{printable(frame)}], which moves itself: "
+        f"pass {wanted}, for example [{printable(moves_in)}]"
+    )
+
+
+def _body(frames: dict[str, FrameInfo], frame: str, other: str) -> str:
+    """The topmost frame that a frame is fixed to."""
+    passed: set[str] = set()
+    while frame in frames and frames[frame].static and (parent := frames[frame].parent) is not None:
+        if frame in passed:
+            raise errors.loop(frame, other)
+        passed.add(frame)
         frame = parent
+    return frame
 
 
 def _wait(motion: Motion, last: int, timeout: "DurationLike", on_missing: str) -> None:

@@ -325,14 +325,76 @@ def test_a_field_of_a_known_name_but_another_type_is_not_one_of_times(buffer):
 # Arguments.
 
 
-def test_into_a_frame_that_moves_with_the_sensor_a_fixed_frame_is_needed(buffer):
+def moving_lidar():
+    """A lidar that moves in odom itself, without a robot between them, and a camera that is fixed to it."""
+    buffer = driving()
+    for ns, x in ((START, 0), (STAMP, 1), (STAMP + S, 9)):
+        buffer.set_transform(transform("odom", "other_lidar", ns=ns, xyz=(x, 0, 0)), "x")
+    buffer.set_transform_static(transform("other_lidar", "camera"), "x")
+    return buffer
+
+
+@pytest.mark.parametrize(
+    ("source", "frame"),
+    [
+        *(("lidar", frame) for frame in ("base", "lidar")),
+        *(("other_lidar", frame) for frame in ("other_lidar", "camera")),
+        *(("camera", frame) for frame in ("other_lidar", "camera")),
+    ],
+)
+def test_a_frame_that_moves_with_the_sensor_is_refused(source, frame):
+    """Also the cloud's own frame, which is what people try first."""
+    buffer = moving_lidar()
     cloud, _, _ = measured("ouster")
-    for target in ("base", "lidar"):
+    cloud.header.frame_id = source
+    with pytest.raises(ValueError) as error:
+        deskew(cloud, buffer, frame)
+    assert str(error.value) == (
+        f"[{source}] does not move in [{frame}], which moves itself: pass a fixed_frame, for example [odom]"
+    )
+    for target in ("odom", "base", frame):
         with pytest.raises(ValueError) as error:
-            deskew(cloud, buffer, target)
+            deskew(cloud, buffer, target, frame)
         assert str(error.value) == (
-            f"[lidar] does not move in [{target}], which moves itself: pass a fixed_frame, for example [odom]"
+            f"[{source}] does not move in fixed_frame [{frame}], which moves itself: "
+            "pass another, for example [odom]"
         )
+
+
+def test_no_sensor_moves_in_its_own_frame():
+    """Also in a tree whose root it is, as where a SLAM publishes the pose of odom in the sensor."""
+    buffer = Buffer(Duration(seconds=100))
+    for ns, x in ((START, 0), (STAMP, 1), (STAMP + S, 9)):
+        buffer.set_transform(transform("lidar", "odom", ns=ns, xyz=(x, 0, 0)), "x")
+    cloud, points, times = measured("ouster")
+    for how in (("lidar",), ("odom", "lidar")):
+        with pytest.raises(ValueError, match=r"\[lidar\] does not move in itself: pass a fixed_frame"):
+            deskew(cloud, buffer, *how)
+    moved = deskew(cloud, buffer, "odom")
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
+
+
+@pytest.mark.parametrize("loop", [("base", "lidar"), ("base", "mast", "lidar"), ("mast", "base")])
+@pytest.mark.parametrize("frame", ["base", "lidar"])
+def test_a_loop_of_static_transforms_is_named(loop, frame):
+    looped = Buffer()
+    for parent, child in zip(loop, (*loop[1:], loop[0]), strict=True):
+        looped.set_transform_static(transform(parent, child), "x")
+    looped.set_transform_static(transform(loop[0], "lidar"), "x")
+    cloud, _, _ = measured("ouster")
+    for how in ((frame,), ("lidar", frame)):
+        with pytest.raises(LookupException, match="contains a loop"):
+            deskew(cloud, looped, *how)
+
+
+def test_a_parked_robot_moves_in_odom_though_it_rests(buffer):
+    parked = Buffer(Duration(seconds=100))
+    for ns in (START, STAMP, STAMP + S):
+        parked.set_transform(transform("odom", "base", ns=ns, xyz=(1, 2, 3)), "x")
+    parked.set_transform_static(transform("base", "lidar"), "x")
+    cloud, points, times = measured("ouster")
+    moved = deskew(cloud, parked, "odom")
+    assert_moved(moved, expected(parked, xyz_of(points), times), xyz_of(points), points.dtype)
 
 
 def test_a_sensor_that_never_moves_needs_none():

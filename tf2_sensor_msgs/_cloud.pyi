@@ -5,13 +5,15 @@ import numpy.typing as npt
 from geometry_msgs.msg import Transform, TransformStamped
 from sensor_msgs.msg import PointCloud2
 
+from tf2_sensor_msgs._deskew import TimeField
+
 def do_transform_cloud(
     cloud: PointCloud2, transform: TransformStamped | Transform, *, only_xyz: bool = False
 ) -> PointCloud2: ...
-def sampled_range(cloud: PointCloud2, name: str) -> tuple[float, float]: ...
+def sample_times(cloud: PointCloud2, times: TimeField) -> npt.NDArray[np.float64]: ...
 def read_times(
-    cloud: PointCloud2, name: str | None, unit: int, stamp_ns: int, times: npt.NDArray[np.int64]
-) -> tuple[int, int, int]: ...
+    cloud: PointCloud2, field: TimeField | None, times: npt.NDArray[np.int64]
+) -> tuple[int, int, int, float]: ...
 def split_times(edges_ns: npt.NDArray[np.int64], pieces: int) -> npt.NDArray[np.int64]: ...
 def largest_bends(matrices: npt.NDArray[np.float64]) -> tuple[float, float]: ...
 def move_points(
@@ -19,9 +21,7 @@ def move_points(
     new_stamp_ns: int,
     frame_id: str,
     is_dense: bool,
-    name: str | None,
-    unit: int,
-    stamp_ns: int,
+    field: TimeField | None,
     stored: float | None,
     times: npt.NDArray[np.int64] | None,
     knots_ns: npt.NDArray[np.int64] | None,

@@ -1,6 +1,8 @@
 """Deskew a cloud: transform each point from where the sensor was when it measured that point."""
 
+import contextlib
 import math
+import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -12,7 +14,7 @@ from tf2_py._internal import as_times_ns, duration_ns, errors, time_ns
 from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, TransformException
 from tf2_ros._arguments import frame_of
 from tf2_ros_cython.output import printable
-from tf2_sensor_msgs._cloud import largest_bends, move_points, read_times, sampled_range, split_times
+from tf2_sensor_msgs._cloud import largest_bends, move_points, read_times, sample_times, split_times
 from tf2_sensor_msgs._errors import FieldError
 
 if TYPE_CHECKING:
@@ -21,8 +23,14 @@ if TYPE_CHECKING:
 S = 1_000_000_000
 # A ROS stamp holds no more seconds than these. So a larger number in a `timestamp` is nanoseconds.
 MOST_SECONDS = 2.0**31
-# No time, in seconds or nanoseconds, is as far from 0, and no sweep takes as long.
-HIGHEST, LONGEST_NS = 9.2e18, 3600 * S
+# A longer sweep is taken for a wrong unit, unless a unit is given; with one, the poses of the longest sweeps
+# are looked up for each point.
+LONG_NS, LONGEST_NS = 3 * S, 3600 * S
+# No time is farther from the stamp, or from 1970.
+FARTHEST_NS = 2.0**62
+NO_TIME = np.iinfo(np.int64).min  # what read_times writes for a point that has none
+# The share of points that must be within these, so that the times of the others are taken for garbage.
+MOST_POINTS = 0.9
 # Between two knots, poses change steadily. The elements of a rotation matrix, and the translation in metres,
 # then differ from exact ones by little more than this; a point, by at most 1e-6 of its distance and 10 µm.
 ROTATION_BOUND, TRANSLATION_BOUND = 2.5e-7, 5e-6
@@ -35,14 +43,17 @@ FAR = 0.1
 
 
 class Unit(NamedTuple):
-    """What the number in a time field means: the ``TimeUnit`` of ``parts/deskew.pyx``."""
+    """What the numbers in a field of times are."""
 
-    code: int
-    text: str
+    ns: int
+    is_absolute: bool  # since 1970; else after the stamp
+
+    @property
+    def text(self) -> str:
+        name = {1: "ns", 1_000: "µs", 1_000_000: "ms", S: "s"}.get(self.ns, f"{self.ns / S:g} s")
+        return f"{name} {'since 1970' if self.is_absolute else 'after the stamp'}"
 
 
-SECONDS, NANOSECONDS = Unit(0, "s after the stamp"), Unit(1, "ns after the stamp")
-SINCE_1970_S, SINCE_1970_NS = Unit(2, "s since 1970"), Unit(3, "ns since 1970")
 NAMES = {
     PointField.INT8: "int8",
     PointField.UINT8: "uint8",
@@ -55,11 +66,28 @@ NAMES = {
 }
 # The fields that drivers of lidars write: Velodyne; Ouster; Livox; Hesai and Livox, in different units.
 KNOWN = {
-    "time": ((PointField.FLOAT32, PointField.FLOAT64), SECONDS),
-    "t": ((PointField.UINT32,), NANOSECONDS),
-    "offset_time": ((PointField.UINT32,), NANOSECONDS),
-    "timestamp": ((PointField.FLOAT64,), SINCE_1970_S),
+    "time": ((PointField.FLOAT32, PointField.FLOAT64), Unit(S, False)),
+    "t": ((PointField.UINT32,), Unit(1, False)),
+    "offset_time": ((PointField.UINT32,), Unit(1, False)),
+    "timestamp": ((PointField.FLOAT64,), Unit(S, True)),
 }
+
+
+class TimeField(NamedTuple):
+    """The field with the times of the points, as ``parts/deskew.pyx`` reads it."""
+
+    name: str
+    datatype: int  # as which the numbers are read
+    unit: Unit
+    base_ns: int  # the time that 0 means
+
+    @property
+    def unit_ns(self) -> int:
+        return self.unit.ns
+
+    def time_ns(self, number: float) -> int:
+        whole = int(number)
+        return self.base_ns + whole * self.unit.ns + round((number - whole) * self.unit.ns)
 
 
 class Poses(NamedTuple):
@@ -99,6 +127,7 @@ def deskew(
     target_time: "TimeLike | None" = None,
     *,
     times: "TimesLike | None" = None,
+    time_unit: "DurationLike | None" = None,
     timeout: "DurationLike" = 0,
     on_missing: Literal["raise", "nan"] = "raise",
     prefix: str = "",
@@ -111,8 +140,8 @@ def deskew(
 
     :param cloud: the points, in metres, and the time of each in one of these fields, which the drivers of
         Velodyne, Ouster, Livox and Hesai write: ``time`` (float32 or float64: seconds after the cloud's
-        stamp, also negative), ``t`` or ``offset_time`` (uint32: nanoseconds after the stamp), ``timestamp``
-        (float64: seconds since 1970, or nanoseconds from 2^31 on).
+        stamp, also negative), ``t`` or ``offset_time`` (uint32: nanoseconds after the stamp, negative from
+        2^31 on), ``timestamp`` (float64: seconds since 1970, or nanoseconds from 2^31 on).
     :param buffer: the transforms.
     :param target_frame: the frame to transform the points into. Without ``fixed_frame``, one in which the
         sensor moves, such as ``odom``.
@@ -122,6 +151,9 @@ def deskew(
     :param target_time: only with ``fixed_frame``; 0: the latest common time of both frames. None: the stamp
         of the cloud.
     :param times: the time of each point, row by row, as for ``buffer.lookup_transforms``, instead of a field.
+    :param time_unit: what a 1 in the field means, if it is another unit: 1e-6 for microseconds; the duration
+        of a sweep if the numbers are fractions of it, from 0 to 1. Then ``time``, ``t`` and ``offset_time``
+        may be of any type, and a sweep of any length.
     :param timeout: how long to wait for the transforms of the last point; only for a ``tf2_ros.Buffer``.
     :param on_missing: ``'raise'`` raises the error of the first point for whose time there is no transform,
         with its index; ``'nan'`` makes the coordinates of such points NaN.
@@ -131,11 +163,12 @@ def deskew(
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
         stays, but with ``fixed_frame`` the time field of each point becomes that of the new stamp.
     :raises TransformException: a point has no transform; see ``buffer.lookup_transform``.
-    :raises TypeError: an argument is of another type, or there is a ``target_time`` without ``fixed_frame``.
+    :raises TypeError: an argument is of another type, there is a ``target_time`` without ``fixed_frame``, or
+        ``time_unit`` beside ``times``.
     :raises ValueError: no field has the times of the points (the text names the fields), a time is not a
-        number, the cloud is inconsistent as for :func:`do_transform_cloud`, or the sensor does not move in
-        ``fixed_frame``, or without one in ``target_frame``, because that frame is the sensor's or moves with
-        it.
+        number, a sweep of more than 3 s or fractions of one need a ``time_unit``, the cloud is inconsistent
+        as for :func:`do_transform_cloud`, or the sensor does not move in ``fixed_frame``, or without one in
+        ``target_frame``, because that frame is the sensor's or moves with it.
 
     Points with a NaN need no time, and have three NaN in the result. Normals and viewpoints are transformed,
     too. Poses are looked up at some times, and between these the points move steadily. There are so many of
@@ -148,6 +181,8 @@ def deskew(
         raise ValueError(f"on_missing: expected 'raise' or 'nan', got {on_missing!r}")
     if target_time is not None and fixed_frame is None:
         raise TypeError("target_time needs a fixed_frame")
+    if times is not None and time_unit is not None:
+        raise TypeError("time_unit is the unit of a field: pass it or times")
     source_frame = frame_of(cloud.header, prefix)
     stamp_ns = new_ns = time_ns(cloud.header.stamp, "header.stamp")
     fixed: dict[str, Any] = {}
@@ -156,13 +191,14 @@ def deskew(
         fixed = {"fixed_frame": fixed_frame, "target_time": max(new_ns, 1)}
     policy = {"tolerance": tolerance, "extrapolate": extrapolate, "max_gap": max_gap}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
-    sweep = _read_sweep(cloud, stamp_ns, times)
-    _wait(motion, sweep.last, timeout, on_missing)
-    stored = {SINCE_1970_S: new_ns / S, SINCE_1970_NS: float(new_ns)}.get(sweep.unit, 0.0) if fixed else None
+    sweep = _read_sweep(cloud, stamp_ns, times, time_unit)
+    _wait(motion, sweep.last, timeout)
+    stored = None
+    if sweep.field is not None and fixed:
+        stored = new_ns / sweep.field.unit.ns if sweep.field.unit.is_absolute else 0.0
 
     def moved(poses: Poses, is_dense: bool) -> tuple[PointCloud2, bool]:
-        time = sweep.name, sweep.unit.code, stamp_ns, stored if sweep.name else None, sweep.times
-        return move_points(cloud, new_ns, target_frame, is_dense, *time, *poses)
+        return move_points(cloud, new_ns, target_frame, is_dense, sweep.field, stored, sweep.times, *poses)
 
     steady = _steady_poses(motion, sweep)
     if sweep.size and (steady is None or _may_rest(steady)):
@@ -172,16 +208,20 @@ def deskew(
         if is_complete:
             return message
     # The sample missed the first or the last time, or a point lacks a time or a transform, or there are few.
-    all_times = np.empty(cloud.height * cloud.width, np.int64) if sweep.times is None else sweep.times.copy()
-    first, last, bad = read_times(cloud, sweep.name, sweep.unit.code, stamp_ns, all_times)
+    all_times = np.empty(sweep.size, np.int64) if sweep.times is None else sweep.times.copy()
+    first, last, bad, found = read_times(cloud, sweep.field, all_times)
     if bad >= 0 and on_missing == "raise":
-        raise ValueError(f"points[{bad}]: {sweep.name} is not a time")
-    _wait(motion, last, timeout, on_missing)
-    if bad < 0 and (first, last) != (sweep.first, sweep.last):
+        name, text = (sweep.field.name, sweep.field.unit.text) if sweep.field else ("its time", "ns")
+        raise ValueError(f"points[{bad}]: {name} is {found:g}, expected a time in {text}")
+    if (first, last) != (sweep.first, sweep.last):
+        _, newest, _ = _without_garbage(all_times[all_times != NO_TIME], sweep.longest_ns)
+        _wait(motion, int(newest), timeout)
         steady = _steady_poses(motion, sweep._replace(first=first, last=last))
         if steady is not None:
-            return moved(steady, cloud.is_dense)[0]
-    exact = _exact_poses(motion, all_times, first, on_missing)
+            message, is_complete = moved(steady, cloud.is_dense)
+            if is_complete:
+                return message
+    exact = _exact_poses(motion, sweep.field, all_times, on_missing)
     is_missing = bool(np.isnan(exact.matrices[:, 0, 0]).any())
     return moved(exact, cloud.is_dense and not is_missing)[0]
 
@@ -189,45 +229,102 @@ def deskew(
 class Sweep(NamedTuple):
     """The times of a cloud's points: in a field, or given."""
 
-    name: str | None
-    unit: Unit
+    field: TimeField | None
     times: NDArray[np.int64] | None
-    first: int  # ns, of a sample of the points; later than `last` if there are none
+    first: int  # ns, of a sample of the points, without garbage; later than `last` if there are none
     last: int
+    longest_ns: int  # of what is not garbage
     size: int  # how many points
 
 
-def _read_sweep(cloud: PointCloud2, stamp_ns: int, times: "TimesLike | None") -> Sweep:
+def _read_sweep(
+    cloud: PointCloud2, stamp_ns: int, times: "TimesLike | None", time_unit: "DurationLike | None"
+) -> Sweep:
     count = cloud.height * cloud.width
     if times is not None:
         given = as_times_ns(times)
         if len(given) != count:
             raise ValueError(f"{count} points, {len(given)} times: each point needs its own time")
-        first, last = (int(given.min()), int(given.max())) if count else (0, -1)
-        return Sweep(None, SECONDS, given, first, last, count)
-    name, unit = _time_field(cloud)
-    lowest, highest = sampled_range(cloud, name)
-    if unit is SINCE_1970_S and highest >= MOST_SECONDS:
-        unit = SINCE_1970_NS
-    if not -HIGHEST < lowest <= highest < HIGHEST:
-        return Sweep(name, unit, None, 0, -1, count)
-    first, last = (_nanoseconds(value, unit, stamp_ns) for value in (lowest, highest))
-    return Sweep(name, unit, None, first, last, count)
+        first, last, _ = _without_garbage(given, LONGEST_NS)
+        return Sweep(None, given, int(first), int(last), LONGEST_NS, count)
+    field = _time_field(cloud, stamp_ns, time_unit)
+    sample = sample_times(cloud, field)
+    is_large = sample >= MOST_SECONDS
+    if time_unit is None and field.unit.is_absolute and 2 * np.count_nonzero(is_large) > len(sample):
+        field = field._replace(unit=Unit(1, True))
+    sample = sample[np.abs(sample) < FARTHEST_NS / field.unit.ns]
+    longest_ns = LONG_NS if time_unit is None else LONGEST_NS
+    lowest, highest, share = _without_garbage(sample, longest_ns / field.unit.ns)
+    if time_unit is None:
+        if share < MOST_POINTS:
+            _require_short(cloud, field, count)
+        _require_seconds(field, lowest, highest)
+    return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), longest_ns, count)
 
 
-def _nanoseconds(value: float, unit: Unit, stamp_ns: int) -> int:
-    if unit in (SECONDS, SINCE_1970_S):
-        ns = int(value) * S + round((value - int(value)) * 1e9)
-    else:
-        ns = int(value)
-    return ns if unit in (SINCE_1970_S, SINCE_1970_NS) else stamp_ns + ns
+def _without_garbage(
+    times: NDArray[np.int64] | NDArray[np.float64], longest: float
+) -> tuple[float, float, float]:
+    """
+    The lowest and the highest number, and the share of numbers between them.
+
+    Of longer sweeps, only numbers close to the middle one count. If there are none, the lowest is above the
+    highest.
+    """
+    if not len(times):
+        return 0, -1, 1.0
+    lowest, highest = times.min().item(), times.max().item()
+    if highest - lowest <= longest:
+        return lowest, highest, 1.0
+    near = times[np.abs(times - np.median(times)) <= longest / 2]
+    if not len(near):
+        return 0, -1, 0.0
+    return near.min().item(), near.max().item(), len(near) / len(times)
 
 
-def _time_field(cloud: PointCloud2) -> tuple[str, Unit]:
+def _require_short(cloud: PointCloud2, field: TimeField, count: int) -> None:
+    """Refuse times that spread over more than a sweep; the sample, which has more of the ends, seemed to."""
+    times = np.empty(count, np.int64)
+    read_times(cloud, field, times)
+    times = times[times != NO_TIME]
+    if _without_garbage(times, LONG_NS)[2] >= MOST_POINTS:
+        return
+    one = field.unit.ns / S
+    ends = np.quantile(times, ((1 - MOST_POINTS) / 2, (1 + MOST_POINTS) / 2))
+    low, high = ((int(end) - field.base_ns) / field.unit.ns for end in ends)
+    wraps = ", negative from 2^31 on" if field.datatype == PointField.INT32 else ""
+    raise ValueError(
+        f"{field.name} is from {low:.10g} to {high:.10g} for 9 of 10 points, a sweep of "
+        f"{(high - low) * one:.6g} s if these are {field.unit.text}{wraps}: pass time_unit={one:g} if they "
+        "are, or else the unit, for example time_unit=1e-6 for µs"
+    )
+
+
+def _require_seconds(field: TimeField, lowest: float, highest: float) -> None:
+    """Refuse fractions of a sweep; hardly any lidar needs a second for one."""
+    if field.unit == KNOWN["time"][1] and 0 <= lowest and 0.9 < highest - lowest and highest <= 1:
+        raise ValueError(
+            f"{field.name} is from {lowest:.3g} to {highest:.3g}, which may be seconds or fractions of a "
+            "sweep: pass time_unit=1.0, or the duration of a sweep, for example time_unit=0.1"
+        )
+
+
+def _time_field(cloud: PointCloud2, stamp_ns: int, time_unit: "DurationLike | None") -> TimeField:
+    unit_ns = None if time_unit is None else duration_ns(time_unit, "time_unit")
+    if unit_ns is not None and unit_ns < 1:
+        raise ValueError(f"time_unit: expected at least 1 ns, got {unit_ns} ns")
     datatypes = {field.name: field.datatype for field in reversed(list(cloud.fields))}
     for name, (accepted, unit) in KNOWN.items():
-        if datatypes.get(name) in accepted:
-            return name, unit
+        datatype = datatypes.get(name, 0)
+        takes_any = unit_ns is not None and not unit.is_absolute
+        if datatype not in accepted and not (takes_any and datatype in NAMES):
+            continue
+        base_ns = 0 if unit.is_absolute else stamp_ns
+        if unit_ns is not None:
+            return TimeField(name, datatype, unit._replace(ns=unit_ns), base_ns)
+        # Ouster's driver wrote the time of a point before the stamp as it is in 32 bits.
+        signed = PointField.INT32 if datatype == PointField.UINT32 else datatype
+        return TimeField(name, signed, unit, base_ns)
     found = _listed(f"{printable(field.name)} ({NAMES.get(field.datatype, '?')})" for field in cloud.fields)
     known = _listed(
         f"{name} ({' or '.join(NAMES[datatype] for datatype in accepted)})"
@@ -294,13 +391,13 @@ def _body(frames: dict[str, FrameInfo], frame: str, other: str) -> str:
     return frame
 
 
-def _wait(motion: Motion, last: int, timeout: "DurationLike", on_missing: str) -> None:
-    """Wait for the transform of the last point; with ``'nan'``, the lookups decide what is missing."""
-    if duration_ns(timeout, "timeout") <= 0 or last < 0:
+def _wait(motion: Motion, last: int, timeout: "DurationLike") -> None:
+    """Wait for the transform of the last point. Whether there is one, the lookups say."""
+    if duration_ns(timeout, "timeout") <= 0 or not 0 <= last < MOST_SECONDS * S:
         return
     buffer: Any = motion.buffer
     target, source, time = motion.target_frame, motion.source_frame, max(last, 1)
-    try:
+    with contextlib.suppress(ExtrapolationException):
         if motion.fixed:
             fixed_frame, target_time = motion.fixed["fixed_frame"], motion.fixed["target_time"]
             buffer.lookup_transform_full(
@@ -308,9 +405,6 @@ def _wait(motion: Motion, last: int, timeout: "DurationLike", on_missing: str) -
             )
         else:
             buffer.lookup_transform(target, source, time, timeout, **motion.policy)
-    except ExtrapolationException:
-        if on_missing == "raise":
-            raise
 
 
 def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
@@ -344,12 +438,20 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
     return Poses(knots, matrices)
 
 
-def _exact_poses(motion: Motion, times: NDArray[np.int64], first: int, on_missing: str) -> Poses:
+def _exact_poses(motion: Motion, field: TimeField | None, times: NDArray[np.int64], on_missing: str) -> Poses:
     """One pose for each point; NaN for points without a time."""
-    without = times == np.iinfo(np.int64).min
-    if without.all():
-        matrices = np.full((len(times), 4, 4), np.nan)
-    else:
-        matrices = motion.matrices(np.where(without, first, times), on_missing=on_missing)
-        matrices[without] = np.nan
+    matrices = np.full((len(times), 4, 4), np.nan)
+    [points] = np.nonzero(times != NO_TIME)
+    try:
+        matrices[points] = motion.matrices(times[points], on_missing=on_missing)
+    except TransformException as error:
+        failed = re.match(r"times\[(\d+)\]: ", str(error))
+        if failed is None:
+            raise
+        point = points[int(failed[1])]
+        where = f"times[{point}]"
+        if field is not None:
+            number = (int(times[point]) - field.base_ns) / field.unit.ns
+            where = f"points[{point}], {field.name} = {number:.16g} {field.unit.text}"
+        raise type(error)(f"{where}: {str(error)[failed.end() :]}") from None
     return Poses(None, matrices)

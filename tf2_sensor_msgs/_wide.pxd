@@ -4,6 +4,7 @@ Products and sums are those of the plain loop, in double precision and in the sa
 """
 
 from libc.stddef cimport ptrdiff_t
+from libc.stdint cimport int64_t
 
 
 cdef extern from *:
@@ -12,11 +13,13 @@ cdef extern from *:
     #include <stdint.h>
     #include <string.h>
 
-    /* Where the time of a point is, and what is done to the number to get ns since the first knot. */
+    /* Where the time of a point is, and what the number means. */
     struct TimeSource {
         ptrdiff_t offset;       /* bytes from the start of the point */
         int number;             /* its type, see Number; 0: there is no field */
-        double minus, times, plus;
+        int64_t unit_ns;        /* of a 1 */
+        int64_t base_ns;        /* the time that 0 means */
+        double minus, times, plus;  /* what gives ns since the first knot: (number - minus) * times + plus */
     };
 
     struct Knots {
@@ -103,12 +106,16 @@ cdef extern from *:
                 float single;
                 memcpy(&single, points + time->offset, 4);
                 after = single;
+            } else if (number == 5) {
+                int32_t whole;
+                memcpy(&whole, points + time->offset, 4);
+                after = whole;
             } else {
                 uint32_t whole;
                 memcpy(&whole, points + time->offset, 4);
                 after = whole;
             }
-            if (number == 8)  /* the others follow the stamp */
+            if (number == 8)  /* of the others, minus is 0 */
                 after -= minus;
             after = __builtin_fma(after, times, plus);
             if (!(after >= begin && after < end)) {
@@ -153,6 +160,8 @@ cdef extern from *:
             return move_floats(points, step, count, xyz, time, 7, knots);
         if (time->number == 8)
             return move_floats(points, step, count, xyz, time, 8, knots);
+        if (time->number == 5)
+            return move_floats(points, step, count, xyz, time, 5, knots);
         if (time->number == 6)
             return move_floats(points, step, count, xyz, time, 6, knots);
         return 0;
@@ -202,6 +211,8 @@ cdef extern from *:
     struct TimeSource:
         ptrdiff_t offset
         int number
+        int64_t unit_ns
+        int64_t base_ns
         double minus
         double times
         double plus

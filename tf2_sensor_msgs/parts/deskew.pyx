@@ -1,27 +1,20 @@
 # Move each point of a cloud with the pose of its own time: the loops of deskew, which _deskew.py calls.
 
-cdef enum TimeUnit:
-    # What the number in a time field means; the second two are absolute.
-    AFTER_STAMP_S
-    AFTER_STAMP_NS
-    SINCE_1970_S
-    SINCE_1970_NS
-
-
 # A point without a time, because one of its coordinates is NaN.
 cdef int64_t NO_TIME = INT64_MIN
 
 
-cdef int _read_time_field(object cloud, str name, Py_ssize_t point_step, TimeSource* out) except -1:
-    # Only where the field is, and its type; None: there is none.
+cdef int _read_time_field(object cloud, object times, Py_ssize_t point_step, TimeSource* out) except -1:
+    # `times`: a TimeField of _deskew.py; None: there is no field.
     cdef Triples found
-    out.number = 0
-    out.offset = 0
-    if name is None:
+    memset(out, 0, sizeof(TimeSource))
+    if times is None:
         return 0
-    _read_coordinate(_fields_by_name(cloud)[name], name, point_step, &found, 0)
+    _read_coordinate(_fields_by_name(cloud)[times.name], times.name, point_step, &found, 0)
     out.offset = found.offsets[0]
-    out.number = found.numbers[0]
+    out.number = times.datatype
+    out.unit_ns = times.unit_ns
+    out.base_ns = times.base_ns
     if bool(get_field(cloud_layout, cloud, "is_bigendian")) != IS_BIG_MACHINE:
         out.number |= OTHER_ORDER
     return 0
@@ -42,64 +35,70 @@ cdef enum:
     ENDS = 128              # ... and of each row as many from its beginning and its end, or one of `SAMPLED`
 
 
-cdef void _sample_row(const char* place, const Grid* grid, int number, double* lowest,
-                      double* highest) noexcept nogil:
-    # NaN changes nothing.
+cdef Py_ssize_t _most_sampled(Py_ssize_t columns) noexcept nogil:
+    # Of a row.
+    return min(columns, 2 * ENDS + columns // SAMPLED + 2)
+
+
+cdef Py_ssize_t _sample_row(const char* row, const Grid* grid, const TimeSource* field,
+                            double* out) noexcept nogil:
+    # Returns how many numbers there are.
     cdef Py_ssize_t count = grid.columns
     cdef Py_ssize_t ends = min(<Py_ssize_t>ENDS, 1 + count // SAMPLED)
+    cdef Py_ssize_t found = 0
     cdef Py_ssize_t i = 0
-    cdef double value
+    cdef const char* point
     while i < count:
-        value = number_load(place + i * grid.point_step, number)
-        lowest[0] = value if value < lowest[0] else lowest[0]
-        highest[0] = value if value > highest[0] else highest[0]
+        point = row + i * grid.point_step
+        out[found] = number_load(point + field.offset, field.number)
+        if isfinite(out[found]) and not _has_nan(point, &grid.triples[0]):
+            found += 1
         i += 1 if i < ends or i >= count - ends else min(<Py_ssize_t>SAMPLED, count - ends - i)
+    return found
 
 
-def sampled_range(cloud, str name):
+def sample_times(cloud, times):
     """
-    The lowest and the highest number in a field; infinity and -infinity if there is none.
+    The finite numbers in a field, of a sample of the points that have coordinates.
 
-    Only a sample of the points is read: most lidars write them in an order in which the first or the last
-    point of some row is the earliest or the latest one. ``move_points`` reports if that is not so.
+    Most lidars write points in an order in which the first or the last point of some row is the earliest or
+    the latest one. ``move_points`` reports if that is not so.
+
+    :param times: a ``TimeField``.
     """
     cdef Grid grid
     cdef Py_buffer source
     cdef TimeSource field
-    cdef double lowest = INFINITY
-    cdef double highest = -INFINITY
+    cdef cnp.ndarray sample
+    cdef double* numbers
     cdef Py_ssize_t row
+    cdef Py_ssize_t count = 0
     _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
     try:
         _read_points(cloud, source.len, &grid)
-        _read_time_field(cloud, name, grid.point_step, &field)
+        _read_time_field(cloud, times, grid.point_step, &field)
+        sample = np.empty(<object>grid.rows * _most_sampled(grid.columns))
+        numbers = <double*>cnp.PyArray_DATA(sample)
         with nogil:
-            for row in range(grid.rows):
-                _sample_row(<const char*>source.buf + row * grid.row_step + field.offset, &grid, field.number,
-                            &lowest, &highest)
+            for row in range(grid.rows if grid.columns > 0 else 0):
+                count += _sample_row(<const char*>source.buf + row * grid.row_step, &grid, &field,
+                                     numbers + count)
     finally:
         PyBuffer_Release(&source)
-    return lowest, highest
+    return sample[:count]
 
 
-cdef bint _time_of(const char* place, int number, int unit, int64_t stamp_ns, int64_t* out) noexcept nogil:
-    # The time of a point in ns; False if the number is not one.
-    cdef double value = number_load(place, number)
-    cdef int64_t seconds
-    if not -9.2e18 < value < 9.2e18:
+cdef bint _time_of(const char* point, const TimeSource* field, int64_t* out) noexcept nogil:
+    # The time of a point in ns; False if the number is not one. The limit of 2^62 ns, 146 years, leaves room
+    # for the time that 0 means.
+    cdef double value = number_load(point + field.offset, field.number)
+    cdef double unit = <double>field.unit_ns
+    cdef int64_t whole
+    if not fabs(value * unit) < 4611686018427387904.0:
         return False
-    if unit == AFTER_STAMP_NS:
-        out[0] = stamp_ns + <int64_t>value
-    elif unit == SINCE_1970_NS:
-        out[0] = <int64_t>value
-    elif not -9.2e9 < value < 9.2e9:
-        return False
-    elif unit == AFTER_STAMP_S:
-        out[0] = stamp_ns + llrint(value * 1e9)
-    else:
-        # The product would lose digits of the nanoseconds.
-        seconds = <int64_t>value
-        out[0] = seconds * 1000000000 + llrint((value - <double>seconds) * 1e9)
+    # The product with the whole value would lose digits of the nanoseconds.
+    whole = <int64_t>value
+    out[0] = field.base_ns + whole * field.unit_ns + llrint((value - <double>whole) * unit)
     return True
 
 
@@ -111,31 +110,31 @@ cdef bint _has_nan(const char* point, const Triples* triples) noexcept nogil:
     return False
 
 
-def read_times(cloud, str name, int unit, int64_t stamp_ns, cnp.ndarray times):
+def read_times(cloud, field, cnp.ndarray times):
     """
     Read the time of each point of a cloud that has three coordinates.
 
-    :param name: of a field; None: ``times`` holds the times already.
-    :param unit: a ``TimeUnit``.
+    :param field: a ``TimeField``; None: ``times`` holds the times already.
     :param times: int64 nanoseconds, one for each point, row by row; receives the times, and the least integer
         where a point has none.
-    :return: the first and the last time, the first later than the last if there are none; and the index of
-        the first point whose time is not a number, or -1.
+    :return: the first and the last time, the first later than the last if there are none; the index of the
+        first point that has coordinates, but whose time is not a number, or -1; and what is there instead.
     """
     cdef Grid grid
     cdef Py_buffer source
-    cdef TimeSource field
+    cdef TimeSource at
     cdef int64_t* times_ns = <int64_t*>cnp.PyArray_DATA(times)
     cdef int64_t first_ns = INT64_MAX
     cdef int64_t last_ns = INT64_MIN
     cdef Py_ssize_t bad = -1
+    cdef double bad_value = NAN
     cdef Py_ssize_t row, column, i
     cdef const char* point
     _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
     try:
         _read_points(cloud, source.len, &grid)
         _require_times(&grid, times)
-        _read_time_field(cloud, name, grid.point_step, &field)
+        _read_time_field(cloud, field, grid.point_step, &at)
         with nogil:
             for row in range(grid.rows):
                 for column in range(grid.columns):
@@ -144,16 +143,18 @@ def read_times(cloud, str name, int unit, int64_t stamp_ns, cnp.ndarray times):
                     if _has_nan(point, &grid.triples[0]):
                         times_ns[i] = NO_TIME
                         continue
-                    if field.number and not _time_of(point + field.offset, field.number, unit, stamp_ns,
-                                                     &times_ns[i]):
+                    if at.number and not _time_of(point, &at, &times_ns[i]):
                         times_ns[i] = NO_TIME
+                        if bad < 0:
+                            bad_value = number_load(point + at.offset, at.number)
+                    if times_ns[i] == NO_TIME:
                         bad = i if bad < 0 else bad
                         continue
                     first_ns = min(first_ns, times_ns[i])
                     last_ns = max(last_ns, times_ns[i])
     finally:
         PyBuffer_Release(&source)
-    return first_ns, last_ns, bad
+    return first_ns, last_ns, bad, bad_value
 
 
 cdef int _require_times(const Grid* grid, cnp.ndarray times) except -1:
@@ -188,13 +189,14 @@ cdef void _pose_of(Motion* motion, const char* point, const Triples* triples, Py
             out.translation[row] = motion.matrices[16 * i + 4 * row + 3]
         return
     if motion.times_ns != NULL:
-        ns = <double>(motion.times_ns[i] - motion.base_ns) if motion.times_ns[i] != NO_TIME else 0.0
+        # Unsigned, because the difference may not fit.
+        ns = <double><int64_t>(<uint64_t>motion.times_ns[i] - <uint64_t>motion.base_ns)
     else:
         ns = number_load(point + motion.field.offset, motion.field.number)
         ns = fma(ns - motion.field.minus, motion.field.times, motion.field.plus)
-        if not knots_include(&motion.poses, ns):
-            motion.is_complete = motion.is_complete and _has_nan(point, triples)
-            ns = 0.0
+    if not knots_include(&motion.poses, ns):
+        motion.is_complete = motion.is_complete and _has_nan(point, triples)
+        ns = 0.0
     knot = knot_before(&motion.poses, ns)
     ns = max(ns - motion.poses.ns[knot], 0.0)
     column = motion.poses.columns + 16 * knot
@@ -351,9 +353,7 @@ def move_points(
     int64_t new_stamp_ns,
     str frame_id,
     is_dense,
-    str name,
-    int unit,
-    int64_t stamp_ns,
+    field,
     stored,
     cnp.ndarray times,
     cnp.ndarray knots_ns,
@@ -363,8 +363,7 @@ def move_points(
     Make a cloud in which each point is moved by the pose of its own time.
 
     :param new_stamp_ns: of the new cloud, which is in ``frame_id``.
-    :param name: of the field with the times; None: there is none.
-    :param unit: a ``TimeUnit``, the meaning of that field, and ``stamp_ns`` the stamp that it refers to.
+    :param field: the ``TimeField`` with the times; None: there is none.
     :param stored: a number that each point gets in that field; None: they keep theirs.
     :param times: int64 nanoseconds, one for each point, instead of the field; None: use the field.
     :param knots_ns: int64 nanoseconds, ascending: the times of the poses, between which they change steadily;
@@ -377,7 +376,7 @@ def move_points(
     cdef Motion motion
     cdef Transform identity
     cdef array.array data
-    cdef int64_t seconds
+    cdef int64_t whole
     cdef bint store = stored is not None
     cdef double value = stored if store else 0.0
     cdef cnp.ndarray knots
@@ -409,20 +408,14 @@ def move_points(
             _require_times(&grid, times)
         if motion.matrices != NULL:
             _require_times(&grid, matrices)
-        _read_time_field(cloud, name, grid.point_step, &motion.field)
-        motion.field.minus = 0.0
-        motion.field.times = 1.0
-        motion.field.plus = <double>(stamp_ns - motion.base_ns)
-        if unit == AFTER_STAMP_S:
-            motion.field.times = 1e9
-        elif unit == SINCE_1970_S:
-            seconds = motion.base_ns // 1000000000
-            motion.field.minus = <double>seconds
-            motion.field.times = 1e9
-            motion.field.plus = <double>(seconds * 1000000000 - motion.base_ns)
-        elif unit == SINCE_1970_NS:
-            motion.field.minus = <double>motion.base_ns
-            motion.field.plus = <double>(<int64_t>motion.field.minus - motion.base_ns)
+        _read_time_field(cloud, field, grid.point_step, &motion.field)
+        if field is not None:
+            if motion.field.number & ~<int>OTHER_ORDER == FLOAT64:
+                # Exact, also for a time since 1970: the digits before the first knot are not multiplied.
+                motion.field.minus = <double>((motion.base_ns - motion.field.base_ns) // motion.field.unit_ns)
+            motion.field.times = <double>motion.field.unit_ns
+            whole = <int64_t>motion.field.minus * motion.field.unit_ns
+            motion.field.plus = <double>(motion.field.base_ns + whole - motion.base_ns)
         _add_directions(cloud, _fields_by_name(cloud), &identity, &grid)
         for i in range(grid.triple_count):
             grid.triples[i].step = grid.point_step

@@ -1,22 +1,31 @@
 """Frozen files: what is opened answers as before, memory is shared, and bad files are refused."""
 
 import copy
+import ctypes
 import math
 import os
 import pickle
 import random
 import resource
+import signal
 import struct
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
-from frozen_files import HEADER, FrozenFile
+from frozen_files import FRAME, HEADER, LINE, FrozenFile
 from making import S, about_z, at_ns, transform
+from processes import DEADLINE_S
 from repetitions import first_seed, times
 from travelling import check_copy, filled, held
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer
+
+CHECKED_AT_ONCE = 1 << 20  # samples, until the checks see a signal
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
 
@@ -287,6 +296,54 @@ def test_a_state_without_a_file_is_refused(frozen, buffer):
     check_copy(buffer, filled(BufferCore(20.0, max_frames=20, max_bytes=50_000)))
 
 
+# What others do to the file meanwhile.
+
+
+def test_a_mapped_file_may_be_replaced_and_deleted(buffer, path):
+    buffer.freeze(path)
+    opened = BufferCore.open(path)
+    large().freeze(path)
+    path.unlink()
+    check_copy(opened, buffer)
+    opened._self_check()
+
+
+@pytest.mark.parametrize("size", [0, 100, 4096])
+def test_a_file_that_was_read_may_be_changed_and_shortened(size, path):
+    buffer = large()
+    buffer.freeze(path)
+    opened = BufferCore.open(path, copy=True)
+    path.chmod(0o600)
+    path.write_bytes(b"x" * size)
+    check_copy(opened, buffer)
+    opened._self_check()
+
+
+READS_A_SHORTENED_FILE = """
+import os, sys
+from tf2_py import BufferCore
+
+buffer = BufferCore.open(sys.argv[1])
+os.chmod(sys.argv[1], 0o600)
+os.truncate(sys.argv[1], 4096)
+print("opened", flush=True)
+buffer._self_check()
+print("read")
+"""
+
+
+def test_reading_the_missing_part_of_a_shortened_file_ends_the_process(path):
+    large().freeze(path)
+    run = subprocess.run(
+        [sys.executable, "-c", READS_A_SHORTENED_FILE, path],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+    )
+    assert run.stdout == "opened\n"
+    assert run.returncode != 0
+
+
 # Writing.
 
 
@@ -365,6 +422,27 @@ def test_a_file_with_any_bit_changed_or_cut_off_anywhere_is_refused(file, path, 
         BufferCore.open(damaged)
 
 
+def long_buffer(count):
+    """A buffer with so many samples of a frame."""
+    buffer = BufferCore(math.inf)
+    transforms = np.zeros((count, 7))
+    transforms[:, 6] = 1
+    samples = {
+        "frames": [("base", False, "x", count)],
+        "stamps": np.arange(1, count + 1),
+        "transforms": transforms,
+        "parents": np.ones(count, np.uint32),
+        "parent_names": ["", "map"],
+    }
+    buffer.__setstate__(buffer.__getstate__() | samples)
+    return buffer
+
+
+def resident_bytes():
+    """Of this process, those of mapped files included."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
 def in_frame(name, **changes):
     return lambda file: file.change_frame(file.number(name), **changes)
 
@@ -390,6 +468,35 @@ def close_a_loop(file):
     file.change_frame(odom, newest_parent=base)
 
 
+def name_start(file, name):
+    return file.frame(file.number(name)).name_start
+
+
+def authority_start(file):
+    return HEADER.size + FRAME.size * len(file.frames)
+
+
+def another_line_of_names(file):
+    """A line of zeros more than the names need."""
+    size = file.header.index_bytes
+    file.data[size:size] = bytes(LINE)
+    file.change_header(file_bytes=len(file.data), index_bytes=size + LINE)
+    for number, frame in enumerate(file.frames, start=1):
+        if frame.data_start:
+            file.change_frame(number, data_start=frame.data_start + LINE)
+
+
+FIELDS_OF_SAMPLES = (
+    "authority",
+    "newest_parent",
+    "count",
+    "parent_changes",
+    "data_start",
+    "checksum",
+    "oldest_ns",
+    "newest_ns",
+)
+
 HOSTILE = {
     "it has another version of the format than 1": lambda file: file.change_header(version=2),
     "its header has an unknown flag": lambda file: file.change_header(flags=2),
@@ -401,20 +508,37 @@ HOSTILE = {
     "its cache time or limits": lambda file: file.change_header(cache_time_ns=-1),
     "its cache time or limits ": lambda file: file.change_header(max_frames=0),
     "its frames do not have the samples": lambda file: file.change_header(sample_count=1 << 63),
+    "a reserved byte of its header": lambda file: file.change("I", 68, 1),
+    "a reserved byte of its header ": lambda file: file.change("B", 80, 1),
+    "a reserved byte of its header  ": lambda file: file.change("B", 127, 1),
     "frame 1.*its name is not a text": lambda file: file.change_frame(1, name_start=(1 << 64) - 1),
     "frame 1.*its name is not a text ": lambda file: file.change_frame(1, name_size=0xFFFFFFFF),
     "frame 1.*its name is not a text  ": lambda file: file.change_frame(1, name_size=0),
     "frame 1.*its name is not a text   ": lambda file: file.change("B", file.frame(1).name_start, 0xFF),
     "frame 1.*its name is not a text    ": lambda file: file.change("B", file.frame(1).name_start, 0),
-    "frame 2.*that of another frame": lambda file: file.change_frame(
+    "frame 2.*its name is not a text behind the name before": lambda file: file.change_frame(
         2, name_start=file.frame(1).name_start, name_size=file.frame(1).name_size
     ),
-    "the name of an authority": lambda file: file.change("Q", HEADER.size + 64 * len(file.frames), 1 << 63),
+    "that of another frame": lambda file: file.change(
+        "4s", file.frame(file.number("odom")).name_start, b"base"
+    ),
+    "the name of an authority": lambda file: file.change("Q", authority_start(file), 1 << 63),
+    "the name of an authority ": lambda file: file.change("Q", authority_start(file), HEADER.size),
+    "a reserved byte of an authority": lambda file: file.change("I", authority_start(file) + 12, 1),
+    "its index does not end with its names": lambda file: file.change("B", file.header.index_bytes - 1, 1),
+    "its index does not end with its names ": another_line_of_names,
     "frame .*, odom: an unknown kind": in_frame("odom", kind=3),
     "frame .*, odom: an unknown flag": in_frame("odom", flags=2),
-    "frame .*, odom: samples of a frame that was never a child": in_frame("odom", kind=0),
+    "frame .*, odom: facts about samples, of a frame that was never a child": in_frame("odom", kind=0),
+    **{
+        f"frame .*, map: facts about samples, of a frame that was never a child{' ' * i}": in_frame(
+            "map", **{field: 1}
+        )
+        for i, field in enumerate(FIELDS_OF_SAMPLES)
+    },
     "frame .*, map: its number of samples": in_frame("map", kind=1),
     "frame .*, map: a frame that no sample needs": in_frame("map", flags=0),
+    "frame .*, camera: a frame that is said to be a parent, and is none": in_frame("camera", flags=1),
     "frame .*, odom: its number of samples": in_frame("odom", count=0),
     "frame .*, odom: its number of samples ": in_frame("odom", count=0xFFFFFFFF),
     "frame .*, odom: its number of samples  ": in_frame("odom", parent_changes=100),
@@ -436,6 +560,8 @@ HOSTILE = {
     "frame .*, odom: sample 1: a translation": in_sample("odom", "d", 0, math.inf, index=1),
     "frame .*, odom: sample 1: a rotation that": in_sample("odom", "d", 24, math.nan, index=1),
     "frame .*, odom: sample 0: a rotation without": in_sample("odom", "4d", 24, 0.0, 0.0, 0.0, -1.0),
+    "frame .*, odom: a reserved byte of a sample": in_sample("odom", "I", 60, 1, index=1),
+    "frame .*, camera: a byte between its stamps and its samples": in_stamp("camera", 1, 1),
     "frame .*, odom: sample 0: a sample without parent": in_sample("odom", "I", 56, 0),
     "frame .*, base: sample 0: a parent that is not a frame": in_sample("base", "I", 56, 1 << 31),
     "frame .*, base: sample 0: a parent that is not marked": lambda file: in_sample(
@@ -455,6 +581,42 @@ def test_a_file_that_was_made_to_break_something_is_refused(why, file, path):
     replace(path, file.data)
     with pytest.raises(ValueError, match=f"robot.tf2: .*{why.strip()}"):
         BufferCore.open(path)
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"frame_count": 1 << 30}, {"authority_count": 1}, {"index_bytes": 128}]
+)
+def test_a_file_of_holes_is_refused_at_once(changes, path):
+    # Its header claims a terabyte, of which no byte was written.
+    BufferCore().freeze(path)
+    file = FrozenFile(path.read_bytes())
+    file.change_header(**{"file_bytes": 1 << 40, "index_bytes": 1 << 40} | changes)
+    replace(path, file.data[: HEADER.size])
+    os.truncate(path, 1 << 40)
+    read = resident_bytes()
+    # Of the others, a copy would take all memory: their headers are possible.
+    for copies in (False, True) if not changes else (False,):
+        with pytest.raises(ValueError, match=r"robot.tf2: "):
+            BufferCore.open(path, copy=copies)
+    assert resident_bytes() - read < 1 << 28
+
+
+def test_a_signal_handler_that_raises_ends_the_checks(buffer, path):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    long_buffer(CHECKED_AT_ONCE).freeze(path)
+    before = signal.signal(signal.SIGUSR1, interrupt)
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            # The last call before the checks. It is a function in C, so the handler does not run in it.
+            patch.setattr(os, "close", partial(ctypes.CDLL(None)["raise"], int(signal.SIGUSR1)))
+            with pytest.raises(KeyboardInterrupt):
+                buffer.__setstate__({"frozen": (str(path), False)})
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    check_copy(buffer, filled(BufferCore(20.0, max_frames=20, max_bytes=50_000)))
+    assert BufferCore.open(path).statistics()["samples"] == CHECKED_AT_ONCE
 
 
 def test_a_loop_that_the_header_admits_is_that_of_a_buffer(file, path):

@@ -3,7 +3,7 @@
 import struct
 from typing import NamedTuple
 
-HEADER = struct.Struct("<8sIIQQQqQIIIIQ48x")
+HEADER = struct.Struct("<8sIIQQQqQIIIIQ48s")
 FRAME = struct.Struct("<QIHHIIIIQQqq")
 NAME = struct.Struct("<QI4x")
 LINE = 64
@@ -26,6 +26,7 @@ class Header(NamedTuple):
     authority_count: int
     reserved: int
     sample_count: int
+    reserved_line: bytes
 
 
 class Frame(NamedTuple):

@@ -78,8 +78,12 @@ cdef inline size_t frozen_stamp_bytes(uint32_t count) noexcept nogil:
 
 
 cdef void frozen_header_begin(FrozenHeader* header) noexcept nogil
-# Whether header and index are those of a file of the size of the mapping.
-cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil
+# NULL, or why it is not the header of a file of this size. A shorter file: with zeros behind it.
+cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil
+# Whether header and index are those of a file of the size of the mapping, which holds a header at least. If
+# `stop` says yes, this and frozen_read return some problem.
+cdef FrozenProblem frozen_check_index(const FileMapping* mapping, StopAsked stop) noexcept nogil
 # Makes a tree whose histories lie in the mapping, after frozen_check_index. `checks_samples`: refuse samples
 # that no tree holds; without it, they must have been checked before. tree_free is due in any case.
-cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* tree) noexcept nogil
+cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, StopAsked stop,
+                               Tree* tree) noexcept nogil

@@ -12,6 +12,10 @@ cdef extern from *:
     uint64_t _mixed "TF2_MIXED"(uint64_t lane, uint64_t word) nogil
 
 
+cdef enum:
+    SUMMED_AT_ONCE = 4096       # samples of which the checksum reads what the processor still has
+
+
 cdef void checksum_begin(Checksum* checksum) noexcept nogil:
     cdef uint32_t i
     for i in range(8):
@@ -74,26 +78,36 @@ cdef inline FrozenProblem _problem_of_frame(FrameId frame, const char* text) noe
     return problem
 
 
-cdef const char* _header_problem(const FileMapping* mapping) noexcept nogil:
-    cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
+cdef bint _is_zero(const void* bytes, size_t size) noexcept nogil:
+    cdef size_t i
+    for i in range(size):
+        if (<const char*>bytes)[i] != 0:
+            return False
+    return True
+
+
+cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil:
     cdef uint64_t records
-    if mapping.size < sizeof(header.magic) or memcmp(header.magic, FROZEN_MAGIC, sizeof(header.magic)) != 0:
+    cdef uint64_t names = <uint64_t>header.frame_count + header.authority_count
+    if memcmp(header.magic, FROZEN_MAGIC, sizeof(header.magic)) != 0:
         return "it is not a frozen buffer"
-    if mapping.size < sizeof(FrozenHeader):
+    if file_bytes < sizeof(FrozenHeader):
         return "it is cut off in its header"
     if header.version != FROZEN_VERSION:
         return "it has another version of the format than 1"
-    if header.file_bytes != mapping.size:
+    if header.file_bytes != file_bytes:
         return "its size is not that in its header: it is cut off, or was changed"
     # None of these sums can overflow: both counts have 32 bits.
     records = sizeof(FrozenHeader) + <uint64_t>header.frame_count * sizeof(FrozenFrame)
     records += <uint64_t>header.authority_count * sizeof(FrozenName)
-    if header.index_bytes > mapping.size or header.index_bytes % LINE_BYTES or header.index_bytes < records:
+    # A name has up to 2^32 bytes.
+    if (header.index_bytes > file_bytes or header.index_bytes % LINE_BYTES or header.index_bytes < records
+            or (header.index_bytes - records) // LINE_BYTES > names << 26):
         return "the size of its index does not fit"
-    if frozen_checksum(header, header.index_bytes) != header.checksum:
-        return "the checksum of its index is wrong"
     if header.flags & ~<uint32_t>FROZEN_LOOPED:
         return "its header has an unknown flag"
+    if header.reserved or not _is_zero(header.reserved_line, sizeof(header.reserved_line)):
+        return "a reserved byte of its header is not 0"
     if header.cache_time_ns < 0 or header.max_frames == 0 or header.max_bytes == 0:
         return "its cache time or limits are out of range"
     return NULL
@@ -103,26 +117,33 @@ cdef inline const FrozenFrame* _frames_of(const FrozenHeader* header) noexcept n
     return <const FrozenFrame*>(header + 1)
 
 
-cdef bint _is_name(const FrozenHeader* header, uint64_t start, uint32_t size) noexcept nogil:
-    # Whether a text lies in the index, and may be a name.
-    cdef const unsigned char* text
-    if start > header.index_bytes or size > header.index_bytes - start:
+cdef struct Ends:
+    # Where what has been checked ends, from the beginning of the file.
+    uint64_t names
+    uint64_t samples
+
+
+cdef bint _is_next_name(const FrozenHeader* header, uint64_t start, uint32_t size, Ends* ends) noexcept nogil:
+    # Whether a text lies behind the one before, in the index, and may be a name.
+    cdef const unsigned char* text = <const unsigned char*>header + ends.names
+    if start != ends.names or size > header.index_bytes - start:
         return False
-    text = <const unsigned char*>header + start
-    return is_utf8(text, size) and (size == 0 or memchr(text, 0, size) == NULL)
+    ends.names += size
+    # First the zeros: a hole in a file may be long.
+    return (size == 0 or memchr(text, 0, size) == NULL) and is_utf8(text, size)
 
 
-cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, uint64_t* end) noexcept nogil:
-    # `end`: where the samples of the previous frame end, and then where those of this one do.
+cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, Ends* ends) noexcept nogil:
     cdef const FrozenFrame* record = _frames_of(header) + (frame - 1)
     cdef uint64_t bytes = frozen_stamp_bytes(record.count) + <uint64_t>record.count * sizeof(Sample)
-    if record.name_size == 0 or not _is_name(header, record.name_start, record.name_size):
-        return "its name is not a text within the index"
+    if record.name_size == 0 or not _is_next_name(header, record.name_start, record.name_size, ends):
+        return "its name is not a text behind the name before, in the index"
     if record.flags & ~FROZEN_PARENT:
         return "an unknown flag"
     if record.kind == HISTORY_NONE:
-        if record.count or record.parent_changes or record.newest_ns or record.oldest_ns:
-            return "samples of a frame that was never a child"
+        if (record.authority or record.newest_parent or record.count or record.parent_changes
+                or record.data_start or record.checksum or record.oldest_ns or record.newest_ns):
+            return "facts about samples, of a frame that was never a child"
         if not record.flags & FROZEN_PARENT:
             return "a frame that no sample needs"
         return NULL
@@ -136,35 +157,47 @@ cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, uint6
         return "an authority that is not in the file"
     if record.newest_parent == 0 or record.newest_parent > header.frame_count:
         return "a parent that is not in the file"
-    if record.data_start != end[0] or bytes > header.file_bytes - end[0]:
+    if record.data_start != ends.samples or bytes > header.file_bytes - ends.samples:
         return "its samples are not where the file has them"
-    end[0] += bytes
+    ends.samples += bytes
     return NULL
 
 
-cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil:
+cdef FrozenProblem frozen_check_index(const FileMapping* mapping, StopAsked stop) noexcept nogil:
+    # The checksum last: a header may claim an index of any size, and only the rest bounds how much is read.
     cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
     cdef const FrozenName* authorities
-    cdef const char* text = _header_problem(mapping)
-    cdef uint64_t end, i
+    cdef const char* text = frozen_check_header(header, mapping.size)
     cdef uint64_t samples = 0
+    cdef uint32_t i
+    cdef Ends ends
     if text != NULL:
         return _problem_of(text)
-    end = header.index_bytes
+    authorities = <const FrozenName*>(_frames_of(header) + header.frame_count)
+    ends.names = <uint64_t>(<const char*>(authorities + header.authority_count) - <const char*>header)
+    ends.samples = header.index_bytes
     for i in range(header.frame_count):
         # Ids are smaller than a flag of the tree.
         if i == LAST_ID:
             return _problem_of("it has too many frames")
-        text = _frame_problem(header, i + 1, &end)
+        text = _frame_problem(header, i + 1, &ends)
         if text != NULL:
             return _problem_of_frame(i + 1, text)
         samples += _frames_of(header)[i].count
-    if samples != header.sample_count or end != header.file_bytes:
+        if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop():
+            return _problem_of(STOPPED)
+    if samples != header.sample_count or ends.samples != header.file_bytes:
         return _problem_of("its frames do not have the samples that it has")
-    authorities = <const FrozenName*>(_frames_of(header) + header.frame_count)
     for i in range(header.authority_count):
-        if not _is_name(header, authorities[i].start, authorities[i].size):
-            return _problem_of("the name of an authority is not a text within the index")
+        if not _is_next_name(header, authorities[i].start, authorities[i].size, &ends):
+            return _problem_of("the name of an authority is not a text behind the name before, in the index")
+        if authorities[i].reserved:
+            return _problem_of("a reserved byte of an authority is not 0")
+    if (header.index_bytes - ends.names >= LINE_BYTES
+            or not _is_zero(<const char*>header + ends.names, header.index_bytes - ends.names)):
+        return _problem_of("its index does not end with its names, and zeros up to a line")
+    if frozen_checksum(header, header.index_bytes) != header.checksum:
+        return _problem_of("the checksum of its index is wrong")
     return _problem_of(NULL)
 
 
@@ -213,35 +246,84 @@ cdef const char* _add_names(const FrozenHeader* header, Tree* tree, uint32_t* au
     return NULL
 
 
-cdef FrozenProblem _samples_problem(const FileMapping* mapping, const Tree* tree) noexcept nogil:
+cdef const char* _bytes_problem(const FrozenHeader* header, const FrozenFrame* record,
+                                StopAsked stop) noexcept nogil:
+    # What no tree reads: what is reserved, and the checksum.
+    cdef const char* data = <const char*>header + record.data_start
+    cdef size_t stamp_bytes = frozen_stamp_bytes(record.count)
+    cdef const Sample* samples = <const Sample*>(data + stamp_bytes)
+    cdef size_t written = record.count * sizeof(int64_t)
+    cdef uint32_t first, count, i
+    cdef Checksum checksum
+    if not _is_zero(data + written, stamp_bytes - written):
+        return "a byte between its stamps and its samples is not 0"
+    checksum_begin(&checksum)
+    checksum_add(&checksum, data, stamp_bytes)
+    first = 0
+    while first < record.count:
+        count = min(record.count - first, <uint32_t>SUMMED_AT_ONCE)
+        for i in range(first, first + count):
+            if samples[i].reserved:
+                return "a reserved byte of a sample is not 0"
+        checksum_add(&checksum, &samples[first], count * sizeof(Sample))
+        first += count
+        if first % CHECKED_AT_ONCE == 0 and stop():
+            return STOPPED
+    if checksum_end(&checksum) != record.checksum:
+        return "the checksum of its samples is wrong"
+    return NULL
+
+
+cdef FrozenProblem _parents_problem(const Tree* tree) noexcept nogil:
+    # That every frame that is said to be a parent is one; the opposite is an invariant of a tree.
+    cdef unsigned char* is_named = <unsigned char*>calloc(tree.names.count, 1)
+    cdef FrozenProblem problem = _problem_of(NULL)
+    cdef const History* history
+    cdef FrameId frame
+    cdef uint32_t i
+    if is_named == NULL:
+        return _problem_of("")
+    for frame in range(1, tree.names.count):
+        history = &tree.histories[frame]
+        for i in range(tree_links(history)):
+            is_named[history_parent_of(history, i)] = 1
+    for frame in range(1, tree.names.count):
+        if tree.histories[frame].is_parent and not is_named[frame]:
+            problem = _problem_of_frame(frame, "a frame that is said to be a parent, and is none")
+            break
+    free(is_named)
+    return problem
+
+
+cdef FrozenProblem _samples_problem(const FileMapping* mapping, const Tree* tree,
+                                    StopAsked stop) noexcept nogil:
     # All that a tree has to hold, of which its memory safety depends, and that no sample has changed.
     cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
     cdef const FrozenFrame* record
     cdef FrozenProblem problem = _problem_of(NULL)
-    cdef Checksum checksum
     cdef FrameId frame
     cdef uint32_t where
     for frame in range(1, header.frame_count + 1):
         record = _frames_of(header) + (frame - 1)
-        problem = _problem_of_frame(frame, tree_check_frame(tree, frame, &where))
+        problem = _problem_of_frame(frame, tree_check_frame(tree, frame, stop, &where))
         if problem.text != NULL:
             problem.sample = where if where < record.count else UINT32_MAX
             return problem
-        checksum_begin(&checksum)
         if record.count:
-            checksum_add(&checksum, <const char*>header + record.data_start,
-                         frozen_stamp_bytes(record.count) + record.count * sizeof(Sample))
-            if checksum_end(&checksum) != record.checksum:
-                return _problem_of_frame(frame, "the checksum of its samples is wrong")
-    if not tree.ever_looped:
+            problem = _problem_of_frame(frame, _bytes_problem(header, record, stop))
+            if problem.text != NULL:
+                return problem
+    problem = _parents_problem(tree)
+    if problem.text == NULL and not tree.ever_looped:
         if tree_find_loop(tree, &frame) != 0:
             return _problem_of("")
         if frame != NO_FRAME:
             return _problem_of_frame(frame, "its parents form a loop, which the header denies")
-    return _problem_of(NULL)
+    return problem
 
 
-cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* tree) noexcept nogil:
+cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, StopAsked stop,
+                               Tree* tree) noexcept nogil:
     cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
     cdef uint32_t* authorities = <uint32_t*>malloc((header.authority_count + 1) * sizeof(uint32_t))
     cdef Retention retention
@@ -263,4 +345,4 @@ cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* 
     tree.ever_looped = header.flags & FROZEN_LOOPED
     tree.taken = header.sample_count
     tree.is_frozen = True
-    return _samples_problem(mapping, tree) if checks_samples else _problem_of(NULL)
+    return _samples_problem(mapping, tree, stop) if checks_samples else _problem_of(NULL)

@@ -228,8 +228,11 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
                                   HistoryChange* change) noexcept nogil
 cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const Sample* sample,
                                       size_t growth_limit, HistoryChange* change) noexcept nogil
+cdef enum:
+    CHECKED_AT_ONCE = 1 << 20   # samples, in some tens of milliseconds, until `stop` is asked again
+
 # NULL, or which invariant does not hold; `where` is then the index of the sample, or `count`: of none.
-cdef const char* history_check(const History* history, uint32_t* where) noexcept nogil
+cdef const char* history_check(const History* history, StopAsked stop, uint32_t* where) noexcept nogil
 
 
 # Copying it into flat arrays.
@@ -241,7 +244,7 @@ cdef enum:
 cdef void history_export(const History* history, int64_t* stamps, double* transforms,
                          uint32_t* parents) noexcept nogil
 # The same for `count` samples from the index `first` on, as they lie in a frozen file: their stamps; and
-# whole samples, with the ids that `ids` has for their parents, and zeros behind these.
+# whole samples, with the ids that `ids` has for their parents.
 cdef void history_copy_stamps(const History* history, uint32_t first, uint32_t count,
                               int64_t* stamps) noexcept nogil
 cdef void history_copy_samples(const History* history, uint32_t first, uint32_t count, const FrameId* ids,

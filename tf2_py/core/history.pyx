@@ -567,6 +567,9 @@ cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const 
     return HISTORY_INSERTED
 
 
+cdef const char* STOPPED = "it was not checked to its end"
+
+
 cdef const char* _transform_check(const Transform* transform) noexcept nogil:
     cdef const double* t = transform.translation
     cdef const double* q = transform.rotation
@@ -580,7 +583,7 @@ cdef const char* _transform_check(const Transform* transform) noexcept nogil:
     return NULL
 
 
-cdef const char* history_check(const History* history, uint32_t* where) noexcept nogil:
+cdef const char* history_check(const History* history, StopAsked stop, uint32_t* where) noexcept nogil:
     cdef uint32_t i, slot
     cdef uint32_t previous = 0
     cdef uint32_t changes = 0
@@ -599,6 +602,8 @@ cdef const char* history_check(const History* history, uint32_t* where) noexcept
         return "a static history without its one sample"
     for i in range(history.count):
         where[0] = i
+        if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop != NULL and stop():
+            return STOPPED
         slot = history_slot(history, i)
         if history.stamps[slot] < 0 or history.stamps[slot] > MAX_STAMP_NS:
             return "a sample with a stamp that no message holds"
@@ -660,10 +665,7 @@ cdef void history_copy_stamps(const History* history, uint32_t first, uint32_t c
 
 cdef void history_copy_samples(const History* history, uint32_t first, uint32_t count, const FrameId* ids,
                                Sample* samples) noexcept nogil:
-    cdef const Sample* sample
     cdef uint32_t i
     for i in range(count):
-        sample = &history.samples[history_slot(history, first + i)]
-        memset(&samples[i], 0, sizeof(Sample))
-        samples[i].transform = sample.transform
-        samples[i].parent = ids[sample.parent]
+        samples[i] = history.samples[history_slot(history, first + i)]
+        samples[i].parent = ids[samples[i].parent]

@@ -74,6 +74,11 @@ cdef inline FrameId tree_newest_parent(const Tree* tree, FrameId frame) noexcept
     return tree.parents[frame] & ~<uint32_t>MIXED_PARENTS
 
 
+cdef inline uint32_t tree_links(const History* history) noexcept nogil:
+    # How many samples name all parents of a frame.
+    return history.count if history.parent_changes else min(history.count, <uint32_t>1)
+
+
 # Drops all dynamic histories; names, authorities and static transforms stay.
 cdef void tree_clear(Tree* tree) noexcept nogil
 # Drops all samples of a frame, and hides every frame that has no samples and is named by none. Returns
@@ -99,8 +104,9 @@ cdef void tree_unpin(PinnedTree* pinned) noexcept nogil
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
 # NULL, or which invariant does not hold.
 cdef const char* tree_check(const Tree* tree) noexcept nogil
-# The same for one frame; `where`: as in history_check.
-cdef const char* tree_check_frame(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil
+# The same for one frame; `stop` and `where`: as in history_check.
+cdef const char* tree_check_frame(const Tree* tree, FrameId frame, StopAsked stop,
+                                  uint32_t* where) noexcept nogil
 # A frame from which parent links of any time lead back to it; NO_FRAME: there is none. Returns 0, or -1
 # without memory.
 cdef int tree_find_loop(const Tree* tree, FrameId* found) noexcept nogil

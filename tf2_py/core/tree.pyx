@@ -266,6 +266,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     tree.is_frozen = False      # a repeated sample, too, has another authority, and prunes
     sample.transform = incoming.transform
     sample.parent = parent
+    sample.reserved = 0
     if is_static:
         outcome = history_set_static(history, incoming.stamp_ns, &sample, growth_limit, &changed)
     else:
@@ -313,11 +314,6 @@ cdef void tree_clear(Tree* tree) noexcept nogil:
             tree.parents[id] = NO_FRAME
 
 
-cdef inline uint32_t _links(const History* history) noexcept nogil:
-    # How many samples name all parents of a frame.
-    return history.count if history.parent_changes else min(history.count, <uint32_t>1)
-
-
 cdef void _hide_isolated(Tree* tree) noexcept nogil:
     # Without hiding, is_parent may stay set for a frame that is a parent no more.
     cdef const History* history
@@ -327,7 +323,7 @@ cdef void _hide_isolated(Tree* tree) noexcept nogil:
         tree.histories[id].is_parent = False
     for id in range(tree.names.count):
         history = &tree.histories[id]
-        for i in range(_links(history)):
+        for i in range(tree_links(history)):
             tree.histories[history_parent_of(history, i)].is_parent = True
     for id in range(1, tree.names.count):
         history = &tree.histories[id]
@@ -414,12 +410,15 @@ cdef size_t tree_bytes(const Tree* tree) noexcept nogil:
             + tree.capacity * (sizeof(History) + sizeof(uint32_t)))
 
 
-cdef const char* _check_parents(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil:
+cdef const char* _check_parents(const Tree* tree, FrameId frame, StopAsked stop,
+                                uint32_t* where) noexcept nogil:
     cdef const History* history = &tree.histories[frame]
     cdef FrameId parent
     cdef uint32_t i
-    for i in range(_links(history)):
+    for i in range(tree_links(history)):
         where[0] = i
+        if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop != NULL and stop():
+            return STOPPED
         parent = history_parent_of(history, i)
         if parent >= tree.names.count:
             return "a parent that is not a frame"
@@ -432,9 +431,10 @@ cdef const char* _check_parents(const Tree* tree, FrameId frame, uint32_t* where
     return NULL
 
 
-cdef const char* tree_check_frame(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil:
+cdef const char* tree_check_frame(const Tree* tree, FrameId frame, StopAsked stop,
+                                  uint32_t* where) noexcept nogil:
     cdef const History* history = &tree.histories[frame]
-    cdef const char* problem = history_check(history, where)
+    cdef const char* problem = history_check(history, stop, where)
     cdef uint32_t expected
     if problem != NULL:
         return problem
@@ -445,7 +445,7 @@ cdef const char* tree_check_frame(const Tree* tree, FrameId frame, uint32_t* whe
         return "parents disagrees with the history"
     if history.authority != NAME_UNKNOWN and history.authority >= tree.authorities.count:
         return "an authority that is not a name"
-    return _check_parents(tree, frame, where)
+    return _check_parents(tree, frame, stop, where)
 
 
 cdef const char* tree_check(const Tree* tree) noexcept nogil:
@@ -464,7 +464,7 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
     if tree.histories[0].kind != HISTORY_NONE:
         return "the reserved frame has a history"
     for id in range(tree.names.count):
-        problem = tree_check_frame(tree, id, &where)
+        problem = tree_check_frame(tree, id, NULL, &where)
         if problem != NULL:
             return problem
         hidden += tree.histories[id].is_hidden
@@ -494,7 +494,7 @@ cdef int tree_find_loop(const Tree* tree, FrameId* found) noexcept nogil:
             state[start] = count = 1
         while count and found[0] == NO_FRAME:
             frame = path[count - 1]
-            if followed[frame] == _links(&tree.histories[frame]):
+            if followed[frame] == tree_links(&tree.histories[frame]):
                 state[frame] = 2
                 count -= 1
                 continue

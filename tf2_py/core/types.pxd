@@ -22,6 +22,10 @@ cdef extern from *:
     const int64_t MAX_STAMP_NS "TF2_MAX_STAMP_NS"
 
 
+# Asked now and then by what may take seconds: whether to give up. NULL: nobody wants it to.
+ctypedef bint (*StopAsked)() noexcept nogil
+
+
 cdef struct Transform:
     double translation[3]   # x y z in metres: the child's origin in the parent
     double rotation[4]      # x y z w: unit quaternion, child to parent
@@ -30,6 +34,7 @@ cdef struct Transform:
 cdef struct Sample:
     Transform transform     # rotation with the canonical sign
     FrameId parent
+    uint32_t reserved       # 0
 
 
 cdef struct Incoming:

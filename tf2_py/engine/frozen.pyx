@@ -167,18 +167,60 @@ cdef int write_frozen(const Tree* tree, Lock* lock, file, list names, list autho
 
 # Mapping.
 
-cdef int _fill_copy(int descriptor, FileMapping* mapping) noexcept nogil:
-    # Reads the file into the memory of a mapping. 0, or the number of an error; EIO: the file has shrunk.
+cdef extern from "Python.h":
+    int check_signals "PyErr_CheckSignals"() noexcept     # without raising what a handler raises
+
+
+cdef bint _is_interrupted() noexcept nogil:
+    # Whether a handler of a signal, such as Ctrl-C, has raised. _require_not_interrupted passes that on.
+    cdef bint is_raised
+    with gil:
+        is_raised = check_signals() != 0
+    return is_raised
+
+
+cdef int _require_not_interrupted() except -1:
+    return -1 if PyErr_Occurred() != NULL else 0
+
+
+cdef enum:
+    READ_AT_ONCE = 1 << 26      # bytes, until an interrupt is seen
+
+
+cdef int _read(int descriptor, void* memory, size_t size) noexcept nogil:
+    # The beginning of a file. 0, or the number of an error; EIO: it has shrunk; EINTR: a handler raised.
     cdef size_t done = 0
     cdef ssize_t count
-    while done < mapping.size:
-        count = pread(descriptor, <char*>mapping.start + done, mapping.size - done, done)
+    while done < size:
+        count = pread(descriptor, <char*>memory + done, min(size - done, <size_t>READ_AT_ONCE), done)
         if count == 0:
             return EIO
         if count < 0 and errno != EINTR:
             return errno
         done += max(count, <ssize_t>0)
-    return errno if mprotect(mapping.start, mapping.size, PROT_READ) else 0
+        if _is_interrupted():
+            return EINTR
+    return 0
+
+
+cdef int _read_header(int descriptor, size_t file_bytes, FrozenHeader* header, str path) except -1:
+    # So that nothing is mapped, and no memory allocated, for a file that is something else.
+    cdef const char* text
+    memset(header, 0, sizeof(FrozenHeader))
+    _require_read(_read(descriptor, header, min(file_bytes, sizeof(FrozenHeader))), path)
+    text = frozen_check_header(header, file_bytes)
+    if text != NULL:
+        raise ValueError(f"{printable(path)}: {text.decode()}")
+    return 0
+
+
+cdef int _require_read(int problem, str path) except -1:
+    _require_not_interrupted()
+    if problem == ENOMEM:
+        raise MemoryError
+    if problem:
+        raise OSError(problem, os.strerror(problem), path)
+    return 0
 
 
 cdef FileMapping* _map(int descriptor, size_t size, bint is_copy, str path) except NULL:
@@ -198,21 +240,23 @@ cdef FileMapping* _map(int descriptor, size_t size, bint is_copy, str path) exce
         free(mapping)
     elif is_copy:
         with nogil:
-            problem = _fill_copy(descriptor, mapping)
+            problem = _read(descriptor, mapping.start, size)
+            if problem == 0 and mprotect(mapping.start, size, PROT_READ) != 0:
+                problem = errno
         if problem:
             mapping_release(mapping)
-    if problem == ENOMEM:
-        raise MemoryError
-    if problem:
-        raise OSError(problem, os.strerror(problem), path)
+    _require_read(problem, path)
     return mapping
 
 
-cdef object _frozen_error(str path, const FileMapping* mapping, FrozenProblem problem):
+cdef int _require_sound(str path, const FileMapping* mapping, FrozenProblem problem) except -1:
     cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
     cdef const FrozenFrame* record
+    _require_not_interrupted()
+    if problem.text == NULL:
+        return 0
     if problem.text[0] == 0:
-        return MemoryError()
+        raise MemoryError
     where = printable(path)
     if problem.frame != NO_FRAME:
         record = <const FrozenFrame*>(header + 1) + (problem.frame - 1)
@@ -223,19 +267,21 @@ cdef object _frozen_error(str path, const FileMapping* mapping, FrozenProblem pr
             where += f", {printable(name.decode('utf-8', 'replace'))}"
     if problem.sample != UINT32_MAX:
         where += f": sample {problem.sample}"
-    return ValueError(f"{where}: {problem.text.decode()}")
+    raise ValueError(f"{where}: {problem.text.decode()}")
 
 
 cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
     cdef FileMapping* mapping
+    cdef FrozenHeader header
     cdef FrozenProblem problem
     cdef bint checks_samples
     cdef str name = os.path.abspath(os.fsdecode(path))
     cdef int descriptor = os.open(name, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     try:
         facts = os.fstat(descriptor)
-        if not S_ISREG(facts.st_mode) or facts.st_size == 0:
+        if not S_ISREG(facts.st_mode):
             raise ValueError(f"{printable(name)}: it is not a frozen buffer")
+        _read_header(descriptor, facts.st_size, &header, name)
         mapping = _map(descriptor, facts.st_size, is_copy, name)
     finally:
         os.close(descriptor)
@@ -243,9 +289,8 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
                       or facts.st_mtime_ns != expected.modified_ns)
     try:
         with nogil:
-            problem = frozen_check_index(mapping)
-        if problem.text != NULL:
-            raise _frozen_error(name, mapping, problem)
+            problem = frozen_check_index(mapping, _is_interrupted)
+        _require_sound(name, mapping, problem)
         found = frozen_file.FrozenFile(
             name, (<const FrozenHeader*>mapping.start).checksum, facts.st_size, facts.st_mtime_ns,
             facts.st_dev, facts.st_ino,
@@ -253,11 +298,10 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
         if expected is not None and found.checksum != expected.checksum:
             raise ValueError(f"{printable(name)}: it is not the file of the buffer that was pickled")
         with nogil:
-            problem = frozen_read(mapping, checks_samples, tree)
-        if problem.text != NULL:
-            error = _frozen_error(name, mapping, problem)
-            tree_free(tree)
-            raise error
+            problem = frozen_read(mapping, checks_samples, _is_interrupted, tree)
+            if problem.text != NULL:
+                tree_free(tree)
+        _require_sound(name, mapping, problem)
         return None if is_copy else found
     finally:
         mapping_release(mapping)

@@ -5,28 +5,51 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import stat
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import __version__
-from tf2_ros_tools.reading import SUFFIXES
+from tf2_ros_tools.reading import LOGS, SUFFIXES
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
 
 SUFFIX = ".tf2"
-# Files that SQLite creates next to a database that is read.
-COMPANIONS = ("-wal", "-shm", "-journal")
+SHARED_MEMORY = "-shm"  # of SQLite, next to a database that is open
+END_BYTES = 1 << 16
 
 
 def state_of(recording: str) -> list[list[Any]]:
-    """Get the names, sizes and times of a recording's files, which change with it; JSON can hold them."""
-    files = [recording]
+    """
+    Get what changes when the contents of a recording change; JSON can hold it.
+
+    For each file, these are its name, its size, when it and its inode were changed, and a digest of its first
+    and last 64 KiB, where the indexes of all formats are. An archive can restore the size and the time of a
+    file, but no program can set the time at which the inode was changed. Frozen and hidden files are left
+    out, so that the folder of a recording may be that of its frozen file.
+    """
     if os.path.isdir(recording):
-        inside = (one.path for one in os.scandir(recording) if one.is_file())
-        files = sorted(path for path in inside if not path.endswith(COMPANIONS))
-    states = [(path, os.stat(path)) for path in files]
-    return [[os.path.basename(path), one.st_size, one.st_mtime_ns] for path, one in states]
+        found = (one for one in os.scandir(recording) if one.is_file() and not one.name.startswith("."))
+        files = sorted(one.path for one in found if not one.name.endswith((SUFFIX, SHARED_MEMORY)))
+    else:
+        files = [recording, *(path for log in LOGS if os.path.isfile(path := recording + log))]
+    # An empty log appears whenever a database is opened.
+    states = ((path, os.stat(path)) for path in files)
+    return [
+        [os.path.basename(path), one.st_size, one.st_mtime_ns, one.st_ctime_ns, _ends_of(path, one)]
+        for path, one in states
+        if one.st_size or not path.endswith((*LOGS,))
+    ]
+
+
+def _ends_of(path: str, facts: os.stat_result) -> str:
+    if not stat.S_ISREG(facts.st_mode):
+        return ""  # opening a pipe would wait for its writer
+    with open(path, "rb") as file:
+        begin = file.read(END_BYTES)
+        file.seek(max(facts.st_size - END_BYTES, 0))
+        return hashlib.sha256(begin + file.read(END_BYTES)).hexdigest()[:16]
 
 
 class Cached:

@@ -157,13 +157,15 @@ def work(request: Request, recording: str, table: str, cache: str | None = None)
     """
     begin = time.perf_counter()
     try:
+        # Before it is read, because it may change meanwhile.
         made_from = _made_from(request, recording)
+        cached = None if cache is None else cached_of(request, recording, cache)
         heard = hear(recording, request.what, at=request.at, progress=False)
     except BagError as error:
         return [_row(recording, ERROR, str(error))]
     except (FileNotFoundError, PermissionError) as error:
         return [_row(recording, ERROR, f"{error.filename or recording}: {error.strerror}")]
-    if cache is not None and not os.path.exists((cached := cached_of(request, recording, cache)).path):
+    if cached is not None and not os.path.exists(cached.path):
         cached.write(heard.buffer)
     single = isinstance(request.source, str)
     frames = [request.source] if isinstance(request.source, str) else request.source
@@ -212,7 +214,7 @@ def done_before(request: Request, recording: str, table: str) -> list[Row] | Non
 
 
 def _made_from(request: Request, recording: str) -> dict[str, Any]:
-    """Get the request, and the names, sizes and times of the recording's files, which change with it."""
+    """Get the request, and the state of the recording, which changes with its contents."""
     state = [[printable(name), *facts] for name, *facts in state_of(recording)]
     # As JSON, which has no tuples.
     content = json.dumps({"request": {"format": FORMAT, **asdict(request)}, "recording": state})

@@ -154,7 +154,8 @@ def load(
         keep these. The authority of fixed joints is ``urdf``.
     :param cache: a folder, which is created if it does not exist. The first call freezes the buffer to a file
         in this folder, and the next ones, in any process, map this file, unless the recording, its path or
-        another argument has changed; see :meth:`tf2_py.BufferCore.open`. None: no file is kept.
+        another argument has changed; see :meth:`tf2_py.BufferCore.open`. It may be the folder of the
+        recording. None: no file is kept.
     :param progress: show a bar, which needs tqdm. None: only if standard error is a terminal, after a second.
     :return: a buffer without a node and without a limit of memory. The authority of a transform is the name
         of its topic.

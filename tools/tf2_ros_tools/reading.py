@@ -40,6 +40,9 @@ REINDEX = "`ros2 bag reindex`"  # likewise a folder
 PACKED = ".zstd"  # what rosbag2 adds to the name of a compressed file
 SUFFIXES = (*TOOLS, *(f"{suffix}{PACKED}" for suffix in TOOLS))
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # what a file begins with
+# Files beside a database that is not merged, which rosbags does not read, and how they then begin: one has
+# what was written last, the other what an interrupted change has replaced.
+LOGS = {"-wal": b"", "-journal": b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"}
 # The types of topics with transforms; ROS 1 has two names for the same message.
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 HEADER = "std_msgs/msg/Header"
@@ -258,11 +261,11 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
     for part in [path / "metadata.yaml", *parts] if path.is_dir() else [path]:
         if part.is_file():
             _refuse_pointer(part)
-        # Until a database is merged, what was written last is in a second file, which rosbags does not read.
-        log = part.with_name(f"{part.name}-wal")
-        if log.exists() and log.stat().st_size:
-            advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
-            raise BagError(f"{printable(str(part))} lacks what is in {printable(log.name)}: {advice}")
+        for ending, begin in LOGS.items():
+            log = part.with_name(f"{part.name}{ending}")
+            if log.is_file() and log.stat().st_size and _begins_with(log, begin):
+                advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
+                raise BagError(f"{printable(str(part))} lacks what is in {printable(log.name)}: {advice}")
 
 
 def _refuse_special(path: Path) -> None:
@@ -273,12 +276,16 @@ def _refuse_special(path: Path) -> None:
 
 def _refuse_pointer(path: Path) -> None:
     """Refuse the file that a clone has in place of one that is kept in Git LFS."""
+    if _begins_with(path, LFS_POINTER):
+        raise BagError(
+            f"{printable(str(path))} is a pointer of Git LFS, not the recording itself: `git lfs pull`"
+            " downloads it"
+        )
+
+
+def _begins_with(path: Path, begin: bytes) -> bool:
     with open(path, "rb") as file:
-        if file.read(len(LFS_POINTER)) == LFS_POINTER:
-            raise BagError(
-                f"{printable(str(path))} is a pointer of Git LFS, not the recording itself: `git lfs pull`"
-                " downloads it"
-            )
+        return file.read(len(begin)) == begin
 
 
 @contextmanager

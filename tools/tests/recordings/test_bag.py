@@ -1,6 +1,7 @@
 """Recordings: what is loaded from every format, from which times and topics, and from broken files."""
 
 import os
+import shutil
 import sqlite3
 import sys
 from contextlib import closing
@@ -408,6 +409,22 @@ def unmerged(folder):
     return write_db3(folder / "run.db3", DRIVE)
 
 
+def interrupted(folder):
+    """A copy of a database in the middle of a change, as a crash leaves it."""
+    path = write_db3(folder / "old.db3", DRIVE)
+    with closing(sqlite3.connect(path)) as database, closing(database.cursor()) as cursor:
+        cursor.execute("pragma cache_size = 1")
+        cursor.execute("update messages set data = zeroblob(9000)")
+        shutil.copy(f"{path}-journal", folder / "run.db3-journal")
+        return shutil.copy(path, folder / "run.db3")
+
+
+def test_a_journal_that_is_over_changes_nothing(tmp_path):
+    path = write_db3(tmp_path / "run.db3", DRIVE)
+    file(tmp_path, "run.db3-journal", bytes(512))  # as the mode "persist" leaves it
+    assert sorted(flat_read(path)) == sorted(flat(DRIVE))
+
+
 @pytest.mark.parametrize(
     ("write", "text"),
     [
@@ -424,6 +441,7 @@ def unmerged(folder):
         # Parts of a file.
         (spoiled_db3, "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage"),
         (unmerged, "run.db3 lacks what is in run.db3-wal: `sqlite3 run.db3 .* merges it"),
+        (interrupted, "run.db3 lacks what is in run.db3-journal: `sqlite3 run.db3 .* merges it"),
         (
             lambda at: write_mcap(at / "run.mcap", DRIVE[::-1], index=False, chunked=False),
             "run.mcap is broken, .* not in timestamp order.*; `mcap recover`",

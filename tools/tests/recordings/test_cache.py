@@ -1,11 +1,14 @@
 """The argument `cache`: transforms of recordings as frozen files, which later calls map."""
 
+import os
 import pickle
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from making import transform
-from making_bags import S, drive, write_mcap
+from making_bags import S, drive, write_db3, write_folder, write_mcap
 from robots import ARM, NAMES, joint_state
 from travelling import held
 
@@ -53,6 +56,75 @@ def test_a_changed_recording_is_read_again_and_its_old_file_deleted(path, cache)
     assert before != after
     assert held(new) == held(bag.load(path))
     assert old.frames()["base"].count < new.frames()["base"].count
+
+
+def replaced_by_one_of_equal_size_and_time(path, sizes):
+    other = write_db3(path.with_name("other.db3"), drive(20, speed=2.0))
+    assert other.stat().st_size == sizes
+    os.utime(other, ns=(path.stat().st_atime_ns, path.stat().st_mtime_ns))
+    os.replace(other, path)
+
+
+def changed_in_place_with_the_time_set_back(path, _):
+    before = path.stat()
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("update messages set data = (select data from messages where id = 3) where id = 9")
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+@pytest.mark.parametrize(
+    "change", [replaced_by_one_of_equal_size_and_time, changed_in_place_with_the_time_set_back]
+)
+def test_size_and_time_do_not_hide_a_change(change, tmp_path, cache):
+    path = write_db3(tmp_path / "run.db3", drive(20))
+    old, facts = bag.load(path, cache=cache), path.stat()
+    change(path, facts.st_size)
+    assert (path.stat().st_size, path.stat().st_mtime_ns) == (facts.st_size, facts.st_mtime_ns)
+    new = bag.load(path)
+    assert held(new) != held(old)
+    assert held(bag.load(path, cache=cache)) == held(new)
+    assert len(files(cache)) == 1
+
+
+def unmerged(path):
+    """A connection that has made a change in a second file beside the database."""
+    connection = sqlite3.connect(path)
+    connection.execute("pragma journal_mode = wal")
+    connection.execute("delete from messages where id > 12")
+    connection.commit()
+    return closing(connection)
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_what_is_not_merged_into_a_database_is_missed_with_a_cache_too(whole, tmp_path, cache):
+    folder = write_folder(tmp_path / "run", drive(20), "sqlite3")
+    path = folder if whole else folder / "run.db3"
+    with closing(sqlite3.connect(folder / "run.db3")) as database:
+        database.execute("pragma journal_mode = wal")  # as rosbag2's preset "resilient" does
+    before = bag.load(path, cache=cache)
+    with unmerged(folder / "run.db3"):
+        for options in ({}, {"cache": cache}):
+            with pytest.raises(bag.BagError, match="run.db3 lacks what is in run.db3-wal: .* merges it"):
+                bag.load(path, **options)
+    after = bag.load(path, cache=cache)
+    assert after.frames()["base"].count < before.frames()["base"].count
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_the_folder_of_a_recording_may_be_that_of_its_file(storage, tmp_path, monkeypatch):
+    folder = write_folder(tmp_path / "run", drive(20), storage)
+    first = bag.load(folder, cache=folder)
+    listed = files(folder)
+    (folder / ".hidden").write_text("unfinished")
+    monkeypatch.setattr("tf2_ros_tools.loading.fill_buffer", None)
+    assert held(bag.load(folder, cache=folder)) == held(first)
+    assert files(folder) == [folder / ".hidden", *listed]
+
+
+def test_a_pipe_in_place_of_a_recording_is_not_opened(tmp_path, cache):
+    os.mkfifo(tmp_path / "run.mcap")
+    with pytest.raises(bag.BagError, match="is a pipe or a device"):
+        bag.load(tmp_path / "run.mcap", cache=cache)
 
 
 @pytest.mark.parametrize(

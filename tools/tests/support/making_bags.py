@@ -48,13 +48,13 @@ class Sent(NamedTuple):
     msgtype: str = TF
 
 
-def drive(count=20, *, begin_ns=100 * S, prefix="", step_ns=S // 10):
+def drive(count=20, *, begin_ns=100 * S, prefix="", step_ns=S // 10, speed=1.0):
     """Messages of a robot that drives in a circle: map -> odom -> base -> (static) camera, and a lidar."""
     static = [Tf("base", "camera", begin_ns, (0.3, 0.0, 0.5), about_z(0.1))]
     messages = [Sent(begin_ns, f"{prefix}/tf_static", static)]
     for i in range(count):
         ns = begin_ns + i * step_ns
-        pose = (math.cos(i / 10), math.sin(i / 10), 0.0)
+        pose = (speed * math.cos(i / 10), speed * math.sin(i / 10), 0.0)
         moving = [
             Tf("map", "odom", ns, (0.01 * i, 0.0, 0.0), about_z(0.001 * i)),
             Tf("odom", "base", ns, pose, about_z(i / 10)),

@@ -46,6 +46,7 @@ Urdfs: TypeAlias = Urdf | Mapping[str, Urdf] | None
 # Parents and children by topic; None: as the messages say.
 PoseTopics: TypeAlias = Mapping[str, Frames | None]
 
+S = 1_000_000_000
 JOINT_STATES = "/joint_states"
 DESCRIPTION, STRING = "robot_description", "std_msgs/msg/String"
 # The authority of transforms from fixed joints.
@@ -99,7 +100,7 @@ def wanted(
     prefixes = dict(topics) if isinstance(topics, Mapping) else dict.fromkeys(topics, "")
     if not prefixes:
         raise ValueError("topics must not be empty")
-    start_ns, end_ns = (None if one is None else int(to_nanoseconds([one])[0]) for one in (start, end))
+    start_ns, end_ns = _log_time("start", start), _log_time("end", end)
     if start_ns is not None and end_ns is not None and end_ns < start_ns:
         raise ValueError(f"end, {end_ns} ns, is before start, {start_ns} ns")
     given: Mapping[str, Urdf | None] = urdf if isinstance(urdf, Mapping) else {JOINT_STATES: urdf}
@@ -109,6 +110,13 @@ def wanted(
         if frames is not None and (isinstance(frames, str) or len(frames) != 2):
             raise TypeError(f"poses must map topics to (parent, child) or None, not {topic} to {frames!r}")
     return Wanted(prefixes, start_ns, end_ns, posed, robots)
+
+
+def _log_time(name: str, time: TimeLike | None) -> int | None:
+    try:
+        return None if time is None else int(to_nanoseconds([time])[0])
+    except TypeError as error:
+        raise TypeError(f"{name}: {str(error).removeprefix('times: ')}") from None
 
 
 def _robot(urdf: Urdf) -> Robot | None:
@@ -161,7 +169,8 @@ def load(
         of its topic.
     :raises FileNotFoundError: the file does not exist.
     :raises BagError: the file is not a recording, is broken, or has none of the topics, or a topic has
-        messages of another type; or its joint states have no joint of the robot.
+        messages of another type; or its joint states have no joint of the robot, or no message is from
+        ``start`` to ``end``.
     :raises UrdfError: see :func:`tf2_ros_tools.urdf.load`.
     :raises OSError: the file in ``cache`` cannot be written.
     :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
@@ -325,12 +334,31 @@ def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
 
 
 def passes(recorded: Recorded, sources: list[MessageSource], what: Wanted) -> list[Iterator[RawMessage]]:
-    """Get the messages in one pass, or the static transforms first if times limit the others."""
+    """
+    Get the messages in one pass, or the static transforms first if times limit the others.
+
+    :raises BagError: no message of the recording is within these times.
+    """
     topics = {one.topic for one in sources}
     if not what.limited:
         return [recorded.raw(topics)]
+    _check_times(recorded, what)
     static = set(filter(is_static, topics))
     return [recorded.raw(static), recorded.raw(topics - static, what.start_ns, what.end_ns)]
+
+
+def _check_times(recorded: Recorded, what: Wanted) -> None:
+    first_ns, last_ns = recorded.start_ns, recorded.end_ns
+    if first_ns is None or last_ns is None:
+        return
+    begin = -inf if what.start_ns is None else what.start_ns
+    end = inf if what.end_ns is None else what.end_ns
+    if begin > last_ns or end < first_ns:
+        limits = (("from", what.start_ns), ("to", what.end_ns))
+        wanted = " ".join(f"{word} {ns / S:.3f} s" for word, ns in limits if ns is not None)
+        has = f"its log times are {first_ns / S:.3f} to {last_ns / S:.3f} s"
+        units = "`start` and `end` are log times in nanoseconds, --start and --end in seconds"
+        raise BagError(f"{printable(recorded.path)}: nothing was recorded {wanted}; {has}. {units}")
 
 
 def transforms(

@@ -37,6 +37,7 @@ SAVED = b"tf2_ros_cython.buffer"
 # What repairs a file, by its extension.
 TOOLS = {".mcap": "`mcap recover`", ".db3": "`sqlite3 FILE .recover`", ".bag": "`rosbag reindex`"}
 REINDEX = "`ros2 bag reindex`"  # likewise a folder
+STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}  # the names of rosbag2, by the extension
 PACKED = ".zstd"  # what rosbag2 adds to the name of a compressed file
 SUFFIXES = (*TOOLS, *(f"{suffix}{PACKED}" for suffix in TOOLS))
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # what a file begins with
@@ -75,7 +76,8 @@ def explained(error: Exception, path: str, where: str = "", tool: str = "") -> E
 
 
 def _tool_of(file: Path) -> str:
-    return TOOLS.get(Path(file.name.removesuffix(PACKED)).suffix, REINDEX)
+    # A folder may be named like a file.
+    return REINDEX if file.is_dir() else TOOLS.get(Path(file.name.removesuffix(PACKED)).suffix, REINDEX)
 
 
 def listed(names: Iterable[str]) -> str:
@@ -229,7 +231,8 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
         _refuse_special(one)
     with ExitStack() as stack:
         try:
-            opened = stack.enter_context(_unpacked(source)) if source.suffix == PACKED else source
+            is_packed = source.suffix == PACKED and source.is_file()
+            opened = stack.enter_context(_unpacked(source)) if is_packed else source
             reader = _opened(opened, stack)
             recorded = Recorded(name, reader, parts if source.is_dir() else [opened])
         except Exception as error:
@@ -237,11 +240,29 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
             for part in parts:
                 with open_recording(part):
                     pass
-            reason = explained(error, name)
+            reason = explained(_in_detail(error, source, parts), name)
             if reason is error:
                 raise
             raise reason from error
         yield recorded
+
+
+def _in_detail(error: Exception, folder: Path, parts: Collection[Path]) -> Exception:
+    """Add to an error of rosbags about a metadata.yaml which files there are, which it does not say."""
+    text = str(error)
+    if parts and (text.startswith("Storage plugin") or "'storage_identifier'" in text):
+        # This is how a reindex of Humble leaves it, so another one would not help.
+        file = next(iter(parts))
+        format = STORAGES.get(Path(file.name.removesuffix(PACKED)).suffix)
+        name, one = printable(str(folder)), printable(file.name)
+        return BagError(
+            f"{name} is broken: storage_identifier in metadata.yaml must be {format}, as of {one}"
+        )
+    if parts and text.startswith("Some database files are missing"):
+        listed_there = (folder / "metadata.yaml").read_text(errors="replace")
+        others = [one.name for one in parts if one.name not in listed_there]
+        return ValueError(f"{text.rstrip('.')}; it has {listed(others)} instead") if others else error
+    return error
 
 
 def _refuse_others(path: Path, parts: Collection[Path]) -> None:
@@ -304,16 +325,27 @@ def _unpacked(path: Path) -> Iterator[Path]:
 def _opened(path: Path, stack: ExitStack) -> Reader:
     from rosbags import rosbag1, rosbag2
 
-    reader: Reader = rosbag1.Reader(path) if path.suffix == ".bag" else rosbag2.Reader(path)
+    is_of_ros_1 = path.suffix == ".bag" and path.is_file()
+    reader: Reader = rosbag1.Reader(path) if is_of_ros_1 else rosbag2.Reader(path)
     try:
         stack.enter_context(reader)
+        if not is_of_ros_1:
+            _read_all_chunks(reader.storage)
         return Folder(reader) if path.is_dir() else reader
     except (KeyError, rosbag2.ReaderError) as error:
         # rosbags refuses an .mcap whose profile, or one of whose schemas, is not of ROS 2.
         is_foreign = isinstance(error, KeyError) or str(error).startswith("Profile is not")
-        if path.suffix != ".mcap" or not is_foreign:
+        if path.suffix != ".mcap" or not path.is_file() or not is_foreign:
             raise
         return ForeignMcap(path, stack)
+
+
+def _read_all_chunks(storage: Any) -> None:
+    """Let rosbags read chunks without message indexes, of which it does not know the channels, too."""
+    for file in getattr(storage, "storages", [storage]):
+        for chunk in getattr(file, "chunks", ()):
+            if not chunk.message_index_offsets:
+                chunk.channel_count.update(dict.fromkeys(file.channels, 1))
 
 
 def _is_saved(path: Path) -> bool:
@@ -355,6 +387,10 @@ class ForeignMcap:
         summary = self._mcap.get_summary()
         if summary is None or summary.statistics is None:
             raise ValueError("it has no index")
+        for chunk in summary.chunk_indexes:
+            # Without message indexes, any channel may be in it; older versions of the library would skip it.
+            if not chunk.message_index_offsets:
+                chunk.message_index_offsets.update(dict.fromkeys(summary.channels, 0))
         about = summary.statistics
         self.message_count = about.message_count
         self.start_time, self.end_time = about.message_start_time, about.message_end_time + 1

@@ -1,6 +1,7 @@
 """Recordings: what is loaded from every format, from which times and topics, and from broken files."""
 
 import os
+import re
 import shutil
 import sqlite3
 import sys
@@ -180,6 +181,18 @@ def test_start_and_end_limit_dynamic_transforms_alone(recorded, start, end, whic
             bag.load(recorded[which], start=start, end=end)
         return
 
+    if (start is not None and start > DRIVE[-1].log_ns) or (end is not None and end < DRIVE[0].log_ns):
+        check_lost(
+            recorded[which],
+            "nothing was recorded .*; its log times are 100.000 to 104.000 s.*nanoseconds",
+            [
+                lambda path: bag.load(path, start=start, end=end),
+                lambda path: hear(path, wanted(start=start, end=end)),
+                lambda path: flat_read(path, start=start, end=end),
+            ],
+        )
+        return
+
     def is_wanted(one):
         return one[1] or ((start is None or one[0] >= start) and (end is None or one[0] <= end))
 
@@ -189,6 +202,12 @@ def test_start_and_end_limit_dynamic_transforms_alone(recorded, start, end, whic
     assert sorted(flat_heard(hear(recorded[which], wanted(start=start, end=end)))) == [
         one[:5] for one in expected
     ]
+
+
+@pytest.mark.parametrize("name", ["start", "end"])
+def test_an_error_about_a_time_names_the_argument(name, recorded):
+    with pytest.raises(TypeError, match=f"^{name}: expected integer nanoseconds .* multiply seconds by 1e9"):
+        bag.load(recorded[0], **{name: 101.5})
 
 
 # Topics.
@@ -241,6 +260,14 @@ def test_a_folder_named_like_a_file_of_a_recording_is_ignored(tmp_path):
     path = write_folder(tmp_path / "run", DRIVE)
     (path / "old.mcap").mkdir()
     assert sorted(flat_read(path)) == sorted(flat(DRIVE))
+
+
+@pytest.mark.parametrize("name", ["run", "run.bag", "run.mcap", "run.db3", "run.bag.zstd"])
+def test_a_folder_may_be_named_like_a_file(name, tmp_path):
+    path = write_folder(tmp_path / "a", DRIVE).rename(tmp_path / name)
+    assert sorted(flat_read(path)) == sorted(flat(DRIVE))
+    (path / "metadata.yaml").write_text("{")
+    check_lost(path, f"{name} is broken: .*; `ros2 bag reindex` may repair it$")
 
 
 def test_a_topic_without_messages_gives_an_empty_buffer(tmp_path):
@@ -394,6 +421,21 @@ def pipe_of_the_metadata(folder):
     return path
 
 
+def with_storage(folder, line, storage):
+    path = write_folder(folder / "run", DRIVE, storage, "file")
+    content = (path / "metadata.yaml").read_text()
+    changed = re.sub("storage_identifier: .*", line, content)
+    assert changed != content
+    (path / "metadata.yaml").write_text(changed)
+    return path
+
+
+def renamed(folder):
+    path = write_folder(folder / "run", DRIVE, "sqlite3")
+    (path / "run.db3").rename(path / "kitchen.db3")
+    return path
+
+
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 990\n"
 
 
@@ -438,6 +480,18 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
             "run is broken: .*files are missing: .*run_1.mcap.*; `ros2 bag reindex` may repair",
         ),
         (lambda at: split(at, lambda run: file(run, "metadata.yaml", b"{")), "run is broken: .*reindex"),
+        (
+            renamed,
+            r"run is broken: .* missing: \['.*/run.db3'\]; it has kitchen.db3 instead; `ros2 bag reindex`",
+        ),
+        *(
+            (
+                lambda at, line=line, storage=storage: with_storage(at, line, storage),
+                f"run is broken: storage_identifier in metadata.yaml must be {storage}, as of run.",
+            )
+            for line in ("storage_identifier: ''", "storage_identifier: other", "other: mcap")
+            for storage in ("mcap", "sqlite3")
+        ),
         # Parts of a file.
         (spoiled_db3, "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage"),
         (unmerged, "run.db3 lacks what is in run.db3-wal: `sqlite3 run.db3 .* merges it"),

@@ -187,17 +187,23 @@ def write_split(path, messages, storage="mcap", compression=None):
     return path
 
 
-def write_mcap(path, messages, compression="none", index=True, chunked=True, chunk_size=2000, topics=()):
-    """A bare .mcap, by the library mcap; small chunks, so that there are several."""
+def write_mcap(
+    path, messages, compression="none", index=IndexType.ALL, chunked=True, chunk_size=2000, topics=()
+):
+    """
+    A bare .mcap, by the library mcap; small chunks, so that there are several.
+
+    :param index: False: nothing is repeated at the end.
+    """
     writer = McapWriter(
         str(path),
         chunk_size=chunk_size,
         compression=CompressionType[compression.upper()],
-        index_types=IndexType.ALL if index else IndexType.NONE,
-        repeat_channels=index,
-        repeat_schemas=index,
-        use_statistics=index,
-        use_summary_offsets=index,
+        index_types=index or IndexType.NONE,
+        repeat_channels=bool(index),
+        repeat_schemas=bool(index),
+        use_statistics=bool(index),
+        use_summary_offsets=bool(index),
         use_chunking=chunked,
     )
     writer.start("ros2", "tests")
@@ -216,9 +222,9 @@ def write_mcap(path, messages, compression="none", index=True, chunked=True, chu
 FOXGLOVE = {TF: FrameTransforms, "FrameTransform": FrameTransform, SCAN: LaserScan}
 
 
-def write_foxglove(path, messages, encoding="protobuf"):
+def write_foxglove(path, messages, encoding="protobuf", index=IndexType.ALL):
     """An .mcap as Foxglove's tools write it, of transforms and scans."""
-    writer = McapWriter(str(path), chunk_size=2000, compression=CompressionType.LZ4)
+    writer = McapWriter(str(path), chunk_size=2000, compression=CompressionType.LZ4, index_types=index)
     writer.start("", "tests")
     channels = {}
     for one in messages:
@@ -315,10 +321,12 @@ FORMATS = {
     "mcap": lambda at, m: write_mcap(at / "run.mcap", m),
     "mcap-lz4": lambda at, m: write_mcap(at / "run.mcap", m, "lz4"),
     "mcap-zstd": lambda at, m: write_mcap(at / "run.mcap", m, "zstd"),
+    "mcap-chunk-index": lambda at, m: write_mcap(at / "run.mcap", m, "zstd", index=IndexType.CHUNK),
     "mcap-no-index": lambda at, m: write_mcap(at / "run.mcap", m, "zstd", index=False),
     "mcap-no-chunks": lambda at, m: write_mcap(at / "run.mcap", m, chunked=False),
     "mcap-plain": lambda at, m: write_mcap(at / "run.mcap", m, index=False, chunked=False),
     "foxglove": lambda at, m: write_foxglove(at / "run.mcap", m),
+    "foxglove-chunk-index": lambda at, m: write_foxglove(at / "run.mcap", m, index=IndexType.CHUNK),
     "mcap-file": lambda at, m: packed(write_mcap(at / "run.mcap", m)),
     "db3": lambda at, m: write_db3(at / "run.db3", m),
     "db3-file": lambda at, m: packed(write_db3(at / "run.db3", m)),

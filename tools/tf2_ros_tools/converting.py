@@ -1,6 +1,6 @@
 """Turn recorded joint states and poses into TFMessages."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any, TypeAlias
 
@@ -14,6 +14,7 @@ from tf2_ros_tools.urdf import Robot
 Frames: TypeAlias = tuple[str, str]  # parent and child
 Names: TypeAlias = tuple[str, ...]
 Floats: TypeAlias = "NDArray[np.float64]"
+Row: TypeAlias = "Sequence[float] | NDArray[np.float64]"
 Moved: TypeAlias = "tuple[list[Frames], Floats, Floats]"
 
 S = 1_000_000_000
@@ -27,7 +28,33 @@ POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceS
 NAMED = (ODOMETRY, TRANSFORM)
 
 
-class Joints:
+class Source:
+    """
+    What the messages of a topic mean.
+
+    ``msgtype`` is their type. ``left_out`` counts those that are not transforms, and ``reason`` says why the
+    first one is not.
+    """
+
+    msgtype: str
+    left_out = 0
+    reason = ""
+
+    def read(self, message: Any) -> tuple[Names, Row]:
+        """Get the names and the numbers of a message; no numbers: it is left out."""
+        raise NotImplementedError
+
+    def transforms(self, names: Names, numbers: Floats) -> Moved:
+        """Compute the transforms of N messages with these names."""
+        raise NotImplementedError
+
+    def leave_out(self, reason: str) -> None:
+        """Count a message that is left out."""
+        self.left_out += 1
+        self.reason = self.reason or reason
+
+
+class Joints(Source):
     """
     The joint states of a robot.
 
@@ -44,11 +71,12 @@ class Joints:
         self.matched = False
         self.names: Names = ()
 
-    def read(self, message: Any) -> tuple[Names, Floats]:
+    def read(self, message: Any) -> tuple[Names, Row]:
         """Get the names and positions of a message; positions are optional."""
         self.names = tuple(message.name)
         if len(message.position) not in (0, len(self.names)):
-            raise ValueError(f"{len(self.names)} names, but {len(message.position)} positions")
+            self.leave_out(f"{len(self.names)} names, but {len(message.position)} positions")
+            return self.names, []
         return self.names, message.position
 
     def transforms(self, names: Names, numbers: Floats) -> Moved:
@@ -60,20 +88,27 @@ class Joints:
         return frames, translations[:, wanted], rotations[:, wanted]
 
 
-class Poses:
+class Poses(Source):
     """
     Poses of a frame.
 
     :param frames: the parent and the child; None: as the messages say.
+
+    ``named`` says whether both frames were known for one of them.
     """
 
     def __init__(self, msgtype: str, frames: Frames | None) -> None:
         self.msgtype = msgtype
+        self.named = False
         self._frames = frames
 
     def read(self, message: Any) -> tuple[Names, list[float]]:
         """Get the frames and the numbers of a message."""
         frames = self._frames or (message.header.frame_id, message.child_frame_id)
+        if not all(frames):
+            self.leave_out("frame_id is not set" if frames[1] else "child_frame_id is not set")
+            return tuple(frames), []
+        self.named = True
         if self.msgtype == TRANSFORM:
             p, q = message.transform.translation, message.transform.rotation
         else:
@@ -84,9 +119,6 @@ class Poses:
     def transforms(self, names: Names, numbers: Floats) -> Moved:
         """Get the transforms of N messages with these frames."""
         return [(names[0], names[1])], numbers[:, None, :3], numbers[:, None, 3:]
-
-
-Source: TypeAlias = Joints | Poses  # what the messages of a topic mean
 
 
 def converted(

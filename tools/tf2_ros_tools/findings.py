@@ -340,8 +340,11 @@ def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Exp
     robot. If it outlives the robot for long, this is one finding, not one for each frame.
     """
     records = heard.records
+    also = [Finding("malformed", "", text) for text in heard.left_out]
     if not len(records):
-        return Report([], [], find([], limits, expectations), None, None, 0, False, heard.saved)
+        where = f"({'; '.join(heard.absent)})" if heard.absent else ""
+        found = find([], limits, expectations, where=where, also=also)
+        return Report([], [], found, None, None, 0, False, heard.saved)
     received, static = records["received_ns"], records["static"] != 0
     now_ns = int((received if static.all() else received[~static]).max())
     figures = Streams()
@@ -354,7 +357,7 @@ def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Exp
         limits = replace(limits, stale=inf)
     if differ or heard.saved:
         streams = [without_delays(one) for one in streams]
-    found = find(streams, limits, expectations, refused=refused, recorded=True)
+    found = find(streams, limits, expectations, refused=refused, recorded=True, also=also)
     silence = 0.0 if heard.end_ns is None or static.all() else (heard.end_ns - now_ns) / S
     if silence > limits.stale:
         text = f"no dynamic transform was received in the last {three_digits(silence)} s"

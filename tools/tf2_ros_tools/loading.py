@@ -1,5 +1,7 @@
 """Load recordings into buffers, and read their transforms, stamps and records."""
 
+import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
-from tf2_ros_cython.output import printable
+from tf2_ros_cython.output import counted, printable
 from tf2_ros_tools import foxglove
 from tf2_ros_tools.caching import Cached
 from tf2_ros_tools.converting import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
@@ -177,7 +179,9 @@ def load(
     :raises TypeError, ValueError: ``topics``, ``start`` or ``end`` are not as described.
 
     The recording need not have all of the topics, and a topic may be empty. Transforms that a buffer refuses,
-    such as those with NaN, are logged.
+    such as those with NaN, are logged. A warning says which messages were left out, namely joint states with
+    another number of positions than names and poses without names of frames, and which frames have only
+    stamps of 0.
     """
     what = wanted(topics, start, end, poses, urdf)
     buffer = new_buffer(cache_time)
@@ -185,13 +189,25 @@ def load(
     opened = None if cached is None else cached.open()
     if opened is None:
         with open_recording(path) as recorded:
-            fill_buffer(buffer, recorded, what, progress=progress)
-        if cached is None:
-            return buffer
-        cached.write(buffer)
-        opened = cached.open() or buffer
+            for text in fill_buffer(buffer, recorded, what, progress=progress):
+                warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
+        if cached is not None:
+            cached.write(buffer)
+        opened = (cached and cached.open()) or buffer
+    for text in without_stamps(opened):
+        warnings.warn(f"{printable(os.fspath(path))}: {text}", stacklevel=2)
     opened.clock = None  # pyright: ignore[reportAttributeAccessIssue]
     return opened
+
+
+def without_stamps(buffer: "Buffer") -> Iterator[str]:
+    """Say of each moving frame that all its stamps are 0."""
+    for name, one in buffer.frames().items():
+        if one.parent is not None and not one.static and one.newest_ns == 0 and one.count > 1:
+            yield (
+                f"all stamps of {printable(name)} are 0, because its publisher does not set them:"
+                " a buffer keeps 64 samples of one stamp, and has no answer for another time"
+            )
 
 
 def new_buffer(cache_time: DurationLike | None) -> "Buffer":
@@ -212,12 +228,13 @@ def fill_buffer(
     progress: bool | None,
     recording: Recording | None = None,
     records: list[Any] | None = None,
-) -> None:
+) -> list[str]:
     """
     Insert the wanted transforms of a recording into a buffer.
 
     :param recording: records each transform; see :func:`tf2_ros.records.insert_messages`.
     :param records: see the same function.
+    :return: a sentence for each topic of which messages are left out.
     """
     sources = sources_of(recorded, what)
     robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
@@ -240,26 +257,37 @@ def fill_buffer(
             messages = recorded.checked(recorded.raw(sources, what.start_ns, what.end_ns))
             insert(converted(messages, sources, recorded.malformed), [*map(MessageSource, sources)])
 
-        insert_converted(
-            {
-                topic: Poses(recorded.topics[topic].msgtype, frames)
-                for topic, frames in what.poses.items()
-                if topic in recorded.topics
-            }
-        )
+        posed = {
+            topic: Poses(recorded.topics[topic].msgtype, frames)
+            for topic, frames in what.poses.items()
+            if topic in recorded.topics
+        }
+        insert_converted(posed)
+        for topic, one in posed.items():
+            if one.left_out and not one.named:
+                where = f"{printable(recorded.path)}, topic {printable(topic)}"
+                raise BagError(f"{where}: in its messages, {one.reason}; {PASS_FRAMES}")
         # Last, because only then it is known which frames have recorded transforms.
         known = {name for name, one in buffer.frames().items() if one.parent is not None}
         joints = {topic: Joints(robot, known) for topic, robot in robots.items()}
         static = [(FROM_URDF, recorded.start_ns or 0, fixed(robot, known)) for robot in robots.values()]
         insert(static, [MessageSource(FROM_URDF, static=True)], progress=None)
         insert_converted(joints)
-        for topic, one in joints.items():
-            own = [joint.name for joint in one.robot.joints if joint.type != "fixed"]
-            if own and one.names and not one.matched:
+        for topic, states in joints.items():
+            own = [joint.name for joint in states.robot.joints if joint.type != "fixed"]
+            if own and states.names and not states.matched:
+                why = f" ({states.reason})" if states.left_out else ""
                 raise BagError(
                     f"{printable(recorded.path)}, topic {printable(topic)}: its joint states, of"
-                    f" {first_names(one.names)}, have no positions of the URDF's joints, {first_names(own)}"
+                    f" {first_names(states.names)}, have no positions of the URDF's joints,"
+                    f" {first_names(own)}{why}"
                 )
+    return [
+        f"{counted(one.left_out, 'message')} on {printable(topic)} {'is' if one.left_out == 1 else 'are'}"
+        f" left out: {one.reason}"
+        for topic, one in (posed | joints).items()
+        if one.left_out
+    ]
 
 
 def _described(recorded: Recorded, states: str) -> Robot:
@@ -295,8 +323,7 @@ def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
             if frames is None and recorded.topics[topic].msgtype not in NAMED:
                 raise BagError(
                     f"{name}, topic {printable(topic)}: a {recorded.topics[topic].msgtype} does not name the"
-                    ' child frame; pass the frames, as in poses={"/gps/pose": ("map", "gps")}'
-                    " or --poses /gps/pose=map,gps"
+                    f" child frame; {PASS_FRAMES}"
                 )
     for topic in what.robots:
         if topic in recorded.topics:
@@ -314,6 +341,7 @@ def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
     return [MessageSource(topic, is_static(topic), what.prefixes[topic]) for topic in found]
 
 
+PASS_FRAMES = 'pass the frames, as in poses={"/gps/pose": ("map", "gps")} or --poses /gps/pose=map,gps'
 WITH_URDF, WITH_POSES = "`urdf` or `--urdf`", "`poses` or `--poses`"
 
 
@@ -415,8 +443,9 @@ class Heard:
     times of reception. Its ids are indices into ``frames`` and ``publishers``; a publisher is the name of a
     topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to the end that
     was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose stamps were
-    asked for, or None. ``saved``: a
-    buffer has saved it, so the log times are stamps.
+    asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps. ``left_out`` has a
+    sentence for each topic of which messages are left out, ``absent`` says what may explain that a frame is
+    unknown.
     """
 
     buffer: "Buffer"
@@ -427,6 +456,8 @@ class Heard:
     end_ns: int | None
     times_ns: NDArray[np.int64] | None
     saved: bool
+    left_out: list[str]
+    absent: list[str]
 
 
 def hear(
@@ -446,7 +477,7 @@ def hear(
     buffer, recording = new_buffer(None), Recording()
     pieces: list[NDArray[np.void]] = []
     with open_recording(path) as recorded:
-        fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
+        left_out = fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
         times_ns = None if at is None else stamps_of(recorded, at)
     records = np.concatenate([*pieces, recording.take()])
     records = records[np.argsort(records["received_ns"], kind="stable")]
@@ -454,8 +485,30 @@ def hear(
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     if end_ns is not None and what.end_ns is not None:
         end_ns = min(end_ns, what.end_ns)
-    frames = recording.frames()
-    return Heard(buffer, records, frames, publishers, start_ns, end_ns, times_ns, recorded.saved)
+    frames, absent = recording.frames(), [*_absent(recorded, what)]
+    return Heard(
+        buffer, records, frames, publishers, start_ns, end_ns, times_ns, recorded.saved, left_out, absent
+    )
+
+
+def _absent(recorded: Recorded, what: Wanted) -> Iterator[str]:
+    """Say which of the topics that were named are not there or empty, and that static transforms are not."""
+    for topic in what.others:
+        if topic not in recorded.topics:
+            types = (JOINT_STATE,) if topic in what.robots else (*NAMED, *POSES)
+            others = listed(_topics_of(recorded, *types))
+            yield f"there is no topic {printable(topic)}; the topics of its type are {others}"
+        elif not recorded.topics[topic].count:
+            yield f"topic {printable(topic)} has no messages"
+    transforms = _topics_of(recorded, *TF_TYPES, *foxglove.TYPES)
+    filled = [name for name in transforms if recorded.topics[name].count]
+    static, wanted = {*filter(is_static, filled)}, {*what.prefixes}.intersection(filled)
+    if not recorded.saved and wanted and static.isdisjoint(wanted):
+        if static:
+            yield f"no static transforms are read: `topics` or `--topic` reads those on {listed(static)}"
+        else:
+            why = f"they are sent once, often before a recording begins; {WITH_URDF} computes a robot's"
+            yield f"no static transforms were recorded: {why}"
 
 
 BAR_AFTER_S = 1.0

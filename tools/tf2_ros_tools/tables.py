@@ -55,9 +55,13 @@ Tables = Mapping[str, Table]
 
 
 def look_up_frames(
-    buffer: Buffer, target: str, frames: Sequence[str], times_ns: ArrayLike
+    buffer: Buffer, target: str, frames: Sequence[str], times_ns: ArrayLike, absent: Sequence[str] = ()
 ) -> tuple[dict[str, Table], dict[str, str]]:
-    """Look up the tables of frames in ``target`` at N times, and why frames have no answer at any time."""
+    """
+    Look up the tables of frames in ``target`` at N times, and why frames have no answer at any time.
+
+    :param absent: what may explain that a frame is unknown.
+    """
     stamps_ns = np.asarray(times_ns, np.int64)
     count = len(stamps_ns)
     tables: dict[str, Table] = {}
@@ -67,7 +71,7 @@ def look_up_frames(
             tables[frame] = look_up_table(buffer, target, frame, stamps_ns)
         except TransformException as error:
             tables[frame] = Table(stamps_ns, np.full((count, 7), np.nan), np.full(count, np.nan))
-            reasons[frame] = str(error)
+            reasons[frame] = "; ".join([str(error), *absent])
             continue
         if not tables[frame].valid.any():
             reasons[frame] = why_unanswered(buffer, target, frame, stamps_ns)

@@ -17,13 +17,19 @@ from making_bags import (
     Sent,
     Tf,
     drive,
+    posed,
     series,
     write_foxglove,
     write_mcap,
 )
+from robots import ARM
 
 from tf2_ros_tools import bag
+from tf2_ros_tools.findings import line_of, report
 from tf2_ros_tools.loading import hear, wanted
+from tf2_ros_tools.program import RunError
+from tf2_ros_tools.programs.tf2_bag import PARSER
+from tf2_ros_tools.programs.tf2_bag import bag as tf2_bag
 
 pytestmark = pytest.mark.ours
 
@@ -90,6 +96,82 @@ class TestPoses:
         of_type = f"topic /one: its type is {msgtype}, not tf2_msgs/msg/TFMessage"
         with pytest.raises(bag.BagError, match=f"{of_type}; `poses` or `--poses` reads it$"):
             bag.load(path, topics=["/one"])
+
+    @pytest.mark.parametrize("lacks", ["child", "frame"])
+    @pytest.mark.parametrize("msgtype", [ODOMETRY, TRANSFORM])
+    def test_messages_without_a_name_of_a_frame_are_left_out(self, msgtype, lacks, tmp_path):
+        named, unnamed = series("/odom", msgtype), series("/odom", msgtype, **{lacks: ""})
+        path = write_mcap(tmp_path / "run.mcap", [*named, *unnamed])
+        field = {"child": "child_frame_id", "frame": "frame_id"}[lacks]
+        said = f"20 messages on /odom are left out: {field} is not set"
+        with pytest.warns(UserWarning, match=f"run.mcap: {said}$"):
+            check(bag.load(path, poses={"/odom": None}), "map", "base")
+        found = report(hear(path, wanted(poses={"/odom": None}))).findings
+        assert [line_of(one) for one in found] == [f"malformed: {said}"]
+
+        write_mcap(path, unnamed)
+        advice = re.escape('pass the frames, as in poses={"/gps/pose": ("map", "gps")} or --poses')
+        for name in (bag.load, lambda path, poses: hear(path, wanted(poses=poses))):
+            with pytest.raises(
+                bag.BagError, match=f"topic /odom: in its messages, {field} is not set; {advice}"
+            ):
+                name(path, poses={"/odom": None})
+        check(bag.load(path, poses={"/odom": ("map", "base")}), "map", "base")
+
+    @pytest.mark.parametrize("form", ["mcap", "ros1"])
+    def test_poses_whose_stamps_were_never_set_are_a_warning(self, form, tmp_path):
+        ros = 1 if form == "ros1" else 2
+        unset = [
+            posed(0, i / 10, "/pose", STAMPED, ros=ros)._replace(log_ns=ns) for i, ns in enumerate(STAMPS)
+        ]
+        path, poses = FORMATS[form](tmp_path, unset), {"/pose": ("map", "car")}
+        for options in ({}, {"cache": tmp_path}, {"cache": tmp_path}):
+            with pytest.warns(UserWarning, match=f"{path.name}: all stamps of car are 0, because "):
+                bag.load(path, poses=poses, **options)
+
+
+class TestAdvice:
+    """What `tf2_bag` says where a frame may be missing because its topic is."""
+
+    @pytest.mark.parametrize(
+        ("messages", "options", "said"),
+        [
+            (
+                [one for one in drive() if one.topic == "/tf"],
+                [],
+                "no static transforms were recorded: they are sent once, .*; `urdf` or `--urdf` computes",
+            ),
+            (
+                [one._replace(topic=f"/a{one.topic}") if one.topic != "/tf" else one for one in drive()],
+                [],
+                "no static transforms are read: `topics` or `--topic` reads those on /a/tf_static",
+            ),
+            ([*drive(), *series("/odom", ODOMETRY)], ["--poses", "/empty"], "topic /empty has no messages"),
+            (
+                [*drive(), *series("/odom", ODOMETRY)],
+                ["--poses", "/gone=map,gps"],
+                "there is no topic /gone; the topics of its type are /empty, /odom",
+            ),
+            (
+                [*drive(), *series("/odom", ODOMETRY)],
+                ["--urdf", "/states=arm.urdf"],
+                "there is no topic /states; the topics of its type are none",
+            ),
+        ],
+    )
+    def test_is_given_with_an_unknown_frame(self, messages, options, said, tmp_path, capsys, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "arm.urdf").write_text(ARM)
+        path = write_mcap(tmp_path / "run.mcap", messages, topics=[("/empty", ODOMETRY)])
+        with pytest.raises(RunError, match=f'"mast" passed to lookupTransform .* does not exist.*; {said}'):
+            tf2_bag(PARSER.read(["tf2_bag", "lookup", str(path), "map", "mast", *options]))
+        assert tf2_bag(PARSER.read(["tf2_bag", "info", str(path), *options])) == 0
+        assert re.search(f"^{said}", capsys.readouterr().out, re.MULTILINE)
+
+    def test_is_given_where_there_is_no_transform_at_all(self, tmp_path, capsys):
+        path = write_mcap(tmp_path / "run.mcap", [], topics=[("/empty", ODOMETRY)])
+        assert tf2_bag(PARSER.read(["tf2_bag", "check", str(path), "--poses", "/empty"])) == 1
+        assert "nothing: no transform was received (topic /empty has no messages)" in capsys.readouterr().out
 
 
 # Foxglove.

@@ -1,5 +1,7 @@
 """A robot's joints: what a URDF says, and the transforms of live and recorded joint states."""
 
+import re
+
 import numpy as np
 import pytest
 from making_bags import FORMATS, S, Sent, Tf, drive, raw, write_mcap
@@ -7,6 +9,7 @@ from robots import ARM, FIXED, JOINT_STATE, NAMES, description, expected, joint_
 
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf
+from tf2_ros_tools.findings import line_of, report
 from tf2_ros_tools.loading import hear, wanted
 
 pytestmark = pytest.mark.ours
@@ -380,7 +383,6 @@ class TestRecordings:
     @pytest.mark.parametrize(
         ("content", "said"),
         [
-            (raw(joint_state(0, NAMES, [1.0, 2.0])), "3 names, but 2 positions"),
             (raw(joint_state(0, NAMES, [1.0, 2.0, 3.0]))[:60], "Could not deserialize"),
             (b"", "Invalid or unsupported CDR"),
         ],
@@ -393,6 +395,23 @@ class TestRecordings:
             bag.load(path, urdf=ARM)
         where = f"{path}, topic /joint_states, log time {stamps[7] + 5} ns: "
         assert str(refused.value).startswith(f"{where}{said}")
+
+    @pytest.mark.parametrize("count", [1, 2])
+    def test_states_with_another_number_of_positions_are_left_out(self, count, tmp_path):
+        messages, stamps, values = states()
+        bad = [joint_state(stamps[7] + 1 + i, NAMES, [1.0, 2.0]) for i in range(count)]
+        path = write_mcap(tmp_path / "run.mcap", [*messages, *bad])
+        which = ["1 message on /joint_states is", "2 messages on /joint_states are"][count - 1]
+        said = f"{which} left out: 3 names, but 2 positions"
+        with pytest.warns(UserWarning, match=f"^{re.escape(str(path))}: {said}$"):
+            check(bag.load(path, urdf=ARM), stamps, values)
+        heard = hear(path, wanted(urdf=ARM))
+        assert [line_of(one) for one in report(heard).findings] == [f"malformed: {said}"]
+
+    def test_states_that_are_all_left_out_are_an_error_with_the_reason(self, tmp_path):
+        path = write_mcap(tmp_path / "run.mcap", [joint_state(S, NAMES, [1.0])])
+        with pytest.raises(bag.BagError, match=r"no positions of .* \(3 names, but 1 positions\)$"):
+            bag.load(path, urdf=ARM)
 
     @pytest.mark.parametrize(
         ("how", "said"),

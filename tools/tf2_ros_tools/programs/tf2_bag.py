@@ -88,10 +88,20 @@ def _robots_of(options: Namespace) -> dict[str, Urdf]:
 
 def _heard_of(options: Namespace, at: str | None = None) -> Heard:
     """
-    Read the transforms of the recording.
+    Read the transforms of the recording, and warn of what is left out.
 
     :param at: a topic whose stamps are read, too.
     """
+    from tf2_ros_tools.loading import without_stamps
+
+    heard = _judged_of(options, at)
+    for text in (*heard.left_out, *without_stamps(heard.buffer)):
+        options.parser.warn(text)
+    return heard
+
+
+def _judged_of(options: Namespace, at: str | None = None) -> Heard:
+    """Read the transforms of the recording; the findings say what is left out."""
     from tf2_ros_tools.loading import hear, wanted
 
     what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
@@ -112,7 +122,7 @@ def info(options: Namespace) -> int:
     if not options.json:
         # First, because transforms that cannot be read end the command.
         show(f"{options.file}: {size:,} bytes", *_contents(topics, *span_ns))
-    heard = _heard_of(options)
+    heard = _judged_of(options)
     said = report(heard)
     if options.json:
         contents = {"file": options.file, "bytes": size, "topics": [*map(asdict, topics)]}
@@ -124,7 +134,7 @@ def info(options: Namespace) -> int:
         show("stamps and log times are of different clocks: no delays")
     if said.saved:
         show("saved by a buffer, which keeps stamps but no times of reception: no delays")
-    show(*lines_of(said.findings, said.streams, _what(said)))
+    show(*heard.absent, *lines_of(said.findings, said.streams, _what(said)))
     return SUCCESS
 
 
@@ -134,7 +144,7 @@ def check(options: Namespace) -> int:
 
     expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
-    said = report(_heard_of(options), limits, expected)
+    said = report(_judged_of(options), limits, expected)
     # Silence about these must not be taken for health.
     unknown = "; a saved buffer: delays and stopped frames are unknown" if said.saved else ""
     return conclude(options, said, _what(said) + unknown, {"file": options.file})
@@ -169,14 +179,18 @@ def _size_of(path: str) -> int:
 
 def lookup(options: Namespace) -> int:
     """Look up, and write a table; return the exit status."""
+    from tf2_py import TransformException
     from tf2_ros_tools import tables
 
     heard = _heard_of(options, options.at)
     target, source = options.target, options.source
     times_ns = options.times if options.at is None else heard.times_ns
-    if times_ns is None:
-        times_ns = tables.times_when(heard, target, source, options.rate)
-    table = tables.look_up_table(heard.buffer, target, source, times_ns, options.max_gap)
+    try:
+        if times_ns is None:
+            times_ns = tables.times_when(heard, target, source, options.rate)
+        table = tables.look_up_table(heard.buffer, target, source, times_ns, options.max_gap)
+    except TransformException as failure:
+        raise RunError("; ".join([str(failure), *heard.absent])) from None
     if not table.valid.any():
         reason = tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, options.max_gap)
         raise RunError(reason)
@@ -233,14 +247,18 @@ def freeze(options: Namespace) -> int:
     """Write the transforms to a file that processes map; return the exit status."""
     from tf2_ros_tools.loading import load
 
-    buffer = load(
-        options.file,
-        topics=_topics_of(options),
-        start=options.start,
-        end=options.end,
-        poses=dict(options.poses),
-        urdf=_robots_of(options),
-    )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        buffer = load(
+            options.file,
+            topics=_topics_of(options),
+            start=options.start,
+            end=options.end,
+            poses=dict(options.poses),
+            urdf=_robots_of(options),
+        )
+    for one in caught:
+        options.parser.warn(str(one.message))
     buffer.freeze(options.output)
     show(options.output)
     return SUCCESS

@@ -356,9 +356,10 @@ def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
         options = {JOINT_STATE: WITH_URDF, **dict.fromkeys((*NAMED, *POSES), WITH_POSES)}
         advice = f"; {options[one.msgtype]} reads it" if one.msgtype in options else ""
         raise BagError(f"{where}: its type is {printable(one.msgtype)}, not {types[0]}{advice}")
-    encodings = [foxglove.ENCODING] if one.msgtype in foxglove.TYPES else ["cdr", "ros1"]
+    encodings = foxglove.ENCODINGS if one.msgtype in foxglove.TYPES else ("cdr", "ros1")
     if one.encoding not in encodings:
-        raise BagError(f"{where}: its encoding is {printable(one.encoding)}, not {encodings[0]}")
+        wanted = " or ".join(encodings)
+        raise BagError(f"{where}: its encoding is {printable(one.encoding)}, not {wanted}")
 
 
 def passes(recorded: Recorded, sources: list[MessageSource], what: Wanted) -> list[Iterator[RawMessage]]:

@@ -91,7 +91,7 @@ class Topic:
     A recorded topic.
 
     ``count`` is the number of its messages. ``encoding`` is how they are serialised: ``cdr``, ``ros1``,
-    ``protobuf`` or something else.
+    ``protobuf``, ``json`` or something else.
     """
 
     name: str
@@ -412,12 +412,14 @@ class ForeignMcap:
             yield self._connections[channel.id], message.log_time, message.data
 
     def decoder(self, connection: "Connection") -> Callable[[bytes], Any]:
-        """Get the function that decodes the messages of a connection in protobuf."""
+        """Get the function that decodes the messages of a connection of Foxglove."""
+        if _encoding(connection) == foxglove.JSON:
+            return foxglove.from_json
         if connection.id not in self._decoders:
             require("mcap_protobuf", "bag")
             from mcap_protobuf.decoder import DecoderFactory
 
-            decode = DecoderFactory().decoder_for(foxglove.ENCODING, self._schemas[connection.id])
+            decode = DecoderFactory().decoder_for(foxglove.PROTOBUF, self._schemas[connection.id])
             if decode is None:
                 raise ValueError("the definition of its type is not one of protobuf")
             self._decoders[connection.id] = decode

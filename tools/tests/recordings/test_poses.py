@@ -203,6 +203,72 @@ class TestFoxglove:
         others = "its topics with transforms: /one/tf, /one/tf_static: choose from these"
         with pytest.raises(bag.BagError, match=others):
             bag.load(path)
-        write_foxglove(path, [Sent(1, "/tf", b"{}")], encoding="json")
-        with pytest.raises(bag.BagError, match="topic /tf: its encoding is json, not protobuf"):
+        write_foxglove(path, [Sent(1, "/tf", b"")], encoding="flatbuffer")
+        with pytest.raises(bag.BagError, match="topic /tf: its encoding is flatbuffer, not protobuf or json"):
             bag.load(path)
+
+    @pytest.mark.parametrize("profile", ["", "ros2"])
+    def test_single_transforms_in_json(self, profile, tmp_path):
+        whole = Sent(2, "/tf", [Tf("a", "b", 2 * S + 7, (1, 2.5, 3), about_z(0.5))], "FrameTransform")
+        stamp = b'"timestamp": {"sec": 3, "nsec": 0}'
+        bare = whole._replace(
+            log_ns=3, content=b'{"parent_frame_id": "a", "child_frame_id": "b", %s}' % stamp
+        )
+        path = write_foxglove(tmp_path / "run.mcap", [whole, bare], "json", profile=profile)
+        first, last = (message for _, _, message in bag.transforms(path))
+        assert (first.header.frame_id, first.child_frame_id, first.header.stamp.nanosec) == ("a", "b", 7)
+        assert (first.transform.translation.y, first.transform.rotation.w) == (2.5, about_z(0.5)[3])
+        assert (last.header.stamp.sec, last.transform.translation.x, last.transform.rotation.w) == (3, 0, 1)
+        assert bag.stamps(path, "/tf").tolist() == [2 * S + 7, 3 * S]
+
+    @pytest.mark.parametrize(
+        ("content", "said"),
+        [
+            (b"", "Expecting value"),
+            (b"\xff\xfe", "codec can't decode"),
+            (b"[" * 10**5, "recursion"),
+            (b"[]", "expected an object, got list"),
+            (
+                b'{"parent_frame_id": "\\ud800", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0}}',
+                "surrogates not allowed",
+            ),
+            (
+                b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0},'
+                b' "translation": {"x": 1%s, "y": 2, "z": 3}}' % (b"0" * 400),
+                "too large to convert to float",
+            ),
+            (b'{"transforms": {}}', "transforms: expected an array, got dict"),
+            (b'{"transforms": [1]}', "expected an object, got int"),
+            (b'{"parent_frame_id": "a"}', "it has no child_frame_id"),
+            (
+                b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": 3}',
+                "timestamp: expected an object, got 3",
+            ),
+            (
+                b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1.5, "nsec": 0}}',
+                "sec: expected an integer, got 1.5",
+            ),
+            (
+                b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": %d, "nsec": 0}}'
+                % (1 << 40),
+                "does not fit into 32 bits of seconds",
+            ),
+            (
+                b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0},'
+                b' "translation": {"x": 1, "y": "2", "z": 3}}',
+                "y: expected a number, got '2'",
+            ),
+            (
+                b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0},'
+                b' "rotation": {"x": 0, "y": 0, "z": 0}}',
+                "it has no w",
+            ),
+        ],
+    )
+    def test_malformed_json_is_named(self, content, said, tmp_path):
+        messages = [*drive(), Sent(5, "/tf", content)]
+        path = write_foxglove(tmp_path / "run.mcap", messages, encoding="json")
+        where = f"{path}, topic /tf, log time 5 ns: not a foxglove.FrameTransforms: "
+        for read in (bag.load, lambda path: [*bag.transforms(path)]):
+            with pytest.raises(bag.BagError, match=f"^{re.escape(where)}.*{said}"):
+                read(path)

@@ -1,5 +1,6 @@
 """Makes recordings in every format, with the writers of rosbags and of mcap; needs no ROS."""
 
+import json
 import math
 import re
 import shutil
@@ -222,16 +223,20 @@ def write_mcap(
 FOXGLOVE = {TF: FrameTransforms, "FrameTransform": FrameTransform, SCAN: LaserScan}
 
 
-def write_foxglove(path, messages, encoding="protobuf", index=IndexType.ALL):
-    """An .mcap as Foxglove's tools write it, of transforms and scans."""
+def write_foxglove(path, messages, encoding="protobuf", index=IndexType.ALL, profile=""):
+    """An .mcap as Foxglove's tools write it, of transforms and scans, in protobuf or JSON."""
     writer = McapWriter(str(path), chunk_size=2000, compression=CompressionType.LZ4, index_types=index)
-    writer.start("", "tests")
-    channels = {}
+    writer.start(profile, "tests")
+    channels, made = {}, in_json if encoding == "json" else in_protobuf
     for one in messages:
         if one.topic not in channels:
-            schema = register_schema(writer, FOXGLOVE[one.msgtype])
+            message = FOXGLOVE[one.msgtype]
+            if encoding == "json":
+                schema = writer.register_schema(message.DESCRIPTOR.full_name, "jsonschema", b"{}")
+            else:
+                schema = register_schema(writer, message)
             channels[one.topic] = writer.register_channel(one.topic, encoding, schema)
-        writer.add_message(channels[one.topic], one.log_ns, in_protobuf(one), one.log_ns)
+        writer.add_message(channels[one.topic], one.log_ns, made(one), one.log_ns)
     writer.finish()
     return path
 
@@ -253,6 +258,25 @@ def in_protobuf(sent):
             rotation=dict(zip("xyzw", tf.xyzw, strict=True)),
         )
     return made.SerializeToString()
+
+
+def in_json(sent):
+    if isinstance(sent.content, bytes):
+        return sent.content
+    if sent.msgtype == SCAN:
+        stamp = sent.content["header"].stamp
+        return json.dumps({"timestamp": {"sec": stamp.sec, "nsec": stamp.nanosec}}).encode()
+    made = [
+        {
+            "timestamp": dict(zip(("sec", "nsec"), divmod(tf.ns, S), strict=True)),
+            "parent_frame_id": tf.parent,
+            "child_frame_id": tf.child,
+            "translation": dict(zip("xyz", tf.xyz, strict=True)),
+            "rotation": dict(zip("xyzw", tf.xyzw, strict=True)),
+        }
+        for tf in sent.content
+    ]
+    return json.dumps({"transforms": made} if sent.msgtype == TF else made[0]).encode()
 
 
 def write_db3(path, messages):
@@ -326,6 +350,7 @@ FORMATS = {
     "mcap-no-chunks": lambda at, m: write_mcap(at / "run.mcap", m, chunked=False),
     "mcap-plain": lambda at, m: write_mcap(at / "run.mcap", m, index=False, chunked=False),
     "foxglove": lambda at, m: write_foxglove(at / "run.mcap", m),
+    "foxglove-json": lambda at, m: write_foxglove(at / "run.mcap", m, "json"),
     "foxglove-chunk-index": lambda at, m: write_foxglove(at / "run.mcap", m, index=IndexType.CHUNK),
     "mcap-file": lambda at, m: packed(write_mcap(at / "run.mcap", m)),
     "db3": lambda at, m: write_db3(at / "run.db3", m),

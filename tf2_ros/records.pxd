@@ -16,6 +16,7 @@ cdef struct Record:
     uint8_t is_static           # 0 or 1
     uint8_t unnormalised        # 1: accepted, with a rotation that tf2 of Kilted and later refuses
     uint16_t refusals           # for what every buffer refuses it: REFUSED_* bits
+    uint32_t value              # id in `values` if static, otherwise a larger number
 
 
 cdef struct Records:
@@ -26,6 +27,7 @@ cdef struct Records:
     size_t capacity             # records allocated
     Names frames
     Names publishers            # the bytes of their ids
+    Names values                # the bytes of the numbers of static transforms
     uint64_t messages           # that could be read
     uint64_t malformed          # messages that could not be read
     uint64_t lost               # transforms for which there was no place or memory
@@ -44,6 +46,7 @@ cdef class Recording:
     cdef object _array          # owns _records.records
     cdef list _frames           # names, by id, as far as they were asked for
     cdef list _publishers       # likewise
+    cdef list _values           # likewise
 
     cdef uint64_t _counted(self, const uint64_t* count) noexcept
     cdef list _new_names(self, const Names* names, list known)

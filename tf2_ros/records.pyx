@@ -27,6 +27,7 @@ from tf2_py._internal cimport (
     Incoming,
     Name,
     Names,
+    Transform,
     batch_add_cdr,
     batch_error,
     batch_free,
@@ -48,6 +49,8 @@ from tf2_py._internal cimport (
     unchanging_bytes,
 )
 
+from struct import unpack
+
 import numpy as np
 
 from tf2_py._internal import log
@@ -63,11 +66,13 @@ RECORD = np.dtype([
     ("static", np.uint8),
     ("unnormalised", np.uint8),
     ("refusals", np.uint16),
-])
+    ("value", np.uint32),
+], align=True)
 
 cdef enum:
     CAPACITY = 1 << 17      # records; memory is used only for those that exist
     MAX_NAMES = 1 << 20     # so that a publisher that makes up names does not fill the memory
+    MAX_VALUES = 1 << 16    # likewise one that sends static transforms that move
     NOTE_SLICE = 1024       # transforms of a message that are noted before other threads may read the records
     COUNT_EVERY = 256       # messages between two calls of `progress`
     MOST_MESSAGES = 32      # that are inserted together
@@ -76,6 +81,12 @@ cdef enum:
 
 cdef inline uint32_t _intern(Names* names, const char* text, size_t size) noexcept nogil:
     return NAME_NO_MEMORY if names.count >= MAX_NAMES else names_intern(names, text, size)
+
+
+cdef inline uint32_t _intern_value(Names* values, const Transform* transform) noexcept nogil:
+    if values.count >= MAX_VALUES:
+        return NAME_NO_MEMORY
+    return names_intern(values, <const char*>transform, sizeof(Transform))
 
 
 cdef uint32_t _intern_frame(Names* names, const char* text, size_t size) noexcept nogil:
@@ -110,6 +121,9 @@ cdef void records_add(
         record.is_static = batch.is_static
         record.refusals = incoming_refusals(&incoming)
         record.unnormalised = record.refusals == 0 and is_unnormalised(incoming.squared_length)
+        record.value = NAME_NO_MEMORY
+        if batch.is_static:
+            record.value = _intern_value(&records.values, &incoming.transform)
         if record.child == NAME_NO_MEMORY or record.parent == NAME_NO_MEMORY:
             records.lost += 1
         else:
@@ -136,16 +150,20 @@ cdef class Recording:
         fork_watch(&self._records.forked, &self._records.lock)
         if names_init(&self._records.frames) != 0 or names_init(&self._records.publishers) != 0:
             raise MemoryError
+        if names_init(&self._records.values) != 0:
+            raise MemoryError
         self._array = np.empty(capacity, RECORD)
         self._records.records = <Record*><uintptr_t>self._array.ctypes.data
         self._records.capacity = capacity
         self._frames = []
         self._publishers = []
+        self._values = []
 
     def __dealloc__(self):
         fork_forget(&self._records.forked)
         names_free(&self._records.frames)
         names_free(&self._records.publishers)
+        names_free(&self._records.values)
         lock_free(&self._records.lock)
 
     def take(self):
@@ -156,7 +174,8 @@ cdef class Recording:
             into :meth:`frames`, ``publisher`` into :meth:`publishers`; ``refusals`` is not 0 if every
             buffer refuses the transform, see :func:`refusal_text`; ``unnormalised`` is 1 if buffers
             accept it, but those of tf2 of Kilted and later refuse it because the length of its rotation is
-            not 1.
+            not 1; ``value`` is an index into :meth:`values` if the transform is static, otherwise a larger
+            number.
         """
         cdef size_t count
         taken, fresh = self._array, np.empty(self._records.capacity, RECORD)
@@ -182,6 +201,16 @@ cdef class Recording:
         """
         self._publishers += self._new_names(&self._records.publishers, self._publishers)
         return self._publishers
+
+    def values(self):
+        """
+        Get the numbers of static transforms, each once: x y z in metres, and the quaternion x y z w.
+
+        The list only grows, and is the same object each time. Only the first 65,536 are noted.
+        """
+        new = self._new_names(&self._records.values, self._values)
+        self._values += [unpack("7d", value) for value in new]
+        return self._values
 
     @property
     def messages(self):

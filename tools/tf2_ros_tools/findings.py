@@ -4,18 +4,29 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tf2_ros.numpy import to_matrix
 from tf2_ros_cython.output import counted
-from tf2_ros_tools.output import first_names, show, show_json, three_digits
+from tf2_ros_tools.output import first_names, rpy_from_matrices, show, show_json, three_digits
 from tf2_ros_tools.program import FAILURE, KINDS, SUCCESS, UsageError
-from tf2_ros_tools.streams import Refused, Stream, Streams, newest_streams, path_to_root, without_delays
+from tf2_ros_tools.streams import (
+    JUMP_BACK_NS,
+    Refused,
+    Stream,
+    Streams,
+    newest_streams,
+    path_to_root,
+    taken,
+    without_delays,
+)
 from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, frame_name, read_keys, read_yaml
 
 if TYPE_CHECKING:
@@ -176,9 +187,12 @@ def _in_the_tree(streams: Sequence[Stream]) -> Iterator[Finding]:
 
 def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) -> Iterator[Finding]:
     own = [one for one in own if not one.static or alive is None or one.publisher_id in alive]
-    parents = sorted({one.parent for one in own})
+    parents: dict[str, set[str]] = {}
+    for one in own:
+        parents.setdefault(one.parent, set()).add(one.publisher)
     if len(parents) > 1:
-        yield Finding("parents", frame, f"{frame} has {len(parents)} parents in turn: {', '.join(parents)}")
+        which = ", ".join(f"{name} by {' and '.join(sorted(by))}" for name, by in sorted(parents.items()))
+        yield Finding("parents", frame, f"{frame} has {len(parents)} parents in turn: {which}")
     by_kind = {
         static: {one.publisher_id: one.publisher for one in own if one.static == static}
         for static in (True, False)
@@ -302,10 +316,148 @@ def _as_expected(frame: str, newest: Stream, expected: Expectation) -> Iterator[
         yield Finding("static", frame, text)
 
 
-# A whole recording.
+# What the figures of streams do not show.
 
 
 S = 1_000_000_000
+SAME_VALUE = 1e-6  # metres, and of the components of a quaternion
+COMPONENTS = ("x", "y", "z", "roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class Received:
+    """
+    What was received, in the order of arrival.
+
+    :param records: of ``tf2_ros.records.RECORD``.
+    :param frames: by the ids in the records, as ``publishers`` and ``values``.
+    :param when: says at which time of reception, in ns.
+    """
+
+    records: NDArray[np.void]
+    frames: Sequence[str]
+    publishers: Sequence[str]
+    values: Sequence[Sequence[float]]
+    when: Callable[[int], str]
+
+    def findings(self, alive: Collection[int] | None = None, begin_ns: int | None = None) -> list[Finding]:
+        """
+        Find static transforms that differ or change, stamps that were not set, and stamps that go back.
+
+        :param alive: ids of the publishers that still exist; None: all count.
+        :param begin_ns: what changed before this time of reception does not count.
+        """
+        accepted = taken(self.records)
+        static = accepted["static"] != 0
+        known = static & (accepted["value"] < len(self.values))
+        return [
+            *self._of_values(accepted[known], alive, begin_ns),
+            *self._of_unset(accepted[~static]),
+        ]
+
+    def _of_values(
+        self, static: NDArray[np.void], alive: Collection[int] | None, begin_ns: int | None
+    ) -> Iterator[Finding]:
+        table = np.array(self.values).reshape(-1, 7)
+        with np.errstate(all="ignore"):  # some are refused
+            table[:, 3:] /= np.linalg.norm(table[:, 3:], axis=1, keepdims=True)
+        for (child, parent), both in _groups(static, "child", "parent"):
+            name = f"{self.frames[child]} in {self.frames[parent]}"
+            last: list[tuple[str, NDArray[np.float64]]] = []
+            for (number,), own in _groups(both, "publisher"):
+                if alive is not None and number not in alive:
+                    continue
+                publisher, poses = self.publishers[number], table[own["value"]]
+                last.append((publisher, poses[-1]))
+                changes = np.flatnonzero(~_are_same(poses[1:], poses[:-1]))
+                if begin_ns is not None:
+                    changes = changes[own["received_ns"][changes + 1] >= begin_ns]
+                if len(changes):
+                    at = changes[-1]
+                    old, new = _told_apart_by(poses[at : at + 2])
+                    how = "changed" if len(changes) == 1 else f"changed {len(changes)} times, last"
+                    when = self.when(int(own["received_ns"][at + 1]))
+                    text = f"{name} by {publisher} is static and {how} from {old} to {new}, {when}"
+                    text += ": lookups use the last one, for all times"
+                    yield Finding("values", self.frames[child], text)
+            poses = np.array([pose for _, pose in last])
+            if len(poses) and not _are_same(poses, poses[:1]).all():
+                parts = zip(_told_apart_by(poses), last, strict=True)
+                which = ", ".join(f"{value} by {publisher}" for value, (publisher, _) in parts)
+                text = f"{name} is static with different values: {which}"
+                yield Finding("values", self.frames[child], text)
+
+    def _of_unset(self, moving: NDArray[np.void]) -> Iterator[Finding]:
+        for (child, number), own in _groups(moving, "child", "publisher"):
+            # Before a node receives a simulated time, its time is 0.
+            later = own[np.argmax(own["stamp_ns"] != 0) :]
+            count = int(np.count_nonzero(later["stamp_ns"] == 0))
+            if count > 1:
+                which = f"{counted(count, 'transform')} of {self.frames[child]} by {self.publishers[number]}"
+                text = f"{which} have the stamp 0, because the publisher does not set it"
+                yield Finding("unset", self.frames[child], text)
+
+    def stamps_back(self) -> Finding | None:
+        """Find that stamps went back, because the clock of the robot did, so that a buffer mixes two runs."""
+        moving = taken(self.records)
+        moving = moving[(moving["static"] == 0) & (moving["stamp_ns"] != 0)]
+        found: dict[str, tuple[int, int, int]] = {}  # first time, ns back, and how often, by frame
+        for (child, _), own in _groups(moving, "child", "publisher"):
+            stamps = own["stamp_ns"]
+            # A single late transform is not a clock that went back.
+            back = np.flatnonzero(np.maximum(stamps[1:-1], stamps[2:]) < stamps[:-2] - JUMP_BACK_NS)
+            if len(back):
+                first = int(back[0])
+                sizes = int(stamps[first] - stamps[first + 1]), len(back)
+                found[self.frames[child]] = int(own["received_ns"][first + 1]), *sizes
+        if not found:
+            return None
+        at_ns, back_ns, _ = min(found.values())
+        often = max(count for *_, count in found.values())
+        times = "" if often == 1 else f" {often} times, first"
+        text = (
+            f"the stamps of {first_names(sorted(found))} went back{times} by {three_digits(back_ns / S)} s,"
+            f" {self.when(at_ns)}: lookups mix what was recorded before and after; `start` and `end`, or"
+            " --start and --end, separate them"
+        )
+        return Finding("clock", "", text, tuple(sorted(found)))
+
+
+def _groups(records: NDArray[np.void], *names: str) -> Iterator[tuple[tuple[int, ...], NDArray[np.void]]]:
+    """Get the records with the same ids in these fields, in their order."""
+    if not len(records):
+        return
+    keys = np.stack([records[name] for name in names])
+    order = np.lexsort(keys[::-1])
+    edges = np.flatnonzero((np.diff(keys[:, order], axis=1) != 0).any(axis=0)) + 1
+    for own in np.split(order, edges):
+        yield tuple(keys[:, own[0]].tolist()), records[own]
+
+
+def _are_same(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Compare N rows x y z qx qy qz qw; opposite quaternions are the same rotation."""
+    turns = poses[:, 3:], others[:, 3:]
+    apart = np.minimum(*(np.abs(turns[0] + sign * turns[1]).max(axis=1) for sign in (1, -1)))
+    away = np.abs(poses[:, :3] - others[:, :3]).max(axis=1)
+    same: NDArray[np.bool_] = np.maximum(away, apart) <= SAME_VALUE
+    return same
+
+
+def _told_apart_by(poses: NDArray[np.float64]) -> list[str]:
+    """Describe N rows x y z qx qy qz qw by the components in which they differ."""
+    rpy = np.unwrap(rpy_from_matrices(to_matrix((poses[:, :3], poses[:, 3:]))), axis=0)
+    table = np.hstack([poses[:, :3], rpy])
+    spread = np.ptp(table, axis=0)
+    shown = np.flatnonzero(spread > SAME_VALUE)
+    if not len(shown):  # near a pole
+        shown = np.arange(len(COMPONENTS))
+    digits = [3 if one >= 1e-3 else 6 for one in spread]
+    return [" ".join(f"{COMPONENTS[k]} {row[k]:.{digits[k]}f}" for k in shown) for row in table.tolist()]
+
+
+# A whole recording.
+
+
 # A recording often ends with the shutdown of the robot, for which launch allows five seconds.
 LIMITS = Limits(stale=5.0)
 
@@ -345,8 +497,8 @@ def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Exp
         where = f"({'; '.join(heard.absent)})" if heard.absent else ""
         found = find([], limits, expectations, where=where, also=also)
         return Report([], [], found, None, None, 0, False, heard.saved)
-    received, static = records["received_ns"], records["static"] != 0
-    now_ns = int((received if static.all() else received[~static]).max())
+    times, static = records["received_ns"], records["static"] != 0
+    now_ns = int((times if static.all() else times[~static]).max())
     figures = Streams()
     figures.add(records)
     streams, refused = figures.report(now_ns, heard.frames, heard.publishers)
@@ -357,13 +509,24 @@ def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Exp
         limits = replace(limits, stale=inf)
     if differ or heard.saved:
         streams = [without_delays(one) for one in streams]
-    found = find(streams, limits, expectations, refused=refused, recorded=True, also=also)
+    received = Received(records, heard.frames, heard.publishers, heard.values, _at_log_time)
+    also += received.findings()
+    if (back := received.stamps_back()) is not None:
+        also.append(back)
+    # Stamps that went back are not newer than all before, but they advance.
+    advancing = () if back is None else back.frames
+    judged = [replace(one, stalled=one.silence) if one.frame in advancing else one for one in streams]
+    found = find(judged, limits, expectations, refused=refused, recorded=True, also=also)
     silence = 0.0 if heard.end_ns is None or static.all() else (heard.end_ns - now_ns) / S
     if silence > limits.stale:
         text = f"no dynamic transform was received in the last {three_digits(silence)} s"
         found.insert(0, Finding("stale", "", text))
-    begin, end = int(received.min()) / S, int(received.max()) / S
+    begin, end = int(times.min()) / S, int(times.max()) / S
     return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
+
+
+def _at_log_time(time_ns: int) -> str:
+    return f"at log time {time_ns / S:.3f} s"
 
 
 # As text.

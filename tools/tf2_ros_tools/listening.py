@@ -10,7 +10,7 @@ import re
 import threading
 import time
 from argparse import Namespace
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NoReturn
@@ -27,7 +27,7 @@ from rclpy.signals import SignalHandlerOptions
 from tf2_py import TransformException
 from tf2_ros import Buffer
 from tf2_ros_cython.output import counted
-from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds
+from tf2_ros_tools.findings import Expectation, Finding, Limits, Received, find, milliseconds
 from tf2_ros_tools.output import three_digits
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import Refused, Stream, Streams, moving_on
@@ -201,6 +201,7 @@ class Listening:
         self.topics = [node.resolve_topic_name(name) for name in topics]
         self.where = f"on {' and '.join(self.topics)} in ROS domain {node.context.get_domain_id()}"
         self._streams = Streams(window_s)
+        self._window_ns = None if window_s is None else round(window_s * S)
         self._names: dict[bytes, str] = {}  # of publishers, by gid
 
     def listen(self, seconds: float) -> None:
@@ -251,6 +252,7 @@ class Listening:
             if not {*alive, *self._names}.isdisjoint(gids):
                 alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
             also, where = [*self._of_reception(now_ns), *self._of_unfit_publishers()], self.where
+            also += self._of_records(now_ns, publishers, alive_ids)
             findings = find(streams, limits, expectations, alive_ids, refused=refused, where=where, also=also)
         chain = None if ends is None else self._chain(ends, now_ns)
         if chain is not None and chain.frames is not None:
@@ -272,6 +274,17 @@ class Listening:
             yield Finding("malformed", "", f"{counted(count, 'message')} could not be read")
         if count := self._recording.lost:
             yield Finding("lost", "", f"{counted(count, 'transform')} arrived too fast to be recorded")
+
+    def _of_records(
+        self, now_ns: int, publishers: Sequence[str], alive: Collection[int] | None
+    ) -> list[Finding]:
+        def ago(time_ns: int) -> str:
+            return f"{three_digits((now_ns - time_ns) / S)} s ago"
+
+        values = self._recording.values()
+        received = Received(self._streams.kept(now_ns), self.frames(), publishers, values, ago)
+        begin_ns = None if self._window_ns is None else now_ns - self._window_ns
+        return received.findings(alive, begin_ns)
 
     def _of_unfit_publishers(self) -> Iterator[Finding]:
         for subscription in self._node.subscriptions:

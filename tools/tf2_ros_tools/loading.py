@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -441,18 +441,19 @@ class Heard:
     What a recording contains.
 
     ``records`` is an array of :data:`tf2_ros.records.RECORD`, in the order of the log times, which are its
-    times of reception. Its ids are indices into ``frames`` and ``publishers``; a publisher is the name of a
-    topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to the end that
-    was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose stamps were
-    asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps. ``left_out`` has a
-    sentence for each topic of which messages are left out, ``absent`` says what may explain that a frame is
-    unknown.
+    times of reception. Its ids are indices into ``frames``, ``publishers`` and ``values``; a publisher is
+    the name of a topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to
+    the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
+    stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
+    ``left_out`` has a sentence for each topic of which messages are left out, ``absent`` says what may
+    explain that a frame is unknown.
     """
 
     buffer: "Buffer"
     records: NDArray[np.void]
     frames: list[str]
     publishers: list[str]
+    values: Sequence[tuple[float, ...]]
     start_ns: int | None
     end_ns: int | None
     times_ns: NDArray[np.int64] | None
@@ -486,10 +487,9 @@ def hear(
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     if end_ns is not None and what.end_ns is not None:
         end_ns = min(end_ns, what.end_ns)
-    frames, absent = recording.frames(), [*_absent(recorded, what)]
-    return Heard(
-        buffer, records, frames, publishers, start_ns, end_ns, times_ns, recorded.saved, left_out, absent
-    )
+    frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
+    own = (recorded.saved, left_out, absent)
+    return Heard(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)
 
 
 def _absent(recorded: Recorded, what: Wanted) -> Iterator[str]:

@@ -318,8 +318,8 @@ def listed_endings(*formats: str) -> str:
 
 # The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
 KINDS = tuple(
-    "nothing qos clock clocks roots loop parents publishers mixed refused unnormalised stale future gap rate "
-    "missing parent delay static malformed lost".split()
+    "nothing qos clock clocks roots loop parents publishers mixed values refused unnormalised unset stale "
+    "future gap rate missing parent delay static malformed lost".split()
 )
 
 

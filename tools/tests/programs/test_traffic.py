@@ -9,7 +9,7 @@ import pytest
 from repetitions import seeds
 
 from tf2_ros.records import RECORD
-from tf2_ros_tools.findings import Expectation, Limits, expected_by, find, line_of
+from tf2_ros_tools.findings import Expectation, Limits, Received, expected_by, find, line_of
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import TAIL, Streams, moving_on, newest_streams
 
@@ -19,6 +19,15 @@ S = 1_000_000_000
 START_NS = 1_795_000_000 * S
 FRAMES = ["map", "odom", "base", "camera", "lidar", "world"]
 PUBLISHERS = ["/localiser", "/odometry", "/other"]
+UPRIGHT, HALF_TURN = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 0.0)
+# Of static transforms: x y z qx qy qz qw, two of them the same.
+VALUES = [
+    (0.1, 0.0, 0.5, *UPRIGHT),
+    (0.25, 0.0, 0.5, *UPRIGHT),
+    (0.1 + 1e-9, 0.0, 0.5, 0.0, 0.0, 0.0, -2.0),
+    (0.1, 0.0, 0.5, *HALF_TURN),
+    (0.1, 0.00001, 0.5, *UPRIGHT),
+]
 
 
 def at(seconds):
@@ -34,6 +43,7 @@ def heard(
     static=False,
     unnormalised=False,
     refusals=0,
+    value=0,
 ):
     """One record; times in seconds, `received` from the start."""
     return (
@@ -45,6 +55,7 @@ def heard(
         static,
         unnormalised,
         refusals,
+        value,
     )
 
 
@@ -281,6 +292,99 @@ def test_findings(name):
     streams, refused = reported(*lists, now=now)
     lines = [line_of(one) for one in find(streams, refused=refused, **judged)]
     assert len(lines) == len(wanted) and all(map(str.startswith, sorted(lines), sorted(wanted))), lines
+
+
+def received(*lists):
+    return Received(records(*lists), FRAMES, PUBLISHERS, VALUES, lambda ns: f"at {(ns - START_NS) / S:g}")
+
+
+def said(findings):
+    return [line_of(one) for one in findings]
+
+
+LASTING = ": lookups use the last one, for all times"
+
+
+class TestRecords:
+    """What the figures of streams do not show."""
+
+    @pytest.mark.parametrize(
+        ("values", "lines"),
+        [
+            ([0, 0, 0], []),
+            ([0, 2, 0], []),
+            ([0, 1], [f"changed from x 0.100 to x 0.250, at 1{LASTING}"]),
+            ([0, 1, 1, 0], [f"changed 2 times, last from x 0.250 to x 0.100, at 3{LASTING}"]),
+            ([0, 3], [f"changed from yaw 0.000 to yaw 3.142, at 1{LASTING}"]),
+            ([1, 3], [f"changed from x 0.250 yaw 0.000 to x 0.100 yaw 3.142, at 1{LASTING}"]),
+            ([4, 0], [f"changed from y 0.000010 to y 0.000000, at 1{LASTING}"]),
+            ([0, 99], []),  # the second one was not noted
+        ],
+    )
+    def test_a_static_transform_that_changes_is_found_with_its_values(self, values, lines):
+        mine = [static(i, "camera", "base", value=value)[0] for i, value in enumerate(values)]
+        start = "values: camera in base by /odometry is static and "
+        assert said(received(mine, steady("base")).findings()) == [start + one for one in lines]
+
+    def test_static_transforms_of_two_publishers_that_differ_are_found_with_their_values(self):
+        mine = [static(i, "camera", "base", publisher=PUBLISHERS[i], value=i)[0] for i in range(3)]
+        text = "values: camera in base is static with different values: {}"
+        three = "x 0.100 by /localiser, x 0.250 by /odometry, x 0.100 by /other"
+        assert said(received(mine).findings()) == [text.format(three)]
+        two = "x 0.100 by /localiser, x 0.250 by /odometry"
+        assert said(received(mine).findings(alive={0, 1})) == [text.format(two)]
+        assert said(received(mine).findings(alive={0, 2})) == []
+        other = static(3, "camera", "lidar", value=1)
+        assert said(received(mine[:1], other).findings()) == []
+
+    def test_what_is_refused_or_changed_before_the_window_does_not_count(self):
+        refused = static(1, "camera", "base", value=1, refusals=8)
+        assert said(received(static(0, "camera", "base"), refused).findings()) == []
+        changed = received(static(0, "camera", "base"), static(1, "camera", "base", value=1))
+        assert len(changed.findings(begin_ns=at(1))) == 1
+        assert changed.findings(begin_ns=at(1) + 1) == []
+
+    @pytest.mark.parametrize(
+        ("stamps", "count"),
+        [([0] * 5, 5), ([0, 0, 1, 2], 0), ([0, 0, 1, 0, 0, 2], 2), ([0], 0), ([1, 0, 2], 0)],
+    )
+    def test_stamps_that_were_not_set_are_found(self, stamps, count):
+        mine = records([heard(i, "odom") for i in range(len(stamps))])
+        mine["stamp_ns"] = np.array(stamps) * START_NS
+        found = Received(mine, FRAMES, PUBLISHERS, VALUES, str).findings()
+        text = (
+            f"{count} transforms of odom by /odometry have the stamp 0, because the publisher does not set it"
+        )
+        assert said(found) == [f"unset: {text}"] * (count > 0)
+
+    @pytest.mark.parametrize(
+        ("lists", "expected"),
+        [
+            ([steady("odom")], None),
+            ([steady("odom"), [heard(2.001, "odom", delay=1.9)]], None),  # a single late one
+            ([steady("odom"), steady("odom", publisher="/other", delay=2.0)], None),
+            ([steady("odom"), steady("odom", start=4.0, end=4.9, delay=0.5)], None),
+            (
+                [steady("odom"), steady("base", "odom", end=8), steady("odom", start=4, end=8, delay=3)],
+                "odom went back by 2.97 s, at 4",
+            ),
+            (
+                [
+                    *(steady(f, rate=10) for f in ("odom", "base")),
+                    *(steady(f, rate=10, start=4, end=8, delay=4) for f in ("odom", "base")),
+                    *(steady(f, rate=10, start=8, end=9, delay=8) for f in ("odom", "base")),
+                ],
+                "base, odom went back 2 times, first by 3.89 s, at 4",
+            ),
+        ],
+    )
+    def test_stamps_that_go_back_for_more_than_one_transform_are_found(self, lists, expected):
+        found = received(*lists).stamps_back()
+        if expected is None:
+            assert found is None
+        else:
+            assert line_of(found).startswith(f"clock: the stamps of {expected}: lookups mix ")
+            assert found.frames == tuple(expected.partition(" went")[0].split(", "))
 
 
 def random_traffic(generator):

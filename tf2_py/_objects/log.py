@@ -79,9 +79,9 @@ def not_logged(count: int) -> None:
 
 def malformed(what: str, error: str) -> None:
     """Log one message that could not be read."""
-    logger().error(f"Ignoring a malformed message on {what}: {error}")
+    logger("tf2_ros").error(f"Ignoring a malformed message on {what}: {error}")
 
 
 def receiving_failed(error: str) -> None:
     """Log an error in the thread of a receiver; ``error`` is a traceback."""
-    logger().error(f"Receiving transforms failed: {error}")
+    logger("tf2_ros").error(f"Receiving transforms failed: {error}")

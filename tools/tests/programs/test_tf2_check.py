@@ -1,5 +1,6 @@
 """tf2_check, as a process of its own, beside others that broadcast."""
 
+import itertools
 import json
 import re
 import subprocess
@@ -45,6 +46,61 @@ def test_json_has_the_verdict_the_findings_and_the_figures(peer):
     malformed = {"kind": "malformed", "frame": "", "text": text, "frames": []}
     assert (found["ok"], found["seconds"], found["findings"]) == (False, 5.0, [roots, malformed])
     assert {stream["frame"] for stream in found["streams"]} == {"b", "isle"}
+
+
+def checked(publish):
+    """The findings of `tf2_check` while something is published, and what it printed to standard error."""
+    with running("tf2_check", *TOLERANT, "--ignore", "roots") as process:
+        while process.poll() is None:
+            publish()
+            threading.Event().wait(0.05)  # as a robot does
+        out, err = process.communicate(timeout=DEADLINE_S)
+    return out.splitlines()[:-1], err
+
+
+def test_refused_transforms_are_counted_and_not_logged(peer):
+    talker = peer()
+    good, bad = ("map", "odom", 0, 0.0), ("map", "base", 0, float("nan"))
+
+    def publish():
+        now_ns = time.time_ns()
+        talker.send_without_subscriber(*((*one[:2], now_ns, one[3]) for one in (good, bad)))
+
+    [finding], err = checked(publish)
+    assert re.fullmatch(r"refused: \d+ transforms of base by /peer are refused: a number is NaN", finding)
+    assert err == ""
+
+
+def test_values_of_static_transforms_that_differ_or_change_are_shown(peer):
+    one, other, third = (peer("-r", f"__node:={name}") for name in ("one", "other", "third"))
+    one.send_without_subscriber(("map", "camera", S, 0.1), static=True)
+    other.send_without_subscriber(("map", "camera", S, 0.25), static=True)
+    places = itertools.cycle((1.0, 2.0))
+
+    def publish():
+        third.send_without_subscriber(("map", "lidar", S, next(places)), static=True)
+
+    (publishers, values, changed), err = checked(publish)
+    assert publishers == "publishers: camera is published by 2 publishers: /one, /other"
+    values, of_lidar = sorted((values, changed))
+    which = {"x 0.100 by /one, x 0.250 by /other", "x 0.250 by /other, x 0.100 by /one"}
+    assert values in {f"values: camera in map is static with different values: {one}" for one in which}
+    alternating = r"values: lidar in map by /third is static and changed \d+ times, last from x ... to x ..."
+    assert re.match(alternating.replace("x ...", r"x [12]\.000"), of_lidar)
+    assert err == ""
+
+
+def test_parents_are_shown_with_their_publishers(peer):
+    one, other = (peer("-r", f"__node:={name}") for name in ("one", "other"))
+
+    def publish():
+        now_ns = time.time_ns()
+        one.send_without_subscriber(("map", "base", now_ns, 0.0))
+        other.send_without_subscriber(("odom", "base", now_ns, 0.0))
+
+    (parents, publishers), err = checked(publish)
+    assert parents == "parents: base has 2 parents in turn: map by /one, odom by /other"
+    assert publishers.startswith("publishers: ") and err == ""
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
@@ -17,7 +18,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from tf2_ros_cython.output import printable
+from tf2_ros_cython.output import counted, printable
 from tf2_ros_tools.output import first_names
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.serialised import tf_messages
@@ -27,6 +28,7 @@ S = 1_000_000_000
 LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
 JUMP_NS = 1_000_000_000  # stamps go back further than this when a recording begins again
 LONGEST_TEXT = 80  # of a description that is none, in an error
+SILENCE_S = 5.0  # after which a warning says that no joint states arrive
 SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
 
 
@@ -72,12 +74,17 @@ class StatePublisher:
         if not accepted.successful:
             raise UsageError(accepted.reason)
         self._describe()
-        node.create_subscription(
+        states = node.create_subscription(
             JointState,
             "joint_states",
             self._receive,
             qos_profile_sensor_data,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
+        self._topic = states.topic_name
+        # Simulated time may stand still until the simulation runs.
+        self._silence = node.create_timer(
+            SILENCE_S, self._warn_of_silence, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
     def _value(self, name: str) -> Any:
@@ -117,7 +124,19 @@ class StatePublisher:
         for problem in self._robot.warnings:
             self._log.warning(problem)
 
+    def _warn_of_silence(self) -> None:
+        """Say once why movable joints have no transforms."""
+        self._silence.cancel()
+        movable = [one.name for one in self._robot.joints if one.type != "fixed"]
+        if movable:
+            publishers = counted(self._node.count_publishers(self._topic), "publisher")
+            self._log.warning(
+                f"No joint states have arrived on {self._topic}, which has {publishers}: without them,"
+                f" movable joints ({first_names(movable)}) have no transforms"
+            )
+
     def _receive(self, state: JointState) -> None:
+        self._silence.cancel()
         names, positions = list(state.name), state.position
         if not names or len(positions) != len(names):
             found = f"{len(names)} names, but {len(positions)} positions"

@@ -19,6 +19,7 @@ from std_msgs.msg import String
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros.numpy import to_matrix
+from tf2_ros_tools.state_publisher import StatePublisher
 from tf2_ros_tools.urdf import decoded, parse
 
 pytestmark = pytest.mark.ours
@@ -148,6 +149,22 @@ def test_what_cannot_be_published_is_a_warning(robot, tmp_path):
 
 
 LEFT_OUT = "is left out while its position, or that of the joint that it mimics, is NaN or infinite"
+
+
+@pytest.mark.parametrize("options", [(), ("-p", "use_sim_time:=true", "-r", "joint_states:=/arm/states")])
+def test_that_no_joint_states_arrive_is_a_warning_once(options, tmp_path):
+    log, topic = tmp_path / "log", "/arm/states" if options else "/joint_states"
+    with publishing(tmp_path, "--ros-args", *options):
+        until(lambda: "No joint states" in log.read_text())
+    text = f"No joint states have arrived on {topic}, which has 0 publishers: without them, movable joints ("
+    assert f"{text}lift, roll, extend, grip, pinch) have no transforms" in log.read_text()
+
+
+def test_a_robot_without_movable_joints_needs_no_joint_states(node, executor, capfd):
+    joint = "<joint name='ab' type='fixed'><parent link='a'/><child link='b'/></joint>"
+    publisher = StatePublisher(node, f"<robot name='a'><link name='a'/><link name='b'/>{joint}</robot>")
+    until(publisher._silence.is_canceled, executor)
+    assert "No joint states" not in capfd.readouterr().err
 
 
 def test_a_joint_whose_position_is_not_finite_is_left_out_with_one_warning(robot, tmp_path):

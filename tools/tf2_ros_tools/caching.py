@@ -10,12 +10,11 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import __version__
-from tf2_ros_tools.reading import LOGS, SUFFIXES
+from tf2_ros_tools.reading import FROZEN, LOGS, SUFFIXES
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
 
-SUFFIX = ".tf2"
 SHARED_MEMORY = "-shm"  # of SQLite, next to a database that is open
 END_BYTES = 1 << 16
 
@@ -31,7 +30,7 @@ def state_of(recording: str) -> list[list[Any]]:
     """
     if os.path.isdir(recording):
         found = (one for one in os.scandir(recording) if one.is_file() and not one.name.startswith("."))
-        files = sorted(one.path for one in found if not one.name.endswith((SUFFIX, SHARED_MEMORY)))
+        files = sorted(one.path for one in found if not one.name.endswith((FROZEN, SHARED_MEMORY)))
     else:
         files = [recording, *(path for log in LOGS if os.path.isfile(path := recording + log))]
     # An empty log appears whenever a database is opened.
@@ -75,7 +74,7 @@ class Cached:
         # A name has at most 255 bytes.
         self._begin = f"{stem[:50]}-{request}-"
         self._folder = os.path.abspath(os.fsdecode(folder))
-        self.path = os.path.join(self._folder, f"{self._begin}{_digest(state_of(path))}{SUFFIX}")
+        self.path = os.path.join(self._folder, f"{self._begin}{_digest(state_of(path))}{FROZEN}")
 
     def open(self) -> Buffer | None:
         """Open the file; None if there is none, or none that this version can read."""

@@ -40,6 +40,7 @@ REINDEX = "`ros2 bag reindex`"  # likewise a folder
 STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}  # the names of rosbag2, by the extension
 PACKED = ".zstd"  # what rosbag2 adds to the name of a compressed file
 SUFFIXES = (*TOOLS, *(f"{suffix}{PACKED}" for suffix in TOOLS))
+FROZEN = ".tf2"  # the extension of frozen buffers
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # what a file begins with
 # Files beside a database that is not merged, which rosbags does not read, and how they then begin: one has
 # what was written last, the other what an interrupted change has replaced.
@@ -274,6 +275,8 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
             raise BagError(f"{name} is not a recording: the folder has no metadata.yaml; {advice}")
     elif not path.name.endswith(SUFFIXES):
         advice = f"use a folder with a metadata.yaml, or {', '.join(TOOLS)}"
+        if path.suffix == FROZEN:
+            advice = "it is a frozen buffer, which `tf2_ros.Buffer.open` reads"
         raise BagError(f"{name} is not a recording: {advice}")
     else:
         _refuse_special(path)

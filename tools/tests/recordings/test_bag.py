@@ -511,6 +511,10 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
         ),
         # What is not a recording.
         (lambda at: at, "is not a recording: the folder has no metadata.yaml"),
+        (
+            lambda at: file(at, "a.tf2"),
+            "a.tf2 is not a recording: it is a frozen buffer, which `tf2_ros.Buffer.open` reads$",
+        ),
         (lambda at: file(at, "a.txt"), "a.txt is not a recording: use a folder with a metadata.yaml"),
         (pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
         (lambda at: pipe_inside(at, "a.mcap"), "run/a.mcap is not a recording: it is a pipe or a device"),

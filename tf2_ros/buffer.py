@@ -4,6 +4,7 @@ import time
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
+from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tf2_py import BufferCore, TransformException
@@ -46,6 +47,7 @@ _names.offer(globals())
 
 FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
 FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
+_Opened = TypeVar("_Opened", bound="Buffer")
 
 JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 
@@ -69,7 +71,7 @@ class Buffer(BufferCore, BufferInterface):
 
     :param cache_time: how far each frame's history reaches back from its newest sample. None: 10 s.
     :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has its
-        own clock, and no service.
+        own clock, and no service. :meth:`open` accepts a node, too.
     :param max_frames: the maximum number of frames. None: a million.
     :param max_bytes: the maximum memory for names and histories. None: 1 GiB.
     :param share: the name under which other processes of this user on this machine may attach to the buffer,
@@ -125,9 +127,7 @@ class Buffer(BufferCore, BufferInterface):
         if share is not None and attach is not None:
             raise ValueError("share and attach are mutually exclusive")
         if node is not None:
-            if not HAS_ROS:
-                raise absence("a buffer with a node")
-            require_node("Buffer", node, "create_service")
+            _check_node(node)
         # Few programs share a buffer; only they load the modules for it.
         if share is not None or attach is not None:
             require_support()
@@ -150,6 +150,18 @@ class Buffer(BufferCore, BufferInterface):
 
             self._tf2_sharing = Owner(self, buffer_name(share, node))
         self.__connect(node)
+
+    @classmethod
+    def open(
+        cls: type[_Opened], path: str | PathLike[str], *, copy: bool = False, node: "Node | None" = None
+    ) -> _Opened:
+        if node is not None:
+            _check_node(node)
+        opened = super().open(path, copy=copy)
+        if node is not None:
+            opened.jump_handle.unregister()
+            opened.__connect(node)
+        return opened
 
     @property
     def _tf2_kept(self) -> dict[Any, None]:
@@ -416,6 +428,12 @@ class Buffer(BufferCore, BufferInterface):
 
     def _remove_callback(self, callback: Callable[[], Any]) -> None:
         pass
+
+
+def _check_node(node: "Node") -> None:
+    if not HAS_ROS:
+        raise absence("a buffer with a node")
+    require_node("Buffer", node, "create_service")
 
 
 def _clear_at_jumps(buffer: Any) -> "JumpHandle":

@@ -187,6 +187,37 @@ def test_a_dropped_buffer_is_freed_at_once(tf2_ros, node, with_node):
     node.set_parameters([Parameter("use_sim_time", value=True)])
 
 
+class TestOpen:
+    @pytest.fixture
+    def path(self, tf2_ros, tmp_path):
+        recorded = tf2_ros.Buffer()
+        insert(recorded, 1)
+        recorded.freeze(tmp_path / "drive.tf2")
+        return tmp_path / "drive.tf2"
+
+    def test_an_opened_buffer_has_the_clock_and_the_service_of_its_node(self, tf2_ros, node, path, capfd):
+        opened = tf2_ros.Buffer.open(path, node=node)
+        assert opened.can_transform("map", "robot", LATEST)
+        assert opened.clock is node.get_clock() and opened.srv in node.services
+        assert opened.srv.srv_name == "tf2_frames"
+        node.set_parameters([Parameter("use_sim_time", value=True)])
+        assert not opened.can_transform("map", "robot", LATEST)
+        assert capfd.readouterr().err.count("jump back in time") == 1
+        node.destroy_service(opened.srv)
+        reference = weakref.ref(opened)
+        del opened
+        gc.collect()
+        assert reference() is None
+
+    def test_nothing_is_left_of_what_cannot_be_opened(self, tf2_ros, node, path):
+        before = [*node.services]
+        with pytest.raises(TypeError, match="Buffer: expected a node with create_service, got str"):
+            tf2_ros.Buffer.open(path, node="node")
+        with pytest.raises(FileNotFoundError):
+            tf2_ros.Buffer.open(path.with_name("gone.tf2"), node=node)
+        assert [*node.services] == before
+
+
 class TestTimeJump:
     @pytest.fixture
     def full(self, tf2_ros, node):

@@ -45,7 +45,15 @@ def test_a_fault_is_known_by_whose_code_raised_or_hangs(errors):
 
 @pytest.mark.parametrize(
     "errors",
-    ["", "[ERROR] rclpy: broken\n", OF_OURS, INTERRUPT, OF_RCLPY + OF_OURS, OF_OURS + OF_RCLPY]
+    [
+        "",
+        "[ERROR] rclpy: broken\n",
+        "Traceback (most recent call last):\nMemoryError\n",
+        OF_OURS,
+        INTERRUPT,
+        OF_RCLPY + OF_OURS,
+        OF_OURS + OF_RCLPY,
+    ]
     + [STACK.format(OURS, "create_subscription"), STACK.format(RCLPY, "spin"), DROPPED.format(OURS)],
 )
 def test_what_this_project_raises_is_none(errors):

@@ -1,5 +1,5 @@
 """
-Faults of rclpy and of the middleware below it, known by whose code raised or hangs; docs/limits.md has them.
+Faults of rclpy and of the middleware below it, known by whose code raised or hangs.
 
 Nothing but such a fault makes a test try anything again, and pytest's summary of warnings names each.
 """
@@ -64,7 +64,8 @@ def _error_of_rclpy(errors):
     for text in re.split(r"^ *Traceback \(most recent call last\):\n", errors, flags=re.M)[1:]:
         frames, error = re.match(r"((?: .*\n)*)(.*)", text).groups()
         if not error.startswith("KeyboardInterrupt"):
-            raised.append((re.findall(r'File "(.+)", line', frames)[-1], error))
+            *_, path = "", *re.findall(r'File "(.+)", line', frames)
+            raised.append((path, error))
     if raised and all(_is_of_rclpy(path) for path, _ in raised):
         return f"raised in rclpy: {raised[-1][1]}"
     return None

@@ -5,12 +5,11 @@ Ends by itself within 20 s. The exit status is 0 only if everything succeeded.
 Both processes use a ROS domain that is free on this machine, whatever ROS_DOMAIN_ID says.
 """
 
-import fcntl
 import math
 import os
+import socket
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -172,22 +171,26 @@ def expect(happened, what):
 
 
 def claim_domain():
-    """A ROS domain that no other demonstration or test on this machine uses, and the lock that claims it."""
+    """A ROS domain that nothing else on this machine uses, and the socket that claims it."""
     for domain in range(1, 102):
-        lock = open(Path(tempfile.gettempdir()) / f"tf2-ros-cython-domain-{domain}.lock", "w")
+        first = 7400 + 250 * domain  # the port on which all nodes of a domain listen
+        claim, probe = (socket.socket(type=socket.SOCK_DGRAM) for _ in range(2))
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.close()
+            claim.bind(("127.0.0.1", first + 249))  # too high for a node
+            probe.bind(("", first))
+        except OSError:
+            claim.close()
         else:
-            return domain, lock
+            return domain, claim
+        finally:
+            probe.close()
     raise SystemExit("every ROS domain is in use")
 
 
 def main():
     """Start both processes; return the exit status of the second."""
     begin = time.monotonic()
-    domain, _lock = claim_domain()
+    domain, _claim = claim_domain()
     os.environ.update(
         ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST", PYTHONUNBUFFERED="1"
     )

@@ -1,32 +1,58 @@
-"""Choose a ROS domain that no other test, run or demonstration on this machine uses."""
+"""Choose a ROS domain that nothing else on this machine uses."""
 
-import fcntl
 import os
 import random
-import tempfile
-from pathlib import Path
+import socket
 
 from reliability.builds import ROOT
 
 DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
-_locks = []
+LAST_PORT, FIRST_PORTS = 249, range(64)  # of a domain: none uses so many as to need the last one
+_claims = []
+
+
+def _bound(port, host=""):
+    """A socket with a UDP port of this machine; None: somebody else has it."""
+    one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        one.bind((host, port))
+    except OSError:
+        one.close()
+        return None
+    return one
+
+
+def claim_domain():
+    """
+    Claim a ROS domain that nobody on this machine uses, for as long as this process lives.
+
+    Simultaneous test runs must not share topics, nor must the processes of one run, `pytest -n`. A port is
+    seen by all users, where a file in /tmp may be unreadable.
+    """
+    for domain in random.Random().sample(DOMAINS, len(DOMAINS)):
+        first = 7400 + 250 * domain
+        claim = _bound(first + LAST_PORT, "127.0.0.1")
+        if claim is None:
+            continue
+        # Another ROS 2 may use the domain.
+        tried = [_bound(first + offset) for offset in FIRST_PORTS]
+        for one in filter(None, tried):
+            one.close()
+        if all(tried):
+            _claims.append(claim)
+            return domain
+        claim.close()
+    raise SystemExit("every ROS domain is in use")
 
 
 def use_own_domain():
-    """Claim a domain for as long as this process lives, for it and its children; before rclpy is imported."""
-    for domain in random.sample(DOMAINS, len(DOMAINS)):
-        lock = open(Path(tempfile.gettempdir()) / f"tf2-ros-cython-domain-{domain}.lock", "w")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.close()
-            continue
-        _locks.append(lock)
-        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
-        for profiles in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
-            os.environ.setdefault(profiles, str(ROOT / "tests" / "support" / "fastdds.xml"))
-        # The first would override the range, with the second listeners would not subscribe.
-        for variable in ("ROS_LOCALHOST_ONLY", "TF2_SHARED_BUFFER"):
-            os.environ.pop(variable, None)
-        return domain
-    raise SystemExit("every ROS domain is in use")
+    """Claim a domain for this process and its children; before rclpy is imported."""
+    domain = claim_domain()
+    os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
+    for profiles in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
+        os.environ.setdefault(profiles, str(ROOT / "tests" / "support" / "fastdds.xml"))
+    os.environ.setdefault("TF2_TEST_FASTDDS_LOG", "/dev/stderr")  # these profiles need it
+    # The first would override the range, with the second listeners would not subscribe.
+    for variable in ("ROS_LOCALHOST_ONLY", "TF2_SHARED_BUFFER"):
+        os.environ.pop(variable, None)
+    return domain

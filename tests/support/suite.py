@@ -1,6 +1,5 @@
 """What all tests share: a ROS domain of their own, and the tf2 under test."""
 
-import fcntl
 import gc
 import importlib
 import os
@@ -18,38 +17,34 @@ from hypothesis.internal.conjecture import providers
 from paths import ROOT, SUPPORT
 from processes import Peer, end, start
 
+from reliability.domain import claim_domain
 from tf2_ros_cython._ros import running_release
 
-DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
-
-
-def _claim_domain():
-    # The lock is held as long as this process lives: simultaneous test runs must not share topics. Nor do the
-    # processes of one run, `pytest -n`.
-    for domain in random.sample(DOMAINS, len(DOMAINS)):
-        lock = open(Path(tempfile.gettempdir()) / f"tf2-ros-cython-domain-{domain}.lock", "w")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.close()
-        else:
-            return domain, lock
-    raise RuntimeError("every ROS domain is in use")
-
+# What the shell of a developer may say, and tests must not depend on.
+FOREIGN = (
+    *("PYTHONDEVMODE", "PYTHONDONTWRITEBYTECODE", "PYTHONINSPECT", "PYTHONIOENCODING", "PYTHONOPTIMIZE"),
+    *("PYTHONSAFEPATH", "PYTHONUNBUFFERED", "PYTHONUTF8", "PYTHONWARNINGS", "PYTHON_COLORS"),
+    *("FORCE_COLOR", "NO_COLOR", "LINES", "LANGUAGE", "PYTEST_ADDOPTS"),
+    *("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_NAMESPACE"),
+    *("ROS_DISABLE_LOANED_MESSAGES", "ROS_SECURITY_ENABLE", "ROS_SECURITY_ENCLAVE_OVERRIDE", "ROS_HOME"),
+    *("CYCLONEDDS_URI", "ZENOH_CONFIG_OVERRIDE", "TF2_SHARED_BUFFER"),
+)
+FOREIGN_PREFIXES = ("RCUTILS_", "RMW_FASTRTPS_", "FASTRTPS_", "FASTDDS_")
 
 # Before anything imports rclpy.
-DOMAIN, _domain_lock = _claim_domain()
+for _name in [*os.environ]:
+    if _name in FOREIGN or _name.startswith(FOREIGN_PREFIXES):
+        del os.environ[_name]
+DOMAIN = claim_domain()
 _log_folder = tempfile.TemporaryDirectory(prefix="tf2-ros-cython-log-")
 os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_LOG_DIR"] = _log_folder.name
+os.environ["COLUMNS"] = "80"
+os.environ["LC_ALL"] = "C.UTF-8"
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 # Kilted warns of the variable that Jazzy reads, also in programs that must print nothing.
 _profiles = "FASTRTPS" if running_release() == "Jazzy" else "FASTDDS"
 os.environ[f"{_profiles}_DEFAULT_PROFILES_FILE"] = str(SUPPORT / "fastdds.xml")
-# Not through shared memory: tests kill processes, and the others may then wait for locks that these held.
-os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
-os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
-os.environ.pop("TF2_SHARED_BUFFER", None)  # listeners would not subscribe
 # For the tests' own programs.
 os.environ["PYTHONPATH"] = os.pathsep.join(
     filter(None, [str(ROOT), str(SUPPORT), os.environ.get("PYTHONPATH", "")])

@@ -265,6 +265,8 @@ def stamp_parts(time: Any, argument: str) -> tuple[int, int]: ...
 def frame_name(name: object, argument: str) -> str: ...
 def policy_of(
     call: str,
+    waits: bool,
+    /,
     tolerance: DurationsLike | None = None,
     extrapolate: bool = False,
     max_gap: DurationLike | None = None,

@@ -560,7 +560,7 @@ cdef class BufferCore(Engine):
         cdef int64_t stamp_ns
         cdef bint is_direct = out is None or require_matrix(out)
         # A name, because the query refers to its memory.
-        accepted = policy_of("lookup_matrix", **policy) if policy else None
+        accepted = policy_of("lookup_matrix", False, **policy) if policy else None
         query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, accepted, "time")
         self._lookup_judged(&query, &transform, &stamp_ns)
         matrix = out if out is not None and is_direct else new_matrix()
@@ -603,7 +603,7 @@ cdef class BufferCore(Engine):
         cdef Status status
         cdef Py_ssize_t i
         times_ns = as_times_ns(times)
-        accepted = policy_of(call, **policy)
+        accepted = policy_of(call, False, **policy)
         is_many = not isinstance(source_frame, (str, bytes)) and is_sequence(source_frame)
         frames = list(source_frame) if is_many else [source_frame]
         cdef Py_ssize_t count = len(times_ns)
@@ -669,7 +669,7 @@ cdef class BufferCore(Engine):
         if len(rows) != series.count:
             raise ValueError(f"{len(rows)} points, {series.count} times: each point needs its own time")
         transformed = new_array((series.count, 3))
-        accepted = policy_of("transform_points", **policy)      # whose memory the query refers to
+        accepted = policy_of("transform_points", False, **policy)      # whose memory the query refers to
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
         self._read_clock_for(&query, times_ns, &reading)
         if series.count:

@@ -212,7 +212,7 @@ class Buffer(BufferCore, BufferInterface):
     ) -> TransformStamped:
         if timeout is NO_TIMEOUT and not policy:
             return self.lookup_transform_core(target_frame, source_frame, time)
-        accepted = policy_of("lookup_transform", **policy)
+        accepted = policy_of("lookup_transform", True, **policy)
         lookup = Lookup(target_frame, source_frame, time, policy=accepted)
         return lookup.block(self, duration_ns(timeout, "timeout"))
 
@@ -230,7 +230,7 @@ class Buffer(BufferCore, BufferInterface):
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
-        accepted = policy_of("lookup_transform_full", **policy)
+        accepted = policy_of("lookup_transform_full", True, **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
         return lookup.block(self, duration_ns(timeout, "timeout"))
 
@@ -242,7 +242,7 @@ class Buffer(BufferCore, BufferInterface):
         if is_full:
             target_frame, target_time, source_frame, source_time, fixed_frame = arguments
             arguments = (target_frame, source_frame, source_time, fixed_frame, target_time)
-        lookup = Lookup(*arguments)._replace(policy=policy_of("can_transform", **policy))
+        lookup = Lookup(*arguments)._replace(policy=policy_of("can_transform", True, **policy))
         try:
             lookup.block(self, duration_ns(timeout, "timeout"))
         except TransformException as error:
@@ -278,7 +278,7 @@ class Buffer(BufferCore, BufferInterface):
         transform is fresh when it arrives; what :meth:`lookup_transform_async` returns is also fresh when the
         coroutine continues.
         """
-        accepted = policy_of("wait_for_transform_async", **policy)
+        accepted = policy_of("wait_for_transform_async", True, **policy)
         return TransformFuture(self, Lookup(target_frame, source_frame, time, policy=accepted).wait, timeout)
 
     def wait_for_transform_full_async(
@@ -305,7 +305,7 @@ class Buffer(BufferCore, BufferInterface):
 
         :meth:`wait_for_transform_async` describes where callbacks run.
         """
-        accepted = policy_of("wait_for_transform_full_async", **policy)
+        accepted = policy_of("wait_for_transform_full_async", True, **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
         return TransformFuture(self, lookup.wait, timeout)
 
@@ -318,7 +318,7 @@ class Buffer(BufferCore, BufferInterface):
         timeout: DurationLike | None = None,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
-        accepted = policy_of("lookup_transform_async", **policy)
+        accepted = policy_of("lookup_transform_async", True, **policy)
         return await self.__answer(Lookup(target_frame, source_frame, time, policy=accepted), timeout)
 
     async def lookup_transform_full_async(
@@ -336,7 +336,7 @@ class Buffer(BufferCore, BufferInterface):
         Await what :meth:`lookup_transform_full` returns, with its arguments. Without ``timeout`` it waits
         forever. :meth:`lookup_transform_async` describes the rest, such as what it raises.
         """
-        accepted = policy_of("lookup_transform_full_async", **policy)
+        accepted = policy_of("lookup_transform_full_async", True, **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
         return await self.__answer(lookup, timeout)
 

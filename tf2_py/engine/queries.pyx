@@ -84,19 +84,24 @@ cdef int64_t _not_negative(object duration, str argument) except -1:
     return INT64_MAX if found_ns >= FOR_EVER_NS else found_ns
 
 
-def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, max_age=None, **unknown):
+def policy_of(call, waits, /, tolerance=None, extrapolate=False, max_gap=None, max_age=None, **unknown):
     """
     The policy of these arguments, which are those of ``Buffer.lookup_transform``; None: all are defaults.
 
     :param call: the method that a program called with them.
+    :param waits: whether it has a ``timeout``.
     :raises TypeError: one of them has the wrong type, or there are others.
     :raises ValueError: a duration is negative.
     """
     cdef PolicyObject made
     for name in unknown:
+        text = f"{call}() got an unexpected keyword argument {name!r}"
         meant = errors.closest(name, ("timeout", "tolerance", "extrapolate", "max_gap", "max_age"))
-        raise TypeError(f"{call}() got an unexpected keyword argument {name!r}"
-                        + (f". Did you mean {meant[0]!r}?" if meant else ""))
+        if meant and meant[0] == "timeout" and not waits:
+            text += ". It does not wait: first call lookup_transform or can_transform with a timeout"
+        elif meant:
+            text += f". Did you mean {meant[0]!r}?"
+        raise TypeError(text)
     if tolerance is None and extrapolate:
         raise TypeError("extrapolate needs a tolerance: how far it may extrapolate")
     if tolerance is None and max_gap is None and max_age is None:

@@ -34,7 +34,7 @@ class TypeException(Exception):
     ...     Buffer().transform("a str", "base_link")
     ... except TypeException as error:
     ...     print(error.errstr.partition(":")[0])
-    Type builtins.str is not loaded or supported
+    Type <class 'str'> is not loaded or supported
     """
 
     def __init__(self, errstr: str) -> None:
@@ -75,7 +75,7 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
     if key in table:
         return table[key]
     raise TypeException(
-        f"Type {_name(key)} is not loaded or supported: import the package that registers it, or register "
+        f"Type {key} is not loaded or supported: import the package that registers it, or register "
         f"a function with tf2_ros.{method}"
     )
 

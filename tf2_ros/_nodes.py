@@ -34,15 +34,17 @@ from tf2_ros._threads import check_regularly
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
 
 
-def require_node(call: str, node: Any, method: str) -> None:
+def require_node(call: str, node: Any, method: str, other: object = None, order: str = "") -> None:
     """
     Refuse what cannot serve as a node, before anything is made.
 
+    :param other: the argument with which a program may have swapped the node; ``order`` is the right one.
     :raises TypeError: it lacks the method; also an AttributeError, as in tf2.
     :raises InvalidHandle: it was destroyed.
     """
     if not hasattr(node, method):
-        raise MalformedObjectError(f"{call}: expected a node with {method}, got {kind_of(node)}")
+        advice = f"; pass {order}" if hasattr(other, method) else ""
+        raise MalformedObjectError(f"{call}: expected a node with {method}, got {kind_of(node)}{advice}")
     if is_node(node) and not handle_exists(node.handle):
         raise InvalidHandle(f"{call}: the node was destroyed")
 

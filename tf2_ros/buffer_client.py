@@ -339,7 +339,7 @@ class BufferClient(BufferInterface):
         check_frequency: float = 10.0,
         timeout_padding: DurationLike = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
     ) -> None:
-        require_node("BufferClient", node, "create_client")
+        require_node("BufferClient", node, "create_client", ns, "the node first, then the name")
         if not check_frequency > 0.0:
             raise ValueError(f"check_frequency: expected a number above 0 Hz, got {check_frequency}")
         super().__init__()

@@ -148,7 +148,9 @@ class TransformListener:
     ) -> None:
         listening = self._tf2_listening
         if node is not None:
-            require_node(type(self).__name__, node, "create_subscription")
+            require_node(
+                type(self).__name__, node, "create_subscription", buffer, "the buffer first, then the node"
+            )
             if spin_thread and runs_in_loop(node):
                 raise ValueError("spin_thread: an event loop runs this node, and no thread can spin it")
         listening.prefix = valid_prefix(prefix)

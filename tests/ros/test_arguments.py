@@ -201,6 +201,22 @@ def test_something_else_as_a_node(tf2_ros, buffer, call, text, kind):
 
 
 @either_kind
+@pytest.mark.parametrize(
+    ("call", "first"),
+    [
+        (lambda tf, b, n: tf.TransformListener(n, b), "the buffer first, then the node"),
+        (lambda tf, b, n: tf.StaticTransformListener(n, b), "the buffer first, then the node"),
+        (lambda tf, b, n: tf.TransformListener(n, 10), "the buffer first, then the node"),
+        (lambda tf, b, n: tf.BufferServer(n, b, "server"), "the buffer first, then the node"),
+        (lambda tf, b, n: tf.BufferClient("server", n), "the node first, then the name"),
+    ],
+)
+def test_a_swapped_node_is_told_where_it_belongs(tf2_ros, buffer, node, call, first, kind):
+    with pytest.raises(kind, match=rf"^\w+: expected a node with create_\w+, got \w+; pass {first}$"):
+        call(tf2_ros, buffer, node)
+
+
+@either_kind
 @pytest.mark.parametrize("name", ["TransformBroadcaster", "StaticTransformBroadcaster"])
 @pytest.mark.parametrize("strict", [False, True])
 def test_a_broadcaster_sends_only_transforms(tf2_ros, node, name, strict, kind):

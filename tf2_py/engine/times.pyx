@@ -15,6 +15,7 @@ TIMES_WITHOUT_ROS = "an int of nanoseconds, as round(seconds * 1e9), a datetime6
 DURATION_TO_USE = "Duration(seconds=...)"
 # Integers that mean years in seconds, and 0.1 s to a day in nanoseconds.
 LIKE_NANOSECONDS = range(10**8, 10**14)
+OUR_PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
 FOR_EVER_NS = 2**62     # 146 years; added to a steady time, it still fits into 64 bits
 
 cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
@@ -221,7 +222,8 @@ cpdef int64_t duration_ns(object duration, str argument) except? -1:
     seconds = _integer(duration)
     if seconds is not None and seconds in LIKE_NANOSECONDS:
         years = seconds // (365 * 86400)
-        warnings.warn(f"{argument}={seconds} is {years} years, because a number is seconds", stacklevel=2)
+        text = f"{argument}={seconds} is {years} years, because a number is seconds"
+        warnings.warn(text, stacklevel=_level_of_user())
     if seconds is None and isinstance(duration, Real) and not isinstance(duration, Integral):
         seconds = float(duration)
     if seconds is None:
@@ -232,6 +234,21 @@ cpdef int64_t duration_ns(object duration, str argument) except? -1:
     if seconds != seconds:
         raise ValueError(f"{argument} is NaN: use seconds, or {DURATION_TO_USE}")
     return _at_most_for_ever(seconds * <object>NS_PER_S)
+
+
+cdef int _level_of_user() except -1:
+    # The `stacklevel` of a warning about the call in a user's program, whatever the depth of ours. Functions
+    # of Cython have no frames.
+    cdef int level = 1
+    frame = sys._getframe()
+    while frame.f_back is not None and _is_ours(frame.f_globals.get("__name__")):
+        frame = frame.f_back
+        level += 1
+    return level
+
+
+cdef bint _is_ours(object module) except -1:
+    return isinstance(module, str) and module.partition(".")[0] in OUR_PACKAGES
 
 
 cdef object _at_most_for_ever(object duration_ns):

@@ -187,7 +187,7 @@ cdef class BufferCore(Engine):
         self.insert(&batch)
         return self.report(&batch, None) if batch.needs_report else 0
 
-    def set_transform(self, transform: TransformStamped, authority: str) -> None:
+    def set_transform(self, transform: TransformStamped, authority: str = None) -> None:
         """
         Add one dynamic transform.
 
@@ -204,7 +204,7 @@ cdef class BufferCore(Engine):
         """
         self._set_one(transform, authority, False)
 
-    def set_transform_static(self, transform: TransformStamped, authority: str) -> None:
+    def set_transform_static(self, transform: TransformStamped, authority: str = None) -> None:
         """
         Add one transform that is valid at all times.
 
@@ -216,7 +216,7 @@ cdef class BufferCore(Engine):
         self._set_one(transform, authority, True)
 
     def set_transforms(
-        self, transforms: Iterable[TransformStamped], authority: str, static: bool = False
+        self, transforms: Iterable[TransformStamped], authority: str = None, static: bool = False
     ) -> int:
         """
         Add many transforms; other threads may see the first ones before the last ones are added.
@@ -250,7 +250,7 @@ cdef class BufferCore(Engine):
             batch_free(&batch)
 
     def set_transforms_cdr(
-        self, data: bytes | bytearray | memoryview, authority: str, static: bool = False
+        self, data: bytes | bytearray | memoryview, authority: str = None, static: bool = False
     ) -> int:
         """
         Add the transforms of one serialised ``tf2_msgs/TFMessage``.
@@ -1193,6 +1193,16 @@ cdef class BufferCore(Engine):
         cdef const char* problem = self.check()
         if problem != NULL:
             raise AssertionError(problem.decode())
+
+
+# Cython counts the arguments that a call lacks, and does not name them. So the code has a default for the
+# authority, whose type is then refused by its name; signatures show that it must be given.
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", RuntimeWarning)     # that the new defaults have no effect on calls
+    for _setter in (BufferCore.set_transform, BufferCore.set_transform_static, BufferCore.set_transforms,
+                    BufferCore.set_transforms_cdr):
+        _setter.__defaults__ = _setter.__defaults__[1:] or None
+    del _setter
 
 
 cdef bint _is_nan_wanted(on_missing) except -1:

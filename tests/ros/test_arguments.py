@@ -180,6 +180,10 @@ def test_every_duration_is_given_in_the_same_ways(tf2_ros, buffer, node, argumen
     ("call", "text"),
     [
         (lambda b: b.set_transform(transform("a", "b", 1), b"me"), "authority: expected a str, got bytes$"),
+        (lambda b: b.set_transform(transform("a", "b", 1)), "authority: expected a str"),
+        (lambda b: b.set_transform_static(transform("a", "b", 1)), "authority: expected a str"),
+        (lambda b: b.set_transforms([transform("a", "b", 1)]), "authority: expected a str"),
+        (lambda b: b.set_transforms_cdr(b""), "authority: expected a str"),
         (lambda b: b.set_transform(TransformStamped, "me"), "expected .*, got the class TransformStamped: "),
         (lambda b: b.lookup_transform(at(1), "map", "base"), "target_frame: expected .*, got Time"),
         (lambda b: b.lookup_transform("map", at(1), "base"), "source_frame: expected .*, got Time"),

@@ -81,6 +81,4 @@ __all__ = [
     "TypeException",
     "convert",
 ]
-_names.offer(globals())
-if not TYPE_CHECKING:
-    __all__ = sorted({*__all__, *_names.OF_OTHERS})
+_names.offer(globals(), *_names.OF_OTHERS)

@@ -66,9 +66,14 @@ _SOURCES = _MODULES | {
 }
 
 
-def offer(namespace: dict[str, Any]) -> None:
-    """Let the module with these globals have all these names."""
+def offer(namespace: dict[str, Any], *exported: str) -> None:
+    """
+    Let the module with these globals have all these names.
+
+    :param exported: of those, the names that ``import *`` gives, too, because tf2's module gives them.
+    """
     module = namespace["__name__"]
+    namespace["__all__"] = sorted({*namespace["__all__"], *exported})
 
     def __getattr__(name: str) -> Any:
         if name not in _SOURCES:

@@ -43,7 +43,28 @@ else:
     from tf2_ros._without_ros import Changes, TransformFuture
 
 __all__ = ["Buffer", "FrameGraphSrvRequest", "FrameGraphSrvResponse"]
-_names.offer(globals())
+_names.offer(
+    globals(),
+    "Any",
+    "Callable",
+    "Duration",
+    "FrameGraph",
+    "Future",
+    "JumpThreshold",
+    "List",
+    "Node",
+    "Optional",
+    "Time",
+    "TimeJump",
+    "TransformStamped",
+    "Tuple",
+    "TypeVar",
+    "rclpy",
+    "sleep",
+    "tf2",
+    "tf2_ros",
+    "threading",
+)
 
 FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
 FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")

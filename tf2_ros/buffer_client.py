@@ -38,7 +38,23 @@ from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
 from tf2_ros_cython.output import printable
 
 __all__ = ["BufferClient", "LookupTransformGoal", "LookupTransformResult"]
-_names.offer(globals())
+_names.offer(
+    globals(),
+    "ActionClient",
+    "Clock",
+    "Duration",
+    "LookupTransform",
+    "Node",
+    "Time",
+    "TransformStamped",
+    "TypeVar",
+    "builtin_interfaces",
+    "sleep",
+    "tf2",
+    "tf2_ros",
+    "threading",
+    "warnings",
+)
 
 LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")

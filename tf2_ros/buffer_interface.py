@@ -36,7 +36,30 @@ __all__ = [
     "TypeException",
     "convert",
 ]
-_names.offer(globals())
+_names.offer(
+    globals(),
+    "Any",
+    "Callable",
+    "Duration",
+    "Header",
+    "MsgStamped",
+    "Optional",
+    "PointCloud2",
+    "PointStamped",
+    "PoseStamped",
+    "PoseWithCovarianceStamped",
+    "Time",
+    "TransformStamped",
+    "TransformableObject",
+    "Tuple",
+    "TypeVar",
+    "Union",
+    "Vector3Stamped",
+    "deepcopy",
+    "rclpy",
+    "tf2",
+    "tf2_ros",
+)
 
 PyKDLType = TypeVar("PyKDLType")
 TransformableObjectType = TypeVar("TransformableObjectType")

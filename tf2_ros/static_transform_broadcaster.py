@@ -16,7 +16,18 @@ from tf2_ros._qos import transforms_qos
 from tf2_ros.transform_broadcaster import Broadcaster
 
 __all__ = ["StaticTransformBroadcaster"]
-_names.offer(globals())
+_names.offer(
+    globals(),
+    "DurabilityPolicy",
+    "HistoryPolicy",
+    "List",
+    "Node",
+    "Optional",
+    "QoSProfile",
+    "TFMessage",
+    "TransformStamped",
+    "Union",
+)
 
 
 class StaticTransformBroadcaster(Broadcaster):

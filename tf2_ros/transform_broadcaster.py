@@ -20,7 +20,16 @@ from tf2_ros._nodes import require_node
 from tf2_ros._qos import transforms_qos
 
 __all__ = ["TransformBroadcaster"]
-_names.offer(globals())
+_names.offer(
+    globals(),
+    "List",
+    "Node",
+    "Optional",
+    "QoSProfile",
+    "TFMessage",
+    "TransformStamped",
+    "Union",
+)
 
 _publish = Publisher.publish
 

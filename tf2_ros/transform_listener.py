@@ -41,7 +41,21 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 __all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "TransformListener"]
-_names.offer(globals())
+_names.offer(
+    globals(),
+    "Buffer",
+    "DurabilityPolicy",
+    "HistoryPolicy",
+    "Node",
+    "Optional",
+    "QoSProfile",
+    "ReentrantCallbackGroup",
+    "SingleThreadedExecutor",
+    "TFMessage",
+    "Thread",
+    "Union",
+    "tf2_ros",
+)
 
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"

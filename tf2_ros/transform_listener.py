@@ -2,6 +2,7 @@
 
 import tf2_ros_cython._requirement  # noqa: F401
 
+import gc
 import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
@@ -231,9 +232,13 @@ class TransformListener:
         self.__end(ends_thread=self._tf2_listening.owns_node)
 
     def __del__(self) -> None:
-        """End the thread that spins the node, and the subscriptions; may be called again."""
-        # The collector runs in any thread, inside any function, so it must not wait.
-        self.__end(waits=False)
+        """
+        End the thread that spins the node, and the subscriptions; may be called again.
+
+        A call by a program waits for the thread, as in tf2. The collector runs in any thread, inside any
+        function, so there this must not wait.
+        """
+        self.__end(waits=not gc.is_finalized(self))
 
     def __enter__(self) -> "Self":
         return self

@@ -165,6 +165,11 @@ class TestThread:
             until(knows(buffer, "robot"))
         assert not listener.dedicated_listener_thread.is_alive()
 
+    def test_a_call_of_del_waits_for_its_end(self, tf2_ros, buffer, node):
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        listener.__del__()
+        assert not listener.dedicated_listener_thread.is_alive()
+
     @pytest.mark.ours
     @pytest.mark.parametrize("whose", ["its own", "a program's"])
     def test_a_shutdown_that_wakes_nobody_ends_it(self, tf2_ros, buffer, ros, node, whose):

@@ -1,6 +1,6 @@
 """Quality of service of /tf, /tf_static and the lookup action."""
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 # Messages in the queues of a listener. All publishers of static transforms send theirs to a listener that
 # starts later at the same time, and only once: what does not fit into the queue is lost for good. So it has
@@ -14,6 +14,12 @@ def transforms_qos(depth: int, *, is_static: bool) -> QoSProfile:
     """The default profile of a topic of transforms."""
     durability = DurabilityPolicy.TRANSIENT_LOCAL if is_static else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, durability=durability)
+
+
+def is_latched(qos: QoSProfile) -> bool:
+    """Whether a subscription gets what its publishers keep, also from before it existed, without a loss."""
+    wanted = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE
+    return (qos.durability, qos.reliability) == wanted
 
 
 def lookup_qos() -> dict[str, QoSProfile]:

@@ -133,6 +133,16 @@ class TestOnTheWay:
             until(lambda: warning in errors_so_far(), executor)
             assert "lost; /tf_static" in repr(listener)
 
+    def test_what_a_latched_topic_replaces_is_not_lost(self, tf2_ros, buffer, node, losing):
+        """As for one that subscribes late to static transforms which are sent again and again."""
+        with (
+            tf2_ros.TransformListener(buffer, node) as listener,
+            tf2_ros.StaticTransformListener(tf2_ros.Buffer(), node, tf_static_topic="/tf") as latched,
+        ):
+            topics = listener._tf2_listening.topics[0], latched._tf2_listening.topics[0]
+            until(lambda: topics[0].lost()[0] > 0 and topics[1].arrivals.taken()[0] > 0)
+            assert topics[1].lost() == (0, 0)
+
     def test_the_count_survives_the_subscription(self, tf2_ros, buffer, node, losing):
         listener = tf2_ros.TransformListener(buffer, node)
         topic = listener._tf2_listening.topics[0]

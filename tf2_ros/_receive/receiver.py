@@ -17,6 +17,7 @@ from tf2_py import BufferCore
 from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects, is_inherited
 from tf2_ros._nodes import note_filler
+from tf2_ros._qos import is_latched
 from tf2_ros._rclpy import (
     context_was_shut_down,
     event_handlers,
@@ -70,7 +71,10 @@ class Topic:
             if (this := topic()) is not None:
                 this._lost = event.total_count
 
-        self._loss_handler = watch_losses(node, subscription, note)
+        # A latched topic lacks only what its publisher has replaced by a later message. The middleware
+        # reports that as lost, for example while it sends what is kept to a new subscription.
+        if not is_latched(subscription.qos_profile):
+            self._loss_handler = watch_losses(node, subscription, note)
         check_regularly(self)
 
     def destroy(self) -> None:
@@ -103,8 +107,8 @@ class Topic:
         """
         Return how many messages were lost on the way here, and how many in the queue of the subscription.
 
-        The middleware reports the former, if it can. The latter are those that newer ones have displaced;
-        they are not known where an executor takes the messages.
+        The middleware reports the former, if it can; of a latched topic, they are not counted. The latter are
+        those that newer ones have displaced; they are not known where an executor takes the messages.
         """
         if self._loss_handler is not None:
             report_event(self._loss_handler)

@@ -3,7 +3,8 @@ Publishes messages in bursts, faster than the middleware sends them, while there
 
 Arguments: the topic, and how many messages are in a burst.
 
-The queue of the publisher has room for one of them, so most are lost on the way. Ends when nobody subscribes.
+The queue of the publisher has room for one of them, so most are lost on the way. It is latched, so one that
+subscribes later gets the last message. Ends when nobody subscribes.
 """
 
 import os
@@ -15,6 +16,7 @@ os.environ["RMW_FASTRTPS_PUBLICATION_MODE"] = "ASYNCHRONOUS"  # another thread s
 import rclpy
 from geometry_msgs.msg import TransformStamped
 from processes import until
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
 from tf2_msgs.msg import TFMessage
@@ -25,7 +27,8 @@ PAUSE_S = 0.5  # between bursts, in which the subscriber works them off
 
 def main(topic, messages):
     rclpy.init()
-    publisher = rclpy.create_node("losing").create_publisher(TFMessage, topic, 1)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = rclpy.create_node("losing").create_publisher(TFMessage, topic, latched)
     until(lambda: publisher.get_subscription_count() > 0)
     message = serialize_message(TFMessage(transforms=[TransformStamped()] * MANY))
     pause = threading.Event()

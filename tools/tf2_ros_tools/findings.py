@@ -361,30 +361,32 @@ class Received:
         table = np.array(self.values).reshape(-1, 7)
         with np.errstate(all="ignore"):  # some are refused
             table[:, 3:] /= np.linalg.norm(table[:, 3:], axis=1, keepdims=True)
+        if alive is not None:
+            static = static[np.isin(static["publisher"], [*alive])]
+        for (child, publisher), own in _groups(static, "child", "publisher"):
+            poses, parents = table[own["value"]], own["parent"]
+            changes = np.flatnonzero(~_are_same(poses[1:], poses[:-1]) | (parents[1:] != parents[:-1]))
+            if begin_ns is not None:
+                changes = changes[own["received_ns"][changes + 1] >= begin_ns]
+            if len(changes):
+                name = f"{self.frames[child]} in {self.frames[parents[-1]]} by {self.publishers[publisher]}"
+                at = slice(changes[-1], changes[-1] + 2)
+                old, new = _told_apart_by(poses[at])
+                if len({*parents[at]}) > 1:
+                    old, new = (f"parent {self.frames[one]}" for one in parents[at])
+                how = "changed" if len(changes) == 1 else f"changed {len(changes)} times, last"
+                when = self.when(int(own["received_ns"][at][-1]))
+                text = f"{name} is static and {how} from {old} to {new}, {when}: lookups use the last one"
+                yield Finding("values", self.frames[child], f"{text}, for all times")
         for (child, parent), both in _groups(static, "child", "parent"):
-            name = f"{self.frames[child]} in {self.frames[parent]}"
-            last: list[tuple[str, NDArray[np.float64]]] = []
-            for (number,), own in _groups(both, "publisher"):
-                if alive is not None and number not in alive:
-                    continue
-                publisher, poses = self.publishers[number], table[own["value"]]
-                last.append((publisher, poses[-1]))
-                changes = np.flatnonzero(~_are_same(poses[1:], poses[:-1]))
-                if begin_ns is not None:
-                    changes = changes[own["received_ns"][changes + 1] >= begin_ns]
-                if len(changes):
-                    at = changes[-1]
-                    old, new = _told_apart_by(poses[at : at + 2])
-                    how = "changed" if len(changes) == 1 else f"changed {len(changes)} times, last"
-                    when = self.when(int(own["received_ns"][at + 1]))
-                    text = f"{name} by {publisher} is static and {how} from {old} to {new}, {when}"
-                    text += ": lookups use the last one, for all times"
-                    yield Finding("values", self.frames[child], text)
-            poses = np.array([pose for _, pose in last])
-            if len(poses) and not _are_same(poses, poses[:1]).all():
+            last = {number: own["value"][-1] for (number,), own in _groups(both, "publisher")}
+            poses = table[[*last.values()]]
+            if not _are_same(poses, poses[:1]).all():
                 parts = zip(_told_apart_by(poses), last, strict=True)
-                which = ", ".join(f"{value} by {publisher}" for value, (publisher, _) in parts)
-                text = f"{name} is static with different values: {which}"
+                which = ", ".join(f"{value} by {self.publishers[number]}" for value, number in parts)
+                text = (
+                    f"{self.frames[child]} in {self.frames[parent]} is static with different values: {which}"
+                )
                 yield Finding("values", self.frames[child], text)
 
     def _of_unset(self, moving: NDArray[np.void]) -> Iterator[Finding]:

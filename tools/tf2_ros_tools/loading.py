@@ -117,8 +117,10 @@ def wanted(
 def _log_time(name: str, time: TimeLike | None) -> int | None:
     try:
         return None if time is None else int(to_nanoseconds([time])[0])
-    except TypeError as error:
-        raise TypeError(f"{name}: {str(error).removeprefix('times: ')}") from None
+    except TypeError:
+        accepted = "nanoseconds as an int, a datetime64, or an object with sec and nanosec"
+        advice = "; round(seconds * 1e9) converts seconds" if isinstance(time, float) else ""
+        raise TypeError(f"{name}: expected {accepted}, got {time!r}{advice}") from None
 
 
 def _robot(urdf: Urdf) -> Robot | None:

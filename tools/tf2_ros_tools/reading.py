@@ -1,6 +1,7 @@
 """Read recordings of all formats as raw messages in CDR, with rosbags, and explain its errors."""
 
 import errno
+import re
 import shutil
 import struct
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -250,18 +251,19 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
 
 def _in_detail(error: Exception, folder: Path, parts: Collection[Path]) -> Exception:
     """Add to an error of rosbags about a metadata.yaml which files there are, which it does not say."""
-    text = str(error)
-    if parts and (text.startswith("Storage plugin") or "'storage_identifier'" in text):
+    if not parts:
+        return error
+    text, metadata = str(error), (folder / "metadata.yaml").read_text(errors="replace")
+    file = next(iter(parts))
+    storage = STORAGES.get(Path(file.name.removesuffix(PACKED)).suffix)
+    found = re.search(r"storage_identifier: *['\"]?(\w*)", metadata)
+    is_described = "relative_file_paths" in metadata
+    if is_described and storage is not None and (found is None or found[1] != storage):
         # This is how a reindex of Humble leaves it, so another one would not help.
-        file = next(iter(parts))
-        format = STORAGES.get(Path(file.name.removesuffix(PACKED)).suffix)
-        name, one = printable(str(folder)), printable(file.name)
-        return BagError(
-            f"{name} is broken: storage_identifier in metadata.yaml must be {format}, as of {one}"
-        )
-    if parts and text.startswith("Some database files are missing"):
-        listed_there = (folder / "metadata.yaml").read_text(errors="replace")
-        others = [one.name for one in parts if one.name not in listed_there]
+        wanted = f"storage_identifier in metadata.yaml must be {storage}, as of {printable(file.name)}"
+        return BagError(f"{printable(str(folder))} is broken: {wanted}")
+    if text.startswith("Some database files are missing"):
+        others = [one.name for one in parts if one.name not in metadata]
         return ValueError(f"{text.rstrip('.')}; it has {listed(others)} instead") if others else error
     return error
 

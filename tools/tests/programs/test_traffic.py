@@ -334,8 +334,13 @@ class TestRecords:
         two = "x 0.100 by /localiser, x 0.250 by /odometry"
         assert said(received(mine).findings(alive={0, 1})) == [text.format(two)]
         assert said(received(mine).findings(alive={0, 2})) == []
-        other = static(3, "camera", "lidar", value=1)
-        assert said(received(mine[:1], other).findings()) == []
+        elsewhere = static(3, "camera", "lidar", publisher="/other", value=1)
+        assert said(received(mine[:1], elsewhere).findings()) == []
+
+    def test_a_static_transform_that_changes_its_parent_is_found(self):
+        mine = [static(0, "camera", "base"), static(1, "camera", "base"), static(2, "camera", "lidar")]
+        text = "camera in lidar by /odometry is static and changed from parent base to parent lidar, at 2"
+        assert said(received(*mine).findings()) == [f"values: {text}{LASTING}"]
 
     def test_what_is_refused_or_changed_before_the_window_does_not_count(self):
         refused = static(1, "camera", "base", value=1, refusals=8)

@@ -206,8 +206,9 @@ def test_start_and_end_limit_dynamic_transforms_alone(recorded, start, end, whic
 
 @pytest.mark.parametrize("name", ["start", "end"])
 def test_an_error_about_a_time_names_the_argument(name, recorded):
-    with pytest.raises(TypeError, match=f"^{name}: expected integer nanoseconds .* multiply seconds by 1e9"):
-        bag.load(recorded[0], **{name: 101.5})
+    for time, got in ((101.5, r"101.5; round\(seconds \* 1e9\) converts seconds"), ("101", "'101'")):
+        with pytest.raises(TypeError, match=f"^{name}: expected nanoseconds as an int, .*, got {got}$"):
+            bag.load(recorded[0], **{name: time})
 
 
 # Topics.
@@ -489,8 +490,8 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
                 lambda at, line=line, storage=storage: with_storage(at, line, storage),
                 f"run is broken: storage_identifier in metadata.yaml must be {storage}, as of run.",
             )
-            for line in ("storage_identifier: ''", "storage_identifier: other", "other: mcap")
-            for storage in ("mcap", "sqlite3")
+            for storage, other in (("mcap", "sqlite3"), ("sqlite3", "mcap"))
+            for line in (*(f"storage_identifier: {one}" for one in ("''", "null", "x", other)), "x: mcap")
         ),
         # Parts of a file.
         (spoiled_db3, "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage"),
@@ -602,6 +603,29 @@ def test_what_a_small_recording_has_no_place_for_comes_in_arrays():
     insert_messages(BufferCore(), MESSAGES, SOURCES, recording=recording, records=arrays)
     assert [len(one) for one in (*arrays, recording.take())] == [3, 2]
     assert recording.lost == 0
+
+
+def test_the_numbers_of_static_transforms_are_noted_once_each():
+    mount, moved = Tf("base", "camera", 0, (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8)), (4.0, 5.0, 6.0)
+    sent = [[mount, mount._replace(xyz=moved)], [mount._replace(child="lidar")]]
+    messages = [("/tf_static", 1, raw(Sent(1, "/tf_static", one))) for one in sent]
+    recording = Recording()
+    insert_messages(BufferCore(), [*messages, MESSAGES[1]], SOURCES, recording=recording)
+    values = recording.values()
+    assert values == [(1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8), (*moved, 0.0, 0.0, 0.6, 0.8)]
+    records = recording.take()
+    assert records["value"][:3].tolist() == [0, 1, 0]
+    assert not records["static"][3:].any() and (records["value"][3:] >= len(values)).all()
+    assert recording.values() is values
+
+
+def test_so_many_numbers_of_static_transforms_are_noted():
+    moving = [Tf("base", "camera", 0, (float(i), 0.0, 0.0)) for i in range(70_000)]
+    recording = Recording()
+    message = ("/tf_static", 1, raw(Sent(1, "/tf_static", moving)))
+    insert_messages(BufferCore(), [message], SOURCES, recording=recording)
+    assert len(recording.values()) == 65_536
+    assert len(recording.take()) == 70_000 and recording.lost == 0
 
 
 def test_a_malformed_message_is_an_error_or_left_out():

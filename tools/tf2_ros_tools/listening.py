@@ -20,7 +20,6 @@ import rclpy
 from numpy.typing import NDArray
 from rclpy.exceptions import InvalidHandle, NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.signals import SignalHandlerOptions
@@ -344,11 +343,5 @@ def listening(
     :param cache_time: see the same function.
     """
     recording = Recording()
-    # Findings count the transforms that are refused, and name their publishers.
-    level = get_logger_level("tf2_py")
-    set_logger_level("tf2_py", LoggingSeverity.FATAL)
-    try:
-        with filled_buffer(node, recording, topics=topics, cache_time=cache_time) as buffer:
-            yield Listening(node, buffer, recording, topics, window_s)
-    finally:
-        set_logger_level("tf2_py", level)
+    with filled_buffer(node, recording, topics=topics, cache_time=cache_time) as buffer:
+        yield Listening(node, buffer, recording, topics, window_s)

@@ -30,8 +30,12 @@ def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
     from tf2_ros_tools.listening import listening, spun_node
 
+    from rclpy.logging import LoggingSeverity, set_logger_level
+
     from tf2_ros_tools.findings import Limits, conclude, expected_by
 
+    # The findings count what is refused, and name the publishers.
+    set_logger_level("tf2_py", LoggingSeverity.FATAL)
     expected = expected_by(options.expect)
     limits = Limits(min_rate=options.min_rate, max_delay=options.max_delay)
     with spun_node("tf2_check", options) as node, listening(node) as heard:

@@ -331,7 +331,7 @@ class Received:
 
     :param records: of ``tf2_ros.records.RECORD``.
     :param frames: by the ids in the records, as ``publishers`` and ``values``.
-    :param when: says at which time of reception, in ns.
+    :param when: describes a time of reception, which is in ns.
     """
 
     records: NDArray[np.void]
@@ -342,7 +342,7 @@ class Received:
 
     def findings(self, alive: Collection[int] | None = None, begin_ns: int | None = None) -> list[Finding]:
         """
-        Find static transforms that differ or change, stamps that were not set, and stamps that go back.
+        Find static transforms that differ or change, and stamps that were not set.
 
         :param alive: ids of the publishers that still exist; None: all count.
         :param begin_ns: what changed before this time of reception does not count.
@@ -390,6 +390,8 @@ class Received:
                 yield Finding("values", self.frames[child], text)
 
     def _of_unset(self, moving: NDArray[np.void]) -> Iterator[Finding]:
+        suspects = np.unique(moving["child"][moving["stamp_ns"] == 0])
+        moving = moving[np.isin(moving["child"], suspects)]
         for (child, number), own in _groups(moving, "child", "publisher"):
             # Before a node receives a simulated time, its time is 0.
             later = own[np.argmax(own["stamp_ns"] != 0) :]

@@ -181,9 +181,9 @@ def load(
     :raises TypeError, ValueError: ``topics``, ``start`` or ``end`` are not as described.
 
     The recording need not have all of the topics, and a topic may be empty. Transforms that a buffer refuses,
-    such as those with NaN, are logged. A warning says which messages were left out, namely joint states with
-    another number of positions than names and poses without names of frames, and which frames have only
-    stamps of 0.
+    such as those with NaN, are logged. Reading a recording warns of messages that are left out, which are
+    joint states with another number of positions than names, and poses without names of frames. A warning
+    also names frames whose stamps are all 0.
     """
     what = wanted(topics, start, end, poses, urdf)
     buffer = new_buffer(cache_time)

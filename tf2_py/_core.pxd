@@ -6,7 +6,7 @@ functions, its code (``.pyx``). A chapter uses those before it, in this order.
 """
 
 from libc.float cimport DBL_MAX, DBL_MIN
-from libc.math cimport NAN, acos, atan2, cos, fabs, isfinite, isnan, sin, sqrt
+from libc.math cimport NAN, acos, atan2, ceil, cos, fabs, isfinite, isnan, sin, sqrt
 from libc.stddef cimport size_t
 from libc.stdint cimport (
     INT64_MAX,

@@ -175,8 +175,15 @@ class BufferCore:
     def _tf2_read_clock(self) -> tuple[int, bool]: ...
     def _tf2_clock_jumped(self) -> None: ...
     def ages(self, target_frame: str, source_frame: str) -> dict[str, float]: ...
-    def _stamps_between(
-        self, target_frame: str, source_frame: str, first_ns: int, last_ns: int
+    def _knots_between(
+        self,
+        target_frame: str,
+        source_frame: str,
+        first_ns: int,
+        last_ns: int,
+        turn: float,
+        move: float,
+        most: int,
     ) -> NDArray[np.int64] | None: ...
     def lookupVelocityCore(
         self,

@@ -821,36 +821,41 @@ cdef class BufferCore(Engine):
         ages = [(now_ns - stamps_ns[i]) / 1e9 if now_ns > 0 else float("inf") for i in range(count)]
         return dict(zip(self.frame_names([frames[i] for i in range(count)]), ages, strict=True))
 
-    def _stamps_between(
-        self, target_frame: str, source_frame: str, first_ns: int, last_ns: int
+    def _knots_between(
+        self, target_frame: str, source_frame: str, first_ns: int, last_ns: int, turn: float, move: float,
+        most: int,
     ) -> NDArray[np.int64] | None:
         """
-        ``first_ns``, ``last_ns``, and between these the stamps of all moving frames on a path.
+        Get times between which the transform of two frames is nearly that of a linear interpolation.
 
-        Between two of these, every frame moves with constant velocities.
-
-        :return: ascending, each once; None if the path differs between times, or there is none.
+        :param turn: how far a point at 1 m may be off because of the rotation; ``move``, how far the origin,
+            in metres.
+        :return: ascending, from ``first_ns`` to ``last_ns``; None if they were more than ``most``, the path
+            differs between times, the transform jumps, or there is none.
         """
         cdef Query query
         cdef Status status
-        cdef int64_t* stamps_ns
+        cdef int64_t* knots_ns
         cdef int64_t first = first_ns
         cdef int64_t last = last_ns
+        cdef double most_turn = turn
+        cdef double most_move = move
+        cdef Py_ssize_t most_knots = most
         cdef Py_ssize_t count
         query_frames(&query, target_frame, source_frame)
         catch_up(self)
         with nogil:
-            count = self.path_stamps(&query, first, last, &stamps_ns, &status)
+            count = self.path_knots(&query, first, last, most_turn, most_move, most_knots, &knots_ns, &status)
         try:
             if count == SERIES_NO_MEMORY:
                 raise MemoryError
             if count < 0:
                 return None
             found = new_array((count,), "int64")
-            memcpy(int64s_of(found), stamps_ns, count * sizeof(int64_t))
+            memcpy(int64s_of(found), knots_ns, count * sizeof(int64_t))
             return found
         finally:
-            free(stamps_ns)
+            free(knots_ns)
 
     def lookupVelocityCore(
         self, tracking_frame: str, observation_frame: str, time: Time, averaging_interval: Duration

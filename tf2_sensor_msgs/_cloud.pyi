@@ -5,7 +5,7 @@ import numpy.typing as npt
 from geometry_msgs.msg import Transform, TransformStamped
 from sensor_msgs.msg import PointCloud2
 
-from tf2_sensor_msgs._deskew import TimeField
+from tf2_sensor_msgs._time_field import TimeField
 
 def do_transform_cloud(
     cloud: PointCloud2, transform: TransformStamped | Transform, *, only_xyz: bool = False
@@ -14,8 +14,6 @@ def sample_times(cloud: PointCloud2, times: TimeField) -> npt.NDArray[np.float64
 def read_times(
     cloud: PointCloud2, field: TimeField | None, times: npt.NDArray[np.int64]
 ) -> tuple[int, int, int, float]: ...
-def split_times(edges_ns: npt.NDArray[np.int64], pieces: int) -> npt.NDArray[np.int64]: ...
-def largest_bends(matrices: npt.NDArray[np.float64]) -> tuple[float, float]: ...
 def move_points(
     cloud: PointCloud2,
     new_stamp_ns: int,

@@ -1,9 +1,7 @@
 """Deskew a cloud: transform each point from where the sensor was when it measured that point."""
 
 import contextlib
-import math
 import re
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -14,13 +12,12 @@ from tf2_py._internal import as_times_ns, duration_ns, errors, time_ns
 from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, TransformException
 from tf2_ros._arguments import frame_of
 from tf2_ros_cython.output import printable
-from tf2_sensor_msgs._cloud import largest_bends, move_points, read_times, sample_times, split_times
-from tf2_sensor_msgs._errors import FieldError
+from tf2_sensor_msgs._cloud import move_points, read_times, sample_times
+from tf2_sensor_msgs._time_field import KNOWN, S, TimeField, Unit, find_time_field
 
 if TYPE_CHECKING:
     from tf2_py.typing import DurationLike, DurationsLike, TimeLike, TimesLike
 
-S = 1_000_000_000
 # A ROS stamp holds no more seconds than these. So a larger number in a `timestamp` is nanoseconds.
 MOST_SECONDS = 2.0**31
 # A longer sweep is taken for a wrong unit, unless a unit is given; with one, the poses of the longest sweeps
@@ -29,65 +26,13 @@ LONG_NS, LONGEST_NS = 3 * S, 3600 * S
 # No time is farther from the stamp, or from 1970.
 FARTHEST_NS = 2.0**62
 NO_TIME = np.iinfo(np.int64).min  # what read_times writes for a point that has none
-# The share of points that must be within these, so that the times of the others are taken for garbage.
-MOST_POINTS = 0.9
-# Between two knots, poses change steadily. The elements of a rotation matrix, and the translation in metres,
-# then differ from exact ones by little more than this; a point, by at most 1e-6 of its distance and 10 µm.
-ROTATION_BOUND, TRANSLATION_BOUND = 2.5e-7, 5e-6
-PARTS = 40  # of a sweep, or as many as there are stamps of samples: within each, the motion is nearly steady
+# The share of points whose times may be farther apart, and are taken for garbage; or one point.
+MOST_GARBAGE = 0.1
+# Between two knots, poses change steadily. Then a point is off by at most `TURN` times its distance and
+# `MOVE` metres: a tenth less than what is promised, for rounding.
+TURN, MOVE = 9e-7, 9e-6
 # With more knots than one for this many points, lookups for all points cost no more.
 POINTS_PER_KNOT = 8
-# How far a pose in the middle of a part may differ, before more parts are looked at; the frames then turn by
-# 50 degrees within one.
-FAR = 0.1
-
-
-class Unit(NamedTuple):
-    """What the numbers in a field of times are."""
-
-    ns: int
-    is_absolute: bool  # since 1970; else after the stamp
-
-    @property
-    def text(self) -> str:
-        name = {1: "ns", 1_000: "µs", 1_000_000: "ms", S: "s"}.get(self.ns, f"{self.ns / S:g} s")
-        return f"{name} {'since 1970' if self.is_absolute else 'after the stamp'}"
-
-
-NAMES = {
-    PointField.INT8: "int8",
-    PointField.UINT8: "uint8",
-    PointField.INT16: "int16",
-    PointField.UINT16: "uint16",
-    PointField.INT32: "int32",
-    PointField.UINT32: "uint32",
-    PointField.FLOAT32: "float32",
-    PointField.FLOAT64: "float64",
-}
-# The fields that drivers of lidars write: Velodyne; Ouster; Livox; Hesai and Livox, in different units.
-KNOWN = {
-    "time": ((PointField.FLOAT32, PointField.FLOAT64), Unit(S, False)),
-    "t": ((PointField.UINT32,), Unit(1, False)),
-    "offset_time": ((PointField.UINT32,), Unit(1, False)),
-    "timestamp": ((PointField.FLOAT64,), Unit(S, True)),
-}
-
-
-class TimeField(NamedTuple):
-    """The field with the times of the points, as ``parts/deskew.pyx`` reads it."""
-
-    name: str
-    datatype: int  # as which the numbers are read
-    unit: Unit
-    base_ns: int  # the time that 0 means
-
-    @property
-    def unit_ns(self) -> int:
-        return self.unit.ns
-
-    def time_ns(self, number: float) -> int:
-        whole = int(number)
-        return self.base_ns + whole * self.unit.ns + round((number - whole) * self.unit.ns)
 
 
 class Poses(NamedTuple):
@@ -247,50 +192,55 @@ def _read_sweep(
             raise ValueError(f"{count} points, {len(given)} times: each point needs its own time")
         first, last, _ = _without_garbage(given, LONGEST_NS)
         return Sweep(None, given, int(first), int(last), LONGEST_NS, count)
-    field = _time_field(cloud, stamp_ns, time_unit)
+    field = find_time_field(cloud, stamp_ns, time_unit)
     sample = sample_times(cloud, field)
-    is_large = sample >= MOST_SECONDS
-    if time_unit is None and field.unit.is_absolute and 2 * np.count_nonzero(is_large) > len(sample):
+    if time_unit is None and field.unit.is_absolute and _are_nanoseconds(sample):
         field = field._replace(unit=Unit(1, True))
-    sample = sample[np.abs(sample) < FARTHEST_NS / field.unit.ns]
     longest_ns = LONG_NS if time_unit is None else LONGEST_NS
-    lowest, highest, share = _without_garbage(sample, longest_ns / field.unit.ns)
+    lowest, highest, garbage = _without_garbage(sample, longest_ns / field.unit.ns)
     if time_unit is None:
-        if share < MOST_POINTS:
+        if garbage:
             _require_short(cloud, field, count)
         _require_seconds(field, lowest, highest)
+    if not -FARTHEST_NS < lowest * field.unit.ns <= highest * field.unit.ns < FARTHEST_NS:
+        lowest, highest = 0, -1
     return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), longest_ns, count)
+
+
+def _are_nanoseconds(since_1970: NDArray[np.float64]) -> bool:
+    return bool(2 * np.count_nonzero(since_1970 >= MOST_SECONDS) > len(since_1970))
 
 
 def _without_garbage(
     times: NDArray[np.int64] | NDArray[np.float64], longest: float
-) -> tuple[float, float, float]:
+) -> tuple[float, float, int]:
     """
-    The lowest and the highest number, and the share of numbers between them.
+    The lowest and the highest number without garbage, and how much of that there is.
 
-    Of longer sweeps, only numbers close to the middle one count. If there are none, the lowest is above the
-    highest.
+    If there are more numbers than those of the longest sweep, only numbers close to the middle one count. If
+    there are none, the lowest is above the highest.
     """
     if not len(times):
-        return 0, -1, 1.0
+        return 0, -1, 0
     lowest, highest = times.min().item(), times.max().item()
     if highest - lowest <= longest:
-        return lowest, highest, 1.0
-    near = times[np.abs(times - np.median(times)) <= longest / 2]
+        return lowest, highest, 0
+    with np.errstate(over="ignore"):
+        near = times[np.abs(times - np.median(times)) <= longest / 2]
     if not len(near):
-        return 0, -1, 0.0
-    return near.min().item(), near.max().item(), len(near) / len(times)
+        return 0, -1, len(times)
+    return near.min().item(), near.max().item(), len(times) - len(near)
 
 
 def _require_short(cloud: PointCloud2, field: TimeField, count: int) -> None:
-    """Refuse times that spread over more than a sweep; the sample, which has more of the ends, seemed to."""
+    """Refuse times that spread over more than a sweep. Those of a sample did, which has more of the ends."""
     times = np.empty(count, np.int64)
     read_times(cloud, field, times)
     times = times[times != NO_TIME]
-    if _without_garbage(times, LONG_NS)[2] >= MOST_POINTS:
+    if _without_garbage(times, LONG_NS)[2] <= max(1, MOST_GARBAGE * len(times)):
         return
     one = field.unit.ns / S
-    ends = np.quantile(times, ((1 - MOST_POINTS) / 2, (1 + MOST_POINTS) / 2))
+    ends = np.quantile(times, (MOST_GARBAGE / 2, 1 - MOST_GARBAGE / 2))
     low, high = ((int(end) - field.base_ns) / field.unit.ns for end in ends)
     wraps = ", negative from 2^31 on" if field.datatype == PointField.INT32 else ""
     raise ValueError(
@@ -307,37 +257,6 @@ def _require_seconds(field: TimeField, lowest: float, highest: float) -> None:
             f"{field.name} is from {lowest:.3g} to {highest:.3g}, which may be seconds or fractions of a "
             "sweep: pass time_unit=1.0, or the duration of a sweep, for example time_unit=0.1"
         )
-
-
-def _time_field(cloud: PointCloud2, stamp_ns: int, time_unit: "DurationLike | None") -> TimeField:
-    unit_ns = None if time_unit is None else duration_ns(time_unit, "time_unit")
-    if unit_ns is not None and unit_ns < 1:
-        raise ValueError(f"time_unit: expected at least 1 ns, got {unit_ns} ns")
-    datatypes = {field.name: field.datatype for field in reversed(list(cloud.fields))}
-    for name, (accepted, unit) in KNOWN.items():
-        datatype = datatypes.get(name, 0)
-        takes_any = unit_ns is not None and not unit.is_absolute
-        if datatype not in accepted and not (takes_any and datatype in NAMES):
-            continue
-        base_ns = 0 if unit.is_absolute else stamp_ns
-        if unit_ns is not None:
-            return TimeField(name, datatype, unit._replace(ns=unit_ns), base_ns)
-        # Ouster's driver wrote the time of a point before the stamp as it is in 32 bits.
-        signed = PointField.INT32 if datatype == PointField.UINT32 else datatype
-        return TimeField(name, signed, unit, base_ns)
-    found = _listed(f"{printable(field.name)} ({NAMES.get(field.datatype, '?')})" for field in cloud.fields)
-    known = _listed(
-        f"{name} ({' or '.join(NAMES[datatype] for datatype in accepted)})"
-        for name, (accepted, _) in KNOWN.items()
-    )
-    raise FieldError(
-        f"no field has the times of the points: the cloud has {found}; known are {known}. "
-        "For others, pass times"
-    )
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(names) or "no fields"
 
 
 def _target_ns(
@@ -409,33 +328,18 @@ def _wait(motion: Motion, last: int, timeout: "DurationLike") -> None:
 
 def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
     """Poses from the first to the last time, with a steady motion between them; None: they would be many."""
-    first, last, count = sweep.first, sweep.last, sweep.size
-    if not 0 <= last - first <= LONGEST_NS:
+    if not 0 <= sweep.last - sweep.first <= LONGEST_NS:
         return None
-    target_frame = motion.fixed.get("fixed_frame", motion.target_frame)
-    edges = motion.buffer._stamps_between(target_frame, motion.source_frame, first, last)
-    if edges is None:
-        return None
-    parts = math.ceil(PARTS / len(edges))
-    # Twice as many, to see by how much the pose in the middle of each part differs from a steady change.
-    knots = split_times(edges, 2 * parts)
-    if len(knots) * POINTS_PER_KNOT > count:
+    frame, most = motion.fixed.get("fixed_frame", motion.target_frame), sweep.size // POINTS_PER_KNOT
+    knots = motion.buffer._knots_between(
+        frame, motion.source_frame, sweep.first, sweep.last, TURN, MOVE, most
+    )
+    if knots is None:
         return None
     try:
-        matrices = motion.matrices(knots)
-        turn, move = largest_bends(matrices)
-        if turn > FAR:
-            return None
-        # In pieces of a part, the difference decreases with the square of their number.
-        pieces = math.ceil(math.sqrt(max(turn / ROTATION_BOUND, move / TRANSLATION_BOUND)))
-        if pieces > 2:
-            if parts * pieces * len(edges) * POINTS_PER_KNOT > count:
-                return None
-            knots = split_times(edges, parts * pieces)
-            matrices = motion.matrices(knots)
+        return Poses(knots, motion.matrices(knots))
     except ExtrapolationException:
         return None  # at which point, or under which policy, the exact lookups say
-    return Poses(knots, matrices)
 
 
 def _exact_poses(motion: Motion, field: TimeField | None, times: NDArray[np.int64], on_missing: str) -> Poses:

@@ -29,10 +29,10 @@ cdef extern from *:
         size_t last;            /* index of the last one */
     };
 
-    /* Whether a time is between the first and the last knot, but for what rounding may do; NaN is not. */
+    /* Whether a time is between the first and the last knot, which are whole ns; NaN is not. */
     static inline int knots_include(const struct Knots *knots, double ns)
     {
-        return ns >= -1024.0 && ns <= knots->ns[knots->last] + 1024.0;
+        return ns >= -1.0 && ns <= knots->ns[knots->last] + 1.0;
     }
 
     static inline size_t knot_before(const struct Knots *knots, double ns)

@@ -239,6 +239,112 @@ def test_a_jerk_between_two_samples_is_not_missed(buffer):
     )
 
 
+def swinging(angles, lengths, segments):
+    """
+    Arms that swing against each other, from one end to the other between two samples.
+
+    Each arm turns by minus to plus its angle, and what it carries turns back, so that the lidar only shifts:
+    by the sum of the lengths times cos or sin of the angles.
+    """
+    buffer = Buffer(float("inf"))
+    for i, (angle, length) in enumerate(zip(angles, lengths, strict=True)):
+        parent, child = f"link_{i}" if i else "odom", f"link_{i + 1}" if i + 1 < len(angles) else "lidar"
+        arm = transform(f"swing_{i}", f"arm_{i}", xyz=(length, 0, 0))
+        buffer.set_transform_static(arm, "x")
+        for k in range(segments + 1):
+            ns = STAMP + SWEEP * k // segments
+            turned = angle if k % 2 else -angle
+            buffer.set_transform(transform(parent, f"swing_{i}", ns=ns, xyzw=about_z(turned)), "x")
+            buffer.set_transform(transform(f"arm_{i}", child, ns=ns, xyzw=about_z(-turned)), "x")
+    return buffer
+
+
+def balanced(angles, parts):
+    """Lengths of the arms, 1 m for the first, with which the lidar is on a line at these parts of a swing."""
+    bends = [[np.cos(a * (2 * part - 1)) - np.cos(a) for a in angles] for part in parts]
+    bends += [[np.sin(a * (2 * part - 1)) - (2 * part - 1) * np.sin(a) for a in angles] for part in parts]
+    bends = np.array(bends)
+    rest = np.linalg.lstsq(bends[:, 1:], -bends[:, 0], rcond=None)[0]
+    return [1.0, *rest]
+
+
+@pytest.mark.parametrize("segments", [1, 7, 40, 100])
+@pytest.mark.parametrize(
+    ("degrees", "parts"),
+    [
+        ((20, 10), [0.5]),
+        ((5, 2.5), [0.5]),
+        ((30, 10), [0.5]),
+        ((30, 20, 10), [0.25, 0.75]),
+        ((40, 30, 20, 10), [0.25, 0.5, 0.75]),
+        ((80, 60, 40, 20, 10), [1 / 3, 2 / 3, 0.1]),
+    ],
+)
+def test_a_motion_that_looks_steady_at_some_times_keeps_the_bound(segments, degrees, parts):
+    """In the middle between two samples, at the quarters, or elsewhere, the lidar is where a line leads."""
+    angles = np.radians(degrees)
+    buffer = swinging(angles, balanced(angles, parts), segments)
+    cloud, points, times = measured("ouster", np.linspace(0, SWEEP, 50_000).astype(np.int64))
+    moved = deskew(cloud, buffer, "odom")
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype, 0.0)
+
+
+@pytest.mark.parametrize("reached", ["odom", "lidar"])
+def test_the_bound_holds_in_a_target_that_turns_far_away(reached):
+    """A SLAM may publish the pose of odom in the robot, as a child; it turns at the end of a long arm."""
+    buffer = Buffer(float("inf"))
+    for i in range(30):
+        ns = STAMP + (i - 10) * SWEEP // 4
+        turned = about_z(0.1 * i)
+        buffer.set_transform(transform("lidar", "odom", ns=ns, xyz=(1000, i, 0), xyzw=turned), "x")
+    cloud, points, times = measured("velodyne", np.linspace(0, SWEEP, 100_000).astype(np.int64))
+    how = {} if reached == "odom" else {"fixed_frame": "odom", "target_time": at_ns(STAMP)}
+    moved = deskew(cloud, buffer, reached, *how.values())
+    wanted = expected(buffer, xyz_of(points), times, reached, **how)
+    assert_moved(moved, wanted, xyz_of(points), points.dtype)
+
+
+def test_a_pose_that_jumps_is_not_reached_gradually():
+    """Two samples of one stamp: the pose jumps there, say because the map was corrected."""
+    buffer = Buffer(float("inf"))
+    for ns, x in ((0, 0.0), (SWEEP // 3, 0.0), (SWEEP // 3, 0.001), (SWEEP, 0.001)):
+        buffer.set_transform(transform("odom", "lidar", ns=STAMP + ns, xyz=(x, 0, 0)), "x")
+    cloud, points, times = measured("ouster", np.linspace(0, SWEEP, 50_000).astype(np.int64))
+    wanted = expected(buffer, xyz_of(points), times)
+    assert_moved(deskew(cloud, buffer, "odom"), wanted, xyz_of(points), points.dtype, 0.0)
+
+
+@pytest.mark.parametrize("driver", ["ouster", "livox", "hesai", "velodyne"])
+def test_a_point_a_microsecond_outside_the_sampled_times_is_at_its_own_time(driver):
+    """At 20 rad/s, that is 2 mm in 100 m."""
+    buffer = driving(turn=0.0)
+    for i in range(400):
+        spin = transform("lidar", "spinner", ns=START + i * 1_000_000, xyzw=about_z(0.02 * i))
+        buffer.set_transform(spin, "x")
+    since_stamp = np.linspace(10_000, SWEEP, 20_000).astype(np.int64)
+    since_stamp[1235], since_stamp[2735] = 9_000, SWEEP + 1_000
+    cloud, points, times = measured(driver, since_stamp)
+    cloud.header.frame_id = "spinner"
+    if driver != "ouster":  # what is left of the times in floats
+        unit, start = (1, 0) if driver == "livox" else (S, 0) if driver == "hesai" else (S, STAMP)
+        numbers = points[name_of_times(DRIVERS[driver][0])].tolist()
+        times = np.array([start + int(t) * unit + round((t - int(t)) * unit) for t in numbers])
+    wanted = buffer.transform_points(xyz_of(points), times, "odom", "spinner")
+    moved = deskew(cloud, buffer, "odom")
+    assert_moved(moved, wanted, xyz_of(points), points.dtype)
+
+
+def test_a_gap_between_samples_is_found_under_max_gap(buffer):
+    """Also where so little happens in it that no pose within is needed."""
+    still = Buffer(float("inf"))
+    for ns in (0, SWEEP // 4, SWEEP):
+        still.set_transform(transform("odom", "lidar", ns=STAMP + ns), "x")
+    cloud, points, times = measured("ouster")
+    deskew(cloud, still, "odom", max_gap=SWEEP / S)
+    with pytest.raises(ExtrapolationException, match=r"^points\[1000\], t = .* further apart than max_gap"):
+        deskew(cloud, still, "odom", max_gap=SWEEP / 2 / S)
+
+
 # What points lack.
 
 
@@ -476,7 +582,8 @@ def test_a_cloud_without_times_names_its_fields_and_takes_them_as_an_argument(bu
     assert str(error.value) == (
         "no field has the times of the points: the cloud has x (float32), y (float32), z (float32), "
         "intensity (float32), ring (uint16), stamp (float32); known are time (float32 or float64), "
-        "t (uint32), offset_time (uint32), timestamp (float64). For others, pass times"
+        "t (uint32), offset_time (uint32), timestamp (float64). "
+        "With other types of the first three, pass time_unit; instead of a field, times"
     )
     before = times.copy()
     for given in (times, times.tolist(), times.astype("M8[ns]")):
@@ -625,6 +732,39 @@ def test_the_cloud_is_not_changed(buffer):
     before = bytes(cloud.data), cloud.header.frame_id
     deskew(cloud, buffer, "lidar", "odom", 0)
     assert (bytes(cloud.data), cloud.header.frame_id) == before
+
+
+# Bytes that change meanwhile.
+
+
+@pytest.mark.parametrize("driver", ["velodyne", "ouster", "hesai"])
+def test_bytes_that_change_meanwhile_do_no_harm(buffer, driver):
+    """Another thread owns the memory of the cloud, and fills it with anything."""
+    cloud, points, _ = measured(driver, np.linspace(0, SWEEP, 20_000).astype(np.int64))
+    cloud._data = bytearray(cloud.data)
+    shared = memoryview(cloud._data)
+    noise = [np.random.default_rng(i).bytes(len(shared)) for i in range(3)]
+    noise += [bytes(shared), b"\xff" * len(shared)]
+    stop = threading.Event()
+
+    def change():
+        while not stop.is_set():
+            for one in noise:
+                shared[:] = one
+
+    thread = threading.Thread(target=change)
+    thread.start()
+    try:
+        for _ in range(60):
+            try:
+                moved = deskew(cloud, buffer, "odom", on_missing="nan")
+            except ValueError as error:
+                assert " is from " in str(error)
+            else:
+                assert len(moved.data) == len(shared)
+    finally:
+        stop.set()
+        thread.join()
 
 
 # How it is done.

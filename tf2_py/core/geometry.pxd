@@ -33,6 +33,10 @@ cdef inline void vector_rotate(const double* q, const double* v, double* out) no
     out[2] = z
 
 
+cdef inline double vector_length(const double* v) noexcept nogil:
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
 cdef inline void quaternion_conjugate(const double* q, double* out) noexcept nogil:
     out[0] = -q[0]
     out[1] = -q[1]

@@ -23,7 +23,7 @@ cdef inline void series_begin(TimeSeries* series, const int64_t* times_ns, Py_ss
 cdef enum:
     SERIES_BAD_NAME = -1        # a frame's name is invalid or unknown: `status` says which
     SERIES_NO_MEMORY = -2
-    SERIES_NO_ONE_PATH = -3     # the path depends on the time, or there is none
+    SERIES_UNSTEADY = -3        # see series_knots
 
 
 # Answers `query` at each of the times, which replace its source time, from the state of the tree at one
@@ -34,11 +34,15 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
                               Status* status) noexcept nogil
 
 
-# `first_ns`, `last_ns`, and between these the stamps of the moving frames on the path of a simple lookup;
-# ascending, each once. Between two of them, these frames move steadily. Returns their number, and in
-# `stamps_ns` memory to be freed with `free`; or one of the errors above. Call it without the lock.
-cdef Py_ssize_t series_stamps(const Tree* tree, Lock* lock, const Query* query, int64_t first_ns,
-                              int64_t last_ns, int64_t** stamps_ns, Status* status) noexcept nogil
+# Times from `first_ns` to `last_ns`, ascending, so close that between two of them the transform of a simple
+# lookup differs by at most `turn` and `move` from the linear interpolation of its matrix: `turn` is how far a
+# point at 1 m is off, `move` how far the origin is, in metres. Returns their number, and in `knots_ns` memory
+# to be freed with `free`; or one of the errors above. SERIES_UNSTEADY: the path depends on the time, or there
+# is none; or the transform jumps, because two samples have the same stamp; or there are more than `most`.
+# Call it without the lock.
+cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, int64_t first_ns,
+                             int64_t last_ns, double turn, double move, Py_ssize_t most, int64_t** knots_ns,
+                             Status* status) noexcept nogil
 
 
 cdef inline void twist_interval(int64_t time_ns, int64_t interval_ns, int64_t common_ns,

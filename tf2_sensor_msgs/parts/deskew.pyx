@@ -5,7 +5,7 @@ cdef int64_t NO_TIME = INT64_MIN
 
 
 cdef int _read_time_field(object cloud, object times, Py_ssize_t point_step, TimeSource* out) except -1:
-    # `times`: a TimeField of _deskew.py; None: there is no field.
+    # `times`: a TimeField of _time_field.py; None: there is no field.
     cdef Triples found
     memset(out, 0, sizeof(TimeSource))
     if times is None:
@@ -31,20 +31,23 @@ cdef int _read_points(object cloud, Py_ssize_t size, Grid* out) except -1:
 
 
 cdef enum:
-    SAMPLED = 64            # one of as many points; ...
+    FEW = 1024              # points, all of which are read
+    SAMPLED = 64            # of more, one of as many points; ...
     ENDS = 128              # ... and of each row as many from its beginning and its end, or one of `SAMPLED`
 
 
-cdef Py_ssize_t _most_sampled(Py_ssize_t columns) noexcept nogil:
-    # Of a row.
-    return min(columns, 2 * ENDS + columns // SAMPLED + 2)
+cdef Py_ssize_t _ends_of_row(const Grid* grid) noexcept nogil:
+    # How many points of a row are read at its beginning, and at its end.
+    if grid.rows * grid.columns <= <Py_ssize_t>FEW:
+        return grid.columns
+    return min(<Py_ssize_t>ENDS, 1 + grid.columns // SAMPLED)
 
 
 cdef Py_ssize_t _sample_row(const char* row, const Grid* grid, const TimeSource* field,
                             double* out) noexcept nogil:
     # Returns how many numbers there are.
     cdef Py_ssize_t count = grid.columns
-    cdef Py_ssize_t ends = min(<Py_ssize_t>ENDS, 1 + count // SAMPLED)
+    cdef Py_ssize_t ends = _ends_of_row(grid)
     cdef Py_ssize_t found = 0
     cdef Py_ssize_t i = 0
     cdef const char* point
@@ -71,13 +74,14 @@ def sample_times(cloud, times):
     cdef TimeSource field
     cdef cnp.ndarray sample
     cdef double* numbers
-    cdef Py_ssize_t row
+    cdef Py_ssize_t row, per_row
     cdef Py_ssize_t count = 0
     _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
     try:
         _read_points(cloud, source.len, &grid)
         _read_time_field(cloud, times, grid.point_step, &field)
-        sample = np.empty(<object>grid.rows * _most_sampled(grid.columns))
+        per_row = min(grid.columns, 2 * _ends_of_row(&grid) + grid.columns // SAMPLED + 1)
+        sample = np.empty(grid.rows * per_row)
         numbers = <double*>cnp.PyArray_DATA(sample)
         with nogil:
             for row in range(grid.rows if grid.columns > 0 else 0):
@@ -261,8 +265,10 @@ cdef void _store_number(char* points, Py_ssize_t count, Py_ssize_t step, const T
     for i in range(count):
         if size == 4:   # sizes that the compiler knows
             memcpy(points + i * step + field.offset, number, 4)
-        else:
+        elif size == 8:
             memcpy(points + i * step + field.offset, number, 8)
+        else:
+            memcpy(points + i * step + field.offset, number, size)
 
 
 cdef void _move_points(const char* source, char* target, const Grid* grid, Motion* motion, bint store,
@@ -306,46 +312,6 @@ cdef void _fill_knots(const int64_t* knots_ns, const double* matrices, Py_ssize_
         for k in range(16):
             slopes[16 * i + k] = (columns[16 * (i + 1) + k] - columns[16 * i + k]) / span
     memset(slopes + 16 * (count - 1), 0, 16 * sizeof(double))
-
-
-def split_times(cnp.ndarray edges_ns, Py_ssize_t pieces):
-    """Split the time between each two of at least one int64 times, ascending, into so many pieces."""
-    cdef const int64_t* edges = <const int64_t*>cnp.PyArray_DATA(edges_ns)
-    cdef Py_ssize_t count = len(edges_ns) - 1
-    cdef cnp.ndarray split = np.empty(count * pieces + 1, np.int64)
-    cdef int64_t* out = <int64_t*>cnp.PyArray_DATA(split)
-    cdef int64_t span
-    cdef Py_ssize_t i, k
-    for i in range(count):
-        span = edges[i + 1] - edges[i]
-        for k in range(pieces):
-            # In two terms, because the product of all might overflow.
-            out[i * pieces + k] = edges[i] + span // pieces * k + span % pieces * k // pieces
-    out[count * pieces] = edges[count]
-    return split
-
-
-def largest_bends(cnp.ndarray matrices):
-    """
-    By how much each second pose differs, at most, from the mean of the poses before and after it.
-
-    :param matrices: float64, shape (K, 4, 4), contiguous, of poses that follow each other; K is odd.
-    :return: the largest difference of an element of the rotation, and of one of the translation in metres.
-    """
-    cdef const double* pose = <const double*>cnp.PyArray_DATA(matrices)
-    cdef double turn = 0.0
-    cdef double move = 0.0
-    cdef double bend
-    cdef Py_ssize_t i
-    cdef int k
-    for i in range(1, len(matrices), 2):
-        for k in range(12):
-            bend = fabs(pose[16 * i + k] - 0.5 * (pose[16 * (i - 1) + k] + pose[16 * (i + 1) + k]))
-            if k % 4 == 3:
-                move = max(move, bend)
-            else:
-                turn = max(turn, bend)
-    return turn, move
 
 
 def move_points(

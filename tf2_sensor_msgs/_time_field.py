@@ -1,0 +1,95 @@
+"""Find the field with the times of a cloud's points, and what its numbers mean."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
+from sensor_msgs.msg import PointCloud2, PointField
+
+from tf2_py._internal import duration_ns
+from tf2_ros_cython.output import printable
+from tf2_sensor_msgs._errors import FieldError
+
+if TYPE_CHECKING:
+    from tf2_py.typing import DurationLike
+
+S = 1_000_000_000
+
+
+class Unit(NamedTuple):
+    """What the numbers in a field of times are."""
+
+    ns: int
+    is_absolute: bool  # since 1970; else after the stamp
+
+    @property
+    def text(self) -> str:
+        name = {1: "ns", 1_000: "µs", 1_000_000: "ms", S: "s"}.get(self.ns, f"{self.ns / S:g} s")
+        return f"{name} {'since 1970' if self.is_absolute else 'after the stamp'}"
+
+
+NAMES = {
+    PointField.INT8: "int8",
+    PointField.UINT8: "uint8",
+    PointField.INT16: "int16",
+    PointField.UINT16: "uint16",
+    PointField.INT32: "int32",
+    PointField.UINT32: "uint32",
+    PointField.FLOAT32: "float32",
+    PointField.FLOAT64: "float64",
+}
+# The fields that drivers of lidars write: Velodyne; Ouster; Livox; Hesai and Livox, in different units.
+KNOWN = {
+    "time": ((PointField.FLOAT32, PointField.FLOAT64), Unit(S, False)),
+    "t": ((PointField.UINT32,), Unit(1, False)),
+    "offset_time": ((PointField.UINT32,), Unit(1, False)),
+    "timestamp": ((PointField.FLOAT64,), Unit(S, True)),
+}
+
+
+class TimeField(NamedTuple):
+    """The field with the times of the points, as ``parts/deskew.pyx`` reads it."""
+
+    name: str
+    datatype: int  # as which the numbers are read
+    unit: Unit
+    base_ns: int  # the time that 0 means
+
+    @property
+    def unit_ns(self) -> int:
+        return self.unit.ns
+
+    def time_ns(self, number: float) -> int:
+        whole = int(number)
+        return self.base_ns + whole * self.unit.ns + round((number - whole) * self.unit.ns)
+
+
+def find_time_field(cloud: PointCloud2, stamp_ns: int, time_unit: "DurationLike | None") -> TimeField:
+    """The first of the known fields that a cloud has; ``time_unit``: what a 1 means, if that is said."""
+    unit_ns = None if time_unit is None else duration_ns(time_unit, "time_unit")
+    if unit_ns is not None and unit_ns < 1:
+        raise ValueError(f"time_unit: expected at least 1 ns, got {unit_ns} ns")
+    datatypes = {field.name: field.datatype for field in reversed(list(cloud.fields))}
+    for name, (accepted, unit) in KNOWN.items():
+        datatype = datatypes.get(name, 0)
+        takes_any = unit_ns is not None and not unit.is_absolute
+        if datatype not in accepted and not (takes_any and datatype in NAMES):
+            continue
+        base_ns = 0 if unit.is_absolute else stamp_ns
+        if unit_ns is not None:
+            return TimeField(name, datatype, unit._replace(ns=unit_ns), base_ns)
+        # Ouster's driver wrote the time of a point before the stamp as it is in 32 bits.
+        signed = PointField.INT32 if datatype == PointField.UINT32 else datatype
+        return TimeField(name, signed, unit, base_ns)
+    found = _listed(f"{printable(field.name)} ({NAMES.get(field.datatype, '?')})" for field in cloud.fields)
+    known = _listed(
+        f"{name} ({' or '.join(NAMES[datatype] for datatype in accepted)})"
+        for name, (accepted, _) in KNOWN.items()
+    )
+    raise FieldError(
+        f"no field has the times of the points: the cloud has {found}; known are {known}. "
+        "With other types of the first three, pass time_unit; instead of a field, times"
+    )
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "no fields"

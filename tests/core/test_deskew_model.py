@@ -1,0 +1,331 @@
+"""Deskewing by a model that looks up one transform for each point: any motions, layouts and times."""
+
+import array
+import math
+
+import numpy as np
+import pytest
+from hypothesis import event, given
+from hypothesis import strategies as st
+from making import S, at_ns, transform
+from rclpy.duration import Duration
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+from tf2_ros import Buffer, TransformException
+from tf2_sensor_msgs import deskew
+
+pytestmark = pytest.mark.ours
+
+STAMP = 1_700_000_000 * S + 987_654_321
+SWEEP = S // 10
+BEFORE, AFTER = STAMP - 2 * SWEEP, STAMP + 2 * SWEEP  # what the buffers cover
+FARTHEST = 2.0**62  # ns
+CODES = {
+    "i1": PointField.INT8, "u1": PointField.UINT8, "i2": PointField.INT16, "u2": PointField.UINT16,
+    "i4": PointField.INT32, "u4": PointField.UINT32, "f4": PointField.FLOAT32, "f8": PointField.FLOAT64,
+}  # fmt: skip
+
+
+# Motions.
+
+
+class Motion:
+    """A path of frames between `world` and `lidar`, and how far the lidar may move within a nanosecond."""
+
+    def __init__(self, dice, hops, top, is_static, is_jumping):
+        self.buffer = Buffer(Duration(seconds=100))
+        self.turn = self.length = self.speed = 0.0
+        names = ["world", *(f"frame_{i}" for i in range(1, hops)), "lidar"]
+        for i in range(hops):
+            # Up to the common ancestor and down from it.
+            parent, child = names[i : i + 2] if i >= top else names[i + 1 : i - 1 if i else None : -1]
+            if is_static[i]:
+                self._add_static(dice, parent, child)
+            else:
+                self._add_moving(dice, parent, child, is_jumping)
+
+    def _add_static(self, dice, parent, child):
+        xyz = dice.uniform(-3, 3, 3)
+        self.length += np.linalg.norm(xyz)
+        self.buffer.set_transform_static(transform(parent, child, xyz=xyz, xyzw=turn(dice, 3)), "x")
+
+    def _add_moving(self, dice, parent, child, is_jumping):
+        count = dice.integers(2, 30)
+        inner = np.unique(dice.integers(BEFORE, AFTER, count))
+        stamps = np.array([BEFORE, *inner[np.diff(inner, prepend=BEFORE) > 2_000_000], AFTER])
+        if is_jumping:
+            stamps = np.sort(np.append(stamps, stamps[len(stamps) // 2]))
+        far, step, angle = dice.choice([0, 30, 1e5]), dice.choice([0, 0.02, 2]), dice.choice([0, 0.02, 2])
+        xyz, q = dice.uniform(-far, far, 3), turn(dice, 3)
+        for stamp in stamps.tolist():
+            self.buffer.set_transform(transform(parent, child, ns=stamp, xyz=xyz, xyzw=q), "x")
+            xyz, q = xyz + dice.uniform(-step, step, 3), product(q, turn(dice, angle))
+        shortest = max(np.diff(stamps).min(), 2_000_000) / S
+        self.turn += angle / shortest
+        self.speed += 2 * step / shortest
+        self.length += 2 * far + 4 * step * count
+
+    def speed_at(self, distance):
+        return self.speed + self.turn * (self.length + distance)
+
+
+def turn(dice, angle):
+    axis = dice.normal(size=3)
+    half = dice.uniform(-angle, angle) / 2
+    return (*(axis / np.linalg.norm(axis) * math.sin(half)), math.cos(half))
+
+
+def product(a, b):
+    (ax, ay, az, aw), (bx, by, bz, bw) = a, b
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by + ay * bw + az * bx - ax * bz,
+        aw * bz + az * bw + ax * by - ay * bx,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+@st.composite
+def motions(draw):
+    hops = draw(st.integers(1, 4))
+    is_static = draw(st.lists(st.booleans(), min_size=hops, max_size=hops))
+    is_static[draw(st.integers(0, hops - 1))] = False  # else nothing moves
+    dice = np.random.default_rng(draw(st.integers(0, 2**32)))
+    return Motion(dice, hops, draw(st.integers(0, hops)), is_static, draw(st.integers(0, 5)) == 5)
+
+
+# Fields of times: the name, the type, the number of ns of a 1, whether that must be said, and from when on.
+
+FIELDS = [
+    ("time", "f4", S, False, STAMP),
+    ("time", "f8", S, False, STAMP),
+    ("t", "u4", 1, False, STAMP),
+    ("offset_time", "u4", 1, False, STAMP),
+    ("timestamp", "f8", S, False, 0),
+    ("timestamp", "f8", 1, False, 0),
+    ("time", "f4", SWEEP, True, STAMP),
+    ("time", "u4", 1000, True, STAMP),
+    ("t", "i4", 1, True, STAMP),
+    ("t", "u2", 10_000, True, STAMP),
+    ("offset_time", "i2", 10_000, True, STAMP),
+    ("offset_time", "u1", SWEEP // 200, True, STAMP),
+    ("timestamp", "f8", 1000, True, 0),
+]
+# As times after the stamp.
+HOSTILE_NS = [
+    -1, 1, -SWEEP, 3 * SWEEP, -3 * SWEEP, 2**31, 2**32 - 1, -(2**31), 10 * S, 3600 * S, -1e18, 1e18, 4e18,
+    5e18, 9.3e18,
+]  # fmt: skip
+HOSTILE = [math.nan, math.inf, -math.inf, 0.0, 1e9, 1e18, 1e300, -1e300, 5e-324]
+
+
+def as_number(value, kind):
+    """What a driver stores, which wraps around, or is too large."""
+    if kind[0] == "f":
+        with np.errstate(over="ignore"):
+            return np.dtype(kind).type(value)
+    if not math.isfinite(value):
+        return 0
+    least = np.iinfo(kind).min
+    return (int(value) - least) % 2 ** (8 * int(kind[1])) + least
+
+
+@st.composite
+def clouds(draw):
+    """A cloud, the ns of each of its points or None, and its fields."""
+    field = draw(st.sampled_from(FIELDS))
+    name, kind, unit_ns, is_said, base_ns = field
+    order = draw(st.sampled_from("<>"))
+    rows = draw(st.sampled_from([1, 1, 2, 5]))
+    columns = draw(st.sampled_from([1, 2, 9, 64, 400]))
+    count = rows * columns
+    dice = np.random.default_rng(draw(st.integers(0, 2**32)))
+    parts = [(axis, draw(st.sampled_from(["f4", "f4", "f8"]))) for axis in "xyz"] + [(name, kind)]
+    if draw(st.booleans()):
+        parts = [(axis, "f4") for axis in "xyz"] + [(name, kind)]  # what most drivers write
+    for other in draw(st.sets(st.sampled_from(["intensity", "ring", "nx"]))):
+        parts.append((other, draw(st.sampled_from(list(CODES)))))
+    if draw(st.booleans()):
+        parts = draw(st.permutations(parts))
+    offsets, end = [], 0
+    for _, code in parts:
+        offsets.append(end + draw(st.sampled_from([0, 0, 0, 1, 4])))
+        end = offsets[-1] + int(code[1])
+    layout = {
+        "names": [part for part, _ in parts],
+        "formats": [order + code for _, code in parts],
+        "offsets": offsets,
+        "itemsize": end + draw(st.sampled_from([0, 0, 3, 8])),
+    }
+    dtype = np.dtype(layout)
+    points = np.frombuffer(dice.bytes(count * dtype.itemsize), dtype).copy()
+    for axis in "xyz":
+        points[axis] = dice.uniform(-100, 100, count)
+    since_ns = np.linspace(0, SWEEP, count).astype(np.int64) - draw(st.sampled_from([0, SWEEP // 2, SWEEP]))
+    if is_said and kind[0] == "u":
+        since_ns += SWEEP
+    arranged = draw(st.sampled_from(["sorted", "sorted", "reversed", "random", "equal", "in columns"]))
+    if arranged == "reversed":
+        since_ns = since_ns[::-1]
+    elif arranged == "random":
+        since_ns = dice.permutation(since_ns)
+    elif arranged == "equal":
+        since_ns[:] = since_ns[count // 2]
+    elif arranged == "in columns":
+        since_ns = np.sort(since_ns.reshape(-1, rows), axis=1).T.ravel()
+    numbers = [as_number((STAMP - base_ns + int(ns)) / unit_ns, kind) for ns in since_ns]
+    if base_ns == 0 and unit_ns == 1:
+        numbers = [np.float64(STAMP + int(ns)) for ns in since_ns]
+    for _ in range(draw(st.integers(0, 3)) if draw(st.booleans()) else 0):
+        at = draw(st.integers(0, count - 1))
+        if draw(st.booleans()):
+            numbers[at] = as_number((STAMP - base_ns + draw(st.sampled_from(HOSTILE_NS))) / unit_ns, kind)
+        else:
+            numbers[at] = as_number(draw(st.sampled_from(HOSTILE)), kind)
+    points[name] = numbers
+    for _ in range(draw(st.integers(0, 2))):
+        points[draw(st.sampled_from("xyz"))][draw(st.integers(0, count - 1))] = math.nan
+    padding = draw(st.sampled_from([0, 0, 7]))
+    cloud = PointCloud2(header=Header(frame_id="lidar", stamp=at_ns(STAMP).to_msg()))
+    cloud.height, cloud.width, cloud.is_bigendian = rows, columns, order == ">"
+    cloud.point_step, cloud.row_step = dtype.itemsize, dtype.itemsize * columns + padding
+    cloud.fields = [
+        PointField(name=part, offset=at, datatype=CODES[code], count=1)
+        for (part, code), at in zip(parts, offsets, strict=True)
+    ]
+    data = b"".join(row.tobytes() + b"\xaa" * padding for row in points.reshape(rows, columns))
+    cloud.data = array.array("B", data)
+    cloud.is_dense = not bool(np.isnan(xyz_of(points)).any())
+    return cloud, points, field
+
+
+def points_of(cloud, dtype):
+    rows = [
+        cloud.data[row * cloud.row_step :][: cloud.width * cloud.point_step] for row in range(cloud.height)
+    ]
+    return np.frombuffer(b"".join(row.tobytes() for row in rows), dtype)
+
+
+def xyz_of(points):
+    return np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
+
+
+# The model.
+
+
+def time_of(number, field):
+    """The ns of a number, or None."""
+    name, kind, unit_ns, is_said, base_ns = field
+    value = float(number)
+    if not is_said and kind == "u4" and value >= 2**31:
+        value -= 2**32
+    if not abs(value * unit_ns) < FARTHEST:
+        return None
+    return base_ns + int(value) * unit_ns + round((value - int(value)) * unit_ns)
+
+
+def unit_of(points, field):
+    """The field with the unit that most of a timestamp's numbers have."""
+    if field[0] != "timestamp" or field[3]:
+        return field
+    numbers = points["timestamp"][~np.isnan(xyz_of(points)).any(axis=1)]
+    numbers = numbers[np.isfinite(numbers)]
+    return (*field[:2], 1 if 2 * np.sum(numbers >= 2**31) > len(numbers) else S, *field[3:])
+
+
+def moved_by_lookups(motion, points, field, how, policy, target):
+    """Each point by a single lookup, or its error, or None: without coordinates or a time."""
+    found, answers = [], {}
+    for xyz, number in zip(xyz_of(points), points[field[0]], strict=True):
+        ns = time_of(number, field)
+        if np.isnan(xyz).any() or ns is None:
+            found.append("no coordinates" if np.isnan(xyz).any() else "no time")
+            continue
+        if ns not in answers:
+            answers[ns] = looked_up(motion.buffer, max(ns, 1), how, policy, target)
+        answer = answers[ns]
+        found.append(
+            answer if isinstance(answer, TransformException) else answer[:3, :3] @ xyz + answer[:3, 3]
+        )
+    return found
+
+
+def looked_up(buffer, ns, how, policy, target):
+    if ns >= 2**31 * S:
+        return TransformException("no stamp holds this time")
+    try:
+        return buffer.lookup_matrix(target, "lidar", at_ns(ns), **how, **policy)
+    except TransformException as error:
+        return error
+
+
+def is_asked_about(points, field):
+    """Whether the times are hardly those of a sweep; None: it may be either."""
+    numbers = [time_of(number, field) for number in points[field[0]][~np.isnan(xyz_of(points)).any(axis=1)]]
+    since = np.array([(ns - field[4]) / S for ns in numbers if ns is not None])
+    if field[0] == "time" and len(since) and 0 <= since.min() and since.max() <= 1:
+        if since.max() - since.min() > 0.9:
+            return True
+    far = np.abs(since - np.median(since)) if len(since) else since
+    if np.sum(far > 4) > max(1, 0.1 * len(since)):
+        return True
+    return None if np.sum(far > 1.4) > max(1, 0.1 * len(since)) else False
+
+
+POLICIES = [{}, {}, {}, {"tolerance": 0.15}, {"tolerance": 0.15, "extrapolate": True}, {"max_gap": 0.02}]
+
+
+@given(motions(), clouds(), st.sampled_from(POLICIES), st.booleans(), st.booleans())
+def test_each_point_moves_by_the_transform_of_its_own_time(motion, made, policy, is_fixed, may_miss):
+    cloud, points, field = made
+    name, kind, unit_ns, is_said, base_ns = field
+    unit = {"time_unit": Duration(nanoseconds=unit_ns)} if is_said else {}
+    field = unit_of(points, field)
+    target, how, fixed = "world", {}, {}
+    if is_fixed:
+        target, how = "lidar", {"fixed_frame": "world", "target_time": at_ns(STAMP + SWEEP // 3)}
+        fixed = {**how}
+    wanted = moved_by_lookups(motion, points, field, fixed, policy, target)
+    before = bytes(cloud.data)
+
+    def call(on_missing):
+        return deskew(cloud, motion.buffer, target, **how, **unit, **policy, on_missing=on_missing)
+
+    asked = False if is_said else is_asked_about(points, field)
+    if asked is not False:
+        event("asked")
+        try:
+            call("nan")
+        except ValueError as error:
+            assert " is from " in str(error)
+            return
+        assert asked is None
+    bad = [i for i, one in enumerate(wanted) if isinstance(one, str) and one == "no time"]
+    failed = [i for i, one in enumerate(wanted) if isinstance(one, TransformException)]
+    if not may_miss and (bad or failed):
+        event("raised")
+        with pytest.raises(ValueError if bad else TransformException) as error:
+            call("raise")
+        assert str(error.value).startswith(
+            f"points[{(bad or failed)[0]}]" + (": " if bad else f", {name} = ")
+        )
+        return
+    moved = call("nan" if may_miss else "raise")
+    got = xyz_of(points_of(moved, points.dtype))
+    event(f"{len(points)} points")
+    missing = np.array([isinstance(one, str | TransformException) for one in wanted])
+    assert np.array_equal(np.isnan(got).all(axis=1), missing)
+    assert np.array_equal(np.isnan(got).any(axis=1), missing)
+    assert moved.is_dense == (cloud.is_dense and not bad and not failed)
+    exact = np.array([one for one, lacks in zip(wanted, missing, strict=True) if not lacks]).reshape(-1, 3)
+    distance = np.linalg.norm(xyz_of(points)[~missing], axis=1, keepdims=True)
+    rounding = np.abs(exact) * max(np.finfo(points.dtype[axis]).eps for axis in "xyz")
+    allowed = 1e-5 + 1e-6 * distance + rounding + 2e-9 * motion.speed_at(distance) + 1e-11 * motion.length
+    assert (np.abs(got[~missing] - exact) <= allowed).all()
+    # All else stays.
+    assert bytes(cloud.data) == before
+    assert (moved.height, moved.width, moved.fields) == (cloud.height, cloud.width, cloud.fields)
+    for other in points.dtype.names:
+        if other not in ("x", "y", "z", name) or (other == name and not is_fixed):
+            assert points_of(moved, points.dtype)[other].tobytes() == points[other].tobytes()

@@ -13,7 +13,9 @@ from tf2_py._internal cimport Layout, Transform, header_layout, nanoseconds, new
 from tf2_sensor_msgs._numbers cimport (
     FLOAT32,
     FLOAT64,
+    INT32,
     OTHER_ORDER,
+    UINT32,
     number_load,
     number_size,
     number_store,

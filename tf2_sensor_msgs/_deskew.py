@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 
 from tf2_py._internal import as_times_ns, duration_ns, errors, time_ns
 from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, TransformException
@@ -242,7 +242,7 @@ def _require_short(cloud: PointCloud2, field: TimeField, count: int) -> None:
     one = field.unit.ns / S
     ends = np.quantile(times, (MOST_GARBAGE / 2, 1 - MOST_GARBAGE / 2))
     low, high = ((int(end) - field.base_ns) / field.unit.ns for end in ends)
-    wraps = ", negative from 2^31 on" if field.datatype == PointField.INT32 else ""
+    wraps = ", negative from 2^31 on" if field.wraps else ""
     raise ValueError(
         f"{field.name} is from {low:.10g} to {high:.10g} for 9 of 10 points, a sweep of "
         f"{(high - low) * one:.6g} s if these are {field.unit.text}{wraps}: pass time_unit={one:g} if they "

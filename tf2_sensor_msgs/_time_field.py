@@ -50,9 +50,9 @@ class TimeField(NamedTuple):
     """The field with the times of the points, as ``parts/deskew.pyx`` reads it."""
 
     name: str
-    datatype: int  # as which the numbers are read
     unit: Unit
     base_ns: int  # the time that 0 means
+    wraps: bool  # a uint32 from 2^31 on is negative
 
     @property
     def unit_ns(self) -> int:
@@ -76,10 +76,9 @@ def find_time_field(cloud: PointCloud2, stamp_ns: int, time_unit: "DurationLike 
             continue
         base_ns = 0 if unit.is_absolute else stamp_ns
         if unit_ns is not None:
-            return TimeField(name, datatype, unit._replace(ns=unit_ns), base_ns)
+            return TimeField(name, unit._replace(ns=unit_ns), base_ns, False)
         # Ouster's driver wrote the time of a point before the stamp as it is in 32 bits.
-        signed = PointField.INT32 if datatype == PointField.UINT32 else datatype
-        return TimeField(name, signed, unit, base_ns)
+        return TimeField(name, unit, base_ns, datatype == PointField.UINT32)
     found = _listed(f"{printable(field.name)} ({NAMES.get(field.datatype, '?')})" for field in cloud.fields)
     known = _listed(
         f"{name} ({' or '.join(NAMES[datatype] for datatype in accepted)})"

@@ -12,7 +12,9 @@ cdef int _read_time_field(object cloud, object times, Py_ssize_t point_step, Tim
         return 0
     _read_coordinate(_fields_by_name(cloud)[times.name], times.name, point_step, &found, 0)
     out.offset = found.offsets[0]
-    out.number = times.datatype
+    out.number = found.numbers[0]
+    if times.wraps and out.number == UINT32:
+        out.number = INT32
     out.unit_ns = times.unit_ns
     out.base_ns = times.base_ns
     if bool(get_field(cloud_layout, cloud, "is_bigendian")) != IS_BIG_MACHINE:

@@ -252,7 +252,7 @@ def _require_short(cloud: PointCloud2, field: TimeField, count: int) -> None:
 
 def _require_seconds(field: TimeField, lowest: float, highest: float) -> None:
     """Refuse fractions of a sweep; hardly any lidar needs a second for one."""
-    if field.unit == KNOWN["time"][1] and 0 <= lowest and 0.9 < highest - lowest and highest <= 1:
+    if field.unit == KNOWN["time"][1] and 0.9 < highest - lowest <= 1:
         raise ValueError(
             f"{field.name} is from {lowest:.3g} to {highest:.3g}, which may be seconds or fractions of a "
             "sweep: pass time_unit=1.0, or the duration of a sweep, for example time_unit=0.1"

@@ -506,6 +506,7 @@ def test_a_time_unit_says_what_a_1_means(buffer, name, kind, number_of, unit, or
         ("velodyne", (-50, 0), 1.0, "a sweep of 45 s if these are s after the stamp: pass time_unit=1 "),
         ("velodyne", (0, 1), 1.0, "time is from 0 to 1, which may be seconds or fractions of a sweep: pass "
                                   "time_unit=1.0, or the duration of a sweep, for example time_unit=0.1"),
+        ("velodyne", (-1, 0), 1.0, "time is from -1 to 0, which may be seconds or fractions of a sweep: "),
         ("ouster", (0, 4e9), 1e-9, " s if these are ns after the stamp, negative from 2^31 on: pass time_"),
         ("hesai", (1.7e9, 1.7e9 + 9), 1.0, "a sweep of 8.1 s if these are s since 1970: pass time_unit=1 "),
         ("livox", (1.7e18, 1.7e18 + 9e9), 1e-9, "a sweep of 8.1 s if these are ns since 1970: pass time_"),

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 # A ROS stamp holds no more seconds than these. So a larger number in a `timestamp` is nanoseconds.
 MOST_SECONDS = 2.0**31
-# A longer sweep is taken for a wrong unit, unless a unit is given; with one, the poses of the longest sweeps
-# are looked up for each point.
+# A longer sweep is taken for a wrong unit, as are times so far from the stamp, unless a unit is given; with
+# one, the poses of the longest sweeps are looked up for each point.
 LONG_NS, LONGEST_NS = 3 * S, 3600 * S
 # No time is farther from the stamp, or from 1970.
 FARTHEST_NS = 2.0**62
@@ -111,9 +111,10 @@ def deskew(
     :raises TypeError: an argument is of another type, there is a ``target_time`` without ``fixed_frame``, or
         ``time_unit`` beside ``times``.
     :raises ValueError: no field has the times of the points (the text names the fields), a time is not a
-        number, a sweep of more than 3 s or fractions of one need a ``time_unit``, the cloud is inconsistent
-        as for :func:`do_transform_cloud`, or the sensor does not move in ``fixed_frame``, or without one in
-        ``target_frame``, because that frame is the sensor's or moves with it.
+        number, a sweep of more than 3 s, fractions of one or times an hour from the stamp need a
+        ``time_unit``, the cloud is inconsistent as for :func:`do_transform_cloud`, or the sensor does not
+        move in ``fixed_frame``, or without one in ``target_frame``, because that frame is the sensor's or
+        moves with it.
 
     Points with a NaN need no time, and have three NaN in the result. Normals and viewpoints are transformed,
     too. Poses are looked up at some times, and between these the points move steadily. There are so many of
@@ -201,7 +202,7 @@ def _read_sweep(
     if time_unit is None:
         if garbage:
             _require_short(cloud, field, count)
-        _require_seconds(field, lowest, highest)
+        _require_likely(field, lowest, highest, stamp_ns)
     if not -FARTHEST_NS < lowest * field.unit.ns <= highest * field.unit.ns < FARTHEST_NS:
         lowest, highest = 0, -1
     return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), longest_ns, count)
@@ -250,12 +251,20 @@ def _require_short(cloud: PointCloud2, field: TimeField, count: int) -> None:
     )
 
 
-def _require_seconds(field: TimeField, lowest: float, highest: float) -> None:
-    """Refuse fractions of a sweep; hardly any lidar needs a second for one."""
+def _require_likely(field: TimeField, lowest: float, highest: float, stamp_ns: int) -> None:
+    """Refuse fractions of a sweep, because few lidars need a second for one, and times far from the stamp."""
     if field.unit == KNOWN["time"][1] and 0.9 < highest - lowest <= 1:
         raise ValueError(
             f"{field.name} is from {lowest:.3g} to {highest:.3g}, which may be seconds or fractions of a "
             "sweep: pass time_unit=1.0, or the duration of a sweep, for example time_unit=0.1"
+        )
+    after = (lowest - (stamp_ns - field.base_ns) / field.unit.ns) * field.unit.ns / S
+    if lowest <= highest and stamp_ns > 0 and LONGEST_NS / S < abs(after) < FARTHEST_NS / S:
+        side = "before" if after < 0 else "after"
+        raise ValueError(
+            f"{field.name} is from {lowest:.10g} to {highest:.10g}, {abs(after):.6g} s {side} the stamp of "
+            f"the cloud if these are {field.unit.text}: pass time_unit={field.unit.ns / S:g} if they are, or "
+            "else the unit, or times"
         )
 
 

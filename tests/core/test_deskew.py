@@ -530,6 +530,34 @@ def test_an_unlikely_sweep_is_asked_about(driver, numbers, unit, text):
     assert moved["x"] == pytest.approx(since, abs=1e-3, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("name", "kind", "numbers", "text"),
+    [
+        ("time", "f8", (STAMP + SINCE_STAMP) / S,
+         "time is from 1700000000 to 1700000000, 1.7e+09 s after the stamp of the cloud if these are s after "
+         "the stamp: pass time_unit=1 if they are, or else the unit, or times"),
+        ("timestamp", "f8", SINCE_STAMP / S, "1.7e+09 s before the stamp of the cloud if these are s since"),
+        ("timestamp", "f8", (STAMP + SINCE_STAMP) / 1e3, "before the stamp of the cloud if these are ns "),
+    ],
+)  # fmt: skip
+def test_times_far_from_the_stamp_are_asked_about(buffer, name, kind, numbers, text):
+    """Of another clock, or of another field's unit; with 'nan', no point would be left."""
+    fields = [*XYZ, (name, kind, 12)]
+    points = np.zeros(4000, dtype_of(fields, 20))
+    points[name] = numbers
+    for on_missing in ("raise", "nan"):
+        with pytest.raises(ValueError) as error:
+            deskew(as_cloud(points, fields), buffer, "odom", on_missing=on_missing)
+        assert text in str(error.value)
+
+
+def test_the_stamp_of_a_cloud_with_absolute_times_may_be_unset(buffer):
+    cloud, points, times = measured("hesai")
+    cloud.header.stamp.sec = cloud.header.stamp.nanosec = 0
+    moved = deskew(cloud, buffer, "odom")
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype, OF_TIMES_M)
+
+
 def test_garbage_does_not_change_the_unit(buffer):
     """Of a timestamp, most points decide whether it is seconds or nanoseconds."""
     for driver, garbage in (("hesai", 1e18), ("livox", 0.0)):

@@ -263,12 +263,15 @@ def looked_up(buffer, ns, how, policy, target):
 def is_asked_about(points, field):
     """Whether the times are hardly those of a sweep; None: it may be either."""
     numbers = [time_of(number, field) for number in points[field[0]][~np.isnan(xyz_of(points)).any(axis=1)]]
-    since = np.array([(ns - field[4]) / S for ns in numbers if ns is not None])
+    since = np.array([(ns - STAMP) / S for ns in numbers if ns is not None])
     far = np.abs(since - np.median(since)) if len(since) else since
     if np.sum(far > 4) > max(1, 0.1 * len(since)):
         return True
-    if field[0] == "time" and len(since) and 0.9 < np.ptp(since[far < 1.4]) <= 1:
+    near = since[far < 1.4]
+    if len(near) and (abs(near[0]) > 3601 or field[0] == "time" and 0.9 < np.ptp(near) <= 1):
         return True
+    if len(near) and abs(near[0]) > 3599:
+        return None
     return None if np.sum(far > 1.4) > max(1, 0.1 * len(since)) else False
 
 

@@ -161,7 +161,8 @@ def deskew(
         raise ValueError(f"points[{bad}]: {name} is {found:g}, expected a time in {text}")
     if (first, last) != (sweep.first, sweep.last):
         _, newest, _ = _without_garbage(all_times[all_times != NO_TIME], sweep.longest_ns)
-        _wait(motion, int(newest), timeout)
+        if newest > sweep.last:
+            _wait(motion, int(newest), timeout)
         steady = _steady_poses(motion, sweep._replace(first=first, last=last))
         if steady is not None:
             message, is_complete = moved(steady, cloud.is_dense)

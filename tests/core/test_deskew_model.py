@@ -52,8 +52,9 @@ class Motion:
 
     def _add_moving(self, dice, parent, child, is_jumping):
         count = dice.integers(2, 30)
-        inner = np.unique(dice.integers(BEFORE, AFTER, count))
-        stamps = np.array([BEFORE, *inner[np.diff(inner, prepend=BEFORE) > 2_000_000], AFTER])
+        end = dice.choice([AFTER, AFTER, AFTER, STAMP + SWEEP // 2])  # some end within the sweep
+        inner = np.unique(dice.integers(BEFORE, end, count))
+        stamps = np.array([BEFORE, *inner[np.diff(inner, prepend=BEFORE) > 2_000_000], end])
         if is_jumping:
             stamps = np.sort(np.append(stamps, stamps[len(stamps) // 2]))
         far, step, angle = dice.choice([0, 30, 1e5]), dice.choice([0, 0.02, 2]), dice.choice([0, 0.02, 2])

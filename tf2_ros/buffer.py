@@ -8,7 +8,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import duration_ns, log, policy_of
+from tf2_py._internal import duration_ns, log, policy_of, seconds
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._arguments import require_callable
@@ -70,6 +70,7 @@ FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
 FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 _Opened = TypeVar("_Opened", bound="Buffer")
 
+STANDSTILL_S = 5.0  # how long simulated time stands still until a buffer that judges ages warns
 JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 
 # The methods that insert transforms.
@@ -79,7 +80,7 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 _OF_INIT = frozenset(
     (
         "registration _tf2_kept _tf2_wait_contexts srv clock jump_handle _tf2_node _tf2_sharing"
-        " _tf2_attachment"
+        " _tf2_attachment _tf2_standstill"
     ).split()
 )
 
@@ -134,6 +135,7 @@ class Buffer(BufferCore, BufferInterface):
     _tf2_node: "weakref.ref[Node] | None" = None  # whose clock it follows
     _tf2_sharing: "Owner | None" = None  # shares it with other processes
     _tf2_attachment: "Attachment | None" = None  # fills it from another process
+    _tf2_standstill = 0, 0.0  # what simulated time showed last, and since when, in seconds of steady time
 
     def __init__(
         self,
@@ -432,11 +434,29 @@ class Buffer(BufferCore, BufferInterface):
         if clock is None:
             return super()._tf2_read_clock()
         try:
-            is_system = clock.clock_type != ClockType.STEADY_TIME and not is_simulated(clock)
+            now_ns = clock.now().nanoseconds
+            if is_simulated(clock):
+                self.__warn_of_standstill(now_ns)
+                return now_ns, False
             # A program's own clock may say anything.
-            return clock.now().nanoseconds, is_system and type(clock).now is Clock.now
+            return now_ns, clock.clock_type != ClockType.STEADY_TIME and type(clock).now is Clock.now
         except InvalidHandle:  # an AsyncNode has ended, and its clock with it
             return time.time_ns(), True
+
+    def __warn_of_standstill(self, now_ns: int) -> None:
+        """Warn once of each: while simulated time stands still, no data becomes older."""
+        shown_ns, since = self._tf2_standstill
+        steady = time.monotonic()
+        if now_ns != shown_ns:
+            self._tf2_standstill = now_ns, steady
+        elif now_ns > 0 and steady - since > STANDSTILL_S:
+            self._tf2_standstill = now_ns, float("inf")
+            names = clock_publishers(None if self._tf2_node is None else self._tf2_node())
+            publishers = f"published by {' and '.join(names)}" if names else "which nobody publishes"
+            log.logger("tf2_buffer").warning(
+                f"/clock, {publishers}, has been at {seconds(now_ns)} for {steady - since:.0f} s. Meanwhile "
+                "data does not become older, so max_age accepts what was fresh, and ages do not grow"
+            )
 
     def __get_frames(self, req: Any, res: Any) -> Any:
         res.frame_yaml = self.all_frames_as_yaml()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from clocks import simulate
 from making import S, insert, stamp_ns, transform
-from processes import DEADLINE_S, until
+from processes import DEADLINE_S, errors_so_far, until
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -318,6 +318,23 @@ def test_a_misspelt_limit_ends_a_wait_when_the_path_is_there(tf2_ros, node, way,
         with pytest.raises(ValueError, match=r'"odm" .*Did you mean \[odom\]'):
             pending.result(DEADLINE_S)
     assert buffer.statistics()["waiters"] == 0
+
+
+def test_simulated_time_that_stands_still_is_warned_of_once(tf2_ros, node, capfd, monkeypatch):
+    """Then nothing becomes stale, so a stopped localiser would not be noticed."""
+    monkeypatch.setattr(tf2_ros.buffer, "STANDSTILL_S", 0.0)
+    buffer = tf2_ros.Buffer(node=node)
+    warning = "/clock, which nobody publishes, has been at 100.000000000 for "
+    simulate(node, seconds=99)  # which clears the buffer
+    insert(buffer, "map", "base", 99)
+    for times in (1, 2, 3):
+        simulate(node, seconds=100)
+        until(lambda times=times: buffer.ages("map", "base") and errors_so_far().count(warning) == times)
+        for _ in range(10):
+            assert buffer.can_transform("map", "base", LATEST, max_age=1)
+        simulate(node, seconds=100.5)
+        assert not buffer.can_transform("map", "base", LATEST, max_age=1)
+    assert errors_so_far().count(warning) == 3
 
 
 # Waits.

@@ -811,14 +811,17 @@ cdef class BufferCore(Engine):
         cdef Status status
         cdef uint32_t count
         cdef FrameId frames[2 * MAX_HOPS]
-        cdef int64_t stamps_ns[2 * MAX_HOPS]
+        cdef int64_t ages_ns[2 * MAX_HOPS]
+        cdef ClockReading reading
         query_frames(&query, target_frame, source_frame)
         catch_up(self)
-        count = self.newest_stamps(&query, frames, stamps_ns, &status)
+        count = self.moving_frames(&query, NULL, frames, NULL, &status)
+        if status.code == STATUS_OK:
+            self.read_clock(&query, &reading)
+            count = self.moving_frames(&query, &reading, frames, ages_ns, &status)
         if status.code != STATUS_OK:
             raise self.error(&query, status, "ages")
-        now_ns, _ = self._tf2_read_clock()
-        ages = [(now_ns - stamps_ns[i]) / 1e9 if now_ns > 0 else float("inf") for i in range(count)]
+        ages = [float("inf") if ages_ns[i] == INT64_MAX else <object>ages_ns[i] / 1e9 for i in range(count)]
         return dict(zip(self.frame_names([frames[i] for i in range(count)]), ages, strict=True))
 
     def _knots_between(

@@ -1,6 +1,7 @@
 """The time of day is set while something waits: timeouts count steady time, and nothing hangs or spins."""
 
 import json
+import re
 
 import pytest
 from interposing import output_with_library
@@ -20,6 +21,22 @@ EXPIRED = {
     "filtering": "TIMEOUT",
 }
 ANSWERED = {**dict.fromkeys(EXPIRED, "map"), "can": True}
+
+
+def test_the_time_of_day_is_set_back_behind_data_whose_age_is_judged(tmp_path):
+    """Waits see it, and the data counts as received then: it does not stay fresh for an hour."""
+    lines = output_with_library("clocks", tmp_path, program="clock_back").splitlines()
+    found = {one["what"]: one["outcome"] for one in map(json.loads, lines)}
+    text = found.pop("error")
+    assert found == dict.fromkeys(
+        ("block", "future", "awaiting", "new data after stale data", "never read before"), True
+    )
+    assert re.search(
+        r"newest sample of odom in map, at .*, is 2[0-9]{3}\.\d+ s ahead of the clock of the buffer, at .*, "
+        r"which was set back; max_age allows 2\.0+ s\. Clear the buffer if new samples are refused as too "
+        r"old$",
+        text,
+    ), text
 
 
 @pytest.mark.parametrize("seconds", [3600, -3600])

@@ -173,7 +173,10 @@ def stale(
     """The error for a latest transform whose data is older than ``max_age`` allows, by the buffer's clock."""
     child, parent, target, source = map(printable, (child, parent, target, source))
     age_ns = now_ns - newest_ns
-    if now_ns > 0:
+    if now_ns > 0 and age_ns <= max_age_ns:
+        ahead = f"is {seconds(-age_ns)} s ahead of the clock of the buffer"
+        fact = f"{ahead}, at {seconds(now_ns)}, which was set back"
+    elif now_ns > 0:
         fact = f"is {seconds(age_ns)} s old by the clock of the buffer, at {seconds(now_ns)}"
     else:
         fact = "has no known age: the clock of the buffer is at 0, because simulated time has not begun"
@@ -181,6 +184,8 @@ def stale(
         f"The latest transform from frame [{source}] to frame [{target}] is too old; the newest sample of "
         f"{child} in {parent}, at {seconds(newest_ns)}, {fact}; max_age allows {seconds(max_age_ns)} s"
     )
+    if newest_ns > now_ns > 0:
+        text += ". Clear the buffer if new samples are refused as too old"
     if newest_ns < YEAR_NS and age_ns > 30 * YEAR_NS:
         if newest_ns == 0:
             text += ". Its stamp is 0: was it never set?"

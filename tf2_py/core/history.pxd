@@ -46,6 +46,7 @@ cdef struct History:
     # What the tree writes.
     uint32_t authority          # id of the sender of the last sample; NAME_UNKNOWN: there was none
     bint is_parent              # a sample of some frame has named this frame as its parent
+    int64_t overtaken_ns        # newest_ns when the clock was last set back behind it; 0: it never was
     bint is_hidden              # forgotten: the name counts as unknown until a transform uses it again
     bint was_unnormalised       # an unnormalised rotation of this frame has been reported
 
@@ -84,6 +85,16 @@ cdef inline FrameId history_oldest_parent(const History* history) noexcept nogil
 cdef inline const Transform* history_newest_transform(const History* history) noexcept nogil:
     # The history must have samples; a static one has a single transform.
     return &history.samples[history_slot(history, history.count - 1)].transform
+
+
+cdef inline int64_t history_age(const History* history, const ClockReading* clock,
+                                int64_t now_ns) noexcept nogil:
+    # Of the newest sample, in ns; INT64_MAX: the clock has not begun.
+    if now_ns <= 0:
+        return INT64_MAX
+    if history.newest_ns > now_ns and history.newest_ns == history.overtaken_ns:
+        return monotonic_ns() - clock.back_ns
+    return now_ns - history.newest_ns
 
 
 # Memory: growing, shrinking, pinning.

@@ -372,8 +372,11 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
     # Whether the newest sample is too old, by more than `excess_ns`, which then rises; `status` is about it.
     cdef const History* history = &tree.histories[frame]
     cdef int64_t limit_ns = limit_of(&policy.max_age, frame)
-    cdef int64_t age_ns = now_ns - history.newest_ns if now_ns > 0 else INT64_MAX
-    if history.kind == HISTORY_STATIC or limit_ns == INT64_MAX or age_ns - limit_ns <= excess_ns[0]:
+    cdef int64_t age_ns
+    if history.kind == HISTORY_STATIC or limit_ns == INT64_MAX:
+        return False
+    age_ns = history_age(history, policy.clock, now_ns)
+    if age_ns - limit_ns <= excess_ns[0]:
         return False
     excess_ns[0] = age_ns - limit_ns
     status[0] = status_of(STATUS_EXTRAPOLATION)
@@ -452,7 +455,7 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
 
 
 cdef int64_t _unchanged_since(const PinnedTree* pinned, int64_t time_ns) noexcept nogil:
-    # The earliest time, at least 1, from which on each walk between pinned frames is the same as at `time_ns`.
+    # The earliest time, at least 1, from which on a walk between pinned frames is the same as at `time_ns`.
     # Frames above the path count, too: a walk in tf2's order passes them, and may meet a loop there.
     cdef int64_t since_ns = 1
     cdef uint32_t i

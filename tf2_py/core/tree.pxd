@@ -81,6 +81,8 @@ cdef inline uint32_t tree_links(const History* history) noexcept nogil:
 
 # Drops all dynamic histories; names, authorities and static transforms stay.
 cdef void tree_clear(Tree* tree) noexcept nogil
+# Marks the histories that end later than the clock, which was set back to `now_ns`; see history_age.
+cdef void tree_overtake(Tree* tree, int64_t now_ns) noexcept nogil
 # Drops all samples of a frame, and hides every frame that has no samples and is named by none. Returns
 # whether the frame had samples.
 cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil

@@ -314,6 +314,13 @@ cdef void tree_clear(Tree* tree) noexcept nogil:
             tree.parents[id] = NO_FRAME
 
 
+cdef void tree_overtake(Tree* tree, int64_t now_ns) noexcept nogil:
+    cdef uint32_t id
+    for id in range(tree.names.count):
+        if tree.histories[id].newest_ns > now_ns:
+            tree.histories[id].overtaken_ns = tree.histories[id].newest_ns
+
+
 cdef void _hide_isolated(Tree* tree) noexcept nogil:
     # Without hiding, is_parent may stay set for a frame that is a parent no more.
     cdef const History* history

@@ -109,9 +109,9 @@ cdef class Engine:
     # As walk_time_range. 0, or -1 without memory.
     cdef int answered_times(self, const Query* query, TimeRange* answered, Status* status) noexcept nogil
     # Fills in the moving frames on the path of the newest samples, up from the source and down to the target,
-    # and their newest stamps. There is room for 2 * MAX_HOPS of each; returns how many there are.
-    cdef uint32_t newest_stamps(self, const Query* query, FrameId* frames, int64_t* stamps_ns,
-                                Status* status) noexcept nogil
+    # and their ages, if there is a clock. There is room for 2 * MAX_HOPS of each; returns how many there are.
+    cdef uint32_t moving_frames(self, const Query* query, const ClockReading* clock, FrameId* frames,
+                                int64_t* ages_ns, Status* status) noexcept nogil
     # The ids of the frames from the source up to the common ancestor and down to the target. Raises what the
     # lookup raises.
     cdef list frames_between(self, target_frame, source_frame, int64_t time_ns)
@@ -129,6 +129,9 @@ cdef class Engine:
     # To be called with one that is answered, before its answer is delivered: whether its lookup still
     # answers. Otherwise it waits again.
     cdef bint confirm_waiter(self, Waiter* waiter) except -1
+    # Tries one that judges ages again, because nothing reports that the system's clock was set back. Returns
+    # whether it has an answer; if it has one only now, that is not delivered otherwise.
+    cdef bint retry_waiter(self, Waiter* waiter) except -1
     # Returns whether it was pending. No effect on one that was removed before, or is forgotten.
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil
     # Whether it was added before the fork that created this process: then it never gets an answer.

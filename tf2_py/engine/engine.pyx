@@ -4,6 +4,9 @@
 
 cdef int64_t PERIOD_NS = 1000000000
 
+# By how much the system's clock is set back where data that it has shown counts as old; see history_age.
+cdef int64_t STEP_BACK_NS = 1000000000
+
 cdef enum:
     LINES_PER_SECOND = 20
 
@@ -127,6 +130,9 @@ cdef class Engine:
         self._throttle, self._refusals = Throttle(), Throttle()
         self._advice = Advice()
         self._names, self._authorities = [], []
+        # As if it was read now, so that the first reading notices a step since.
+        self._clock.is_system = True
+        self._clock.now_ns, self._clock.steady_ns = system_ns(), monotonic_ns()
 
     def __dealloc__(self):
         cdef ReadHook inbox = self._inboxes
@@ -420,12 +426,21 @@ cdef class Engine:
         return status
 
     cdef int read_clock(self, Query* query, ClockReading* reading) except -1:
+        cdef int64_t step_ns
+        reading.steady_ns = monotonic_ns()
         reading.now_ns, reading.is_system = self._tf2_read_clock()
         query.policy.clock = reading
         lock_acquire(&self._lock)
+        reading.back_ns = self._clock.back_ns
+        if reading.is_system and self._clock.is_system:
+            step_ns = reading.now_ns - self._clock.now_ns - (reading.steady_ns - self._clock.steady_ns)
+            if step_ns <= -STEP_BACK_NS:
+                # Data may have arrived right after the last reading.
+                reading.back_ns = self._clock.steady_ns
+                tree_overtake(&self._tree, reading.now_ns)
+        self._clock = reading[0]
         # A clock that has not begun may begin at any time.
         self._clock.now_ns = max(reading.now_ns, 1)
-        self._clock.is_system = reading.is_system
         lock_release(&self._lock)
         self._reads_clock = True
         return 0
@@ -463,9 +478,8 @@ cdef class Engine:
     cdef list _children_towards(self, const Query* query, str name):
         # The children of a frame; only those on the path, if there are such.
         cdef FrameId frames[2 * MAX_HOPS]
-        cdef int64_t stamps_ns[2 * MAX_HOPS]
         cdef Status status
-        cdef uint32_t count = self.newest_stamps(query, frames, stamps_ns, &status)
+        cdef uint32_t count = self.moving_frames(query, NULL, frames, NULL, &status)
         on_path = set(self.frame_names([frames[i] for i in range(count)]))
         children = [one.name for one in self.frame_facts() if one.parent == name]
         return [child for child in children if child in on_path] or children
@@ -515,8 +529,9 @@ cdef class Engine:
         tree_unpin(&pinned)
         return 0
 
-    cdef uint32_t newest_stamps(self, const Query* query, FrameId* frames, int64_t* stamps_ns,
-                                Status* status) noexcept nogil:
+    cdef uint32_t moving_frames(self, const Query* query, const ClockReading* clock, FrameId* frames,
+                                int64_t* ages_ns, Status* status) noexcept nogil:
+        cdef const History* history
         cdef Path path
         cdef FrameId target, source
         cdef int64_t common_ns
@@ -531,8 +546,10 @@ cdef class Engine:
             for i in range(path.source_hops + path.target_hops):
                 frames[count] = (path.source[i] if i < path.source_hops
                                  else path.target[path.source_hops + path.target_hops - 1 - i])
-                stamps_ns[count] = self._tree.histories[frames[count]].newest_ns
-                count += self._tree.histories[frames[count]].kind == HISTORY_DYNAMIC
+                history = &self._tree.histories[frames[count]]
+                if clock != NULL:
+                    ages_ns[count] = history_age(history, clock, clock.now_ns)
+                count += history.kind == HISTORY_DYNAMIC
         lock_release(&self._lock)
         return count
 
@@ -630,6 +647,17 @@ cdef class Engine:
         if status.code != STATUS_OK:
             catch_up(self)
         return status.code == STATUS_OK
+
+    cdef bint retry_waiter(self, Waiter* waiter) except -1:
+        cdef ClockReading reading
+        cdef Query judged
+        self.read_clock(&judged, &reading)
+        lock_acquire(&self._lock)
+        if waiters_remove(&self._waiters, waiter):
+            waiter.query.policy.clock = &reading
+            self._file_waiter(waiter)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        return waiter.answered
 
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil:
         cdef bint was_pending

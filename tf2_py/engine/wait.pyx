@@ -1,6 +1,6 @@
 """Wait for one lookup: its answer as a message, and the thread that blocks until it is available."""
 
-# How often a blocked thread checks whether its context has ended ...
+# How often a blocked thread checks whether its context has ended or the system's clock was set back ...
 cdef int64_t WAKE_CHECK_NS = 100 * <int64_t>1000000
 # ... and the main thread also checks for signals, which do not end its sleep. tf2's waits do so as often.
 cdef int64_t SIGNAL_CHECK_NS = 20 * <int64_t>1000000
@@ -85,6 +85,20 @@ cdef class Wait(WaiterOwner):
         """End the wait. Returns whether it was pending, that is, not answered and not ended before."""
         return self._engine.remove_waiter(&self._waiter)
 
+    @property
+    def judges_system_time(self):
+        """Whether it judges ages by the system's clock: then :meth:`retry` must be called regularly."""
+        return (self._policy is not None and self._policy.policy.judges_age
+                and self._engine._clock.is_system)
+
+    def retry(self):
+        """Whether there is an answer by what the clock shows now. One that is new is not delivered."""
+        cdef bint is_answered = self._engine.retry_waiter(&self._waiter)
+        error = self._engine.limit_error(&self._waiter.query, status_of(STATUS_OK)) if is_answered else None
+        if error is not None:
+            raise error
+        return is_answered
+
     def reason(self):
         """The exception that a lookup would raise now, or None."""
         return self._engine.reason(&self._waiter.query)
@@ -112,6 +126,8 @@ cdef class Wait(WaiterOwner):
         try:
             while not flag_is_set(&self._waiter.answered):
                 if self._engine.has_forgotten(&self._waiter) or not alive():
+                    break
+                if self.judges_system_time and self.retry():
                     break
                 with nogil:
                     is_woken = event_wait(&self._woken, max(min(left_ns, check_ns), 0))

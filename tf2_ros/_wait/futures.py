@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task
 SHUTDOWN_CHECK_NS = 100_000_000  # how often to check the contexts of what asyncio awaits
+CLOCK_CHECK_NS = 100_000_000  # how often to check whether the system's clock was set back
 
 
 _Result = TypeVar("_Result")
@@ -285,8 +286,11 @@ class TransformFuture(WakingFuture[TransformStamped]):
             self.set_result(answer)
         if self.over():
             self.wait = None
-        elif self.__timeout_ns is not None:
+            return
+        if self.__timeout_ns is not None:
             deadlines.add(self.__begin_ns + self.__timeout_ns, self)
+        if wait.judges_system_time:
+            self.__clock_check = _ClockCheck(self)
 
     def expire(self) -> None:
         """
@@ -297,8 +301,19 @@ class TransformFuture(WakingFuture[TransformStamped]):
         if wait is None:
             return
         answer = wait.answer_in_time()
-        call = self.end_or_queue(answer, None if answer is not None else self.__unanswered(wait))
-        complete(completions_for(self.__core()), call)
+        self.__end(answer, None if answer is not None else self.__unanswered(wait))
+
+    def retry(self) -> None:
+        """End with an answer that the clock has made fresh."""
+        wait = self.wait
+        try:
+            if wait is not None and wait.retry():
+                self.__end(wait.answer, None)
+        except ValueError as error:  # a limit for a frame that is not a child
+            self.__end(None, error)
+
+    def __end(self, answer: TransformStamped | None, error: Exception | None) -> None:
+        complete(completions_for(self.__core()), self.end_or_queue(answer, error))
 
     def __unanswered(self, wait: Any) -> TimeoutException:
         waited_ns = time.monotonic_ns() - self.__begin_ns
@@ -307,6 +322,35 @@ class TransformFuture(WakingFuture[TransformStamped]):
         if self.__was_shut_down():
             return TimeoutException(errors.shut_down(waited_ns))
         return TimeoutException(errors.timed_out(wait.reason(), waited_ns))
+
+
+class _ClockCheck:
+    """
+    Regularly retries a future that judges ages by the system's clock, as long as something else refers to it.
+
+    Data may become fresh when that clock is set back, and nothing reports this.
+    """
+
+    def __init__(self, future: TransformFuture) -> None:
+        self._future = weakref.ref(future)
+        self._check_later()
+
+    def _check_later(self) -> None:
+        deadlines.add(time.monotonic_ns() + CLOCK_CHECK_NS, self)
+
+    # The protocol of what has a deadline.
+
+    def over(self) -> bool:
+        """Whether the future needs no check any more."""
+        future = self._future()
+        return future is None or future.over()
+
+    def expire(self) -> None:
+        """Retry, and check again after CLOCK_CHECK_NS."""
+        future = self._future()
+        if future is not None:
+            self._check_later()
+            future.retry()
 
 
 class Changes:

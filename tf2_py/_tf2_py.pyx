@@ -752,10 +752,10 @@ cdef class BufferCore(Engine):
         :return: ``(first_ns, last_ns)``, in nanoseconds, both included: every time between them has an
             answer. The last one is that of :meth:`get_latest_common_time`; the first one is the earliest from
             which on all frames on the path have data. The path may differ between the times, where a frame
-            had several parents. If all frames on the path are static, or the two frames are the same, every
-            time has an answer, and the range ends at the latest stamp that fits a message:
-            ``(0, 2147483647999999999)``. So the range of several pairs is from the largest ``first_ns`` to
-            the smallest ``last_ns``.
+            had several parents. A time at which the tree contains a loop ends the range. If all frames on the
+            path are static, or the two frames are the same, every other time has an answer, and the range
+            ends at the latest stamp that fits a message: ``(0, 2147483647999999999)``. So the range of
+            several pairs is from the largest ``first_ns`` to the smallest ``last_ns``.
         :raises ExtrapolationException: the latest common time has no answer, because the data of a frame on
             the path begins later than that of another one ends; the text names the frame and the gap.
         :raises ConnectivityException: the frames are in different trees, or one has no data.
@@ -797,8 +797,9 @@ cdef class BufferCore(Engine):
 
         :return: the ages in seconds on the buffer's clock, by the names of the frames, from ``source_frame``
             up to the common ancestor and down to ``target_frame``, along the parents of their newest samples.
-            Static frames have no age. A stamp later than the clock results in a negative age. While the
-            clock is at 0, because simulated time has not begun, all ages are infinite.
+            Static frames have no age. A stamp later than the clock results in a negative age, unless the
+            system's clock was set back behind it: then the age counts from that step. While the clock is at
+            0, because simulated time has not begun, all ages are infinite.
         :raises ConnectivityException: the frames are in different trees, or one has no data.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.

@@ -96,16 +96,15 @@ class Policies:
     def _judge_ages(self, target, source, hops, max_age):
         """Raise the error about the frame that is furthest beyond its limit, or one of several."""
         limits = {name: limit_of(max_age, name, None) for name in hops if not self.frames[name].static}
-        excess = {
-            name: (self._age_ns(name) > limit, self._age_ns(name) - limit, -limit)
+        beyond = {
+            name: (self._age_ns(name) - limit, -limit)  # of infinite ages, the lowest limit decides
             for name, limit in limits.items()
-            if limit is not None
+            if limit is not None and self._age_ns(name) > limit
         }
-        worst = max(excess.values(), default=(False,))
-        if worst[0]:
-            texts = [
-                self._stale(target, source, name, limits[name]) for name in excess if excess[name] == worst
-            ]
+        if beyond:
+            most = max(beyond.values())
+            furthest = [name for name in beyond if beyond[name] == most]
+            texts = [self._stale(target, source, name, limits[name]) for name in furthest]
             raise ModelError("ExtrapolationException", *texts)
 
     def _stale(self, target, source, name, limit):

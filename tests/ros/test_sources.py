@@ -10,6 +10,7 @@ from rclpy.serialization import serialize_message
 from rclpy.time import Time
 
 from tf2_msgs.msg import TFMessage
+from tf2_ros import Buffer
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros.records import Recording
 
@@ -60,6 +61,24 @@ def test_a_malformed_message_and_a_damaged_source_are_counted_and_logged(source,
     assert buffer.statistics()["malformed_messages"] == 2
     # Once a second for a topic.
     assert "on the list: malformed TFMessage: it is torn, at byte 0 of 0\n" in errors_so_far()
+
+
+@pytest.mark.parametrize("closes", [False, True])
+def test_a_message_that_moves_a_long_history_is_inserted_as_others(closes, source, inbox):
+    # Its memory is full, so that the first message moves it.
+    buffer = Buffer(cache_time=1.0)
+    buffer.set_transforms([transform("map", "robot", ns=100 + 2 * i) for i in range(MANY + 166)], "x")
+    before = buffer.statistics()["bytes"]
+    inbox.fill(buffer)
+    for ns in (101, 50_000, 60_000):
+        source.put(serialised(transform("map", "robot", ns=ns), transform("map", "person", ns=ns)))
+    if closes:
+        inbox.catch_up()
+        inbox.close()
+    assert buffer.statistics()["bytes"] > 1.3 * before
+    assert buffer.frames()["robot"].count == MANY + 166 + 3
+    assert buffer.frames()["person"].count == 3
+    buffer._self_check()
 
 
 def test_a_removal_concerns_one_frame_or_all(source, inbox, buffer):

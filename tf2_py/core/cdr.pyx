@@ -161,6 +161,7 @@ cdef void batch_free(Batch* batch) noexcept nogil:
     if batch.capacity:
         free(batch.entries)
     free(batch.names)
+    history_drop_move(&batch.move)
     batch.entries = NULL
     batch.names = NULL
     batch.count = batch.capacity = batch.names_capacity = 0
@@ -169,6 +170,7 @@ cdef void batch_free(Batch* batch) noexcept nogil:
 cdef void batch_begin(Batch* batch) noexcept nogil:
     batch.done = batch.taken = batch.refused = batch.unnormalised = 0
     batch.waking = batch.no_memory = batch.needs_report = False
+    batch.move.capacity = 0
     batch.problem = NULL
     links_init(&batch.ready)
 

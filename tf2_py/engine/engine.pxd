@@ -68,7 +68,8 @@ cdef class Engine:
     cdef void arm(self) noexcept
     cdef void disarm(self, uint32_t* armed) noexcept nogil
 
-    # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left. Where
+    # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left; where
+    # `batch.move` has begun, the next call takes long, and is to be made without the GIL. Where
     # `batch.needs_report` is set after the last one, `report` is due, with the GIL and while the batch and
     # its names still exist. `insert` does the same with the whole batch; what takes longer than one slice
     # lets other threads run.

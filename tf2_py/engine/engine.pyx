@@ -205,12 +205,22 @@ cdef class Engine:
         cdef uint32_t authority = 0
         cdef uint64_t work
         cdef int64_t left = SLICE
+        cdef HistoryMove moved
+        moved.capacity = batch.move.capacity
+        if moved.capacity:
+            moved = batch.move
+            batch.move.capacity = 0
+            if history_copy_move(&moved) != 0 and not moved.is_optional:
+                batch.no_memory = True
         lock_acquire(&self._lock)
+        if moved.capacity:
+            # What needed it follows under the same lock: readers may pin the new memory, too.
+            tree_end_move(&self._tree, &moved)
         if batch.done < batch.count:
             # Each time, because the buffer may have been emptied meanwhile, with its names.
             authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
             batch.no_memory = batch.no_memory or authority == NAME_NO_MEMORY
-        while left > 0 and (batch.waking or batch.done < batch.count):
+        while left > 0 and batch.move.capacity == 0 and (batch.waking or batch.done < batch.count):
             if batch.waking:
                 batch.waking = wake_step(&self._waiters, &self._tree, &batch.wake, &batch.ready)
                 left -= INSERTS_PER_TRY
@@ -220,8 +230,11 @@ cdef class Engine:
                 left -= <int64_t>(1 + self._tree.work - work)
         batch.needs_report = (batch.refused > 0 or batch.unnormalised > 0 or batch.no_memory
                               or not links_empty(&batch.ready))
+        batch.move.frame = self._tree.last_child
         unlock_written(&self._lock, &self._tree, &self._waiters)
-        return batch.waking or batch.done < batch.count
+        if moved.capacity:
+            history_drop_move(&moved)
+        return batch.waking or batch.done < batch.count or batch.move.capacity != 0
 
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil:
         cdef Entry* entry = &batch.entries[batch.done]
@@ -231,7 +244,8 @@ cdef class Engine:
         entry.unnormalised = False
         if batch.no_memory:
             return
-        entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, change)
+        entry.refused = tree_insert(
+            &self._tree, &entry.incoming, authority, batch.is_static, &batch.move, change)
         if entry.refused == 0:
             batch.taken += 1
             if is_unnormalised(entry.incoming.squared_length) and tree_mark_unnormalised(&self._tree):
@@ -240,6 +254,9 @@ cdef class Engine:
         elif entry.refused == TREE_NO_MEMORY:
             entry.refused = 0
             batch.no_memory = True
+        elif entry.refused == TREE_MUST_MOVE:
+            entry.refused = 0
+            batch.done -= 1
         else:
             batch.refused += 1
         if change != NULL:

@@ -202,7 +202,7 @@ cdef uint32_t _insert_samples(Tree* tree, const Text* child, uint32_t authority,
         incoming.parent = samples.parent_names[parent].start
         incoming.parent_size = samples.parent_names[parent].size
         memcpy(&incoming.transform, samples.transforms + TRANSFORM_DOUBLES * i, sizeof(Transform))
-        refused = tree_insert(tree, &incoming, authority, is_static, NULL)
+        refused = tree_insert(tree, &incoming, authority, is_static, NULL, NULL)
         if refused:
             break
     return refused

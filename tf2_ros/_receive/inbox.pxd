@@ -41,6 +41,7 @@ cdef struct Parcel:
     unsigned char[SENDER_BYTES] sender
     int64_t received_ns
     # What the inbox needs.
+    bint is_begun               # it was parsed, and some of it inserted
     Batch batch
     Parcel* next
 
@@ -99,7 +100,7 @@ cdef struct State:
     # Guarded by the lock of all inboxes.
     void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message; NULL: not allocated yet
-    bint has_large              # `parcel` has a large message, which is to be inserted next
+    bint has_large              # inserting `parcel`, or the rest of it, takes long, and is next
     bint is_inserting           # a thread inserts it: parcel, engine and copier must stay as they are
     Lock inserting              # is held by that thread
     Parcels reports             # messages with something to report

@@ -165,7 +165,7 @@ cdef bint _begin_parcel(State* inbox) noexcept nogil:
     parcel.kind = PARCEL_NOTHING
     parcel.size = parcel.authority_size = parcel.topic = 0
     parcel.problem = NULL
-    parcel.has_authority = parcel.is_static = False
+    parcel.has_authority = parcel.is_static = parcel.is_begun = False
     parcel.received_ns = 0
     batch_begin(&parcel.batch)
     return True
@@ -218,14 +218,19 @@ cdef bint _parse(State* inbox) noexcept nogil:
 
 
 cdef bint _insert(State* inbox) noexcept nogil:
-    # Inserts the message of the parcel. Returns whether there is something to report.
+    # Inserts the message of the parcel. Returns whether there is something to report. If a long history must
+    # be moved, the rest is left to _insert_large.
     cdef Batch* batch = &inbox.parcel.batch
-    if not _parse(inbox):
-        return True
-    if inbox.copier != NULL:
-        inbox.copier.copy(inbox.copier, batch)
+    if not inbox.parcel.is_begun:
+        if not _parse(inbox):
+            return True
+        if inbox.copier != NULL:
+            inbox.copier.copy(inbox.copier, batch)
+        inbox.parcel.is_begun = True
     while (<Engine>inbox.engine).insert_some(batch):
-        pass
+        if batch.move.capacity and not inbox.is_inserting:
+            inbox.has_large = True
+            return False
     return batch.needs_report
 
 
@@ -258,8 +263,9 @@ cdef void _process(State* inbox) noexcept nogil:
 
 
 cdef void _insert_large(State* inbox) noexcept nogil:
-    # Inserts the large message, during which the lock is released: others wait for that with the GIL, and
-    # 200,000 transforms take 0.3 s. Whatever needs this inbox waits in `_await_insert`.
+    # Inserts the large message, or what a long move has left, during which the lock is released: others wait
+    # for that with the GIL, and 200,000 transforms take 0.3 s. Whatever needs this inbox waits in
+    # `_await_insert`.
     cdef Parcel* parcel = inbox.parcel
     cdef bint needs_report
     inbox.is_inserting = True
@@ -281,8 +287,11 @@ cdef void _insert_large(State* inbox) noexcept nogil:
 
 
 cdef void _await_insert(State* inbox) noexcept nogil:
-    # Until no thread inserts a large message; meanwhile the lock is released.
-    while inbox.is_inserting:
+    # Until no thread inserts a large message, and none was begun; meanwhile the lock is released.
+    while inbox.is_inserting or (inbox.has_large and inbox.parcel.is_begun):
+        if not inbox.is_inserting:
+            _insert_large(inbox)
+            continue
         lock_release(&_lock)
         lock_acquire(&inbox.inserting)
         lock_release(&inbox.inserting)
@@ -304,17 +313,18 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
     while work < most and _begin_parcel(inbox) and inbox.take_next(inbox.source, inbox.parcel):
         work += 1 + inbox.parcel.size // WORK_BYTES
         inbox.has_large = inbox.parcel.kind == PARCEL_MESSAGE and inbox.parcel.size > LARGE_BYTES
+        if not inbox.has_large:
+            _process(inbox)
         if inbox.has_large:
             break
-        _process(inbox)
     # Before `pending` is cleared: executors have then heard of all that a reader sees.
     if work and inbox.watcher != NULL:
         inbox.watcher.arrived(inbox.watcher.data)
-    if work >= most or inbox.parcel == NULL:
+    if work >= most or inbox.has_large or inbox.parcel == NULL:
         word_store(&inbox.pending, 1)   # without memory, the next round tries again
     else:
         word_replace(&inbox.pending, BEING_INSERTED, 0)
-    return work >= most
+    return work >= most or inbox.has_large
 
 
 cdef bint _read_on(State* inbox) noexcept nogil:
@@ -388,7 +398,12 @@ cdef void _follow(State* inbox) noexcept nogil:
         while is_behind:
             word_store(&inbox.pending, 1)
             lock_acquire(&_lock)
-            is_behind = _serve(inbox)
+            if inbox.is_inserting:
+                _await_insert(inbox)
+            elif inbox.has_large and inbox.engine != NULL:
+                _insert_large(inbox)
+            else:
+                is_behind = _serve(inbox)
             lock_release(&_lock)
         if inbox.engine != NULL:
             polling.rest(inbox.source, watched, is_wanted)

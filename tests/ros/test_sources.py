@@ -1,11 +1,12 @@
 """What an inbox does with the parcels of a source: here, of one that needs no middleware."""
 
 import signal
+import threading
 
 import pytest
 from compiling import compiled
 from making import S, at, transform, translation
-from processes import errors_so_far
+from processes import errors_so_far, until
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 
@@ -79,6 +80,18 @@ def test_a_message_that_moves_a_long_history_is_inserted_as_others(closes, sourc
     assert buffer.frames()["robot"].count == MANY + 166 + 3
     assert buffer.frames()["person"].count == 3
     buffer._self_check()
+
+
+def test_other_threads_go_on_while_a_read_takes_a_large_message(source, inbox, buffer):
+    answers = []
+    source.put(serialised(transform("map", "robot", 1)))
+    source.slow_down()
+    reader = threading.Thread(target=lambda: answers.append(buffer.can_transform("map", "robot", at(1))))
+    reader.start()
+    until(source.is_taking)  # which needs the GIL
+    assert source.go_on()
+    reader.join()
+    assert answers == [True]
 
 
 def test_a_removal_concerns_one_frame_or_all(source, inbox, buffer):

@@ -2,6 +2,7 @@
 
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
+from cpython.pystate cimport PyThreadState
 
 from tf2_py._internal cimport Batch, Engine, Lock, ReadHook, Tap
 from tf2_ros.records cimport Recording, Records
@@ -101,6 +102,8 @@ cdef struct State:
     void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message; NULL: not allocated yet
     bint has_large              # inserting `parcel`, or the rest of it, takes long, and is next
+    bint has_gil                # the thread in `take_next` holds the GIL; `inbox_takes_long` may release it
+    PyThreadState* thread       # what that has saved, to take the GIL again; NULL: nothing was released
     bint is_inserting           # a thread inserts it: parcel, engine and copier must stay as they are
     Lock inserting              # is held by that thread
     Parcels reports             # messages with something to report
@@ -110,6 +113,8 @@ cdef struct State:
 
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
 cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil
+# To be called within `next` before it does something that takes more than some milliseconds.
+cdef void inbox_takes_long(State* inbox) noexcept nogil
 # Bytes for the parcel's message; NULL: no memory.
 cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
 # The lock of all inboxes. A thread that holds it takes at most that of an engine, of records or of a ring.
@@ -132,9 +137,10 @@ cdef class Source:
     # Where the messages of one inbox come from. A subclass has three duties:
     # 1. `next` fills a parcel with the next message; False: there is none, or no memory for it. If others may
     #    wait in the latter case, it sets `pending` of the inbox, or has `polling`. It calls nothing of the
-    #    inbox but `parcel_reserve`. It runs under the lock of all inboxes, in any thread that drains or reads
-    #    the buffer. Some of these hold the GIL and others do not: so it uses no Python object, and reads no
-    #    file that may be slow. What was filled before has been inserted when it is called again.
+    #    inbox but `parcel_reserve`, and `inbox_takes_long` before it copies a large message. It runs under the
+    #    lock of all inboxes, in any thread that drains or reads the buffer. Some of these hold the GIL and
+    #    others do not: so it uses no Python object, and reads no file that may be slow. What was filled before
+    #    has been inserted when it is called again.
     # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there;
     #    or, if nothing reports arrivals to it, by `polling`.
     # 3. `silence` ends that: from its return on, nothing may call `inbox_arrived`, because the inbox may be

@@ -64,8 +64,8 @@ cdef enum:
     MAX_REPORTS = 64            # messages whose refused transforms are kept for the log
     BEING_INSERTED = 2          # of State.pending: nothing has arrived since a thread began to insert
 
-# How long a read waits for the lock with the GIL, which it may not get back for 5 ms. Only taking a large
-# message from the middleware takes longer: 17 MB take 20 ms.
+# How long a read waits for the lock with the GIL, which it may not get back for 5 ms. Only a thread that
+# takes a large message from the middleware, without the GIL, has the lock for longer: 17 MB take 20 ms.
 cdef int64_t PATIENCE_NS = 2000000
 # How long the two threads sleep while nothing arrives, at most.
 cdef int64_t IDLE_NS = 1500000000
@@ -111,6 +111,17 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
         word_store(&inbox.is_full, 1)
     if is_full or _wants_all(inbox) or word_load(&_is_idle):
         event_set(&_work)
+
+
+cdef extern from "Python.h" nogil:
+    PyThreadState* PyEval_SaveThread()
+    void PyEval_RestoreThread(PyThreadState* thread)
+
+
+cdef void inbox_takes_long(State* inbox) noexcept nogil:
+    if inbox.has_gil:
+        inbox.has_gil = False
+        inbox.thread = PyEval_SaveThread()
 
 
 # Parcels.
@@ -606,6 +617,7 @@ cdef class Inbox(ReadHook):
         cdef uint32_t number
         cdef int64_t until_ns
         cdef const Polling* polling = self._state.polling
+        cdef PyThreadState* thread
         cdef bint has_message
         if polling != NULL:
             has_message = polling.has_message(self._state.source)
@@ -615,8 +627,12 @@ cdef class Inbox(ReadHook):
                 return 0
         number = lock_ask(&_lock)
         if lock_await(&_lock, number, PATIENCE_NS):
+            self._state.has_gil, self._state.thread = True, NULL
             more = _take(&self._state, READ_SLICE)
+            self._state.has_gil, thread = False, self._state.thread
             lock_release(&_lock)
+            if thread != NULL:
+                PyEval_RestoreThread(thread)    # only now: others wait for the lock with the GIL
         else:
             with nogil:
                 lock_await(&_lock, number, INT64_MAX)

@@ -8,6 +8,7 @@ inbox is drained.
 cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
+from libc.stdlib cimport realloc
 from libc.string cimport memcpy
 
 from tf2_py._internal cimport monotonic_ns, system_ns, word_add, word_exchange, word_store
@@ -31,12 +32,14 @@ from tf2_ros._rcl cimport (
     rmw_message_info_t,
 )
 from tf2_ros._receive.inbox cimport (
+    LARGE_BYTES,
     PARCEL_MESSAGE,
     SENDER_BYTES,
     Parcel,
     Source,
     State,
     inbox_arrived,
+    inbox_takes_long,
     inboxes_lock,
     inboxes_unlock,
 )
@@ -70,7 +73,7 @@ cdef struct Subscribed:
     Arrivals* first             # of all topics
     bint is_recorded            # the inbox needs the sender and the time of each message
     rcl_clock_t* clock          # whose time is the time of reception while it is simulated; or NULL
-    rcl_allocator_t allocator   # that of malloc
+    rcl_allocator_t allocator   # that of malloc, which learns how large a message is before it is copied
 
 
 cdef void _arrived(const void* data, size_t count) noexcept nogil:
@@ -83,6 +86,12 @@ cdef void _arrived(const void* data, size_t count) noexcept nogil:
 
 
 # Taking; with the lock held.
+
+cdef void* _reallocate(void* bytes, size_t size, void* inbox) noexcept nogil:
+    if size > LARGE_BYTES and inbox != NULL:
+        inbox_takes_long(<State*>inbox)
+    return realloc(bytes, size)
+
 
 cdef uint32_t _count_arrived(Arrivals* topic) noexcept nogil:
     # Returns how many messages were reported since the last call. Each one is reported after its arrival, so
@@ -124,6 +133,7 @@ cdef rcl_ret_t _take_message(const Subscribed* source, Arrivals* topic, Parcel* 
     cdef rcl_ret_t result
     message.buffer, message.buffer_length, message.buffer_capacity = parcel.data, 0, parcel.capacity
     message.allocator = source.allocator
+    message.allocator.state = topic.inbox
     result = rcl_take_serialized_message(
         topic.subscription, &message, &information.known if source.is_recorded else NULL, NULL)
     # rcl may have allocated more.
@@ -216,6 +226,7 @@ cdef class Subscriptions(Source):
         self.next, self.data, self._clock = _next, &self._subscribed, clock
         self._subscribed.is_recorded = is_recorded
         self._subscribed.allocator = rcutils_get_default_allocator()
+        self._subscribed.allocator.reallocate = <void*>_reallocate
         if clock is not None:
             self._subscribed.clock = <rcl_clock_t*><uintptr_t>clock.pointer
 

@@ -1,19 +1,24 @@
 """A source of an inbox that needs no middleware: what a test has put into a list."""
 
-from libc.stdint cimport int64_t
+from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy
 
+from tf2_py._internal cimport monotonic_ns, word_load, word_store
 from tf2_ros._receive.inbox cimport (
     SENDER_BYTES,
     Parcel,
     ParcelKind,
     Source,
+    State,
     inbox_arrived,
     inboxes_lock,
     inboxes_unlock,
+    inbox_takes_long,
     parcel_reserve,
 )
+
+cdef int64_t HELD_NS = 60000000000
 
 
 cdef struct Listed:
@@ -21,9 +26,29 @@ cdef struct Listed:
     Parcel facts                # its `data` is owned
 
 
-cdef bint take_first(void* source, Parcel* parcel) noexcept nogil:
-    cdef Listed** first = <Listed**>source
+cdef struct List:
+    Listed* first
+    State* inbox
+    uint32_t is_slow            # atomic, as those below: taking one lasts until `goes_on` is set
+    uint32_t is_taking
+    uint32_t goes_on
+    bint gave_up                # nobody has set it
+
+
+cdef void take_long(List* source) noexcept nogil:
+    cdef int64_t until_ns = monotonic_ns() + HELD_NS
+    inbox_takes_long(source.inbox)
+    word_store(&source.is_taking, 1)
+    while not word_load(&source.goes_on) and not source.gave_up:
+        source.gave_up = monotonic_ns() > until_ns
+
+
+cdef bint take_first(void* data, Parcel* parcel) noexcept nogil:
+    cdef List* source = <List*>data
+    cdef Listed** first = &source.first
     cdef Listed* taken = first[0]
+    if taken != NULL and word_load(&source.is_slow):
+        take_long(source)
     if taken == NULL or parcel_reserve(parcel, taken.facts.size) == NULL:
         return False
     memcpy(parcel.data, taken.facts.data, taken.facts.size)
@@ -39,14 +64,27 @@ cdef bint take_first(void* source, Parcel* parcel) noexcept nogil:
 
 
 cdef class ListedSource(Source):
-    cdef Listed* _first
+    cdef List _list
 
     def __cinit__(self):
-        self.names, self.next, self.data = ["the list"], take_first, &self._first
+        self.names, self.next, self.data = ["the list"], take_first, &self._list
+
+    def slow_down(self):
+        """Take for long from now on, as a large message is; until `go_on`."""
+        self._list.inbox = self.inbox
+        word_store(&self._list.is_slow, 1)
+
+    def is_taking(self):
+        return word_load(&self._list.is_taking) != 0
+
+    def go_on(self):
+        """Return whether somebody still waited for this."""
+        word_store(&self._list.goes_on, 1)
+        return not self._list.gave_up
 
     def put(self, bytes data, int kind=1, bint is_static=False, bytes authority=None, int64_t received_ns=0):
         """Append a parcel, and tell the inbox."""
-        cdef Listed** link = &self._first
+        cdef Listed** link = &self._list.first
         cdef Listed* made = <Listed*>malloc(sizeof(Listed))
         cdef bytes content = data + (authority or b"")
         made.following, made.facts.size = NULL, len(content)

@@ -1087,7 +1087,7 @@ cdef class BufferCore(Engine):
         For the times that two frames have in common, see :meth:`time_range`. The cost grows with the number
         of frames.
         """
-        return listings.as_frames(self.frame_facts(True))
+        return frame_infos(self.frame_facts(True))
 
     cdef int _require_frame(self, frame, str call) except -1:
         cdef Py_ssize_t size
@@ -1144,7 +1144,7 @@ cdef class BufferCore(Engine):
         The parent is the parent in the newest sample. Frames whose parents form a loop come last and are
         marked. For the rest, see :meth:`frames`.
         """
-        return listings.tree_text(listings.as_frames(self.frame_facts(True)))
+        return listings.tree_text(frame_infos(self.frame_facts(True)))
 
     def all_frames_as_yaml(self) -> str:
         """Get the frames with data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s)."""

@@ -1,6 +1,7 @@
 """What a buffer lists of its frames: texts, facts and its repr; test_model.py holds what they say."""
 
 import copy
+import gc
 import pickle
 
 import pytest
@@ -8,6 +9,8 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 from making import S, at, at_ns, transform
+
+from tf2_py import BufferCore
 
 
 @pytest.fixture
@@ -138,3 +141,13 @@ class TestAtAPrompt:
         assert repr(Own()) == f"<{__name__}.{Own.__qualname__}: 0 frames, 0 samples, 0 waiters>"
         for buffer in (tf2_ros.Buffer(), tf2_ros.Buffer.__new__(tf2_ros.Buffer)):  # also uninitialised
             assert repr(buffer) == "<tf2_ros.Buffer: 0 frames, 0 samples, 0 waiters>"
+
+
+@pytest.mark.ours
+def test_the_collector_does_not_traverse_what_is_listed():
+    # With a message of 200,000 transforms it did so for 0.1 s at a time, with the GIL.
+    buffer = BufferCore()
+    buffer.set_transforms([transform("map", f"frame {i}") for i in range(10)], "x")
+    infos = buffer.frames()
+    assert len(infos) == 11
+    assert not any(map(gc.is_tracked, infos.values()))

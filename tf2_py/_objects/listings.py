@@ -111,13 +111,10 @@ class FrameFacts(NamedTuple):
         return (self.newest_ns - self.oldest_ns) / NS_PER_S
 
 
-def as_frames(frames: list[FrameFacts]) -> dict[str, FrameInfo]:
-    """The frames as programs see them."""
-    infos = {}
-    for f in frames:
-        times = (f.oldest_ns, f.newest_ns) if f.samples and not f.is_static else (None, None)
-        infos[f.name] = FrameInfo(f.parent, f.is_static, f.samples, *times)
-    return infos
+def as_frame(f: FrameFacts) -> FrameInfo:
+    """A frame as programs see it."""
+    times = (f.oldest_ns, f.newest_ns) if f.samples and not f.is_static else (None, None)
+    return FrameInfo(f.parent, f.is_static, f.samples, *times)
 
 
 def histories(state: Mapping[str, Any]) -> dict[str, History]:

@@ -137,10 +137,10 @@ cdef class Source:
     # Where the messages of one inbox come from. A subclass has three duties:
     # 1. `next` fills a parcel with the next message; False: there is none, or no memory for it. If others may
     #    wait in the latter case, it sets `pending` of the inbox, or has `polling`. It calls nothing of the
-    #    inbox but `parcel_reserve`, and `inbox_takes_long` before it copies a large message. It runs under the
-    #    lock of all inboxes, in any thread that drains or reads the buffer. Some of these hold the GIL and
-    #    others do not: so it uses no Python object, and reads no file that may be slow. What was filled before
-    #    has been inserted when it is called again.
+    #    inbox but `parcel_reserve`, and `inbox_takes_long` before it copies a large message. It runs under
+    #    the lock of all inboxes, in any thread that drains or reads the buffer. Some of these hold the GIL
+    #    and others do not: so it uses no Python object, and reads no file that may be slow. What was filled
+    #    before has been inserted when it is called again.
     # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there;
     #    or, if nothing reports arrivals to it, by `polling`.
     # 3. `silence` ends that: from its return on, nothing may call `inbox_arrived`, because the inbox may be

@@ -50,10 +50,10 @@ class Spot:
 @pytest.mark.parametrize(
     ("message", "new_type", "cure"),
     [
-        (JointState(), None, r"JointState is not .*TransformRegistration\(\)\.add"),
-        (PolygonInstanceStamped(), None, r"PolygonInstanceStamped is not .*TransformRegistration\(\)\.add"),
-        (Spot(PointStamped().header, []), None, r"Spot is not .*TransformRegistration\(\)\.add"),
-        (PointStamped(), Spot, r"Spot is not .*ConvertRegistration\(\)\.add_from_msg"),
+        (JointState(), None, r"JointState'> is not .*TransformRegistration\(\)\.add"),
+        (PolygonInstanceStamped(), None, r"PolygonInstanceStamped'> is not .*TransformRegistration\(\)\.add"),
+        (Spot(PointStamped().header, []), None, r"Spot'> is not .*TransformRegistration\(\)\.add"),
+        (PointStamped(), Spot, r"Spot'> is not .*ConvertRegistration\(\)\.add_from_msg"),
     ],
 )
 def test_an_unknown_type_is_refused_by_name_and_with_a_cure(tf2_ros, buffer, message, new_type, cure):

@@ -113,9 +113,12 @@ class Run:
         self.settle()
 
     def go_on(self):
+        begins = not self.now_ns
         self.set_clock((self.now_ns or self.begin_ns) + self.dice.choice((0, 1, 1, 2, 3, 6, 12, 25)))
         for future, question in self.pending:
             assert not future.done(), question
+        if begins:
+            self.insert()  # the next insert tries what waits since before the clock began
 
     def step_back(self):
         if self.now_ns:

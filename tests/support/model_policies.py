@@ -53,30 +53,6 @@ class Policies:
         near = {1, STAMPS_END - 1} | {ns + step for ns in stamps for step in (-1, 0, 1)}
         return [ns for ns in near if 0 < ns < STAMPS_END]
 
-    def stamps_between(self, target, source, first, last):
-        """Of the moving frames, with the two given."""
-        hops = [] if target == source else self._newest_hops(target, source)
-        moving = [self.frames[name] for name in hops if not self.frames[name].static]
-        stamps = {sample[0] for frame in moving for sample in frame.samples}
-        return sorted({first, last} | {ns for ns in stamps if first < ns <= last})
-
-    def has_one_path(self, target, source):
-        """Whether there is a path, and no frame above the two ever had another parent."""
-        if target == source:
-            return True
-        try:
-            self._check_names("", target_frame=target, source_frame=source)
-            self._newest_hops(target, source)
-        except ModelError:
-            return False
-        above = [target, source]
-        for name in above:
-            parents = self.frames[name].parents() if name in self.frames else set()
-            if len(parents) > 1 or self.looped:
-                return False
-            above += parents
-        return True
-
     # Ages.
 
     def ages(self, target, source):

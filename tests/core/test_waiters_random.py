@@ -226,12 +226,12 @@ class Machine(RuleBasedStateMachine):
     @rule(ends=st.tuples(names, names), time=times, latest=st.booleans(), policy=policies)
     def wait_under(self, ends, time, latest, policy):
         time = 0 if latest else self.time(ends[1], *time)
-        self.ask((*ends, at_ns(time)), policy=policy_of("wait", **policy))
+        self.ask((*ends, at_ns(time)), policy=policy_of("wait", True, **policy))
 
     @rule(child=frames, ahead=st.integers(1, 4), policy=st.none() | policies)
     def wait_for_next(self, child, ahead, policy):
         lookup = self.parents[child], child, at_ns(self.time(child, "frame", ahead))
-        self.ask(lookup, policy=policy and policy_of("wait", **policy))
+        self.ask(lookup, policy=policy and policy_of("wait", True, **policy))
 
     @rule(ends=st.tuples(frames, frames))
     def wait_for_another(self, ends):

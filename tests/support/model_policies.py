@@ -73,7 +73,8 @@ class Policies:
         """Raise the error about the frame that is furthest beyond its limit, or one of several."""
         limits = {name: limit_of(max_age, name, None) for name in hops if not self.frames[name].static}
         beyond = {
-            name: (self._age_ns(name) - limit, -limit)  # of infinite ages, the lowest limit decides
+            # Of infinite ages, the lowest limit decides.
+            name: (self._age_ns(name) - limit, -limit if self.now_ns <= 0 else 0)
             for name, limit in limits.items()
             if limit is not None and self._age_ns(name) > limit
         }

@@ -58,7 +58,7 @@ WITHOUT_FONTS = re.sub(r"@font-face \{\{.*?\}\}\s*", "", CONSOLE_SVG_FORMAT, fla
 
 def main() -> None:
     speed.draw(ROOT / "docs" / "images" / "speed.svg")
-    domain, _lock = demo.claim_domain()
+    domain, _claim = demo.claim_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
     os.environ.pop("ROS_LOCALHOST_ONLY", None)
     draw(IMAGES / "demo-tree.svg")

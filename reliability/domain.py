@@ -1,48 +1,14 @@
-"""Choose a ROS domain that nothing else on this machine uses."""
+"""Use a ROS domain that no other test, run or demonstration on this machine uses."""
 
 import os
-import random
-import socket
+import sys
 
 from reliability.builds import ROOT
 
-DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
-LAST_PORT, FIRST_PORTS = 249, range(64)  # of a domain: none uses so many as to need the last one
-_claims = []
+SUPPORT = ROOT / "tests" / "support"
+sys.path.insert(0, str(SUPPORT))
 
-
-def _bound(port, host=""):
-    """A socket with a UDP port of this machine; None: somebody else has it."""
-    one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        one.bind((host, port))
-    except OSError:
-        one.close()
-        return None
-    return one
-
-
-def claim_domain():
-    """
-    Claim a ROS domain that nobody on this machine uses, for as long as this process lives.
-
-    Simultaneous test runs must not share topics, nor must the processes of one run, `pytest -n`. A port is
-    seen by all users, where a file in /tmp may be unreadable.
-    """
-    for domain in random.Random().sample(DOMAINS, len(DOMAINS)):
-        first = 7400 + 250 * domain
-        claim = _bound(first + LAST_PORT, "127.0.0.1")
-        if claim is None:
-            continue
-        # Another ROS 2 may use the domain.
-        tried = [_bound(first + offset) for offset in FIRST_PORTS]
-        for one in filter(None, tried):
-            one.close()
-        if all(tried):
-            _claims.append(claim)
-            return domain
-        claim.close()
-    raise SystemExit("every ROS domain is in use")
+from domains import claim_domain  # noqa: E402
 
 
 def use_own_domain():
@@ -50,7 +16,7 @@ def use_own_domain():
     domain = claim_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
     for profiles in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
-        os.environ.setdefault(profiles, str(ROOT / "tests" / "support" / "fastdds.xml"))
+        os.environ.setdefault(profiles, str(SUPPORT / "fastdds.xml"))
     os.environ.setdefault("TF2_TEST_FASTDDS_LOG", "/dev/stderr")  # these profiles need it
     # The first would override the range, with the second listeners would not subscribe.
     for variable in ("ROS_LOCALHOST_ONLY", "TF2_SHARED_BUFFER"):

@@ -13,11 +13,11 @@ from pathlib import Path
 import hypothesis
 import pytest
 import repetitions
+from domains import claim_domain
 from hypothesis.internal.conjecture import providers
 from paths import ROOT, SUPPORT
 from processes import Peer, end, start
 
-from reliability.domain import claim_domain
 from tf2_ros_cython._ros import running_release
 
 # What the shell of a developer may say, and tests must not depend on.

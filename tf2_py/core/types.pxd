@@ -86,7 +86,7 @@ cdef struct ClockReading:
     # The clock by which the age of samples is counted.
     bint is_system          # it shows the system's time, which is read when an age is judged
     int64_t now_ns          # what it has shown; 0 or less: it has not begun
-    int64_t steady_ns       # steady time of this reading
+    int64_t steady_ns       # steady time after this reading
     int64_t back_ns         # steady time from which the age of data counts that it was set back behind
 
 

@@ -444,13 +444,15 @@ cdef class Engine:
 
     cdef int read_clock(self, Query* query, ClockReading* reading) except -1:
         cdef int64_t step_ns
-        reading.steady_ns = monotonic_ns()
+        cdef int64_t before_ns = monotonic_ns()
         reading.now_ns, reading.is_system = self._tf2_read_clock()
+        reading.steady_ns = monotonic_ns()
         query.policy.clock = reading
         lock_acquire(&self._lock)
         reading.back_ns = self._clock.back_ns
         if reading.is_system and self._clock.is_system:
-            step_ns = reading.now_ns - self._clock.now_ns - (reading.steady_ns - self._clock.steady_ns)
+            # At least this much time has passed between the readings, also if a thread stalled during one.
+            step_ns = reading.now_ns - self._clock.now_ns - (before_ns - self._clock.steady_ns)
             if step_ns <= -STEP_BACK_NS:
                 # Data may have arrived right after the last reading.
                 reading.back_ns = self._clock.steady_ns

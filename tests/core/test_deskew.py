@@ -857,3 +857,12 @@ def test_it_waits_for_the_transform_of_the_last_point(tf2_ros):
     moved = deskew(cloud, buffer, "odom", timeout=60)
     thread.join()
     assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
+
+
+def test_rows_without_points_take_no_time(buffer):
+    """A message of 200 bytes can claim 2**32 of them: with a pass over each, this would take minutes."""
+    cloud, *_ = measured("velodyne")
+    cloud.height, cloud.width, cloud.row_step, cloud.data = 2**32 - 1, 0, 0, array.array("B")
+    for _ in range(100):
+        moved = deskew(cloud, buffer, "odom")
+    assert (moved.height, moved.width, len(moved.data)) == (2**32 - 1, 0, 0)

@@ -43,11 +43,11 @@ endif
 define HELP
 Try it
   make demo        watch a robot being broadcast and looked up
-  make test        run the tests: 5 minutes on 2 cores; TESTS=tests/ros/test_buffer.py: some of them
+  make test        run the tests: 4 minutes on 2 cores; TESTS=tests/ros/test_buffer.py: some of them
 Develop
   make build       compile after a change to a .pyx or .pxd file
   make lint        check style and types
-  make test-all    run all tests: 14 minutes on 2 cores
+  make test-all    run all tests: 8 minutes on 2 cores
   make test-long   run only what test-all adds to test
   make guard       count instructions; fail if they have grown
   make docs        build the site in build/docs

@@ -388,7 +388,7 @@ cdef int _read_grid(object cloud, Py_ssize_t size, Grid* out) except -1:
         out.new_row_step = used
         out.new_size = out.rows * used
     if out.columns == 0 and out.row_step == 0:
-        out.rows = min(out.rows, <Py_ssize_t>1)     # rows without a byte, which can be 2^32 in an empty message
+        out.rows = min(out.rows, <Py_ssize_t>1)     # rows without a byte, up to 2^32 in an empty message
     return 0
 
 

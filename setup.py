@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parent
 # setuptools runs this file without its folder on the path.
 sys.path.insert(0, str(ROOT))
 
-from build_backend import extensions  # noqa: E402
+from build_backend import extensions, layout  # noqa: E402
 
 # `colcon build --symlink-install` runs this file in a folder of its own, with links to the packages alone.
 for name in ("pyproject.toml", "README.md", "LICENSE"):
@@ -32,9 +32,14 @@ setup(
     # By these the tools of ROS find the package.
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tf2_ros_cython"]),
-        ("share/tf2_ros_cython", ["package.xml"]),
+        (
+            "share/ament_index/resource_index/package_run_dependencies",
+            ["resource/package_run_dependencies/tf2_ros_cython"],
+        ),
+        ("share/tf2_ros_cython", ["package.xml", "resource/package.dsv"]),
+        ("share/tf2_ros_cython/hook", ["resource/packages.sh"]),
     ],
     ext_modules=modules,
-    cmdclass={"build_ext": extensions.BuildExtensions},
+    cmdclass={"build_ext": extensions.BuildExtensions, "install_lib": layout.InstallLib},
     zip_safe=False,
 )

@@ -20,7 +20,7 @@ from setuptools.build_meta import (
     prepare_metadata_for_build_wheel,
 )
 
-from . import environment, startup
+from . import environment, layout
 
 __all__ = [
     "build_editable",
@@ -42,18 +42,15 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     """
     for left in Path("build").glob("lib*"):
         shutil.rmtree(left)
-    name = build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
-    startup.add_to(Path(wheel_directory, name))
-    return name
+    layout.choose(config_settings)
+    return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
 
 
 def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
     """Build in place."""
     # This warns of folders that take precedence over an installation; here, they are the installation.
     warnings.filterwarnings("ignore", "Editable installation")
-    name = build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
-    startup.add_to(Path(wheel_directory, name))
-    return name
+    return build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
 
 
 def get_requires_for_build_wheel(config_settings=None):

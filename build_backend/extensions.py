@@ -9,7 +9,7 @@ import numpy
 from setuptools import Extension
 from setuptools.command.build_ext import build_ext
 
-from . import environment, record
+from . import environment, layout, record
 
 # No -ffast-math, because comparisons with NaN and infinity decide what is refused. No contraction into fused
 # multiply-adds, because the last bits would depend on the machine.
@@ -80,6 +80,9 @@ class BuildExtensions(build_ext):
     def copy_extensions_to_source(self):
         super().copy_extensions_to_source()
         self.copy_file(str(self._made), str(self._made.relative_to(self.build_lib)))
+        if self.editable_mode:
+            # The wheel of an editable installation has no other files of the project.
+            layout.copy_startup_files(self.get_finalized_command("install").install_lib)
 
     def _cythonize(self):
         """

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+from tf2_ros_cython._path import OLDEST_RCLPY
+
 # By the first number of rclpy's version, which increases with every release. Only texts depend on them.
 _RELEASES = {7: "Jazzy", 9: "Kilted", 10: "Lyrical"}
 # Those for which messages/ can be built; the default first.
@@ -34,6 +36,11 @@ def require_messages() -> None:
         return  # importing such an rclpy shows what is wrong with it
     spec = importlib.util.find_spec("tf2_msgs")
     at = _describe_at(running, prefix)
+    if int(running.partition(".")[0]) < OLDEST_RCLPY:
+        oldest = f"rclpy {OLDEST_RCLPY} ({_RELEASES[OLDEST_RCLPY]})"
+        raise ImportError(
+            f"tf2_ros needs {oldest} or newer, and this is rclpy {running} in {prefix}", name="rclpy"
+        )
     name = _release(running)
     distribution = "$ROS_DISTRO" if name is None else name.lower()
     if spec is None or spec.origin is None or not spec.submodule_search_locations:

@@ -11,7 +11,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import NoReturn
 
-from tf2_ros_cython import _finder, _ros
+from tf2_ros_cython import _finder, _path, _ros
 from tf2_ros_cython._ros import __version__
 
 _WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
@@ -26,8 +26,8 @@ def main(args: list[str] | None = None) -> int:
     Print which tf2 is imported, from where, and what it takes precedence over.
 
     :param args: the command line, including the name of the program. None: that of the process.
-    :return: 0 if all of our packages are in use, and those that the installation supports load; otherwise 1,
-        also if the output cannot be written.
+    :return: 0 if all of our packages are in use, and those
+        that the installation supports load; otherwise 1, also if the output cannot be written.
     """
     parser = ArgumentParser(
         "tf2_which",
@@ -64,12 +64,12 @@ def _refuse(message: str) -> NoReturn:
 def _answer() -> tuple[list[str], int]:
     """The lines to print, and the exit status."""
     lines = []
-    folders = {name: _imported_from(name) for name in (*_finder.PACKAGES, "tf2_msgs")}
+    folders = {name: _imported_from(name) for name in (*_path.PACKAGES, "tf2_msgs")}
     for name, folder in folders.items():
         lines.append(f"{name}: {_describe(name, folder)}")
         for other in _others(name, folder):
             lines.append(f"    takes precedence over {other / name}")
-    are_ours = all(_is_ours(folders[name]) for name in _finder.PACKAGES)
+    are_ours = all(_is_ours(folders[name]) for name in _path.PACKAGES)
     failure = _import_failure() if are_ours else None
     if failure is not None:
         lines.append(f"does not load: {failure}")
@@ -91,12 +91,15 @@ def _imported_from(name: str) -> Path | None:
 
 
 def _is_ours(folder: Path | None) -> bool:
-    return folder is not None and (folder / "tf2_ros_cython" / "which.py").is_file()
+    if folder is None:
+        return False
+    # In a checkout, or a flat installation, both are in one folder.
+    return folder.parts[-2:] == _path.PARTS or (folder / _path.PARTS[0] / "which.py").is_file()
 
 
 def _import_failure() -> str | None:
     """Why one of our packages does not load, or None. Without ROS 2, two of them load."""
-    for name in _finder.PACKAGES if _ros.has_rclpy() else _WITHOUT_ROS:
+    for name in _path.PACKAGES if _ros.has_rclpy() else _WITHOUT_ROS:
         try:
             importlib.import_module(name)
         except ImportError as error:
@@ -106,7 +109,7 @@ def _import_failure() -> str | None:
 
 def _describe(name: str, folder: Path | None) -> str:
     if folder is None:
-        return "not found"
+        return f"not found; {_not_arranged()}" if name != "tf2_msgs" and not _is_arranged() else "not found"
     if name == "tf2_msgs":
         release = _ros.messages_release(folder / name)
         whose = f"tf2-ros-cython's, for {release}" if release else "the environment's"
@@ -117,15 +120,16 @@ def _describe(name: str, folder: Path | None) -> str:
 
 
 def _why_not(name: str, folder: Path) -> str:
-    prefix = _finder.distribution_prefix()
-    if prefix is None:
-        return "it comes first on the path"
-    if not folder.resolve().is_relative_to(Path(prefix).resolve()):
-        return "a workspace or a folder of your own, which takes precedence over ours"
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "TF2_ROS_CYTHON=0 is set"
-    if not _finder_is_active():
-        return "no finder of tf2-ros-cython is active; install it into this Python with pip"
+    if _path.refused_rclpy() is not None:
+        return _finder.unknown_rclpy()
+    prefix = _path.distribution_prefix()
+    is_of_workspace = prefix is not None and not _path.lies_in(str(folder), prefix)
+    if is_of_workspace and str(folder) != _path.SITE:
+        return "a workspace or a folder of your own, which takes precedence over ours"
+    if not _is_arranged():
+        return _not_arranged()
     return "a package that it builds on is from a workspace"
 
 
@@ -140,21 +144,32 @@ def _others(name: str, folder: Path | None) -> list[Path]:
     return found
 
 
-def _finder_is_active() -> bool:
-    return _finder.Finder in sys.meta_path
+def _is_arranged() -> bool:
+    return _finder.Finder in sys.meta_path or (_path.HOME != _path.SITE and _path.HOME in sys.path)
+
+
+def _not_arranged() -> str:
+    if _path.HOME == _path.SITE:
+        return "no finder of tf2-ros-cython is active; install it into this Python with pip"
+    return (
+        f"this Python did not read {_path.SITE}/tf2_ros_cython.pth when it started, because that folder "
+        f"is not its site-packages; add {_path.HOME} to PYTHONPATH"
+    )
 
 
 def _precedence() -> str:
-    if "AMENT_PREFIX_PATH" not in os.environ:
-        return "the order of the path; no ROS 2 is sourced"
     if os.environ.get("TF2_ROS_CYTHON") == "0":
-        return "the order of the path; TF2_ROS_CYTHON=0 turns the finder off"
-    if not _finder_is_active():
-        return "the order of the path; this Python has no finder of a pip install"
-    prefix = _finder.distribution_prefix()
-    if prefix is None:
+        return "the order of the path; TF2_ROS_CYTHON=0 is set"
+    if _path.refused_rclpy() is not None:
+        return f"any other tf2 before ours; {_finder.unknown_rclpy()}"
+    if not _is_arranged():
+        return f"the order of the path; {_not_arranged()}"
+    prefix = _path.distribution_prefix()
+    if prefix is not None:
+        return f"ours before the distribution's in {prefix}; a workspace's before ours"
+    if "AMENT_PREFIX_PATH" in os.environ:
         return "the order of the path; AMENT_PREFIX_PATH names no prefix that holds rclpy"
-    return f"ours before the distribution's in {prefix}; a workspace's before ours"
+    return "the order of the path; no ROS 2 is sourced"
 
 
 def _receiver(are_ours: bool, failure: str | None) -> str:

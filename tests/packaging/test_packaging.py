@@ -8,7 +8,7 @@ import tarfile
 import zipfile
 
 import pytest
-from installing import Prefix, backend_at, build, checkout_copy, messages_copy, sourced, unsourced
+from installing import OURS, Prefix, backend_at, build, checkout_copy, messages_copy, sourced, unsourced
 from packaging.requirements import Requirement
 from paths import ROOT
 from processes import output_of, run
@@ -94,17 +94,21 @@ def test_wheel_holds_the_same_wherever_it_is_built(tmp_path):
         with zipfile.ZipFile(made) as opened:
             held.append({entry: opened.read(entry) for entry in opened.namelist()})
     assert held[0] == held[1] == held[2]
-    assert "tf2_py/__init__.py" in held[0]
-    assert "tf2_py/gone.py" not in held[0]
+    assert "tf2_ros_cython/packages/tf2_py/__init__.py" in held[0]
+    assert not [name for name in held[0] if name.endswith("gone.py")]
     # Neither tf2_msgs nor anything of the tools, of the tests or of the build.
-    folders = {name.partition("/")[0] for name in held[0] if "/" in name}
-    assert {name for name in folders if not name.startswith("tf2_ros_cython-")} == {
-        "tf2_geometry_msgs",
-        "tf2_py",
-        "tf2_ros",
-        "tf2_ros_cython",
-        "tf2_sensor_msgs",
-    }
+    assert first_parts(held[0]) == {"tf2_ros_cython", "tf2_ros_cython.pth", "tf2_ros_cython.start"}
+    inner = {name.split("/")[2] for name in held[0] if name.startswith("tf2_ros_cython/packages/")}
+    assert inner == {*OURS}
+    made = build("build_backend.build_wheel", project, tmp_path / "flat", {"layout": "flat"})
+    with zipfile.ZipFile(made) as opened:
+        assert first_parts(opened.namelist()) == {*first_parts(held[0]), *OURS}
+    with pytest.raises(AssertionError, match="expected layout=private or layout=flat, got layout=odd"):
+        build("build_backend.build_wheel", project, tmp_path / "odd", {"layout": "odd"})
+
+
+def first_parts(names):
+    return {name.partition("/")[0] for name in names if not name.startswith("tf2_ros_cython-")}
 
 
 @pytest.mark.parametrize("package", ["tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs"])

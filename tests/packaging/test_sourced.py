@@ -5,13 +5,15 @@ import shutil
 import sys
 import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import installing
 import numpy
 import pytest
-from installing import INDEX, OURS, SITE, Prefix, sourced, unsourced
+from installing import INDEX, OURS, PACKAGES, SITE, Prefix, sourced, unsourced
+from processes import run
 from sources import PYPROJECT
-from workspaces import Installation, Workspace, distribution_with_tf2
+from workspaces import OWNERS, Installation, Workspace, add_tf2_ros_py, distribution_with_tf2
 
 pytestmark = [
     pytest.mark.ours,
@@ -45,14 +47,14 @@ def ros(made):
 @pytest.fixture(scope="module")
 def in_venv(made, wheel):
     python = installing.new_venv(made / "venv", wheel)
-    return Installation(python, made / "venv" / SITE)
+    return Installation(python, made / "venv" / PACKAGES)
 
 
 @pytest.fixture(scope="module")
 def of_user(made, wheel):
     python, base = Path(sys._base_executable), str(made / "user")
     installing.pip_install(python, wheel, "--user", "--break-system-packages", PYTHONUSERBASE=base)
-    return Installation(python, made / "user" / SITE, PYTHONUSERBASE=base)
+    return Installation(python, made / "user" / PACKAGES, PYTHONUSERBASE=base)
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +75,32 @@ def linked(made, ros):
     return Workspace(made / "linked", ros, "--symlink-install")
 
 
+@pytest.fixture(scope="module")
+def merged(made, ros):
+    """With tf2's own packages in the same folder."""
+    return Workspace(made / "merged", ros, "--merge-install", packages=add_tf2_ros_py)
+
+
+@pytest.fixture(scope="module")
+def system(made, wheel):
+    """What a Debian package of this project holds; `wheel` has built it."""
+    return installing.setup_install(made / "project", made / "system", "/opt/ros/jazzy")
+
+
+@pytest.fixture
+def conda(tmp_path, wheel, ros):
+    """ROS 2 and its tf2 in the folder of all packages of a Python, and ours, installed there by pip."""
+    python = installing.new_venv(tmp_path / "conda")
+    prefix = tmp_path / "conda"
+    for entry in (ros.path / SITE).iterdir():
+        copied = shutil.copytree if entry.name in OURS else lambda source, link: link.symlink_to(source)
+        copied(entry, prefix / SITE / entry.name)
+    (prefix / "share").symlink_to(ros.path / "share")
+    installing.pip_install(python, wheel)
+    libraries = sourced(ros)["LD_LIBRARY_PATH"]
+    return Installation(python, prefix / PACKAGES, LD_LIBRARY_PATH=libraries)
+
+
 def each_of(*names):
     """A fixture that is each of these."""
     return pytest.fixture(params=names)(lambda request: request.getfixturevalue(request.param))
@@ -80,7 +108,7 @@ def each_of(*names):
 
 installation = each_of("in_venv", "of_user", "editable")
 workspace = each_of("colcon", "linked")
-anywhere = each_of("in_venv", "of_user", "editable", "colcon", "linked")
+anywhere = each_of("in_venv", "of_user", "editable", "colcon", "linked", "merged")
 
 
 def all_of(owner, **others):
@@ -93,6 +121,121 @@ def messages_of(prefix):
 
 def test_ours_precedes_the_distributions_but_for_the_messages(anywhere, ros):
     assert anywhere.owners(sourced(ros)) == all_of("ours", tf2_msgs=messages_of(ros))
+
+
+@pytest.mark.parametrize("is_activated", [False, True], ids=["plain", "activated"])
+def test_beside_tf2_in_one_folder_ours_is_first_and_tf2_stays(conda, is_activated):
+    prefix = str(conda.home.parents[4])
+    environment = {**unsourced(), **({"AMENT_PREFIX_PATH": prefix} if is_activated else {})}
+    messages = str(conda.home.parents[1] / "tf2_msgs")
+    assert conda.owners(environment) == all_of("ours", tf2_msgs=messages)
+    theirs = all_of("distribution", tf2_msgs=messages)
+    assert conda.owners({**environment, "TF2_ROS_CYTHON": "0"}) == theirs
+    installing.pip_uninstall(conda.python, "tf2-ros-cython")
+    assert conda.owners(environment) == theirs
+    assert not list(conda.home.parents[1].glob("tf2_ros_cython*"))
+
+
+@pytest.mark.skipif(shutil.which("dpkg-deb") is None, reason="there are no Debian packages here")
+def test_a_debian_package_is_installed_beside_that_of_tf2(system, tmp_path):
+    theirs = tmp_path / "theirs"
+    Prefix(theirs / "opt" / "ros" / "jazzy").add_stubs("distribution", *OURS)
+    ours = shutil.copytree(system.parents[2], tmp_path / "ours")
+    packages = [
+        installing.debian_package(tmp_path / f"{name}.deb", name, tree)
+        for name, tree in (("ros-jazzy-tf2-ros-py", theirs), ("ros-jazzy-tf2-ros-cython", ours))
+    ]
+    installing.debian_install(tmp_path / "root", *packages)
+    site = tmp_path / "root" / "opt" / "ros" / "jazzy" / SITE
+    assert (site / "tf2_ros" / "__init__.py").read_text() == "OWNER = 'distribution'\n"
+    assert (site / "tf2_ros_cython" / "packages" / "tf2_ros" / "__init__.py").is_file()
+
+
+@pytest.mark.parametrize("shell", ["sh", "bash", "zsh"])
+@pytest.mark.parametrize(("value", "expected"), [("", "ours"), ("0", "distribution")])
+def test_the_setup_files_of_a_prefix_put_it_first(system, ros, tmp_path, shell, value, expected):
+    if shutil.which(shell) is None:
+        pytest.skip(f"there is no {shell}")
+    python = installing.new_venv(tmp_path / "venv")
+    hook = '. "$AMENT_CURRENT_PREFIX/share/tf2_ros_cython/hook/packages.sh"'
+    script = f'{hook}; {hook}; echo "$PYTHONPATH"; exec {python} -S -c "$1"'
+    environment = sourced(ros, AMENT_CURRENT_PREFIX=str(system), TF2_ROS_CYTHON=value)
+    environment["PYTHONPATH"] = f"{system / SITE}{os.pathsep}{environment['PYTHONPATH']}"
+    started = run(shell, "-uc", script, "-", OWNERS, env=environment, cwd="/")
+    path, *lines = started.stdout.splitlines()
+    assert started.returncode == 0, started.stderr
+    first = [] if value else [str(system / PACKAGES)]
+    assert path.split(":") == [*first, *environment["PYTHONPATH"].split(":")]
+    owners = dict(line.split() for line in lines)
+    where = str(system / PACKAGES / "tf2_ros") if expected == "ours" else expected
+    assert owners["tf2_ros"] == where
+
+
+def test_the_tools_of_ros_know_what_must_be_sourced_before(system):
+    marker = (system / INDEX).with_name("package_run_dependencies") / "tf2_ros_cython"
+    depends = ElementTree.parse(system / "share" / "tf2_ros_cython" / "package.xml").findall("depend")
+    assert marker.read_text().split(";") == [one.text for one in depends]
+
+
+class TestWhereNoStartupFileIsRead:
+    def test_it_tells_which_folder_the_path_lacks(self, wheel, ros, tmp_path):
+        python = installing.new_venv(tmp_path / "venv")
+        installing.pip_install(python, wheel, "--target", str(tmp_path / "target"))
+        other = Installation(python, tmp_path / "target" / "tf2_ros_cython" / "packages")
+        environment = sourced(ros)
+        environment["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'target'}"
+        told = other.run(environment, "-m", "tf2_ros_cython")
+        assert told.returncode == 1
+        assert f"; add {other.home} to PYTHONPATH" in told.stdout
+        environment["PYTHONPATH"] = f"{other.home}{os.pathsep}{environment['PYTHONPATH']}"
+        assert other.owners(environment) == all_of("ours", tf2_msgs=messages_of(ros))
+        assert other.run(environment, "-m", "tf2_ros_cython").returncode == 0
+
+
+class TestUnknownRclpy:
+    def test_the_distributions_tf2_is_used_and_it_is_said_once(self, in_venv, ros, tmp_path):
+        newer = rclpy_of(tmp_path / "newer", "99.1.2")
+        environment = sourced(newer, ros)
+        ended = in_venv.run(environment, "-c", "import tf2_ros, tf2_geometry_msgs; print(tf2_ros.OWNER)")
+        assert (ended.returncode, ended.stdout) == (0, "distribution\n")
+        assert ended.stderr.count("tf2-ros-cython steps aside: ") == 1
+        assert "and this ROS 2 has 99.1.2" in ended.stderr
+        told = in_venv.run(environment, "-m", "tf2_ros_cython")
+        assert told.returncode == 1
+        assert "and this ROS 2 has 99.1.2" in told.stdout
+        quiet = in_venv.run({**environment, "TF2_ROS_CYTHON": "0"}, "-c", "import tf2_ros")
+        assert (quiet.returncode, quiet.stderr) == (0, "")
+
+    def test_a_variable_tries_it(self, in_venv, ros, tmp_path):
+        newer = rclpy_of(tmp_path / "newer", "99.1.2")
+        found = in_venv.owners(sourced(newer, ros, TF2_ROS_CYTHON="1"))
+        assert found == all_of("ours", tf2_msgs=messages_of(ros))
+
+    def test_an_old_one_is_named_where_there_is_no_other_tf2(self, in_venv, ros, tmp_path):
+        older = rclpy_of(tmp_path / "older", "1.0.6")
+        (older.path / SITE / "rclpy").mkdir()
+        (older.path / SITE / "rclpy" / "__init__.py").touch()
+        refused = in_venv.run(sourced(older, ros, TF2_ROS_CYTHON="1"), "-c", "import tf2_ros")
+        assert "ImportError: tf2_ros needs rclpy " in refused.stderr
+        assert "this is rclpy 1.0.6 in " in refused.stderr
+
+
+def rclpy_of(path, version):
+    """An overlay whose rclpy has a version, and no modules."""
+    prefix = Prefix(path).mark("rclpy")
+    (prefix.path / "share" / "rclpy").mkdir()
+    (prefix.path / "share" / "rclpy" / "package.xml").write_text(f"<version>{version}</version>")
+    return prefix
+
+
+@pytest.mark.parametrize("checker", ["mypy", "pyright"])
+@pytest.mark.parametrize("is_sourced", [False, True], ids=["plain", "sourced"])
+def test_type_checkers_find_ours(in_venv, ros, tmp_path, checker, is_sourced):
+    (tmp_path / "program.py").write_text("import tf2_ros\nreveal_type(tf2_ros.Buffer)\n")
+    python = {"mypy": "--python-executable", "pyright": "--pythonpath"}[checker]
+    command = [sys.executable, "-m", checker, python, in_venv.python, "program.py"]
+    checked = run(*command, cwd=tmp_path, env=sourced(ros) if is_sourced else unsourced())
+    assert {"mypy": "-> tf2_ros.buffer.Buffer", "pyright": '"type[Buffer]"'}[checker] in checked.stdout
 
 
 def test_one_package_is_built_and_it_has_none_of_tf2s_names(workspace):
@@ -125,7 +268,10 @@ def test_nothing_is_loaded_at_the_start_but_where_a_ros_is_sourced(installation,
     assert installation.run(unsourced(), "-c", STARTED).stdout.split() == []
     assert installation.run(sourced(ros, TF2_ROS_CYTHON="0"), "-c", STARTED).stdout.split() == []
     loaded = installation.run(sourced(ros), "-c", STARTED).stdout.split()
-    assert loaded == ["tf2_ros_cython", "tf2_ros_cython._finder"]
+    finder = [] if installation.home.name == "packages" else ["tf2_ros_cython._finder"]
+    assert sorted(loaded) == sorted(
+        [*(f"tf2_ros_cython{one}" for one in ("", "._path", "._startup")), *finder]
+    )
 
 
 @pytest.mark.parametrize(
@@ -171,7 +317,8 @@ class TestWhich:
         lines = ended.stdout.splitlines()
         for name in OURS:
             place = lines.index(f"{name}: tf2-ros-cython, {anywhere.home / name}")
-            assert lines[place + 1] == f"    takes precedence over {ros.path / SITE / name}"
+            # The first may be that of the same workspace.
+            assert f"    takes precedence over {ros.path / SITE / name}" in lines[place + 1 : place + 3]
         assert f"tf2_msgs: the environment's, {messages_of(ros)}" in lines
         assert "receiver: in use; listeners need no executor" in lines
         assert any(line.startswith("ROS 2: Jazzy (rclpy 7.") for line in lines)

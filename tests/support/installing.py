@@ -15,6 +15,7 @@ from processes import output_of
 
 OURS = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
 SITE = Path("lib", f"python{sys.version_info.major}.{sys.version_info.minor}", "site-packages")
+PACKAGES = SITE / "tf2_ros_cython" / "packages"
 PIP_INSTALL = ("install", "--quiet", "--no-deps", "--no-index")
 BUILT = ("*.so", "*.egg-info", "__pycache__", "_built.py", "_release.py", "build")
 INDEX = Path("share", "ament_index", "resource_index", "packages")
@@ -79,6 +80,13 @@ def build(hook, project, target, settings=None, environment=None):
     program = f"import {module} as of; print(of.{function}"
     program += f"({str(target)!r}, {settings!r}))"
     return target / output_of("-c", program, cwd=project, env=environment).split()[-1]
+
+
+def setup_install(project, root, prefix):
+    """Run `setup.py install`, as for a Debian package of ROS; return where the prefix is."""
+    command = ["setup.py", "-q", "install", "--root", str(root), "--prefix", prefix]
+    output_of(*command, "--install-lib", f"{prefix}/{SITE}", cwd=project)
+    return Path(root, prefix.lstrip("/"))
 
 
 class Prefix:
@@ -157,6 +165,29 @@ def new_venv(path, wheel=None):
 def pip_install(python, wheel, *options, **environment):
     command = [sys.executable, "-m", "pip", "--python", python, *PIP_INSTALL]
     subprocess.run([*command, *options, wheel], env={**unsourced(), **environment}, check=True)
+
+
+def pip_uninstall(python, name):
+    command = [sys.executable, "-m", "pip", "--python", python, "uninstall", "--quiet", "--yes", name]
+    subprocess.run(command, env=unsourced(), check=True)
+
+
+def debian_package(path, name, tree):
+    """Make a .deb of a tree of files, and return its path."""
+    (tree / "DEBIAN").mkdir()
+    control = f"Package: {name}\nVersion: 1\nArchitecture: all\nMaintainer: tests <tests@example.org>\n"
+    (tree / "DEBIAN" / "control").write_text(f"{control}Description: test\n")
+    subprocess.run(["dpkg-deb", "--root-owner-group", "--build", tree, path], check=True, capture_output=True)
+    return path
+
+
+def debian_install(root, *packages):
+    """Install .debs into a system of their own."""
+    for folder in ("updates", "info", "triggers"):
+        (root / "var" / "lib" / "dpkg" / folder).mkdir(parents=True, exist_ok=True)
+    (root / "var" / "lib" / "dpkg" / "status").touch()
+    command = ["dpkg", f"--root={root}", "--force-not-root", "--force-script-chrootless", "--install"]
+    subprocess.run([*command, *packages], check=True, capture_output=True, text=True)
 
 
 def link_libraries(folder, *requirements):

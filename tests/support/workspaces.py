@@ -5,7 +5,7 @@ import sysconfig
 from pathlib import Path
 
 import installing
-from installing import OURS, SITE, sourced
+from installing import OURS, PACKAGES, SITE, sourced
 from processes import run
 
 # Prints whose each package is.
@@ -22,6 +22,27 @@ def distribution_with_tf2(path):
     prefix = installing.distribution(path).add_stubs("distribution", *OURS)
     installing.copy_messages(prefix.path / SITE, "_release.py")
     return prefix.mark("tf2_msgs")
+
+
+def add_tf2_ros_py(checkout):
+    """Put a package of tf2's own Python packages beside a checkout in a workspace."""
+    folder = checkout.with_name("tf2_ros_py")
+    for name in OURS:
+        (folder / name).mkdir(parents=True)
+        (folder / name / "__init__.py").write_text("OWNER = 'workspace'\n")
+    (folder / "package.xml").write_text(
+        "<package format='3'><name>tf2_ros_py</name><version>1.0.0</version>"
+        "<description/><license>BSD</license>"
+        "<maintainer email='tests@example.org'>tests</maintainer>"
+        "<export><build_type>ament_python</build_type></export></package>"
+    )
+    (folder / "tf2_ros_py").touch()
+    (folder / "setup.py").write_text(
+        "from setuptools import setup\n"
+        f"setup(name='tf2_ros_py', version='1.0.0', packages={list(OURS)}, data_files=["
+        "('share/ament_index/resource_index/packages', ['tf2_ros_py']), "
+        "('share/tf2_ros_py', ['package.xml'])])\n"
+    )
 
 
 class Installation:
@@ -47,7 +68,8 @@ class Workspace(Installation):
 
     def __init__(self, path, ros, *options, packages=None):
         """:param packages: called with the folder of the checkout, to put more beside it."""
-        self.path, self.prefix = path, path / "install" / "tf2_ros_cython"
+        self.path, is_merged = path, "--merge-install" in options
+        self.prefix = path / "install" if is_merged else path / "install" / "tf2_ros_cython"
         self.source, build = path / "src" / "tf2-ros-cython", path / "build" / "tf2_ros_cython"
         installing.checkout_copy(self.source)
         installing.reuse_builds(build)
@@ -56,7 +78,8 @@ class Workspace(Installation):
         colcon = Path(sysconfig.get_path("scripts"), "colcon")
         environment = installing.unoptimised(path, sourced(ros))
         subprocess.run([colcon, "build", *options], cwd=path, env=environment, check=True)
-        super().__init__(installing.new_venv(path / "venv"), build if options else self.prefix / SITE)
+        home = build if "--symlink-install" in options else self.prefix / PACKAGES
+        super().__init__(installing.new_venv(path / "venv"), home)
 
     def run(self, environment, *arguments):
         return self.start(environment, self.python, *arguments)

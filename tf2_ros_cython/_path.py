@@ -1,0 +1,76 @@
+"""
+Where this installation and a ROS 2 distribution lie, and whether they fit together.
+
+Python reads this when it starts, so it imports only what Python has already loaded.
+"""
+
+import os
+import sys
+
+TYPE_CHECKING = False  # to type checkers it is True; `typing` is not imported for it
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+# In the order of their layers: each of ours builds on ours of the layers before it.
+PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
+
+# The folder into which this installation was put, beside all other packages.
+SITE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+# Ours have a folder of their own. In a checkout, or by `-C layout=flat`, they have not.
+PARTS = ("tf2_ros_cython", "packages")
+FOLDER = os.path.join(SITE, *PARTS)
+HOME = FOLDER if os.path.isdir(FOLDER) else SITE
+
+# The rclpy that tf2_ros works with, by the first number of its version: of Humble to Rolling.
+OLDEST_RCLPY, NEWEST_RCLPY = 7, 11
+
+_RCLPY_MARKER = os.path.join("share", "ament_index", "resource_index", "packages", "rclpy")
+
+
+def refused_rclpy(environ: "Mapping[str, str]" = os.environ) -> str | None:
+    """
+    The version of the rclpy in use, if it is one that tf2_ros was never tried with; otherwise None.
+
+    ``TF2_ROS_CYTHON=1`` tries it.
+    """
+    if environ.get("TF2_ROS_CYTHON") == "1":
+        return None
+    for prefix in (*environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix):
+        try:
+            with open(os.path.join(prefix, "share", "rclpy", "package.xml"), encoding="utf-8") as file:
+                version = file.read().partition("<version>")[2].partition("<")[0].strip()
+        except OSError:
+            continue
+        major = version.partition(".")[0]
+        is_known = major.isdigit() and OLDEST_RCLPY <= int(major) <= NEWEST_RCLPY
+        return None if is_known else version
+    return None
+
+
+def distribution_prefix(environ: "Mapping[str, str]" = os.environ) -> str | None:
+    """
+    The folder in which the ROS 2 distribution is installed: the lowest one that holds rclpy.
+
+    So a workspace above it with an rclpy of its own still counts as a workspace. A distribution built with
+    colcon may have a folder for each package; then this is the folder that contains them.
+    """
+    for prefix in reversed(environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        if prefix and os.path.isfile(os.path.join(prefix, _RCLPY_MARKER)):
+            parent = os.path.dirname(os.path.abspath(prefix))
+            return parent if _is_isolated(parent) else os.path.abspath(prefix)
+    return None
+
+
+def _is_isolated(folder: str) -> bool:
+    try:
+        with open(os.path.join(folder, ".colcon_install_layout"), encoding="utf-8") as file:
+            return file.read().strip() == "isolated"
+    except OSError:
+        return False
+
+
+def lies_in(folder: str | None, prefix: str | None) -> bool:
+    """Whether a folder is below a prefix."""
+    if folder is None or prefix is None:
+        return False
+    return os.path.realpath(folder).startswith(os.path.join(os.path.realpath(prefix), ""))

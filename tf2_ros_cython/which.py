@@ -11,7 +11,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import NoReturn
 
-from tf2_ros_cython import _finder, _path, _ros
+from tf2_ros_cython import _finder, _path, _programs, _ros
 from tf2_ros_cython._ros import __version__
 
 _WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
@@ -26,14 +26,15 @@ def main(args: list[str] | None = None) -> int:
     Print which tf2 is imported, from where, and what it takes precedence over.
 
     :param args: the command line, including the name of the program. None: that of the process.
-    :return: 0 if all of our packages are in use, and those
+    :return: 0 if all of our packages are in use, also in the programs of the sourced workspaces, and those
         that the installation supports load; otherwise 1, also if the output cannot be written.
     """
     parser = ArgumentParser(
         "tf2_which",
         description="Print which tf2 a Python program that is started like this one imports, from\n"
-        "where, and whether it loads. Exit status: 0 if the packages are\n"
-        "tf2-ros-cython's and load, otherwise 1.",
+        "where, and whether it loads, and which programs of the sourced workspaces\n"
+        "import another one. Exit status: 0 if the packages are tf2-ros-cython's and\n"
+        "load, in those programs, too; otherwise 1.",
         epilog="example:\n  tf2_which",
         formatter_class=RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -74,12 +75,15 @@ def _answer() -> tuple[list[str], int]:
     if failure is not None:
         lines.append(f"does not load: {failure}")
     lines.append(f"precedence: {_precedence()}")
+    strays = _programs.strays() if are_ours else {}
+    for python, (imported, programs) in strays.items():
+        lines.append(f"programs: {_describe_strays(python, imported, programs)}")
     lines.append(f"receiver: {_receiver(are_ours, failure)}")
     lines.append(f"ROS 2: {_running_ros()}")
     if importlib.util.find_spec("tf2_ros_tools") is None:
         lines.append(f"tools: {_TOOLS_ADVICE}")
     lines.append(f"version: {_versions(folders['tf2_msgs'])}")
-    return lines, 0 if are_ours and failure is None else 1
+    return lines, 0 if are_ours and failure is None and not strays else 1
 
 
 def _imported_from(name: str) -> Path | None:
@@ -142,6 +146,15 @@ def _others(name: str, folder: Path | None) -> list[Path]:
             if folder is not None and other.resolve() != folder.resolve() and other not in found:
                 found.append(other)
     return found
+
+
+def _describe_strays(python: str, imported: str, programs: list[Path]) -> str:
+    some = ", ".join(map(str, programs[:2])) + (f" and {len(programs) - 2} more" if programs[2:] else "")
+    return (
+        f"{some} start {python}, where tf2_ros is {imported}; build them with this Python, by "
+        f"{sys.executable} -m colcon build; or, unless it is for --symlink-install, add [build_scripts] "
+        "executable=/usr/bin/env python3 to their setup.cfg"
+    )
 
 
 def _is_arranged() -> bool:

@@ -311,6 +311,22 @@ def test_a_python_whose_checkout_is_gone_starts_in_silence(editable, made, ros):
 
 
 class TestWhich:
+    @pytest.mark.parametrize("is_same", [False, True], ids=["another", "the_same"])
+    def test_it_names_programs_that_another_python_starts(self, in_venv, ros, tmp_path, is_same):
+        overlay = Prefix(tmp_path / "overlay")
+        program = overlay.path / "lib" / "my_robot" / "scan_pose"
+        program.parent.mkdir()
+        named = "/usr/bin/env python3" if is_same else sys._base_executable
+        program.write_text(f"#!{named}\nimport tf2_ros\n")
+        environment = sourced(overlay, ros)
+        environment["PATH"] = f"{in_venv.python.parent}{os.pathsep}{environment['PATH']}"
+        ended = in_venv.run(environment, "-m", "tf2_ros_cython")
+        told = [line for line in ended.stdout.splitlines() if line.startswith("programs: ")]
+        assert (ended.returncode, len(told)) == ((0, 0) if is_same else (1, 1))
+        if told:
+            theirs = ros.path / SITE / "tf2_ros" / "__init__.py"
+            assert told[0].startswith(f"programs: {program} start {named}, where tf2_ros is {theirs}; ")
+
     def test_it_tells_what_is_imported_and_before_what(self, anywhere, ros):
         ended = anywhere.run(sourced(ros), "-m", "tf2_ros_cython")
         assert ended.returncode == 0, ended.stderr

@@ -315,8 +315,32 @@ cdef int _get_bytes(object data, Py_buffer* view) except -1:
         PyBuffer_Release(view)
     except (BufferError, TypeError, ValueError):    # not a buffer, or not of contiguous bytes
         pass
-    PyObject_GetBuffer(byte_array("B", data), view, PyBUF_C_CONTIGUOUS)
+    PyObject_GetBuffer(_copied(data), view, PyBUF_C_CONTIGUOUS)
     return 0
+
+
+cdef object _copied(object data):
+    # Lyrical's rosidl_buffer.Buffer, for the memory of a device, is neither a buffer nor iterable.
+    if hasattr(data, "to_bytes") and not isinstance(data, int):
+        return data.to_bytes()
+    try:
+        iter(data)
+    except TypeError:
+        raise TypeError(
+            f"data: expected bytes or uint8 numbers, got {type(data).__name__}: copy it to main memory, for "
+            "example into an array.array('B')"
+        ) from None
+    return byte_array("B", data)
+
+
+def as_bytes(data):
+    """Return the ``data`` of a cloud, or a copy if that is not a buffer of contiguous bytes."""
+    cdef Py_buffer view
+    _get_bytes(data, &view)
+    try:
+        return <object>view.obj
+    finally:
+        PyBuffer_Release(&view)
 
 
 cdef dict _fields_by_name(object cloud):

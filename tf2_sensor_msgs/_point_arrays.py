@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
+from tf2_sensor_msgs._cloud import as_bytes
+
 _KINDS = {
     PointField.INT8: "i1",
     PointField.UINT8: "u1",
@@ -60,7 +62,7 @@ def read_points(
     """
     assert isinstance(cloud, PointCloud2), "a sensor_msgs/PointCloud2 is wanted"
     dtype = _dtype(cloud.fields, cloud.point_step, ">" if cloud.is_bigendian else "<")
-    points = np.ndarray((cloud.width * cloud.height,), dtype, np.asarray(cloud.data, np.uint8))
+    points = np.ndarray((cloud.width * cloud.height,), dtype, as_bytes(cloud.data))
     if field_names is not None:
         wanted = list(field_names)
         assert set(wanted) <= set(dtype.names or ()), f"of {wanted} the cloud has only {dtype.names}"

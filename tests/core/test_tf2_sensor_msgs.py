@@ -15,12 +15,14 @@ from geometry_msgs.msg import Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from leaks import assert_nothing_is_left
-from making import stamp_ns, transform
+from making import S, stamp_ns, transform
 from numpy.testing import assert_allclose
 from random_messages import Maker, transforms
 from sensor_msgs.msg import Imu, PointCloud2, PointField
 
 import tf2_sensor_msgs as tf2
+from tf2_py import BufferCore
+from tf2_sensor_msgs._point_arrays import read_points
 
 pytestmark = pytest.mark.ours
 
@@ -98,6 +100,29 @@ def test_many_points_become_what_each_of_them_becomes(t, names):
     assert got.data.tobytes() == b"".join(each)
 
 
+class DeviceBuffer:
+    """
+    What Lyrical's ``rosidl_buffer.Buffer`` offers, which stands for bytes in the memory of a device.
+
+    rclpy puts one in place of the array if the publisher of a message shares such memory. It has no buffer
+    protocol, no iteration and no index.
+    """
+
+    __slots__ = ("_device",)
+    __hash__ = None
+    backend_type = "cuda"
+    is_cpu = False
+
+    def __init__(self, data):
+        self._device = bytes(data)
+
+    def to_bytes(self):
+        return self._device
+
+    def __len__(self):
+        return len(self._device)
+
+
 WAYS = {
     "array.array": lambda data: data,
     "bytes": bytes,
@@ -106,19 +131,58 @@ WAYS = {
     "ndarray with strides": lambda data: np.repeat(np.frombuffer(data, np.uint8), 2)[::2],
     "list": list,
     "tuple": tuple,
+    "rosidl_buffer": DeviceBuffer,
 }
+# The class of messages checks what is assigned, and an older one does not know that buffer.
+ASSIGNED = [way for way in WAYS if way != "rosidl_buffer"]
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_data_may_come_in_every_form(cloud, t, way):
     wanted = tf2.do_transform_cloud(cloud, t)
     data = WAYS[way](cloud.data)
-    cloud.data = data  # what rosidl makes of it
-    assert tf2.do_transform_cloud(cloud, t) == wanted
+    if way in ASSIGNED:
+        cloud.data = data  # what rosidl makes of it
+        assert tf2.do_transform_cloud(cloud, t) == wanted
     cloud._data = data  # the thing itself
     assert tf2.do_transform_cloud(cloud, t) == wanted
     fields = {name: getattr(cloud, name) for name in PointCloud2.get_fields_and_field_types()}
     assert tf2.do_transform_cloud(SimpleNamespace(**fields), t) == wanted
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_data_in_every_form_is_read_and_deskewed(cloud, way):
+    buffer = BufferCore()
+    buffer.set_transform_static(transform("map", "base", 0, (1, 2, 3)), "test")
+    times = np.full(cloud.width * cloud.height, S)
+    points, moved = read_points(cloud), tf2.deskew(cloud, buffer, "map", times=times)
+    cloud._data = WAYS[way](cloud.data)
+    assert (read_points(cloud) == points).all()
+    assert tf2.deskew(cloud, buffer, "map", times=times) == moved
+
+
+class Elsewhere:
+    """Neither bytes, nor numbers, nor a way to get them."""
+
+    def __len__(self):
+        return 12
+
+
+@pytest.mark.parametrize("data", [None, 5, Elsewhere(), 0.5, object()], ids=lambda data: type(data).__name__)
+@pytest.mark.parametrize("call", ["do_transform_cloud", "deskew", "read_points"])
+def test_data_that_cannot_be_read_is_named_with_what_to_do(cloud, t, call, data):
+    calls = {
+        "do_transform_cloud": lambda: tf2.do_transform_cloud(cloud, t),
+        "deskew": lambda: tf2.deskew(cloud, BufferCore(), "map", times=np.full(60, S)),
+        "read_points": lambda: read_points(cloud),
+    }
+    cloud._data = data
+    with pytest.raises(TypeError) as raised:
+        calls[call]()
+    assert str(raised.value) == (
+        f"data: expected bytes or uint8 numbers, got {type(data).__name__}: copy it to main memory, for "
+        "example into an array.array('B')"
+    )
 
 
 def spoil(cloud, **changes):

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import re
 import shlex
 import shutil
 import sys
@@ -29,12 +30,17 @@ def refuse_other_cython():
         version = importlib.import_module("Cython").__version__
     except ImportError:
         version = None
-    if version is None or version.split(".")[:2] != ["3", "2"]:
+    # The oldest one is Ubuntu 24.04's.
+    if version is None or not (3, 0, 8) <= _release(version) < (3, 3):
         found = f"has {version}" if version else "has none"
         raise SystemExit(
-            f"tf2-ros-cython needs Cython 3.2, and {sys.executable} {found}: with that Python,"
-            " pip install 'Cython>=3.2,<3.3'"
+            f"tf2-ros-cython needs Cython 3.0.8 to 3.2, and {sys.executable} {found}: with that Python,"
+            " pip install 'Cython>=3.0.8,<3.3', or install cython3 of Ubuntu 24.04 or newer"
         )
+
+
+def _release(version):
+    return tuple(int(number) for number in re.findall(r"\d+", version)[:3])
 
 
 def refuse_incomplete(environ=os.environ):

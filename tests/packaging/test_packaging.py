@@ -35,17 +35,27 @@ def test_missing_compilers_are_named_with_what_to_install(tmp_path, build_of, sa
         build_of.refuse_incomplete({"PATH": str(tmp_path)})
 
 
-@pytest.mark.parametrize(
-    ("installed", "said"), [("3.1.8", "has 3.1.8"), ("3.3.0", "has 3.3.0"), (None, "has none")]
-)
-def test_another_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, installed, said):
-    if installed:
-        (tmp_path / "Cython.py").write_text(f"__version__ = {installed!r}")
-    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+def install_cython(monkeypatch, folder, version):
+    if version:
+        (folder / "Cython.py").write_text(f"__version__ = {version!r}")
+    monkeypatch.setattr(sys, "path", [str(folder)])
     monkeypatch.setitem(sys.modules, "Cython", None)  # so that what is imported now is not there afterwards
     monkeypatch.delitem(sys.modules, "Cython")
-    with pytest.raises(SystemExit, match=f"{said}: with that Python, pip install 'Cython>=3.2,<3.3'"):
+
+
+@pytest.mark.parametrize("installed", ["0.29.32", "3.0.7", "3.3.0", "3.3.0a1", "4.0", None])
+def test_another_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, installed):
+    install_cython(monkeypatch, tmp_path, installed)
+    said = f"has {installed or 'none'}: with that Python, pip install 'Cython>=3.0.8,<3.3', or install cython3"
+    with pytest.raises(SystemExit, match=said):
         environment.refuse_other_cython()
+
+
+# Of Ubuntu 24.04, Debian 13 and PyPI.
+@pytest.mark.parametrize("installed", ["3.0.8", "3.0.11", "3.0.11+dfsg", "3.1.6", "3.2.0b1", "3.2.9"])
+def test_the_cythons_of_distributions_may_build(monkeypatch, tmp_path, installed):
+    install_cython(monkeypatch, tmp_path, installed)
+    environment.refuse_other_cython()
 
 
 def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):

@@ -161,7 +161,7 @@ cdef int _read_transform(object transform, Transform* out) except -1:
     return 0
 
 
-cdef _misfit(object message, str wanted, AttributeError missing, str advice=""):
+cdef _misfit(object message, str wanted, object missing, str advice=""):
     given = f"the class {message.__name__}" if isinstance(message, type) else type(message).__name__
     return MalformedObjectError(
         f"expected {wanted} or an object with its fields, got {given}: {missing}{advice}"

@@ -648,7 +648,8 @@ cdef class Inbox(ReadHook):
     def catch_up(self):
         """Insert what has arrived, if anything has."""
         if word_load(self.pending):
-            self.drain()
+            # For its own method, Cython 3.0 passes a pointer of the wrong type, which gcc 14 refuses.
+            (<ReadHook>self).drain()
 
     def report_pending(self):
         """Do what follows from what was inserted: complete waits, and log what was refused."""

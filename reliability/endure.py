@@ -8,6 +8,7 @@ installations (`packaging`), and `.ci/run` or some of its steps in a new clone o
 
 import argparse
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -81,8 +82,20 @@ def command_of(part, clone):
     return folder, [sys.executable, *pytest, tests]
 
 
+def run(command, folder):
+    """Return the exit status of a command. All its processes end with this one."""
+    process = subprocess.Popen(command, cwd=folder, start_new_session=True)
+    try:
+        return process.wait()
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGTERM)
+            process.wait()
+
+
 def main(arguments=None):
     """Return the exit status: 0 if no run failed."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     parser = argparse.ArgumentParser(
         prog="python -m reliability.endure",
         description=__doc__,
@@ -102,7 +115,7 @@ def main(arguments=None):
             with tempfile.TemporaryDirectory(prefix="tf2-ros-cython-gate-") as place:
                 folder, command = command_of(options.part, Path(place, "clone"))
                 begin = time.monotonic()
-                status = subprocess.run([*command, *options.further], cwd=folder).returncode
+                status = run([*command, *options.further], folder)
             ends.append(status)
             took_s = time.monotonic() - begin
             print(

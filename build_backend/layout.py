@@ -14,7 +14,7 @@ from setuptools.command.install_lib import install_lib
 OWNER = "tf2_ros_cython"
 FOLDER = Path(OWNER, "packages")
 # Python reads them when it starts: they put that folder into its place on the path. The second is for 3.15.
-STARTUP_FILES = [Path(__file__).parents[1] / "resource" / f"{OWNER}{suffix}" for suffix in (".pth", ".start")]
+PTH, START = (Path(__file__).parents[1] / "resource" / f"{OWNER}{suffix}" for suffix in (".pth", ".start"))
 
 # By `-C layout=flat`: no folder of their own, for environments that do not read .pth files.
 is_flat = False
@@ -29,10 +29,17 @@ def choose(config_settings):
     is_flat = layout == "flat"
 
 
-def copy_startup_files(folder):
+def copy_startup_files(folder, *, is_editable=False):
     """Copy them into the folder of all packages, and return their paths."""
     # With their times, so that two builds of the same sources give the same wheel.
-    return [shutil.copy2(path, folder) for path in STARTUP_FILES]
+    pth = shutil.copy2(PTH, folder)
+    if is_editable or is_flat:
+        # The first line adds the folder that does not exist then, which Python 3.15 would tell at each start.
+        _, _, text = PTH.read_text(encoding="utf-8").partition("\n")
+        Path(pth).write_text(text, encoding="utf-8")
+        shutil.copystat(PTH, pth)
+    # Of an editable installation whose checkout is gone, 3.15 would tell at each start, too.
+    return [pth] if is_editable else [pth, shutil.copy2(START, folder)]
 
 
 class InstallLib(install_lib):
@@ -45,7 +52,7 @@ class InstallLib(install_lib):
         return made + copy_startup_files(self.install_dir)
 
     def get_outputs(self):
-        startup_files = [str(Path(self.install_dir, path.name)) for path in STARTUP_FILES]
+        startup_files = [str(Path(self.install_dir, path.name)) for path in (PTH, START)]
         return [*map(self._moved, super().get_outputs()), *startup_files]
 
     def _moved(self, path):

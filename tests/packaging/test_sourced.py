@@ -301,6 +301,11 @@ def test_a_distribution_may_have_a_folder_for_each_package(in_venv, ros, tmp_pat
 
 
 def test_a_python_whose_checkout_is_gone_starts_in_silence(editable, made, ros):
+    startup_files = sorted((made / "editable" / SITE).glob("tf2_ros_cython.*"))
+    assert [path.suffix for path in startup_files] == [
+        ".pth"
+    ]  # Python 3.15 tells of a .start that it cannot call
+    assert startup_files[0].read_text().startswith("import ")
     hidden = editable.home.with_name("hidden")
     editable.home.rename(hidden)
     try:

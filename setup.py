@@ -3,7 +3,16 @@
 import sys
 from pathlib import Path
 
+import setuptools
 from setuptools import find_packages, setup
+
+if int(setuptools.__version__.partition(".")[0]) < 61:
+    # Not SystemExit, which colcon ignores.
+    raise RuntimeError(
+        f"tf2-ros-cython cannot be built with setuptools {setuptools.__version__}, which does not read"
+        " [project] in pyproject.toml. The colcon of Ubuntu 22.04 uses that one: run pip install in a virtual"
+        " environment instead, as docs/installing.md describes"
+    )
 
 ROOT = Path(__file__).resolve().parent
 # setuptools runs this file without its folder on the path.

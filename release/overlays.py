@@ -18,7 +18,7 @@ from pathlib import Path
 from release import wheels
 from release.interpreters import interpreters
 
-# rclpy-<its version>-<the wheels that it is compiled with, after "on-" of a later release>-cp<Python>.tar.xz
+# rclpy-<its version>-<the wheels that it is compiled with, after "on-" of another release>-cp<Python>.tar.xz
 NAMES = re.compile(r"rclpy-(?P<version>[\d.]+)-(?:on-)?(?P<ros>\w+)-cp(?P<python>\d{3,})")
 FOLDER = wheels.ROOT.parent / "shared" / "ros"
 # Two processes for each core, as for `make test`.
@@ -41,7 +41,6 @@ def main(arguments=None):
         "--folder", type=Path, default=FOLDER, help="where the archives are; default: %(default)s"
     )
     parser.add_argument("--only", metavar="WORD", default="", help="those with this word in their names")
-    parser.add_argument("--without", metavar="WORD", help="not those with this word in their names")
     options, of_pytest = parser.parse_known_args(arguments)
     archives = sorted(options.folder.glob("rclpy-*.tar.xz"))
     print(f"{len(archives)} overlays in {options.folder}")
@@ -75,7 +74,7 @@ def _runs(found, pythons, options):
             of_it = [archive for archive, name in found if (name["python"], name["ros"]) == (python, ros)]
             for archive in (None, *of_it):
                 name = archive.name.removesuffix(".tar.xz") if archive else f"wheels of {ros}"
-                if options.only in name and not (options.without and options.without in name):
+                if options.only in name:
                     yield name, f"{python[0]}.{python[1:]}", ros, archive
 
 

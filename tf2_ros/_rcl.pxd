@@ -4,7 +4,7 @@ What the receiver uses of rcl and rmw: functions of the libraries that rclpy has
 So nothing of ROS is needed to build this, and one build serves each release that has these functions, also
 one that is newer than this. `tests/ros/test_rcl.py` compares the declarations with the headers of the ROS 2
 that runs. Names, order and types are those of rcl and rmw. Structs that only they fill or read are declared
-as bytes; what they fill has room for members that a later release may append.
+as bytes; what they fill has room for members that a release may have beyond those declared here.
 """
 
 from libc.stddef cimport size_t
@@ -18,21 +18,19 @@ ctypedef int rcl_ret_t
 cdef enum:
     RCL_RET_OK = 0
     RCL_RET_SUBSCRIPTION_TAKE_FAILED = 401                 # there is no message
-    RMW_GID_STORAGE_SIZE = 16
 
 ctypedef struct rmw_gid_t:
     const char* implementation_identifier
-    uint8_t[RMW_GID_STORAGE_SIZE] data
+    uint8_t[16] data                                    # Humble's has 24 bytes, of which the first identify
 
 ctypedef struct rmw_message_info_t:
     int64_t source_timestamp
     int64_t received_timestamp                          # ns since 1970; 0: the middleware does not report it
     uint64_t publication_sequence_number
     uint64_t reception_sequence_number
-    rmw_gid_t publisher_gid
-    c_bool from_intra_process
+    rmw_gid_t publisher_gid                             # and what else a release has
 
-# As rcl is given it, with room for members that it may have in a later release.
+# As rcl is given it, with room for what is not declared.
 cdef struct MessageInfo:
     rmw_message_info_t known
     char[256] appended

@@ -19,15 +19,20 @@ import rclpy.node
 import rclpy.subscription
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ClockType
-from rclpy.event_handler import EventHandler, QoSSubscriptionEventType, UnsupportedEventTypeError
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import Executor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.task import Future, Task
 
 if TYPE_CHECKING:
     import asyncio
+
+try:
+    from rclpy.event_handler import EventHandler, QoSSubscriptionEventType, UnsupportedEventTypeError
+except ModuleNotFoundError:  # Humble
+    from rclpy.qos_event import QoSEventHandler as EventHandler
+    from rclpy.qos_event import QoSSubscriptionEventType, UnsupportedEventTypeError
 
 # Handles: the objects of the C++ part, each counting its users.
 
@@ -288,8 +293,8 @@ _COROUTINES = CO_COROUTINE | CO_GENERATOR | CO_ITERABLE_COROUTINE | CO_ASYNC_GEN
 _STEPS = {id(code): code for one in vars(Task).values() if (code := getattr(one, "__code__", None))}
 
 
-class _RecordingExecutor:
-    """Takes the place of an executor, and records which of its methods a task calls."""
+class _Recorder:
+    """Takes the place of an executor or a future, and records which of its methods are called."""
 
     def __init__(self) -> None:
         self.called: list[str] = []
@@ -299,7 +304,7 @@ class _RecordingExecutor:
 
 
 def _resumes_tasks() -> bool:
-    executor: Any = _RecordingExecutor()
+    executor: Any = _Recorder()
     future: Future = Future(executor=executor)
 
     @coroutine
@@ -320,6 +325,38 @@ def _resumes_tasks() -> bool:
 # Whether a task that has yielded a future is stepped again when that is done (since rclpy 7.1.9, 9.1.4 and
 # 10.0.3), and in the next round if it has yielded None. Before, executors stepped all tasks in each round.
 RESUMES_TASKS = _resumes_tasks()
+
+
+def _heeds_futures() -> bool:
+    executor, future = _Recorder(), _Recorder()
+    with suppress(Exception):  # another kind of executor, which nobody knows yet
+        SingleThreadedExecutor.spin_once_until_future_complete(executor, future, 0)
+    return bool(future.called)
+
+
+# Whether an executor that spins until a future is done looks at it whenever it is woken. Humble's looks only
+# after a callback or a task, and sleeps on if the future ends in another thread.
+HEEDS_FUTURES = _heeds_futures()
+
+
+def spun_executor(callback: Any) -> Executor | None:
+    """
+    The executor that spins until a future is done, if it has added this done callback to wake itself.
+
+    Assumes a function of rclpy.executors whose closure has the executor. Otherwise None: the future does not
+    end the spin in releases without HEEDS_FUTURES.
+    """
+    if getattr(callback, "__module__", None) == Executor.__module__:
+        for cell in getattr(callback, "__closure__", None) or ():
+            if isinstance(cell.cell_contents, Executor):
+                return cell.cell_contents
+    return None
+
+
+def end_round(executor: Executor) -> None:
+    """Give an executor a task that does nothing, after which it looks at the future until which it spins."""
+    with suppress(AttributeError, InvalidHandle):  # it is shut down
+        executor.create_task(lambda: None)
 
 
 def running_task(is_direct: bool) -> Task | None:

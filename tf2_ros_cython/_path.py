@@ -21,8 +21,8 @@ PARTS = ("tf2_ros_cython", "packages")
 FOLDER = os.path.join(SITE, *PARTS)
 HOME = FOLDER if os.path.isdir(FOLDER) else SITE
 
-# The rclpy that tf2_ros works with, by the first number of its version: of Humble to Rolling.
-OLDEST_RCLPY, NEWEST_RCLPY = 7, 11
+# The rclpy that tf2_ros works with, by the first number of its version: of Humble, and of Rolling today.
+OLDEST_RCLPY, NEWEST_RCLPY = 3, 11
 
 _RCLPY_MARKER = os.path.join("share", "ament_index", "resource_index", "packages", "rclpy")
 

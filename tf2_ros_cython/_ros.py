@@ -10,7 +10,7 @@ from types import ModuleType
 from tf2_ros_cython._path import OLDEST_RCLPY
 
 # By the first number of rclpy's version, which increases with every release. Only texts depend on them.
-_RELEASES = {7: "Jazzy", 9: "Kilted", 10: "Lyrical"}
+_RELEASES = {3: "Humble", 7: "Jazzy", 9: "Kilted", 10: "Lyrical"}
 # Those for which messages/ can be built; the default first.
 _ON_PYPI = ("Jazzy", "Kilted")
 
@@ -42,12 +42,9 @@ def require_messages() -> None:
             f"tf2_ros needs {oldest} or newer, and this is rclpy {running} in {prefix}", name="rclpy"
         )
     name = _release(running)
-    distribution = "$ROS_DISTRO" if name is None else name.lower()
     if spec is None or spec.origin is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(
-            f"tf2_ros needs tf2_msgs, which the ROS 2 {at} lacks. If you source this ROS 2, install its"
-            f" tf2_msgs, on Ubuntu with apt install ros-{distribution}-tf2-msgs. If it is"
-            f" from PyPI, {_install_messages(name)}",
+            f"tf2_ros needs tf2_msgs, which the ROS 2 {at} lacks. {_install_messages(name)}",
             name="tf2_msgs",
         )
     folder = Path(next(iter(spec.submodule_search_locations)))
@@ -58,8 +55,8 @@ def require_messages() -> None:
     made_for = str(messages_release(folder))
     raise ImportError(
         f"the tf2_msgs in {folder} is made for ROS 2 {made_for} ({_TYPE_SUPPORT} {needed}), but this is ROS 2"
-        f" {at}, with {found}. Use the former, or, if the latter is from PyPI, pip uninstall"
-        f" tf2-ros-cython-msgs-{made_for.lower()}, then {_install_messages(name)}",
+        f" {at}, with {found}. Use the former, or pip uninstall tf2-ros-cython-msgs-{made_for.lower()}."
+        f" {_install_messages(name)}",
         name="tf2_msgs",
     )
 
@@ -151,8 +148,15 @@ def _describe_at(version: str | None, prefix: Path) -> str:
 
 
 def _install_messages(name: str | None) -> str:
-    release = f" -C ros={name.lower()}" if name in _ON_PYPI[1:] else ""
-    return f"in a clone of tf2-ros-cython, pip install ./messages{release}"
+    distribution = "$ROS_DISTRO" if name is None else name.lower()
+    advice = (
+        "If you source this ROS 2, install its tf2_msgs, on Ubuntu with"
+        f" apt install ros-{distribution}-tf2-msgs."
+    )
+    if name in (None, *_ON_PYPI):
+        release = f" -C ros={distribution}" if name in _ON_PYPI[1:] else ""
+        advice += f" If it is from PyPI, in a clone of tf2-ros-cython, pip install ./messages{release}"
+    return advice
 
 
 def _without_rclpy(what: str) -> str:

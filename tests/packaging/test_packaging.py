@@ -8,10 +8,12 @@ import tarfile
 import zipfile
 
 import pytest
+import setuptools
 from installing import OURS, Prefix, backend_at, build, checkout_copy, messages_copy, sourced, unsourced
 from packaging.requirements import Requirement
 from paths import ROOT
 from processes import output_of, run
+from setuptools._distutils.core import run_setup
 
 # By their places and not by the path: that must not make the checkout's packages importable.
 environment = backend_at(ROOT / "build_backend", "build_backend").environment
@@ -65,6 +67,12 @@ def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):
     monkeypatch.setitem(sys.modules, "setuptools", None)
     with pytest.raises(SystemExit, match="needs Python 3.10 or newer, and this is 3.9"):
         backend_at(ROOT / "build_backend", "build_backend_of_an_old_python")
+
+
+def test_the_setuptools_of_ubuntu_22_is_refused_as_colcon_runs_it(monkeypatch):
+    monkeypatch.setattr(setuptools, "__version__", "59.6.0")
+    with pytest.raises(RuntimeError, match="setuptools 59.6.0, .*: run pip install in a virtual environment"):
+        run_setup(ROOT / "setup.py", stop_after="config")
 
 
 def test_numpy_is_all_that_an_install_without_extras_needs():

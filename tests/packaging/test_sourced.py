@@ -369,33 +369,44 @@ class TestWhich:
         assert (ended.returncode, ended.stderr) == (0, "")
 
 
-def kilted(path, ros):
-    """What is known of Kilted: the versions of its rclpy and type support, in the place of the others."""
+def of_release(path, ros, rclpy_version, type_support_version):
+    """Another ROS 2: the versions of its rclpy and type support, in the place of the others."""
     prefix = Prefix(path).mark("rclpy")
     shutil.copytree(ros.path / SITE, prefix.path / SITE, symlinks=True, dirs_exist_ok=True)
     rclpy = prefix.path / SITE / "rclpy"
     rclpy.unlink()  # its place decides, so it must lie in there
     rclpy.mkdir()
     (rclpy / "__init__.py").touch()
-    for package, version in (("rclpy", "9.1.2"), ("rosidl_typesupport_fastrtps_c", "3.8.1")):
+    versions = {"rclpy": rclpy_version, "rosidl_typesupport_fastrtps_c": type_support_version}
+    for package, version in versions.items():
         (prefix.path / "share" / package).mkdir()
         (prefix.path / "share" / package / "package.xml").write_text(f"<version>{version}</version>")
     shutil.rmtree(prefix.path / SITE / "tf2_msgs")
     return prefix
 
 
-def test_messages_of_another_release_or_none_are_refused_with_what_to_install(in_venv, ros, tmp_path):
-    environment = sourced(kilted(tmp_path / "kilted", ros))
+@pytest.mark.parametrize(
+    ("name", "version", "type_support", "from_pypi"),
+    [("Humble", "3.3.21", "2.2.3", False), ("Kilted", "9.1.2", "3.8.1", True)],
+)
+def test_messages_of_another_release_or_none_are_refused_with_what_to_install(
+    in_venv, ros, tmp_path, name, version, type_support, from_pypi
+):
+    prefix = tmp_path / name
+    environment = sourced(of_release(prefix, ros, version, type_support))
     said = in_venv.run(environment, "-c", "import tf2_ros").stderr
-    assert "ModuleNotFoundError: tf2_ros needs tf2_msgs, which the ROS 2 Kilted (rclpy 9.1.2) in " in said
-    assert "apt install ros-kilted-tf2-msgs" in said
+    lacking = f"ModuleNotFoundError: tf2_ros needs tf2_msgs, which the ROS 2 {name} (rclpy {version}) in "
+    assert lacking in said
     installing.copy_messages(tmp_path / "messages")
     environment["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'messages'}"
     refused = in_venv.run(environment, "-c", "import tf2_ros").stderr
     assert f"ImportError: the tf2_msgs in {tmp_path / 'messages' / 'tf2_msgs'} is made for" in refused
-    assert f"but this is ROS 2 Kilted (rclpy 9.1.2) in {tmp_path / 'kilted'}, with 3.8" in refused
+    assert f"but this is ROS 2 {name} (rclpy {version}) in {prefix}, with {type_support[:3]}" in refused
+    release = name.lower()
     for one in (said, refused):
-        assert "in a clone of tf2-ros-cython, pip install ./messages -C ros=kilted" in one
+        assert f"apt install ros-{release}-tf2-msgs" in one
+        built = f"in a clone of tf2-ros-cython, pip install ./messages -C ros={release}" in one
+        assert built == from_pypi and ("./messages" in one) == from_pypi
 
 
 def test_the_wheel_holds_no_debug_information(wheel):

@@ -203,15 +203,14 @@ class Run:
 @pytest.fixture(scope="module")
 def quiet():
     """No log lines of refused transforms and of jumps."""
-    from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
+    from rclpy.logging import LoggingSeverity, set_logger_level
 
     names = "tf2_py", "tf2_buffer"
-    levels = [get_logger_level(name) for name in names]
     for name in names:
         set_logger_level(name, LoggingSeverity.FATAL)
     yield
-    for name, level in zip(names, levels, strict=True):
-        set_logger_level(name, level)
+    for name in names:
+        set_logger_level(name, LoggingSeverity.UNSET)
 
 
 @pytest.mark.repeated

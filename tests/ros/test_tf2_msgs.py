@@ -8,6 +8,7 @@ from processes import output_of
 pytest.importorskip("rclpy")
 
 from tf2_msgs.msg import TF2Error
+from tf2_ros_cython._ros import running_release
 
 TYPE_HASHES = {
     "msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
@@ -29,7 +30,10 @@ def test_type_hash_in_the_type_support_is_that_of_ros(name):
     kind, interface = name.split("/")
     # By bare name, as ROS opens them: it is loaded already.
     library = ctypes.CDLL("libtf2_msgs__rosidl_generator_c.so")
-    get_type_hash = library[f"tf2_msgs__{kind}__{interface}__get_type_hash"]
+    symbol = f"tf2_msgs__{kind}__{interface}__get_type_hash"
+    if running_release() == "Humble" and not hasattr(library, symbol):
+        pytest.skip("Humble's interfaces have no hash")
+    get_type_hash = library[symbol]
     get_type_hash.argtypes = [ctypes.c_void_p]
     get_type_hash.restype = ctypes.POINTER(TypeHash)
     type_hash = get_type_hash(None).contents

@@ -42,8 +42,8 @@ os.environ["ROS_LOG_DIR"] = _log_folder.name
 os.environ["COLUMNS"] = "80"
 os.environ["LC_ALL"] = "C.UTF-8"
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-# Kilted warns of the variable that Jazzy reads, also in programs that must print nothing.
-_profiles = "FASTRTPS" if running_release() == "Jazzy" else "FASTDDS"
+# Kilted warns of the variable that earlier ones read, also in programs that must print nothing.
+_profiles = "FASTRTPS" if running_release() in ("Humble", "Jazzy") else "FASTDDS"
 os.environ[f"{_profiles}_DEFAULT_PROFILES_FILE"] = str(SUPPORT / "fastdds.xml")
 # For the tests' own programs.
 os.environ["PYTHONPATH"] = os.pathsep.join(
@@ -184,12 +184,11 @@ def only_its_own_garbage():
 @pytest.fixture(scope="module")
 def no_refusals_logged():
     """No log lines of refused transforms."""
-    from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
+    from rclpy.logging import LoggingSeverity, set_logger_level
 
-    level = get_logger_level("tf2_py")
     set_logger_level("tf2_py", LoggingSeverity.FATAL)
     yield
-    set_logger_level("tf2_py", level)
+    set_logger_level("tf2_py", LoggingSeverity.UNSET)
 
 
 @pytest.fixture

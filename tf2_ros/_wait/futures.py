@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from geometry_msgs.msg import TransformStamped
+from rclpy.executors import Executor
 from rclpy.task import Future, Task
 
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
@@ -16,17 +17,21 @@ from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import (
+    HEEDS_FUTURES,
     RESUMES_TASKS,
+    end_round,
     has_locked_tasks,
     is_in_step,
     resume,
     running_loop,
     running_task,
+    spun_executor,
     task_executor,
 )
 from tf2_ros._wait.completions import complete, completions_for
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.endings import FutureEnding, Waker, notify
+from tf2_ros._wait.runners import without_node
 
 if TYPE_CHECKING:
     import asyncio
@@ -99,9 +104,33 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
                     self.exception()  # of a cancelled coroutine, nobody else fetches it
         return self.result()
 
+    if not HEEDS_FUTURES:
+
+        def add_done_callback(self, callback: Callable[[Any], object]) -> None:
+            """Add a callback; for that of an executor that spins until this has ended, what ends the spin."""
+            executor = spun_executor(callback)
+            if executor is None:
+                super().add_done_callback(callback)
+            elif not any(getattr(waker, "spun", None) is executor for waker in self.wakers):
+                super().add_done_callback(_SpunExecutor(executor))
+
     def expire(self) -> None:
         """End the wait after a shutdown: with None, unless a subclass does more. Called in any thread."""
         self.end()
+
+
+class _SpunExecutor(Waker):
+    """What ends the spin of an executor until a future, in releases where waking it is not enough."""
+
+    def __init__(self, executor: Executor) -> None:
+        self.spun = executor
+
+    def __call__(self, _: object) -> None:
+        call = partial(end_round, self.spun)
+        if has_locked_tasks(self.spun):
+            without_node.put(call)  # a thread waits for the lock, which a signal handler must not
+        else:
+            call()
 
 
 class _SleepingTask(Waker):

@@ -154,6 +154,7 @@ def filled_buffer(
 
 
 DRAIN_S = 1.0  # the longest time between two calls of `drain`
+GID_BYTES = 16  # of a gid in a recording; in the graph of Humble, zeros follow them
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or any more
 
 
@@ -301,7 +302,8 @@ class Listening:
 
     def _publishers_of(self, topic: str) -> dict[bytes, QoSProfile]:
         """Get the gids and profiles of a topic's publishers, and note their names."""
-        infos = {bytes(one.endpoint_gid): one for one in self._node.get_publishers_info_by_topic(topic)}
+        publishers = self._node.get_publishers_info_by_topic(topic)
+        infos = {bytes(one.endpoint_gid)[:GID_BYTES]: one for one in publishers}
         for gid, one in infos.items():
             # A publisher that has exited keeps its name.
             if one.node_name != UNKNOWN_NODE:

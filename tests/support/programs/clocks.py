@@ -85,7 +85,8 @@ def filtering(buffer, timeout_s):
         waiting.registerCallback(lambda _: found.set_result("map"))
         waiting.registerFailureCallback(lambda _, reason: found.set_result(reason.name))
         waiting.add(message)
-        executor.spin_until_future_complete(found)
+        while not found.done():  # Humble's executors do not notice at once what another thread sets
+            executor.spin_once(timeout_sec=timeout_s)
     return found.result()
 
 

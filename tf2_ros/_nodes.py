@@ -54,11 +54,14 @@ def hidden_node(prefix: str, owner: object, **options: Any) -> Node:
     Make a node whose name begins with ``prefix`` and is unique in this process while ``owner`` lives.
 
     Nothing in it depends on ROS time, and programs do not configure it. So it has no services,
-    does not log to /rosout, and does not use simulated time.
+    does not log to /rosout, and does not use simulated time. The command line's rules for namespaces and
+    topics apply to it, but not those for names, with which launch files rename the program's own node.
     """
+    name = f"{prefix}_{id(owner):010x}"
     node = Node(
-        f"{prefix}_{id(owner):010x}",
+        name,
         **options,
+        cli_args=["--ros-args", "-r", f"__node:={name}"],  # a node's own rules precede those of the process
         enable_rosout=False,
         start_parameter_services=False,
         parameter_overrides=[

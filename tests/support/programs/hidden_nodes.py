@@ -1,0 +1,15 @@
+"""A node, and all that makes hidden nodes beside it, until standard input ends."""
+
+import sys
+
+import rclpy
+
+from tf2_ros import Buffer, BufferClient, TransformListener
+
+rclpy.init()
+node = rclpy.create_node("driver")
+buffer = Buffer()
+listeners = [TransformListener(buffer) for _ in range(2)]
+client = BufferClient(node, "lookups")
+sys.stdin.read()
+rclpy.shutdown()

@@ -1,12 +1,12 @@
-# make test and make demo work from a fresh clone; make build is the quick way while developing. The Makefile in tools
-# has the same for the tools.
+# make test and make demo work in a fresh copy of this folder; make build is the quick way while developing. The Makefile
+# in tools has the same for the tools.
 PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
 PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
 SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
-	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.pyx $(folder)/*.pxd)) \
-	$(wildcard messages/*.* messages/backend/*.py messages/src/tf2_msgs/*/*.msg messages/src/tf2_msgs/*/*.srv) \
+	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.pyx $(folder)/*.pxd))
+MESSAGES_SOURCES := $(wildcard messages/*.* messages/backend/*.py messages/src/tf2_msgs/*/*.msg messages/src/tf2_msgs/*/*.srv) \
 	$(wildcard messages/src/tf2_msgs/*/*.action)
 
 # A Python that has the ROS wheels leaves this mark and its own library path to its children, and the Python of .venv
@@ -18,18 +18,18 @@ endif
 
 # With a sourced ROS 2, no second one is installed, and .venv exposes the system's packages, such as yaml.
 ifdef AMENT_PREFIX_PATH
-PROJECTS := --editable .
-WHAT := the project, 30 MB
+PROJECT := .
 VENV_OPTIONS := --system-site-packages
 VENV_KIND := sourced
 VENV_OTHER := wheels
 else
-PROJECTS := --editable ./messages --editable '.[ros]'
-WHAT := ROS 2 Jazzy from PyPI and the project, 300 MB
+PROJECT := '.[ros]'
+MESSAGES := $(VENV)/messages.stamp
 VENV_OPTIONS :=
 VENV_KIND := wheels
 VENV_OTHER := sourced
 endif
+VENV_STAMP := $(VENV)/$(VENV_KIND).stamp
 
 # Recreate .venv when a ROS 2 is newly sourced or no longer sourced.
 ifneq ($(wildcard $(VENV)/$(VENV_OTHER).stamp),)
@@ -37,7 +37,7 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: bare bench build clean cross demo docs endure fuzz guard help lint matrix oldest pictures releases sanitize stress
+.PHONY: bare bench build clean cross demo docs endure fuzz guard help lint matrix new oldest pictures releases sanitize stress
 .PHONY: test test-all test-core test-core-all test-core-long test-long wheels
 
 define HELP
@@ -156,25 +156,33 @@ clean:
 	cd messages/src/tf2_msgs && rm -f msg/*.py srv/*.py action/*.py _release.py
 	rm -f tf2_ros_cython/_built.py
 
-$(PY):
-	@echo "Installing $(WHAT), into $(VENV). With compiling it takes 1 to 4 minutes on two cores."
-	@$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
-	@$(PY) -m pip install --quiet --upgrade pip
-	@touch $(VENV)/$(VENV_KIND).stamp
+include step.mk
 
-# What pip and the compilers print is of interest only if they fail.
-$(VENV)/installed.stamp: $(SOURCES) | $(PY)
-	@$(PY) -m pip install $(PROJECTS) > $(VENV)/install.log 2>&1 || { cat $(VENV)/install.log; exit 1; }
+# The stamp comes last, because a step that failed or was interrupted leaves a Python without pip. Such an environment
+# is completed, and one whose Python is gone is made anew.
+$(VENV_STAMP): $(shell test -x $(PY) || echo new)
+	@command -v $(PYTHON) > /dev/null || { echo "no $(PYTHON): install Python 3.10 or newer"; \
+		echo "On Debian and Ubuntu: sudo apt install make g++ python3-dev python3-venv"; exit 1; }
+	@$(PYTHON) build_backend/environment.py $(VENV_KIND)
+	@mkdir -p $(VENV)
+	$(call step,Creating $(VENV): some seconds,$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV) && $(PY) -m pip install --upgrade pip)
+	@touch $@
+
+$(VENV)/messages.stamp: $(MESSAGES_SOURCES) | $(VENV_STAMP)
+	$(call step,Installing ROS 2 Jazzy from PyPI$(comma) 300 MB$(comma) and compiling tf2_msgs: 1 to 2 minutes,$(PY) -m pip install --editable ./messages)
+	@touch $@
+
+$(VENV)/installed.stamp: $(SOURCES) $(MESSAGES) | $(VENV_STAMP)
+	$(call step,Compiling the project: 1 to 3 minutes on two cores,$(PY) -m pip install --editable $(PROJECT))
 	@touch $@
 
 $(VENV)/test.stamp: pyproject.toml
-	$(MAKE) $(VENV)/installed.stamp
-	@echo "Installing what the tests use, 20 MB, into $(VENV). The tests then take 3 minutes on two cores."
-	$(PY) -m pip install 'tf2-ros-cython[test]'
+	@$(MAKE) --no-print-directory $(VENV)/installed.stamp
+	$(call step,Installing what the tests use$(comma) 20 MB: some seconds,$(PY) -m pip install 'tf2-ros-cython[test]')
 	@touch $@
 
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
 $(foreach extra,dev docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
-	$(MAKE) $(VENV)/installed.stamp
-	$(PY) -m pip install --quiet 'tf2-ros-cython[$*]'
-	touch $@
+	@$(MAKE) --no-print-directory $(VENV)/installed.stamp
+	$(call step,Installing the extra $*: up to 1 GB,$(PY) -m pip install 'tf2-ros-cython[$*]')
+	@touch $@

@@ -102,7 +102,7 @@ def test_the_node_of_the_readme_waits_in_its_callback(tmp_path, node):
 
 def test_the_demonstration_prints_what_the_readme_shows():
     page = (ROOT / "README.md").read_text(encoding="utf-8")
-    [shown] = re.findall(r"make demo\n```.*?```text\n(.*?)```", page, re.DOTALL)
+    [shown] = re.findall(r"make demo\n.*?```.*?```text\n(.*?)```", page, re.DOTALL)
     # The robot is anywhere on its circle: coordinates have other signs and widths.
     numbers = re.compile(r" *-?\d+\.\d+")
     printed = numbers.sub(" #", output_of(ROOT / "examples" / "demo.py"))

@@ -1,0 +1,9 @@
+# $(call step,what it does: how long that takes,a command): the last lines of its output only if it fails. In the first,
+# $(comma) is a comma.
+comma := ,
+LOG := $(VENV)/install.log
+define step
+@echo "$(1), see $(LOG)"
+@($(2)) > $(LOG) 2>&1 || { tail -n 30 $(LOG); \
+	echo "This step failed, $(LOG) has all of its output. The same make command tries it again."; exit 1; }
+endef

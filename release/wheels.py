@@ -32,7 +32,6 @@ PROJECT, TOOLS_PROJECT = (
 )
 
 RELEASES = {"jazzy": "ros", "kilted": "ros-kilted"}  # with the extra that installs each
-KILTED_UNTIL = (3, 13)  # its wheels are for these
 
 OLDEST = "3.10"
 # Without rerun, which itself requires a newer NumPy.
@@ -101,9 +100,6 @@ def main(arguments=None):
     sources = source_distributions(options.ros)
     for version, python in found.items():
         for name in options.ros if python is not None else ():
-            if name == "kilted" and tuple(map(int, version.split("."))) > KILTED_UNTIL:
-                results[version, name] = "there are no wheels of Kilted for it"
-                continue
             wheels = [wheel(python, version, sources[part]) for part in ("engine", name, "tools")]
             requirements = oldest_requirements() if options.oldest else None
             passed = options.untested or tested(python, version, name, wheels, requirements, of_pytest)

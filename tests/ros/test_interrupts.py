@@ -81,6 +81,9 @@ def each_line():
     assert line > 1, "nothing was interrupted"
 
 
+@pytest.mark.skipif(
+    sys.version_info >= (3, 14), reason="CPython 3.14 leaves a lock locked if a signal raises in its `with`"
+)
 @pytest.mark.parametrize("how", [[], ["switch"], ["collector", "finalizer"]], ids=lambda how: "-".join(how))
 def test_chance_finds_nothing_that_hangs(how):
     """For minutes by hand: ``PYTHONPATH=tests/support python tests/support/programs/interrupted.py 600``."""

@@ -45,7 +45,7 @@ from numbers import Integral, Real
 from stat import S_ISREG
 from threading import get_ident, main_thread
 
-from tf2_py._objects import errors, frozen_file, listings, log
+from tf2_py._objects import errors, frozen_file, listings, log, pickles
 # Programs also import them from tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,
@@ -306,7 +306,10 @@ cdef class BufferCore(Engine):
     # Travelling: pickles, copies, files.
 
     def __reduce__(self):
-        return _without_init, (type(self),), self.__getstate__()
+        state = self.__getstate__()
+        if type(state) is dict and "stamps" in state:
+            state = pickles.DividedState(state)
+        return _without_init, (type(self),), state
 
     def __getstate__(self) -> dict[str, Any]:
         """
@@ -331,13 +334,13 @@ cdef class BufferCore(Engine):
             a frozen file that is damaged, or was replaced by another. The buffer is unchanged.
         :raises OSError: this frozen file cannot be opened.
         """
-        if type(state) is not dict:
+        if not isinstance(state, dict):
             raise ValueError(f"not the state of a buffer: it is not a dict but {type(state).__name__}")
         if "frozen" in state:
             path, is_copy, expected = frozen_file.from_state(state)
             self.open_frozen(path, is_copy, expected)
         else:
-            self.restore(state)
+            self.restore(dict(state))
         attributes = state.get("attributes", {})
         if attributes:
             # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.
@@ -1074,7 +1077,7 @@ cdef class BufferCore(Engine):
         :return: a dict from the name of each frame with samples to a named tuple :class:`History`, whose
             arrays are copies.
         """
-        return listings.histories(self.export())
+        return {one.frame: untracked(one) for one in listings.histories(self.export())}
 
     def frames(self) -> dict[str, FrameInfo]:
         """

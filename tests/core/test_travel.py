@@ -2,6 +2,7 @@
 
 import io
 import pickle
+import pickletools
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from rclpy.duration import Duration
 from travelling import BY_FILE, HISTORIES, WAYS, check_copy, filled
 
 from tf2_py import BufferCore
+from tf2_py._objects import pickles
 from tf2_ros import Buffer, TransformListener
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
@@ -43,6 +45,44 @@ def test_a_buffer_made_by_new_alone_arrives(travel):
         assert type(arrived) is kind
         arrived.set_transform(transform("a", "b", 1), "x")
         assert "b" in arrived
+
+
+def large():
+    """A buffer whose pickle has several parts, because of its frames and because of its samples."""
+    frames, samples = 2500, 40_000
+    counts = [samples, *[1] * (frames - 1)]
+    stamps_ns = [np.arange(count) for count in counts]
+    transforms = np.zeros((sum(counts), 7))
+    transforms[:, 0], transforms[:, 6] = np.arange(sum(counts)), 1
+    buffer = BufferCore()
+    buffer.__setstate__(
+        buffer.__getstate__()
+        | {
+            "frames": [(f"frame {i}", False, f"by {i % 3}", count) for i, count in enumerate(counts)],
+            "stamps": np.concatenate(stamps_ns),
+            "transforms": transforms,
+            "parents": np.arange(sum(counts), dtype=np.uint32) % 2000,
+            "parent_names": [f"parent {i}" for i in range(2000)],
+        }
+    )
+    return buffer
+
+
+def test_a_large_buffer_travels(travel):
+    buffer = large()
+    check_copy(travel(buffer), buffer)
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_other_threads_run_between_the_parts_of_a_pickle(protocol, monkeypatch):
+    # Loading a part calls a function in Python; each argument in a pickle is written and loaded in C.
+    calls = []
+    data = pickle.dumps(large(), protocol)
+    monkeypatch.setattr(pickles, "part", lambda *slices: calls.append(len(slices)) or slices)
+    assert max(len(arg) for _, arg, _ in pickletools.genops(data) if hasattr(arg, "__len__")) < 2_000_000
+    assert len(data) > 2_500_000
+    pickle.loads(data)
+    assert len(calls) == 5  # of 4,501 names
 
 
 # What a program's own classes add.

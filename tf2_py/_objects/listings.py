@@ -1,8 +1,9 @@
 """List the frames of a buffer as objects, arrays of samples, a tree of text, YAML, sentences and Graphviz."""
 
 import re
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain, islice
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from tf2_py._objects.errors import NS_PER_S, class_name, seconds
 from tf2_ros_cython.output import counted, printable
@@ -15,9 +16,50 @@ if TYPE_CHECKING:
 SHORTEST_SPAN_NS = 100_000  # a shorter history counts as this long when its rate is worked out
 UNQUOTED_KEY = re.compile(r"[^\W\d][\w.-]*")
 LONGEST_SIMPLE_KEY = 1000  # YAML looks for the colon within 1024 characters
+AT_ONCE = 4096  # texts joined, or sorted, in one call in C, which keeps the GIL
 INDENT = "  "  # of the tree
 MAX_DEPTH = 40  # deeper frames are not indented further
 YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
+
+_Element = TypeVar("_Element")
+
+
+# Listings of many frames are made in steps, between which other threads run.
+
+
+def let_others_run() -> None:
+    """
+    Do nothing. When the interpreter calls this, it passes the GIL on if another thread has waited for 5 ms.
+
+    Releasing the GIL in C would not help: the other thread would find it taken again, and wait anew.
+    """
+
+
+def consumed(elements: list[_Element]) -> Iterator[_Element]:
+    """Iterate over the elements, and empty the list."""
+    elements.reverse()
+    while elements:
+        yield elements.pop()
+
+
+def _joined(lines: Iterator[str]) -> str:
+    """As ``"".join(lines)``; no line is empty."""
+    parts = []
+    while part := "".join(islice(lines, AT_ONCE)):
+        parts.append(part)
+    return "".join(parts)
+
+
+def _sorted(names: Iterable[str]) -> list[str]:
+    """As ``sorted(names)``."""
+    unsorted = iter(names)
+    runs = []
+    while run := sorted(islice(unsorted, AT_ONCE)):
+        runs.append(run)
+    while len(runs) > 1:
+        # Timsort merges two that are sorted.
+        runs = [sorted(chain(*runs[i : i + 2])) for i in range(0, len(runs), 2)]
+    return runs[0] if runs else []
 
 
 def stored_name(name: str) -> str:
@@ -117,21 +159,20 @@ def as_frame(f: FrameFacts) -> FrameInfo:
     return FrameInfo(f.parent, f.is_static, f.samples, *times)
 
 
-def histories(state: Mapping[str, Any]) -> dict[str, History]:
+def histories(state: dict[str, Any]) -> Iterator[History]:
     """
-    The histories that are not empty, from a state that ``BufferCore.__getstate__`` returned.
+    The histories that are not empty, from a state that ``BufferCore.__getstate__`` returned, and whose frames
+    this consumes.
 
     The numbers are views of the arrays in the state.
     """
-    return {one.frame: one for one in _histories(state)}
-
-
-def _histories(state: Mapping[str, Any]) -> Iterator[History]:
     import numpy as np
 
-    parent_names = np.array([stored_name(name) for name in state["parent_names"]], object)
+    parent_names = np.empty(len(state["parent_names"]), object)
+    for i, name in enumerate(state["parent_names"]):
+        parent_names[i] = stored_name(name)
     end = 0
-    for name, is_static, _, count in state["frames"]:
+    for name, is_static, _, count in consumed(state["frames"]):
         begin, end = end, end + count
         transforms = state["transforms"][begin:end]
         parents = parent_names[state["parents"][begin:end]]
@@ -139,14 +180,14 @@ def _histories(state: Mapping[str, Any]) -> Iterator[History]:
         yield History(stored_name(name), is_static, parents, stamps_ns, transforms[:, :3], transforms[:, 3:])
 
 
-def as_line(kind: type, counts: dict[str, Any], facts: list[FrameFacts]) -> str:
+def as_line(kind: type, counts: dict[str, Any], facts: Iterator[FrameFacts]) -> str:
     """
     What ``repr`` shows of a buffer, with the time from its oldest to its newest dynamic sample.
 
     ``counts`` as in ``BufferCore.statistics``.
     """
-    moving = [f for f in facts if f.samples and not f.is_static]
-    span_ns = max(f.newest_ns for f in moving) - min(f.oldest_ns for f in moving) if moving else None
+    times = [(f.oldest_ns, f.newest_ns) for f in facts if f.samples and not f.is_static]
+    span_ns = max(newest for _, newest in times) - min(oldest for oldest, _ in times) if times else None
     frames, samples, waiters = (counted(counts[f"{what}s"], what) for what in ("frame", "sample", "waiter"))
     span = "" if span_ns is None else f" over {span_ns / NS_PER_S:.1f} s"
     return f"<{class_name(kind)}: {frames}, {samples}{span}, {waiters}>"
@@ -175,28 +216,27 @@ def _escaped(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
-def as_yaml(frames: list[FrameFacts]) -> str:
+def as_yaml(frames: Iterator[FrameFacts]) -> str:
     """Write one mapping per frame with data; ``[]`` if there are none."""
-    lines = []
-    for f in frames:
-        if f.parent is None:
-            continue
-        lines += [
-            _yaml_entry(f.name),
-            f"  parent: {_yaml_quoted(f.parent)}",
-            f"  broadcaster: {_yaml_quoted(f.authority)}",
-            f"  rate: {f.rate:.3f}",
-            f"  most_recent_transform: {_microseconds(f.newest_ns)}",
-            f"  oldest_transform: {_microseconds(f.oldest_ns)}",
-            f"  buffer_length: {f.buffer_length:.3f}",
-        ]
-    return "\n".join(lines) + "\n" if lines else "[]"
+    return _joined(_yaml_mapping(f, f.parent) for f in frames if f.parent is not None) or "[]"
 
 
-def as_string(frames: list[FrameFacts]) -> str:
+def _yaml_mapping(f: FrameFacts, parent: str) -> str:
+    return (
+        f"{_yaml_entry(f.name)}\n"
+        f"  parent: {_yaml_quoted(parent)}\n"
+        f"  broadcaster: {_yaml_quoted(f.authority)}\n"
+        f"  rate: {f.rate:.3f}\n"
+        f"  most_recent_transform: {_microseconds(f.newest_ns)}\n"
+        f"  oldest_transform: {_microseconds(f.oldest_ns)}\n"
+        f"  buffer_length: {f.buffer_length:.3f}\n"
+    )
+
+
+def as_string(frames: Iterator[FrameFacts]) -> str:
     """Write one sentence per frame that was ever a child."""
     pairs = ((printable(f.name), printable(f.parent or "NO_PARENT")) for f in frames)
-    return "".join(f"Frame {name} exists with parent {parent}.\n" for name, parent in pairs)
+    return _joined(f"Frame {name} exists with parent {parent}.\n" for name, parent in pairs)
 
 
 def _dot_quoted(text: str) -> str:
@@ -204,30 +244,27 @@ def _dot_quoted(text: str) -> str:
     return '"' + _escaped(printable(text)) + '"'
 
 
-def as_dot(frames: list[FrameFacts], time_ns: int) -> str:
+def as_dot(frames: Iterator[FrameFacts], time_ns: int) -> str:
     """Write a Graphviz digraph with an edge to each frame with data; ages at ``time_ns`` unless 0."""
-    lines = ["digraph G {"]
-    if not any(f.parent is not None for f in frames):
-        lines.append('"no tf data received"')
-    for f in frames:
-        if f.parent is None:
-            continue
-        age = f" ({(time_ns - f.newest_ns) / NS_PER_S:.3f} sec old)" if time_ns else ""
-        label = (
-            f"Broadcaster: {_dot_quoted(f.authority)[1:-1]}\\n"
-            f"Average rate: {f.rate:.3f} Hz\\n"
-            f"Most recent transform: {_microseconds(f.newest_ns)}{age}\\n"
-            f"Buffer length: {f.buffer_length:.3f} sec\\n"
-        )
-        lines.append(f'{_dot_quoted(f.parent)} -> {_dot_quoted(f.name)}[label="{label}"];')
-    if time_ns:
-        lines += [
-            'subgraph cluster_legend { style=bold; color=black; label="view_frames Result";',
-            f'"Recorded at time: {_microseconds(time_ns)}"[shape=plaintext];',
-            "}",
-        ]
-    lines.append("}")
-    return "\n".join(lines)
+    edges = _joined(_dot_edge(f, f.parent, time_ns) for f in frames if f.parent is not None)
+    legend = (
+        'subgraph cluster_legend { style=bold; color=black; label="view_frames Result";\n'
+        f'"Recorded at time: {_microseconds(time_ns)}"[shape=plaintext];\n'
+        "}\n"
+    )
+    no_edges = '"no tf data received"\n'
+    return f"digraph G {{\n{edges or no_edges}{legend if time_ns else ''}}}"
+
+
+def _dot_edge(f: FrameFacts, parent: str, time_ns: int) -> str:
+    age = f" ({(time_ns - f.newest_ns) / NS_PER_S:.3f} sec old)" if time_ns else ""
+    label = (
+        f"Broadcaster: {_dot_quoted(f.authority)[1:-1]}\\n"
+        f"Average rate: {f.rate:.3f} Hz\\n"
+        f"Most recent transform: {_microseconds(f.newest_ns)}{age}\\n"
+        f"Buffer length: {f.buffer_length:.3f} sec\\n"
+    )
+    return f'{_dot_quoted(parent)} -> {_dot_quoted(f.name)}[label="{label}"];\n'
 
 
 def tree_text(frames: Mapping[str, FrameInfo]) -> str:
@@ -241,20 +278,23 @@ def tree_text(frames: Mapping[str, FrameInfo]) -> str:
     Frames whose parents form a loop follow the trees. The loop begins at the frame whose name comes first in
     the alphabet, which is marked.
     """
+    return _joined(f"{line}\n" for line in _tree_lines(frames)).removesuffix("\n") or "no frames"
+
+
+def _tree_lines(frames: Mapping[str, FrameInfo]) -> Iterator[str]:
     children: dict[str, list[str]] = {}
-    for name in sorted(frames):
-        parent = frames[name].parent
-        if parent is not None:
-            children.setdefault(parent, []).append(name)
-    roots = {name for name, info in frames.items() if info.parent is None} | (children.keys() - frames.keys())
-    lines: list[str] = []
+    for name, info in frames.items():
+        if info.parent is not None:
+            children.setdefault(info.parent, []).append(name)
+    # Not by operations on sets, which are in C.
+    roots = [name for name, info in frames.items() if info.parent is None]
+    roots += [name for name in children if name not in frames]
     shown: set[str] = set()
-    for name in sorted(roots):
-        lines += _subtree(name, "", frames, children, shown)
-    for name in sorted(frames.keys() - shown):
+    for name in _sorted(roots):
+        yield from _subtree(name, "", frames, children, shown)
+    for name in _sorted(name for name in frames if name not in shown):
         if name not in shown:
-            lines += _subtree(_first_of_loop(name, frames), " (loop)", frames, children, shown)
-    return "\n".join(lines) or "no frames"
+            yield from _subtree(_first_of_loop(name, frames), " (loop)", frames, children, shown)
 
 
 def _subtree(
@@ -270,7 +310,7 @@ def _subtree(
         name, depth, mark = waiting.pop()
         again = name in shown and not mark
         shown.add(name)
-        below = [] if again else children.get(name, [])
+        below = [] if again else _sorted(children.get(name, []))
         end = " (loop)" if again else mark
         yield INDENT * min(depth, MAX_DEPTH) + printable(name) + _facts(frames.get(name)) + end
         waiting += [(child, depth + 1, "") for child in reversed(below)]

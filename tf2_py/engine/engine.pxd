@@ -142,8 +142,8 @@ cdef class Engine:
     # Why a lookup fails now; None: it does not.
     cdef object reason(self, const Query* query)
 
-    # Listing, as snapshot_frames and learn_names.
-    cdef list frame_facts(self, bint roots=*)
+    # Listing, as snapshot_frames and learn_names. The facts can be iterated once.
+    cdef object frame_facts(self, bint roots=*)
     cdef list frame_names(self, frames)
     # Whether the name was ever a parent or child; the reserved one does not count.
     cdef bint has_frame(self, const char* name, size_t size) noexcept nogil
@@ -155,6 +155,7 @@ cdef class Engine:
     cdef Status _file_waiter(self, Waiter* waiter) noexcept
     cdef Status _check_names(self, const Query* query) noexcept nogil
     cdef list _children_towards(self, const Query* query, str name)
+    cdef int _learn_most_names(self) except -1
     cdef int _begin_advice(self) except -1
     cdef int _log_refused(self, Batch* batch) except -1
     cdef int _log_unnormalised(self, Batch* batch) except -1

@@ -142,7 +142,8 @@ cdef class Engine:
         fork_forget(&self._forked)
         # No waiter is left: each owner holds its engine.
         waiters_free(&self._waiters)
-        tree_free(&self._tree)
+        with nogil:
+            tree_free(&self._tree)
         lock_free(&self._lock)
 
     cdef int add_inbox(self, ReadHook inbox) except -1:
@@ -374,6 +375,7 @@ cdef class Engine:
 
     cdef dict export(self):
         catch_up(self)
+        self._learn_most_names()
         return state_of(&self._tree, &self._lock, self._names, self._authorities)
 
     cdef int restore(self, dict state) except -1:
@@ -384,6 +386,7 @@ cdef class Engine:
 
     cdef int write_frozen(self, file) except -1:
         catch_up(self)
+        self._learn_most_names()
         return write_frozen(&self._tree, &self._lock, file, self._names, self._authorities)
 
     cdef int open_frozen(self, path, bint is_copy, expected) except -1:
@@ -614,10 +617,12 @@ cdef class Engine:
 
     def _tf2_names(self):
         """Every frame name, in the order of first appearance."""
-        cdef list names = self._names
+        cdef list names
         if self._tree.hidden:
             return [one.name for one in snapshot_frames(
-                &self._tree, &self._lock, True, names, self._authorities)]
+                &self._tree, &self._lock, True, self._names, self._authorities)]
+        self._learn_most_names()
+        names = self._names
         learn_names(&self._tree.names, &self._lock, names)
         return names[1:]
 
@@ -717,9 +722,17 @@ cdef class Engine:
         cdef Status status = self.lookup(&judged, &not_needed, &stamp_ns)
         return None if status.code == STATUS_OK else self.error(query, status)
 
-    cdef list frame_facts(self, bint roots=False):
+    cdef object frame_facts(self, bint roots=False):
         catch_up(self)
-        return snapshot_frames(&self._tree, &self._lock, roots, self._names, self._authorities)
+        self._learn_most_names()
+        return listings.consumed(
+            snapshot_frames(&self._tree, &self._lock, roots, self._names, self._authorities))
+
+    cdef int _learn_most_names(self) except -1:
+        # What is listed of one moment has the names of that moment, with the GIL held until they are known.
+        while (learn_some(&self._tree.names, &self._lock, self._names)
+               or learn_some(&self._tree.authorities, &self._lock, self._authorities)):
+            let_others_run(0)   # they may also give this buffer another tree, and other lists
 
     cdef list frame_names(self, frames):
         cdef list names = self._names

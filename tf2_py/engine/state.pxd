@@ -2,7 +2,8 @@
 
 # Only the engine calls these. Each takes the lock to copy what it needs, and makes Python objects while the
 # lock is free. `names` and `authorities`: those of the tree that are known so far.
-# Appends the names that `known` lacks, in the order of their ids.
+# Appends some of the names that `known` lacks, or all, in the order of their ids; False: it lacks none.
+cdef bint learn_some(const Names* names, Lock* lock, list known) except -1
 cdef int learn_names(const Names* names, Lock* lock, list known) except -1
 # A listings.FrameFacts for every frame that was ever a child, with `roots` also for those that were only ever
 # parents, in the order in which their names were first used, all at one moment.

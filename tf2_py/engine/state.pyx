@@ -4,39 +4,51 @@ cdef enum:
     SLICE_NAMES = 1024      # copied under the lock at once, which takes some 20 microseconds
 
 
-cdef int learn_names(const Names* names, Lock* lock, list known) except -1:
+cdef inline int let_others_run(uint32_t i) except -1:
+    # In the i-th step of a loop that calls no Python code, which would give up the GIL by itself.
+    if i % SLICE_NAMES == 0:
+        listings.let_others_run()
+    return 0
+
+
+cdef bint learn_some(const Names* names, Lock* lock, list known) except -1:
     cdef uint32_t sizes[SLICE_NAMES]
-    cdef uint32_t first, count, i
+    cdef uint32_t first = len(known)
+    cdef uint32_t count, i
     cdef size_t start, size
-    cdef char* text
-    while True:
-        first = len(known)
-        text = NULL
-        lock_acquire(lock)
-        count = min(names.count - min(first, names.count), <uint32_t>SLICE_NAMES)
-        if count:
-            start = names.names[first].start
-            size = names.names[first + count - 1].start + names.names[first + count - 1].size - start
-            text = <char*>malloc(size + 1)
-        if text != NULL:
-            memcpy(text, names.text + start, size)
-            for i in range(count):
-                sizes[i] = names.names[first + i].size
-        lock_release(lock)
-        if count == 0:
-            return 0
-        if text == NULL:
-            raise MemoryError
-        try:
-            start = 0
-            for i in range(count):
-                name = text[start:start + sizes[i]].decode("utf-8")
-                start += sizes[i]
-                # Another thread may have added it meanwhile.
-                if <size_t>len(known) == first + i:
-                    known.append(name)
-        finally:
-            free(text)
+    cdef char* text = NULL
+    lock_acquire(lock)
+    count = min(names.count - min(first, names.count), <uint32_t>SLICE_NAMES)
+    if count:
+        start = names.names[first].start
+        size = names.names[first + count - 1].start + names.names[first + count - 1].size - start
+        text = <char*>malloc(size + 1)
+    if text != NULL:
+        memcpy(text, names.text + start, size)
+        for i in range(count):
+            sizes[i] = names.names[first + i].size
+    lock_release(lock)
+    if count == 0:
+        return False
+    if text == NULL:
+        raise MemoryError
+    try:
+        start = 0
+        for i in range(count):
+            name = text[start:start + sizes[i]].decode("utf-8")
+            start += sizes[i]
+            # Another thread may have added it meanwhile.
+            if <size_t>len(known) == first + i:
+                known.append(name)
+    finally:
+        free(text)
+    return True
+
+
+cdef int learn_names(const Names* names, Lock* lock, list known) except -1:
+    while learn_some(names, lock, known):
+        pass
+    return 0
 
 
 cdef inline str name_of(list known, uint32_t id):
@@ -108,7 +120,7 @@ cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, 
             _unpin_all(&view)
 
 
-cdef dict frame_infos(list facts):
+cdef dict frame_infos(facts):
     return {one.name: untracked(listings.as_frame(one)) for one in facts}
 
 
@@ -159,6 +171,9 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
     cdef int64_t* stamp_at
     cdef double* transform_at
     cdef uint32_t* parent_at
+    cdef const History* history
+    cdef list frames = []
+    cdef list parent_names = []
     _pin_all(tree, lock, &view)
     try:
         learn_names(&tree.names, lock, names)
@@ -173,18 +188,22 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
                 history_export(&view.histories[id], stamp_at + at, transform_at + at * TRANSFORM_DOUBLES,
                                parent_at + at)
                 at += view.histories[id].count
+        for id in range(view.names.count):
+            let_others_run(id)
+            history = &view.histories[id]
+            if history.count:
+                frames.append(_frame_of(history, names[id], authorities))
+            parent_names.append(_as_sent(names[id]) if history.is_parent else "")
         return {
             "cache_time_ns": view.retention.cache_time_ns,
             "max_frames": view.limits.frames,
             "max_bytes": view.limits.bytes,
             "ever_looped": bool(view.ever_looped),
-            "frames": [_frame_of(&view.histories[id], names[id], authorities)
-                       for id in range(1, view.names.count) if view.histories[id].count],
+            "frames": frames,
             "stamps": stamps,
             "transforms": transforms,
             "parents": parents,
-            "parent_names": [_as_sent(names[id]) if view.histories[id].is_parent else ""
-                             for id in range(view.names.count)],
+            "parent_names": parent_names,
         }
     finally:
         with nogil:

@@ -1,14 +1,33 @@
-"""Advice for an import of tf2_py from a clone that is not built."""
+"""Advice for an import of tf2_py whose compiled modules are missing, or are for another Python."""
 
 import os
+import re
 import sys
 
 
 def advice() -> str:
-    """Where the clone is, and whether it hides an installed tf2_py."""
-    home = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    text = f"{home} is not built for Python {sys.version_info.major}.{sys.version_info.minor}"
+    """Where the package is, for which Python it is built, and what to do."""
+    package = os.path.dirname(os.path.abspath(__file__))
+    home = os.path.dirname(package)
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    if not os.path.isfile(os.path.join(home, "setup.py")):
+        built_for = _built_for(package)
+        if built_for is None:
+            return f"{home} lacks it. With {sys.executable}, reinstall tf2-ros-cython"
+        return (
+            f"{home} is built for {built_for}, and this is Python {version}, {sys.executable}. Start the "
+            "other Python, take the folder out of PYTHONPATH, or install tf2-ros-cython into this one"
+        )
+    text = f"{home} is not built for Python {version}"
     for folder in map(os.path.abspath, sys.path):
         if folder != home and os.path.isfile(os.path.join(folder, "tf2_py", "__init__.py")):
             return f"{text}, and hides the tf2_py in {folder}. cd elsewhere, or run `make build` there"
     return f"{text}. Run `make build` there, or `pip install .` and then cd elsewhere"
+
+
+def _built_for(package: str) -> str | None:
+    """The Python and the machine of the compiled modules, or None if there are none."""
+    for name in sorted(os.listdir(package)):
+        if found := re.match(r"_tf2_py\.cpython-3(\d+)-?(.*)\.so$", name):
+            return f"Python 3.{found[1]} ({found[2]})"
+    return None

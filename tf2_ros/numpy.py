@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Sequence
 from copy import deepcopy
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
@@ -184,7 +185,16 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
     >>> to_rotation([0.0, 0.0, 1.0, 1.0]).apply([1.0, 0.0, 0.0]).round(6).tolist()  # a quarter turn
     [0.0, 1.0, 0.0]
     """
-    from scipy.spatial.transform import Rotation
+    try:
+        from scipy.spatial.transform import Rotation
+    except ModuleNotFoundError as missing:
+        if missing.name != "scipy":
+            raise
+        raise ModuleNotFoundError(
+            f"to_rotation needs SciPy, which {sys.executable} does not have: with that Python, pip install "
+            "scipy, or the extra of this project, 'tf2-ros-cython[scipy]'",
+            name="scipy",
+        ) from None
 
     # Not by from_quat, which refuses NaN. The rows already have the length one.
     return Rotation(_rotations(rotations), normalize=False)

@@ -5,6 +5,7 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
+import re
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from importlib.machinery import PathFinder
@@ -210,7 +211,7 @@ def _running_ros() -> str:
 
 def _versions(messages: Path | None) -> str:
     """The versions that a bug report should contain."""
-    named = [f"tf2-ros-cython {__version__}"]
+    named = [f"tf2-ros-cython {__version__}{_newer_sources()}"]
     release = None if messages is None else _ros.messages_release(messages / "tf2_msgs")
     if release is not None:
         name = f"tf2-ros-cython-msgs-{release.lower()}"
@@ -219,6 +220,19 @@ def _versions(messages: Path | None) -> str:
         except importlib.metadata.PackageNotFoundError:
             named.append(f"{name} not installed by pip")
     return ", ".join([*named, f"Python {platform.python_version()}"])
+
+
+def _newer_sources() -> str:
+    """What to do in a checkout whose sources have another version than what was built from them."""
+    checkout = Path(__file__).resolve().parents[1]
+    try:
+        project = (checkout / "pyproject.toml").read_text(encoding="utf-8")
+    except OSError:
+        return ""
+    found = re.search(r'^name = "tf2-ros-cython"\nversion = "(.+)"$', project, re.MULTILINE)
+    if found is None or found[1] == __version__:
+        return ""
+    return f" (built; the sources are {found[1]}: run `make build` in {checkout})"
 
 
 if __name__ == "__main__":

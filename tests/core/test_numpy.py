@@ -2,6 +2,7 @@
 
 import math
 import re
+import sys
 from functools import partial
 
 import numpy as np
@@ -23,7 +24,7 @@ from processes import output_of
 from random_messages import transforms, turns, vectors
 from turns import Turn
 
-from tf2_ros.numpy import from_matrix, to_arrays, to_columns, to_matrix
+from tf2_ros.numpy import from_matrix, to_arrays, to_columns, to_matrix, to_rotation
 
 pytestmark = pytest.mark.ours
 
@@ -267,3 +268,16 @@ def test_what_is_refused_is_named(error):
         with pytest.raises((TypeError, ValueError, AttributeError)) as raised:
             call()
         assert re.match(error, f"{raised.type.__name__}: {raised.value}"), raised.value
+
+
+def test_without_scipy_the_error_names_the_extra_and_this_python(monkeypatch):
+    for name in ("scipy", "scipy.spatial", "scipy.spatial.transform"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setattr(sys, "meta_path", [])  # no finder finds it
+    with pytest.raises(ModuleNotFoundError) as raised:
+        to_rotation([0.0, 0.0, 0.0, 1.0])
+    assert raised.value.name == "scipy"
+    assert str(raised.value) == (
+        f"to_rotation needs SciPy, which {sys.executable} does not have: with that Python, pip install "
+        "scipy, or the extra of this project, 'tf2-ros-cython[scipy]'"
+    )

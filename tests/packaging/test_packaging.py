@@ -3,6 +3,7 @@
 import email
 import importlib.metadata
 import os
+import shutil
 import sys
 import tarfile
 import zipfile
@@ -14,6 +15,8 @@ from packaging.requirements import Requirement
 from paths import ROOT
 from processes import output_of, run
 from setuptools._distutils.core import run_setup
+
+from tf2_ros_cython import which
 
 # By their places and not by the path: that must not make the checkout's packages importable.
 environment = backend_at(ROOT / "build_backend", "build_backend").environment
@@ -131,14 +134,52 @@ def first_parts(names):
     return {name.partition("/")[0] for name in names if not name.startswith("tf2_ros_cython-")}
 
 
+def without_editables(folder):
+    """An environment in which no extensions of this checkout are found for another one."""
+    kept = "[one for one in sys.meta_path if 'editable' not in getattr(one, '__module__', '')]"
+    (folder / "sitecustomize.py").write_text(f"import sys\nsys.meta_path[:] = {kept}\n")
+    return {**os.environ, "PYTHONPATH": str(folder)}
+
+
+@pytest.mark.parametrize(
+    ("held", "said"),
+    [
+        (
+            "_tf2_py.cpython-38-riscv64-linux-gnu.so",
+            "{home} is built for Python 3.8 (riscv64-linux-gnu), and this is Python {version}, {python}. "
+            "Start the other Python, take the folder out of PYTHONPATH, or install tf2-ros-cython into this "
+            "one",
+        ),
+        (None, "{home} lacks it. With {python}, reinstall tf2-ros-cython"),
+    ],
+    ids=("another Python's", "incomplete"),
+)
+def test_an_installation_without_modules_for_this_python_names_both(tmp_path, held, said):
+    for package in ("tf2_py", "tf2_ros_cython"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("*.so"))
+    if held:
+        (tmp_path / "tf2_py" / held).touch()
+    ended = run(sys.executable, "-c", "import tf2_py", cwd=tmp_path, env=without_editables(tmp_path))
+    version = "{}.{}".format(*sys.version_info)
+    wanted = said.format(home=tmp_path, version=version, python=sys.executable)
+    assert ended.stderr.splitlines()[-1] == f"ModuleNotFoundError: tf2_py._tf2_py is missing: {wanted}"
+
+
+def test_sources_of_another_version_than_the_build_are_named(monkeypatch, capsys):
+    built = which.__version__
+    monkeypatch.setattr(which, "__version__", "0.0.1")
+    which.main(["tf2_which"])
+    said = f"version: tf2-ros-cython 0.0.1 (built; the sources are {built}: run `make build` in {ROOT})"
+    assert capsys.readouterr().out.splitlines()[-1].startswith(said)
+    monkeypatch.undo()
+    which.main(["tf2_which"])
+    assert f"version: tf2-ros-cython {built}, " in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("package", ["tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs"])
 def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
     project = checkout_copy(tmp_path / "project")
-    # Without editable installs, no extensions of this checkout are found for the other one.
-    kept = "[one for one in sys.meta_path if 'editable' not in getattr(one, '__module__', '')]"
-    (tmp_path / "sitecustomize.py").write_text(f"import sys\nsys.meta_path[:] = {kept}\n")
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    ended = run(sys.executable, "-c", f"import {package}", cwd=project, env=environment)
+    ended = run(sys.executable, "-c", f"import {package}", cwd=project, env=without_editables(tmp_path))
     assert ended.returncode == 1
     [error] = [line for line in ended.stderr.splitlines() if line.startswith("ModuleNotFoundError: tf2_py.")]
     assert f" is missing: {project} is not built for Python " in error

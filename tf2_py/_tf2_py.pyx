@@ -904,8 +904,9 @@ cdef class BufferCore(Engine):
             is the velocity of the point of the tracked body that is there at ``time``.
         :param reference_point_frame: a frame name.
         :param time: the middle of the interval; 0 is the time 0, not the latest common time.
-        :param averaging_interval: a duration; the interval ends no later than the latest common time. 0
-            results in NaN.
+        :param averaging_interval: a duration; the interval ends no later than the latest common time, or than
+            ``time`` where that is later, which only a frame that has had several parents answers. 0 results
+            in NaN.
         :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s.
         :raises TransformException: one of the lookups failed; see :meth:`lookup_transform_core`.
         :raises ValueError: ``averaging_interval`` is negative, or the point does not have three numbers.

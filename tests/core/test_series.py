@@ -301,6 +301,20 @@ class TestVelocities:
             assert_same_to_the_last_bit(series, rows)
             assert np.isnan(rows).any()
 
+    def test_after_the_latest_common_time_an_interval_ends_at_the_time(self):
+        # In map until 4 s, later in odom, whose pose in map ends at 2 s.
+        buffer = BufferCore(Duration(seconds=100))
+        for parent, stamps in (("map", range(1, 5)), ("odom", range(5, 9))):
+            buffer.set_transforms([transform(parent, "base", t, (t * t, 0, 0)) for t in stamps], "x")
+        buffer.set_transforms([transform("map", "odom", t) for t in (1, 2)], "x")
+        assert buffer.get_latest_common_time("map", "base").nanoseconds == 2 * S
+        for seconds, x in ((2, 3.0), (2.5, 4.0), (3, 5.0), (4, 7.0)):
+            linear, _ = buffer.lookupVelocityCore("base", "map", at(seconds), Duration(seconds=2))
+            assert linear == (pytest.approx(x), 0, 0), seconds
+            times_ns = [int(seconds * S)]
+            rows, _ = buffer.lookup_velocities("base", "map", times_ns, Duration(seconds=2))
+            assert tuple(rows[0]) == linear
+
     def test_the_first_time_without_an_answer_is_in_the_error(self):
         buffer = BufferCore(Duration(seconds=100))
         buffer.set_transforms([transform("world", "body", t) for t in (9.5, 10.0, 13.0)], "x")

@@ -516,8 +516,8 @@ class Model(Listings, Policies):
         The errors of which one is raised, and the answers of which one is given; one of the lists is empty.
 
         An answer is the linear and the angular mean over the interval around the time, cut at the latest
-        common time, and how many seconds that is; time 0 is not the latest. After half a turn there are two
-        answers.
+        common time if that is later, and how many seconds that is; time 0 is not the latest. After half a
+        turn there are two answers.
         """
         errors, ns = [], max(ns, 1)
 
@@ -537,7 +537,7 @@ class Model(Listings, Policies):
         except ModelError as error:
             return [error], []
         start = max(ns - interval_ns // 2, 1)
-        end = min(ns + interval_ns - interval_ns // 2, latest or math.inf)
+        end = min(ns + interval_ns - interval_ns // 2, max(latest or math.inf, ns))
         first, last = exactly(observation, tracking, start), exactly(observation, tracking, end)
         now = exactly(observation, tracking, ns)
         point_now = added(turned((p := exactly(observation, point_frame, ns))[1], point), p[0])

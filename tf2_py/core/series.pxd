@@ -48,11 +48,13 @@ cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, i
 cdef inline void twist_interval(int64_t time_ns, int64_t interval_ns, int64_t common_ns,
                                 int64_t* start_ns, int64_t* end_ns) noexcept nogil:
     # From when to when the mean twist around a time, which is at least 1, is taken. Neither is 0, "latest".
+    # After the latest common time, only a frame with several parents has answers; its interval ends at the
+    # time, and if that has no answer, there is no twist.
     cdef int64_t after_ns = interval_ns - interval_ns // 2
     start_ns[0] = max(time_ns - interval_ns // 2, 1)
     end_ns[0] = time_ns + min(after_ns, INT64_MAX - time_ns)
     if common_ns and end_ns[0] > common_ns:
-        end_ns[0] = common_ns
+        end_ns[0] = max(common_ns, time_ns)
 
 
 # Twists at many times: from when to when each is a mean, two entries of `ends_ns` for each time; and the

@@ -711,13 +711,9 @@ cdef Py_ssize_t _sort_once(int64_t* values, Py_ssize_t count) noexcept nogil:
 
 cdef void twist_ends(const int64_t* times_ns, Py_ssize_t count, int64_t interval_ns, int64_t common_ns,
                      int64_t* ends_ns) noexcept nogil:
-    cdef int64_t time_ns
     cdef Py_ssize_t i
     for i in range(count):
-        time_ns = max(times_ns[i], 1)
-        twist_interval(time_ns, interval_ns, common_ns, &ends_ns[2 * i], &ends_ns[2 * i + 1])
-        # A time without an answer has no twist, even if the ends have answers.
-        ends_ns[2 * i + 1] = max(ends_ns[2 * i + 1], time_ns)
+        twist_interval(max(times_ns[i], 1), interval_ns, common_ns, &ends_ns[2 * i], &ends_ns[2 * i + 1])
 
 
 cdef void twists_between(const int64_t* ends_ns, Py_ssize_t count, const double* translations,

@@ -328,7 +328,8 @@ RESUMES_TASKS = _resumes_tasks()
 
 
 def _heeds_futures() -> bool:
-    executor, future = _Recorder(), _Recorder()
+    executor: Any = _Recorder()
+    future: Any = _Recorder()
     with suppress(Exception):  # another kind of executor, which nobody knows yet
         SingleThreadedExecutor.spin_once_until_future_complete(executor, future, 0)
     return bool(future.called)

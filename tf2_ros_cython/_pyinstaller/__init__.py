@@ -1,0 +1,41 @@
+"""
+Tell PyInstaller, which finds this by the entry point ``pyinstaller40``, what compiled modules import.
+
+It reads the imports of Python code only. Without these hooks, a bundled program ends with "tf2_py._core is
+missing".
+"""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+# What the .pyx files import from elsewhere; a test compares the two.
+IMPORTED = (
+    *(
+        "array",
+        "collections",
+        "collections.abc",
+        "contextlib",
+        "ctypes",
+        "datetime",
+        "heapq",
+        "numbers",
+        "operator",
+        "os",
+    ),
+    *("stat", "struct", "sys", "threading", "traceback", "types", "warnings", "weakref"),
+    *("numpy", "geometry_msgs.msg", "nav_msgs.msg", "sensor_msgs.msg"),
+    *("rclpy", "rclpy.executors", "rclpy.impl.implementation_singleton", "rclpy.time", "rclpy.waitable"),
+)
+
+
+def hook_dirs() -> list[str]:
+    """Where the hooks are."""
+    return [str(Path(__file__).parent)]
+
+
+def hidden_imports(package: str) -> list[str]:
+    """All modules of one of our packages, and what is found of the others."""
+    # Only PyInstaller's own process has it.
+    from PyInstaller.utils.hooks import collect_submodules
+
+    return [*collect_submodules(package), *(name for name in IMPORTED if find_spec(name.partition(".")[0]))]

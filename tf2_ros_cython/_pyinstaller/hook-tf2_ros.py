@@ -1,0 +1,3 @@
+from tf2_ros_cython._pyinstaller import hidden_imports
+
+hiddenimports = hidden_imports("tf2_ros")

@@ -52,6 +52,11 @@ TARGETS = {
         ("manylinux2014_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_aarch64"),
         ".cpython-{}-aarch64-linux-gnu.so",
     ),
+    "musllinux-x86_64": Target(
+        ("musllinux_1_1_x86_64", "musllinux_1_2_x86_64"),
+        ".cpython-{}-x86_64-linux-musl.so",
+        "x86_64-linux-musl",
+    ),
     "macos-arm64": Target(
         ("macosx_11_0_arm64", "macosx_14_0_arm64"),
         ".cpython-{}-darwin.so",
@@ -164,7 +169,7 @@ def build(name, tools, *options):
     checkout = FOLDER / name / "checkout"
     _copy_sources(checkout)
     modules = extensions.cython_extensions(ROOT, find_packages(str(ROOT), include=PACKAGES))
-    if not name.startswith("linux"):
+    if name.startswith("macos"):
         modules = [one for one in modules if not one.name.startswith(f"{extensions.OF_LINUX}.")]
     sources = {one.name: _generate(one) for one in modules}
     [of_numpy] = tools.site.glob("numpy/_core/include")

@@ -56,6 +56,7 @@ OF_SOURCES = {
     "packaging/test_packaging.py": "builds the project",
     "packaging/test_public_names.py": "reads the sources",
     "packaging/test_pyinstaller.py": "builds the project",
+    "packaging/test_release.py": "reads the sources",
     "packaging/test_sourced.py": "builds the project",
     "ros/test_sources.py": "compiles an extension",
     "core/test_types_table.py": "reads the sources",

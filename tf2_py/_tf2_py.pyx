@@ -321,8 +321,13 @@ cdef class BufferCore(Engine):
             without samples, the order of listings and the counters of :meth:`statistics` are not included.
             If the buffer was opened from a frozen file and is unchanged, and the file is still there,
             ``"frozen"`` with the path of the file stands for the contents, cache time and limits.
+            ``"overtaken"`` says behind which frames' newest samples the system's clock was set back, and how
+            long ago, if that was noticed: the ages of the copy's data count from there, too.
         """
         cdef dict state = self.frozen_state() or self.export()
+        overtaken = self.overtaken()
+        if overtaken is not None:
+            state["overtaken"] = overtaken
         state["attributes"] = dict(getattr(self, "__dict__", {}))
         return state
 
@@ -336,11 +341,14 @@ cdef class BufferCore(Engine):
         """
         if not isinstance(state, dict):
             raise ValueError(f"not the state of a buffer: it is not a dict but {type(state).__name__}")
+        overtaken = overtaken_of(state)
         if "frozen" in state:
             path, is_copy, expected = frozen_file.from_state(state)
             self.open_frozen(path, is_copy, expected)
         else:
             self.restore(dict(state))
+        if overtaken is not None:
+            self.overtake(overtaken[0], overtaken[1])
         attributes = state.get("attributes", {})
         if attributes:
             # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.

@@ -222,6 +222,9 @@ SPOILED = {
     "the stamp is beyond": put("stamps", 5, 2**31 * S),
     "a number is NaN": put("transforms", (0, 0), np.nan),
     "the translation is infinite": put("transforms", (3, 2), -np.inf),
+    "overtaken is not a number": ("overtaken", lambda _: (-1, ["odom"])),
+    "overtaken is not a number of nanoseconds with a list": ("overtaken", lambda _: (5, "odom")),
+    "a frame name cannot hold a NUL character: .c": ("overtaken", lambda _: (5, ["odom", "c\0d"])),
     "the rotation is too short": put("transforms", (-1, slice(3, 7)), 0.0),
 }
 
@@ -230,7 +233,7 @@ SPOILED = {
 def test_a_spoiled_state_is_refused_and_changes_nothing(why, buffer):
     key, change = SPOILED[why]
     state = buffer.__getstate__()
-    value = state.pop(key)
+    value = state.pop(key, None)
     if change is not None:
         state[key] = change(value)
     arriving = filled(BufferCore())

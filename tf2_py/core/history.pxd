@@ -87,12 +87,20 @@ cdef inline const Transform* history_newest_transform(const History* history) no
     return &history.samples[history_slot(history, history.count - 1)].transform
 
 
+cdef inline void history_overtake(History* history) noexcept nogil:
+    history.overtaken_ns = history.newest_ns
+
+
+cdef inline bint history_is_overtaken(const History* history) noexcept nogil:
+    return history.overtaken_ns != 0 and history.newest_ns == history.overtaken_ns
+
+
 cdef inline int64_t history_age(const History* history, const ClockReading* clock,
                                 int64_t now_ns) noexcept nogil:
     # Of the newest sample, in ns; INT64_MAX: the clock has not begun.
     if now_ns <= 0:
         return INT64_MAX
-    if history.newest_ns > now_ns and history.newest_ns == history.overtaken_ns:
+    if history.newest_ns > now_ns and history_is_overtaken(history):
         return monotonic_ns() - clock.back_ns
     return now_ns - history.newest_ns
 

@@ -330,7 +330,7 @@ cdef void tree_overtake(Tree* tree, int64_t now_ns) noexcept nogil:
     cdef uint32_t id
     for id in range(tree.names.count):
         if tree.histories[id].newest_ns > now_ns:
-            tree.histories[id].overtaken_ns = tree.histories[id].newest_ns
+            history_overtake(&tree.histories[id])
 
 
 cdef void _hide_isolated(Tree* tree) noexcept nogil:

@@ -90,6 +90,10 @@ cdef class Engine:
     # If that raises, nothing has changed.
     cdef dict export(self)
     cdef int restore(self, dict state) except -1
+    # How many nanoseconds ago the system's clock was set back, and behind the newest samples of which frames;
+    # None: of none. And noting that for samples that were just restored.
+    cdef tuple overtaken(self)
+    cdef int overtake(self, int64_t since_ns, list names) except -1
     # The same for a frozen file: writes the content, as write_frozen; and replaces it by that of a file, as
     # read_frozen. The state that names the file; None: the content is another now, or the file is.
     cdef int write_frozen(self, file) except -1

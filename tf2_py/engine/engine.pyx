@@ -378,6 +378,40 @@ cdef class Engine:
         self._learn_most_names()
         return state_of(&self._tree, &self._lock, self._names, self._authorities)
 
+    cdef tuple overtaken(self):
+        cdef FrameId* frames = NULL
+        cdef FrameId id
+        cdef uint32_t i
+        cdef uint32_t count = 0
+        cdef int64_t back_ns
+        lock_acquire(&self._lock)
+        back_ns = self._clock.back_ns
+        if back_ns:
+            frames = <FrameId*>malloc(self._tree.names.count * sizeof(FrameId))
+        for id in range(self._tree.names.count if frames != NULL else 0):
+            if history_is_overtaken(&self._tree.histories[id]):
+                frames[count] = id
+                count += 1
+        lock_release(&self._lock)
+        if back_ns and frames == NULL:
+            raise MemoryError
+        try:
+            names = self.frame_names([frames[i] for i in range(count)])
+        finally:
+            free(frames)
+        return (monotonic_ns() - back_ns, names) if names else None
+
+    cdef int overtake(self, int64_t since_ns, list names) except -1:
+        cdef const char* text
+        cdef Py_ssize_t size
+        for name in names:
+            text = name_utf8(name, &size)
+            lock_acquire(&self._lock)
+            history_overtake(&self._tree.histories[tree_frame(&self._tree, text, size)])
+            self._clock.back_ns = monotonic_ns() - since_ns
+            unlock_written(&self._lock, &self._tree, &self._waiters)
+        return 0
+
     cdef int restore(self, dict state) except -1:
         cdef Tree restored
         catch_up(self)

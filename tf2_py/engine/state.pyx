@@ -136,6 +136,8 @@ cdef dict frame_infos(facts):
 # ``transforms``     float64 (N, 7): x y z in metres, and the rotation x y z w.
 # ``parents``        uint32 (N,): places in ``parent_names``.
 # ``parent_names``   list of str.
+# ``overtaken``      may be absent: a tuple of how many nanoseconds ago the system's clock was set back, and a
+#                    list of the names of the frames whose newest samples were then later than the clock.
 # =================  =====================================================================================
 #
 # Names are as a message carries them: inserting removes one leading '/'.
@@ -219,6 +221,19 @@ cdef object _number(dict state, str key, least, most):
     if type(value) is not int or not least <= value <= most:
         raise _not_a_state(f"{key} is not an int within {least} and {most}")
     return value
+
+
+cdef tuple overtaken_of(state):
+    cdef Py_ssize_t size
+    overtaken = state.get("overtaken")
+    if overtaken is None:
+        return None
+    since_ns, names = overtaken
+    if type(since_ns) is not int or not 0 <= since_ns <= INT64_MAX or type(names) is not list:
+        raise _not_a_state("overtaken is not a number of nanoseconds with a list of names")
+    for name in names:
+        name_utf8(name, &size)
+    return since_ns, names
 
 
 cdef uint32_t _insert_samples(Tree* tree, const Text* child, uint32_t authority, bint is_static,

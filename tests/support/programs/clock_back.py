@@ -5,8 +5,11 @@ For each step it prints a line of JSON: what, and the outcome.
 """
 
 import asyncio
+import copy
 import ctypes
 import json
+import pickle
+import tempfile
 import threading
 import time
 
@@ -78,10 +81,37 @@ def becomes_stale():
         buffer.lookup_transform("map", "odom", 0, max_age=MAX_AGE_S)
     except TransformException as error:
         tell("error", str(error))
+    tell("copies", all(is_as_stale(one, age) for one in copies(buffer)))
     # What arrives now is judged by its stamp, even if it is ahead of the clock.
     buffer.clear()
     buffer.set_transform(transform("map", "odom", ns=time.time_ns() + S), "x")
     return fresh(buffer)
+
+
+def copies(buffer):
+    return copy.copy(buffer), copy.deepcopy(buffer), pickle.loads(pickle.dumps(buffer))
+
+
+def is_as_stale(copied, age):
+    """Whether a copy knows of the step, and of how long ago it was, until a new sample arrives."""
+    [found] = copied.ages("map", "odom").values()
+    assert age <= found < DEADLINE_S, (age, found)
+    was_fresh = fresh(copied)
+    copied.set_transform(transform("map", "odom", ns=time.time_ns() + S * 4000), "x")
+    return not was_fresh and fresh(copied)
+
+
+def copies_of_a_file():
+    """The same for a buffer whose copies are the path of its file."""
+    CLOCK.value = 0
+    with tempfile.TemporaryDirectory() as folder:
+        ahead().freeze(f"{folder}/frozen.tf2")
+        buffer = Buffer.open(f"{folder}/frozen.tf2")
+        fresh(buffer)
+        CLOCK.value = 0
+        until(lambda: not fresh(buffer))
+        assert "frozen" in buffer.__getstate__()
+        return all(is_as_stale(one, MAX_AGE_S) for one in copies(buffer))
 
 
 def never_read_before():
@@ -99,6 +129,7 @@ CLOCK = ctypes.c_long.in_dll(ctypes.CDLL(None), "wall_offset_ns")
 for way in (block, future, awaiting):
     tell(way.__name__, set_back_during(way))
 tell("new data after stale data", becomes_stale())
+tell("copies of a file", copies_of_a_file())
 tell("never read before", never_read_before())
 CLOCK.value = 0
 rclpy.shutdown()

@@ -177,12 +177,12 @@ $(VENV)/installed.stamp: $(SOURCES) $(MESSAGES) | $(VENV_STAMP)
 	@touch $@
 
 $(VENV)/test.stamp: pyproject.toml
-	@$(MAKE) --no-print-directory $(VENV)/installed.stamp
+	@$(MAKE) -s $(VENV)/installed.stamp
 	$(call step,Installing what the tests use$(comma) 20 MB: some seconds,$(PY) -m pip install 'tf2-ros-cython[test]')
 	@touch $@
 
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
 $(foreach extra,dev docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
-	@$(MAKE) --no-print-directory $(VENV)/installed.stamp
+	@$(MAKE) -s $(VENV)/installed.stamp
 	$(call step,Installing the extra $*: up to 1 GB,$(PY) -m pip install 'tf2-ros-cython[$*]')
 	@touch $@

@@ -66,9 +66,9 @@ def main(kind):
         missing.insert(0, f"Python {number} is too old: make PYTHON=/path/to/one from 3.10 on")
     if importlib.util.find_spec("ensurepip") is None:
         missing.append("no pip for a virtual environment: install python3-venv")
-    print(*missing, sep="\n", end="\n" if missing else "")
     if missing:
-        print("On Debian and Ubuntu: sudo apt install make g++ python3-dev python3-venv")
+        missing.append("On Debian and Ubuntu: sudo apt install make g++ python3-dev python3-venv")
+        print(*missing, sep="\n")
     return bool(missing)
 
 

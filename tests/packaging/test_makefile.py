@@ -53,9 +53,16 @@ def folder_with_pip(tmp_path_factory):
     return folder
 
 
+def environment():
+    """That of a new shell, even if make itself runs these tests."""
+    return {name: value for name, value in unsourced().items() if not name.startswith(("MAKE", "MFLAGS"))}
+
+
 def make(folder, *arguments, **variables):
     python = f"PYTHON={sys._base_executable}"
-    return run("make", python, *arguments, cwd=folder, env={**unsourced(), "PIP_NO_INDEX": "1", **variables})
+    return run(
+        "make", python, *arguments, cwd=folder, env={**environment(), "PIP_NO_INDEX": "1", **variables}
+    )
 
 
 def test_all_missing_tools_are_named_before_anything_is_created(folder, tmp_path):
@@ -102,7 +109,7 @@ def test_ctrl_c_ends_a_step_and_all_its_processes(folder_with_pip):
         "[build-system]\nrequires = []\nbuild-backend = 'hanging'\nbackend-path = ['.']\n"
     )
     command = ["make", ".venv/messages.stamp"]
-    started = subprocess.Popen(command, cwd=folder, env=unsourced(), start_new_session=True)
+    started = subprocess.Popen(command, cwd=folder, env=environment(), start_new_session=True)
     try:
         until((folder / "messages" / "begun").exists)
         os.killpg(started.pid, signal.SIGINT)  # as a terminal does

@@ -346,11 +346,30 @@ def _opened(path: Path, stack: ExitStack) -> Reader:
 
 
 def _read_all_chunks(storage: Any) -> None:
-    """Let rosbags read chunks without message indexes, of which it does not know the channels, too."""
+    """Let rosbags read and count chunks without message indexes, of which it does not know the channels."""
     for file in getattr(storage, "storages", [storage]):
-        for chunk in getattr(file, "chunks", ()):
-            if not chunk.message_index_offsets:
-                chunk.channel_count.update(dict.fromkeys(file.channels, 1))
+        chunks = getattr(file, "chunks", ())
+        unindexed = [chunk for chunk in chunks if not chunk.message_index_offsets]
+        indexed = sum(sum(chunk.channel_count.values()) for chunk in chunks)
+        if unindexed and file.statistics.message_count == indexed:
+            # Without statistics, rosbags has made them of the message indexes.
+            _count(file)
+        for chunk in unindexed:
+            chunk.channel_count.update(dict.fromkeys(file.channels, 1))
+
+
+def _count(file: Any) -> None:
+    file.meta_scan()
+    found = file.statistics
+    counts = found.channel_message_counts
+    file.connections = [one._replace(msgcount=counts.get(one.id, 0)) for one in file.connections]
+    if found.message_count:
+        file.metadata = file.metadata._replace(
+            duration=found.end_time - found.start_time + 1,
+            start_time=found.start_time,
+            end_time=found.end_time + 1,
+            message_count=found.message_count,
+        )
 
 
 def _is_saved(path: Path) -> bool:

@@ -5,6 +5,7 @@ import re
 import shutil
 import sqlite3
 import sys
+from collections import Counter
 from contextlib import closing
 
 import numpy as np
@@ -121,6 +122,9 @@ def test_every_format_holds_the_same(form, tmp_path):
     assert set(heard.publishers) == {"/tf", "/tf_static"}
     assert (heard.start_ns, heard.end_ns) == (DRIVE[0].log_ns, scans[-1].log_ns)
     assert bag.stamps(path, "/scan").tolist() == [90 * S + 3 * i for i in range(5)]
+    with open_recording(path) as recorded:
+        counts = {name: topic.count for name, topic in recorded.topics.items()}
+    assert counts == Counter(one.topic for one in [*DRIVE, *scans])
 
 
 # What is kept.

@@ -3,14 +3,18 @@
 import gc
 import itertools
 import os
+import re
 import threading
 import weakref
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 from forking import in_a_child
 from making import at, translation
 from processes import DEADLINE_S, errors_so_far, until
 from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.time import Time
 from spinning import knows
 
@@ -20,6 +24,12 @@ pytestmark = pytest.mark.ours
 
 S = 10**9
 LATEST = Time()
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# With Zenoh, every publisher fits every subscription.
+with_unfit_publishers = pytest.mark.skipif(
+    qos_check_compatible(QoSProfile(depth=1), LATCHED)[0] != QoSCompatibility.ERROR,
+    reason="this middleware knows no incompatible QoS",
+)
 
 
 def taken(buffer):
@@ -27,7 +37,12 @@ def taken(buffer):
 
 
 def threads():
-    return len(os.listdir("/proc/self/task"))
+    """How many threads there are, without those of Zenoh's pool, whose number changes at any time."""
+    names = []
+    for task in Path("/proc/self/task").iterdir():
+        with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
+            names.append((task / "comm").read_text())
+    return sum(re.match(r"(net|rx|tx)-\d+$", name) is None for name in names)
 
 
 def files():
@@ -60,6 +75,7 @@ class TestWithoutAnExecutor:
             peer().send(("map", "robot", 1 * S, 1))
             until(lambda: core._frameExists("robot"))
 
+    @with_unfit_publishers
     def test_a_publisher_with_incompatible_qos_is_logged(self, listener, new_node, capfd):
         """The node is not spun, so no executor can log it."""
         other = new_node("volatile")
@@ -70,6 +86,7 @@ class TestWithoutAnExecutor:
         )
         until(lambda: said in errors_so_far())
 
+    @with_unfit_publishers
     def test_one_whose_node_the_graph_does_not_know_yet_is_named_later(
         self, ros, tf2_ros, buffer, new_node, capfd
     ):
@@ -199,7 +216,9 @@ class TestEnd:
         for _ in range(200 // len(orders)):
             all_orders()
         until(lambda: threads() <= before[0] and files() <= before[1])
-        assert capfd.readouterr().err == ""
+        # Zenoh reports each message that arrives just after the end of its subscription.
+        lines = capfd.readouterr().err.splitlines()
+        assert [line for line in lines if "[rmw_zenoh_cpp]: SubscriberCallback triggered" not in line] == []
 
     def test_an_executor_that_has_just_met_an_event_handler_does_not_wait_for_it(self, listener, node):
         """If another thread destroys the subscription then, the executor would raise InvalidHandle."""

@@ -27,6 +27,7 @@ from rclpy.waitable import NumberOfEntities
 
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import has_tasks
+from tf2_ros._rclpy import wake as wake_executor
 
 cdef extern from "Python.h":
     unsigned long PyThread_get_thread_ident()
@@ -171,7 +172,10 @@ cdef class ExecutorRounds(Watching):
     def is_ready(self, wait_set):
         """Whether something has arrived that the executor had to wake for, or a call must run."""
         if self._wait_set != <void*>wait_set:
-            return False  # the node has moved to another executor, which must not miss anything
+            # The node has moved to another executor, which must not miss anything. With Zenoh, what both
+            # wait for leaves the sets of both when one of them wakes.
+            self._have_prepared_again()
+            return False
         self._wait_set = NULL
         due = self._is_due()
         store_ns(&self.state.wake_at_ns, NEVER)
@@ -180,7 +184,7 @@ cdef class ExecutorRounds(Watching):
         if self._has_displaced:
             # The node moved to the other executor while this one was gathering: the other must prepare again.
             self._has_displaced = False
-            self.wake()
+            self._have_prepared_again()
         return due
 
     def take_data(self):
@@ -194,6 +198,13 @@ cdef class ExecutorRounds(Watching):
         else:
             with suppress(RuntimeError):    # the context has ended
                 self._handle.trigger_guard_condition()
+
+    cdef int _have_prepared_again(self) except -1:
+        # Wake the executor that has the node, which then goes to sleep anew.
+        executor = self.executor()
+        if isinstance(executor, Executor):
+            wake_executor(executor)
+        return 0
 
     cdef bint _is_due(self):
         return len(self.calls) > 0 or load(&self.state.round_due)

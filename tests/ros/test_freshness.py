@@ -50,6 +50,19 @@ def test_each_moving_frame_of_the_path_must_have_a_recent_sample(tf2_ros, buffer
                 buffer.lookup_transform(target, source, LATEST, max_age=(limit_ns - 1) / S)
 
 
+def test_a_frame_that_keeps_the_common_time_before_a_change_of_parents_is_judged_too(tf2_ros, buffer):
+    buffer.set_transform_static(transform("map", "table", 0), "x")
+    insert(buffer, "map", "gripper", 91, 92, 93)  # which has stopped
+    insert(buffer, "table", "cup", 91, 92, 92.5)
+    insert(buffer, "gripper", "cup", 94, 97, 100)  # so it is there that the cup is now
+    assert buffer.ages("map", "cup") == {"cup": 0.0, "gripper": 7.0}
+    assert buffer.lookup_transform("map", "cup", LATEST).header.stamp.sec == 93
+    with pytest.raises(tf2_ros.ExtrapolationException, match="the newest sample of gripper in map, at 93"):
+        buffer.lookup_transform("map", "cup", LATEST, max_age=0.5)
+    assert not buffer.can_transform("map", "cup", LATEST, max_age={"gripper": 6})
+    assert buffer.can_transform("map", "cup", LATEST, max_age=7)
+
+
 def test_the_answer_is_that_of_a_lookup_without_a_limit(buffer):
     assert buffer.lookup_transform(*ROBOT, max_age=1) == buffer.lookup_transform(*ROBOT)
     assert buffer.lookup_transform(*ROBOT, max_age=float("inf"), tolerance=1) == buffer.lookup_transform(

@@ -145,7 +145,9 @@ class Policies:
                 self._judge_ages(target, source, self._newest_hops(target, source), policy.max_age)
             raise
         if judged:
-            self._judge_ages(target, source, hops, policy.max_age)
+            # Also those of the newest path, which may keep the common time before a frame changed its parent.
+            newest = [name for name in self._newest_hops(target, source) if name not in hops]
+            self._judge_ages(target, source, [*hops, *newest], policy.max_age)
         used = [frame.used_ns(name, stamp, policy) for name, frame in moving.items()]
         stamp = min([stamp, *[ns for ns, carried_on in used if not carried_on]])
         return self._answer(stamp, target, source, found)

@@ -393,22 +393,41 @@ cdef Status _judge_ages(const Tree* tree, FrameId target, FrameId source, const 
                         Status status) noexcept nogil:
     # The status of a lookup of the latest time, once the ages of the moving frames are judged: it names the
     # frame that is furthest beyond its limit. A lookup that fails because there is no common time does so
-    # mostly because a frame is stale, which then is the better reason.
+    # mostly because a frame is stale, which then is the better reason. Also a frame of the newest path alone
+    # may be: then the latest common time is before a frame got its present parent.
     cdef int64_t now_ns = system_ns() if policy.clock.is_system else policy.clock.now_ns
     cdef int64_t excess_ns = 0
     cdef int64_t common_ns
     cdef Status stale = status
-    cdef uint32_t i
-    if status.code == STATUS_EXTRAPOLATION:
-        if walk_common_time(tree, target, source, path, &common_ns).code != STATUS_OK:
-            return status
-    elif status.code != STATUS_OK:
+    if status.code not in (STATUS_OK, STATUS_EXTRAPOLATION):
         return status
-    for i in range(path.target_hops):
-        _is_stale(tree, path.target[i], now_ns, policy, &excess_ns, &stale)
-    for i in range(path.source_hops):
-        _is_stale(tree, path.source[i], now_ns, policy, &excess_ns, &stale)
+    if status.code == STATUS_OK:
+        _judge_path(tree, path, now_ns, policy, &excess_ns, &stale)
+        if not _changes_parents(tree, path):
+            return stale
+    if walk_common_time(tree, target, source, path, &common_ns).code == STATUS_OK:
+        _judge_path(tree, path, now_ns, policy, &excess_ns, &stale)
     return stale
+
+
+cdef void _judge_path(const Tree* tree, const Path* path, int64_t now_ns, const Policy* policy,
+                      int64_t* excess_ns, Status* status) noexcept nogil:
+    cdef uint32_t i
+    for i in range(path.target_hops):
+        _is_stale(tree, path.target[i], now_ns, policy, excess_ns, status)
+    for i in range(path.source_hops):
+        _is_stale(tree, path.source[i], now_ns, policy, excess_ns, status)
+
+
+cdef bint _changes_parents(const Tree* tree, const Path* path) noexcept nogil:
+    cdef uint32_t i
+    for i in range(path.target_hops):
+        if tree.histories[path.target[i]].parent_changes:
+            return True
+    for i in range(path.source_hops):
+        if tree.histories[path.source[i]].parent_changes:
+            return True
+    return False
 
 
 cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,

@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import __version__
+from tf2_ros_cython.output import UNFINISHED
 from tf2_ros_tools.reading import FROZEN, LOGS, SUFFIXES
 
 if TYPE_CHECKING:
@@ -25,12 +26,13 @@ def state_of(recording: str) -> list[list[Any]]:
 
     For each file, these are its name, its size, when it and its inode were changed, and a digest of its first
     and last 64 KiB, where the indexes of all formats are. An archive can restore the size and the time of a
-    file, but no program can set the time at which the inode was changed. Frozen and hidden files are left
+    file, but no program can set the time at which the inode was changed. Frozen and unfinished files are left
     out, so that the folder of a recording may be that of its frozen file.
     """
     if os.path.isdir(recording):
-        found = (one for one in os.scandir(recording) if one.is_file() and not one.name.startswith("."))
-        files = sorted(one.path for one in found if not one.name.endswith((FROZEN, SHARED_MEMORY)))
+        left_out = (FROZEN, UNFINISHED, SHARED_MEMORY)
+        found = (one for one in os.scandir(recording) if one.is_file())
+        files = sorted(one.path for one in found if not one.name.endswith(left_out))
     else:
         files = [recording, *(path for log in LOGS if os.path.isfile(path := recording + log))]
     # An empty log appears whenever a database is opened.

@@ -115,10 +115,21 @@ def test_the_folder_of_a_recording_may_be_that_of_its_file(storage, tmp_path, mo
     folder = write_folder(tmp_path / "run", drive(20), storage)
     first = bag.load(folder, cache=folder)
     listed = files(folder)
-    (folder / ".hidden").write_text("unfinished")
+    (folder / ".hidden.unfinished").write_text("of another process")
     monkeypatch.setattr("tf2_ros_tools.loading.fill_buffer", None)
     assert held(bag.load(folder, cache=folder)) == held(first)
-    assert files(folder) == [folder / ".hidden", *listed]
+    assert files(folder) == [folder / ".hidden.unfinished", *listed]
+
+
+def test_a_recording_may_have_hidden_files(tmp_path, cache):
+    folder = write_folder(tmp_path / "run", drive(20), "mcap")
+    (folder / "run.mcap").rename(folder / ".run.mcap")
+    metadata = folder / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("run.mcap", ".run.mcap"))
+    before = bag.load(folder, cache=cache)
+    write_mcap(folder / ".run.mcap", drive(30))
+    after = bag.load(folder, cache=cache)
+    assert after.frames()["base"].count > before.frames()["base"].count
 
 
 def test_a_pipe_in_place_of_a_recording_is_not_opened(tmp_path, cache):

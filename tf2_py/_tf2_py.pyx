@@ -341,15 +341,20 @@ cdef class BufferCore(Engine):
         """
         if not isinstance(state, dict):
             raise ValueError(f"not the state of a buffer: it is not a dict but {type(state).__name__}")
-        overtaken = overtaken_of(state)
-        if "frozen" in state:
-            path, is_copy, expected = frozen_file.from_state(state)
-            self.open_frozen(path, is_copy, expected)
-        else:
-            self.restore(dict(state))
+        attributes = state.get("attributes", {})
+        if not isinstance(attributes, dict) or (attributes and not hasattr(self, "__dict__")):
+            raise ValueError(f"not the state of a {type(self).__name__}: it cannot have these attributes")
+        try:
+            overtaken = overtaken_of(state)
+            if "frozen" in state:
+                path, is_copy, expected = frozen_file.from_state(state)
+                self.open_frozen(path, is_copy, expected)
+            else:
+                self.restore(dict(state))
+        except (AttributeError, OverflowError, TypeError) as error:
+            raise ValueError(f"not the state of a buffer: {error}") from error
         if overtaken is not None:
             self.overtake(overtaken[0], overtaken[1])
-        attributes = state.get("attributes", {})
         if attributes:
             # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.
             self.__dict__.update(attributes)

@@ -20,7 +20,10 @@ def assert_nothing_is_left(call, *objects, times=2000):
 
     for _ in range(100):  # caches and free lists fill
         call()
-    found = left()
-    if abs(found[0]) >= SLACK:  # another thread has made something meanwhile; a leak goes on
+    # Another thread may make something meanwhile, and caches fill slowly, as while buffers are pickled: of
+    # 10,000 calls, 200 blocks are left, then 70, 20, 10. A leak goes on.
+    for _ in range(6):
         found = left()
+        if abs(found[0]) < SLACK:
+            break
     assert abs(found[0]) < SLACK and found[1:] == [0] * len(objects), found

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from tf2_py._internal import as_times_ns, duration_ns, errors, time_ns
+from tf2_py._internal import MalformedObjectError, as_times_ns, duration_ns, errors, time_ns
 from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, TransformException
-from tf2_ros._arguments import frame_of
+from tf2_ros._arguments import frame_of, kind_of
 from tf2_ros_cython.output import printable
 from tf2_sensor_msgs._cloud import move_points, read_times, sample_times
 from tf2_sensor_msgs._time_field import KNOWN, S, TimeField, Unit, find_time_field
@@ -123,6 +123,8 @@ def deskew(
     """
     if not isinstance(buffer, BufferCore):
         raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
+    if not hasattr(cloud, "point_step"):
+        raise MalformedObjectError(f"cloud: expected a sensor_msgs/PointCloud2, got {kind_of(cloud)}")
     if on_missing not in ("raise", "nan"):
         raise ValueError(f"on_missing: expected 'raise' or 'nan', got {on_missing!r}")
     if target_time is not None and fixed_frame is None:

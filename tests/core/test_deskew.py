@@ -736,6 +736,8 @@ def test_wrong_arguments_are_named(buffer):
     cloud, _, _ = measured("ouster")
     with pytest.raises(TypeError, match=r"buffer: expected a tf2_ros\.Buffer, got str"):
         deskew(cloud, "odom", buffer)
+    with pytest.raises(TypeError, match=r"cloud: expected a sensor_msgs/PointCloud2, got TransformStamped"):
+        deskew(transform("map", "odom", 1), buffer, "odom")
     with pytest.raises(TypeError, match="target_time needs a fixed_frame"):
         deskew(cloud, buffer, "odom", target_time=at_ns(STAMP))
     with pytest.raises(LookupException, match=r"odometry.*Did you mean \[odom\]"):

@@ -63,6 +63,15 @@ def test_a_frame_that_keeps_the_common_time_before_a_change_of_parents_is_judged
     assert buffer.can_transform("map", "cup", LATEST, max_age=7)
 
 
+def test_in_a_loop_the_path_by_the_newest_samples_is_judged_too(tf2_ros, buffer):
+    insert(buffer, "left", "middle", 99.9)
+    insert(buffer, "middle", "right", 0)  # which is no answer at 99.9
+    buffer.set_transform_static(transform("right", "left", 0), "x")
+    assert buffer.can_transform("left", "right", LATEST)
+    with pytest.raises(tf2_ros.ExtrapolationException, match="the newest sample of right in middle, at 0"):
+        buffer.lookup_transform("left", "right", LATEST, max_age=5)
+
+
 def test_the_answer_is_that_of_a_lookup_without_a_limit(buffer):
     assert buffer.lookup_transform(*ROBOT, max_age=1) == buffer.lookup_transform(*ROBOT)
     assert buffer.lookup_transform(*ROBOT, max_age=float("inf"), tolerance=1) == buffer.lookup_transform(

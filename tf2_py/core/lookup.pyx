@@ -394,7 +394,7 @@ cdef Status _judge_ages(const Tree* tree, FrameId target, FrameId source, const 
     # The status of a lookup of the latest time, once the ages of the moving frames are judged: it names the
     # frame that is furthest beyond its limit. A lookup that fails because there is no common time does so
     # mostly because a frame is stale, which then is the better reason. Also a frame of the newest path alone
-    # may be: then the latest common time is before a frame got its present parent.
+    # may be: where a frame has changed its parent, or in a loop, the answer may be that of another path.
     cdef int64_t now_ns = system_ns() if policy.clock.is_system else policy.clock.now_ns
     cdef int64_t excess_ns = 0
     cdef int64_t common_ns
@@ -403,7 +403,7 @@ cdef Status _judge_ages(const Tree* tree, FrameId target, FrameId source, const 
         return status
     if status.code == STATUS_OK:
         _judge_path(tree, path, now_ns, policy, &excess_ns, &stale)
-        if not _changes_parents(tree, path):
+        if not (tree.ever_looped or _changes_parents(tree, path)):
             return stale
     if walk_common_time(tree, target, source, path, &common_ns).code == STATUS_OK:
         _judge_path(tree, path, now_ns, policy, &excess_ns, &stale)

@@ -174,6 +174,7 @@ class TestTasks:
         until(lambda: steps, executor)
         self.created.clear()
         buffer.set_transform(ROBOT, "me")
-        assert len(self.created) == _rclpy.RESUMES_TASKS  # which steps the coroutine
+        # Some releases step the coroutine by a task of rclpy; none is ours.
+        assert [call for call, *_ in self.created if call.__module__ == _rclpy.__name__] == []
         until(task.done, executor)
         assert len(steps) == 1 or not _rclpy.RESUMES_TASKS

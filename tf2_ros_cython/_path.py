@@ -35,7 +35,7 @@ def refused_rclpy(environ: "Mapping[str, str]" = os.environ) -> str | None:
     """
     if environ.get("TF2_ROS_CYTHON") == "1":
         return None
-    for prefix in (*environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix):
+    for prefix in filter(None, (*environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix)):
         try:
             with open(os.path.join(prefix, "share", "rclpy", "package.xml"), encoding="utf-8") as file:
                 version = file.read().partition("<version>")[2].partition("<")[0].strip()

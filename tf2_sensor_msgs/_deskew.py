@@ -198,8 +198,11 @@ def _read_sweep(
         return Sweep(None, given, int(first), int(last), LONGEST_NS, count)
     field = find_time_field(cloud, stamp_ns, time_unit)
     sample = sample_times(cloud, field)
-    if time_unit is None and field.unit.is_absolute and _are_nanoseconds(sample):
-        field = field._replace(unit=Unit(1, True))
+    if time_unit is None and field.unit.is_absolute:
+        # Where no point has coordinates, the new time is stored nevertheless.
+        numbers = sample if len(sample) else sample_times(cloud, field, False)
+        if _are_nanoseconds(numbers):
+            field = field._replace(unit=Unit(1, True))
     longest_ns = LONG_NS if time_unit is None else LONGEST_NS
     lowest, highest, garbage = _without_garbage(sample, longest_ns / field.unit.ns)
     if time_unit is None:

@@ -29,10 +29,10 @@ cdef extern from *:
         size_t last;            /* index of the last one */
     };
 
-    /* Whether a time is between the first and the last knot, which are whole ns; NaN is not. */
+    /* Whether a time, rounded to ns, is between the first and the last knot; NaN is not. */
     static inline int knots_include(const struct Knots *knots, double ns)
     {
-        return ns >= -1.0 && ns <= knots->ns[knots->last] + 1.0;
+        return ns > -0.5 && ns < knots->ns[knots->last] + 0.5;
     }
 
     static inline size_t knot_before(const struct Knots *knots, double ns)

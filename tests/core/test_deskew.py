@@ -334,6 +334,21 @@ def test_a_point_a_microsecond_outside_the_sampled_times_is_at_its_own_time(driv
     assert_moved(moved, wanted, xyz_of(points), points.dtype)
 
 
+@pytest.mark.parametrize("driver", ["ouster", "seconds in double"])
+@pytest.mark.parametrize("outside", [-1, 1])
+def test_a_point_1_ns_outside_the_data_has_no_transform(driver, outside):
+    """Among so many points that not all times are sampled; all others are within the data."""
+    buffer, since_stamp = Buffer(float("inf")), np.linspace(0, SWEEP, 4000).astype(np.int64)
+    since_stamp[1235] = -1 if outside < 0 else SWEEP + 1
+    for ns in (0, SWEEP // 4, SWEEP):
+        buffer.set_transform(transform("odom", "lidar", ns=STAMP + ns, xyz=(ns / S, 0, 0)), "x")
+    cloud, points, _ = measured(driver, since_stamp)
+    with pytest.raises(ExtrapolationException, match=r"^points\[1235\]"):
+        deskew(cloud, buffer, "odom")
+    moved = deskew(cloud, buffer, "odom", on_missing="nan")
+    assert missing_in(moved, points.dtype) == [1235]
+
+
 def test_a_gap_between_samples_is_found_under_max_gap(buffer):
     """Also where so little happens in it that no pose within is needed."""
     still = Buffer(float("inf"))
@@ -367,6 +382,14 @@ def test_a_cloud_in_which_no_point_has_coordinates(buffer):
     points["x"] = np.nan
     moved = deskew(as_cloud(points, DRIVERS["velodyne"][0]), buffer, "odom")
     assert np.isnan(xyz_of(points_of(moved, points.dtype))).all() and moved.header.frame_id == "odom"
+
+
+@pytest.mark.parametrize("driver", ["livox", "hesai"])
+def test_the_new_time_has_the_unit_of_the_field_in_a_cloud_without_coordinates(buffer, driver):
+    cloud, points, _ = measured(driver)
+    points["x"] = np.nan
+    moved = deskew(as_cloud(points, DRIVERS[driver][0]), buffer, "base", "odom")
+    assert points_of(moved, points.dtype)["timestamp"] == pytest.approx(points["timestamp"][0], rel=1e-15)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 3e38])

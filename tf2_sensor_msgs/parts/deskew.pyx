@@ -46,7 +46,7 @@ cdef Py_ssize_t _ends_of_row(const Grid* grid) noexcept nogil:
 
 
 cdef Py_ssize_t _sample_row(const char* row, const Grid* grid, const TimeSource* field,
-                            double* out) noexcept nogil:
+                            bint needs_point, double* out) noexcept nogil:
     # Returns how many numbers there are.
     cdef Py_ssize_t count = grid.columns
     cdef Py_ssize_t ends = _ends_of_row(grid)
@@ -56,20 +56,21 @@ cdef Py_ssize_t _sample_row(const char* row, const Grid* grid, const TimeSource*
     while i < count:
         point = row + i * grid.point_step
         out[found] = number_load(point + field.offset, field.number)
-        if isfinite(out[found]) and not _has_nan(point, &grid.triples[0]):
+        if isfinite(out[found]) and not (needs_point and _has_nan(point, &grid.triples[0])):
             found += 1
         i += 1 if i < ends or i >= count - ends else min(<Py_ssize_t>SAMPLED, count - ends - i)
     return found
 
 
-def sample_times(cloud, times):
+def sample_times(cloud, times, bint needs_point=True):
     """
-    The finite numbers in a field, of a sample of the points that have coordinates.
+    The finite numbers in a field, of a sample of the points.
 
     Most lidars write points in an order in which the first or the last point of some row is the earliest or
     the latest one. ``move_points`` reports if that is not so.
 
     :param times: a ``TimeField``.
+    :param needs_point: omit points without coordinates.
     """
     cdef Grid grid
     cdef Py_buffer source
@@ -87,7 +88,7 @@ def sample_times(cloud, times):
         numbers = <double*>cnp.PyArray_DATA(sample)
         with nogil:
             for row in range(grid.rows if grid.columns > 0 else 0):
-                count += _sample_row(<const char*>source.buf + row * grid.row_step, &grid, &field,
+                count += _sample_row(<const char*>source.buf + row * grid.row_step, &grid, &field, needs_point,
                                      numbers + count)
     finally:
         PyBuffer_Release(&source)

@@ -766,13 +766,13 @@ cdef class BufferCore(Engine):
         Get the times for which ``source_frame`` can be looked up in ``target_frame``.
 
         :return: ``(first_ns, last_ns)``, in nanoseconds, both included: every time between them has an
-            answer. The last one is that of :meth:`get_latest_common_time`; the first one is the earliest from
-            which on all frames on the path have data. The path may differ between the times, where a frame
-            had several parents. A time at which the tree contains a loop ends the range. If all frames on the
-            path are static, or the two frames are the same, every other time has an answer, and the range
-            ends at the latest stamp that fits a message: ``(0, 2147483647999999999)``, or begins later where
-            a frame above them has been part of a loop. So the range of several pairs is from the largest
-            ``first_ns`` to the smallest ``last_ns``.
+            answer. If a frame on the path moves, the last one is that of :meth:`get_latest_common_time`; the
+            first one is the earliest from which on all frames on the path have data. The path may differ
+            between the times, where a frame had several parents. A time at which the tree contains a loop
+            ends the range. If all frames on the path are static, or the two frames are the same, every other
+            time has an answer, and the range ends at the latest stamp that fits a message:
+            ``(0, 2147483647999999999)``, or begins later where a frame above them has been part of a loop. So
+            the range of several pairs is from the largest ``first_ns`` to the smallest ``last_ns``.
         :raises ExtrapolationException: the latest common time has no answer, because the data of a frame on
             the path begins later than that of another one ends; the text names the frame and the gap.
         :raises ConnectivityException: the frames are in different trees, or one has no data.

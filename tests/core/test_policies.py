@@ -194,6 +194,7 @@ def test_a_timeout_is_meant_only_by_methods_that_wait(tf2_ros, name):
     ("policy", "error", "text"),
     [
         ({"tolerance": -1}, ValueError, "must not be negative"),
+        ({"tolerance": float("-inf")}, ValueError, "must not be negative, got -inf s"),
         ({"tolerance": float("nan")}, ValueError, "NaN"),
         ({"tolerance": "1"}, TypeError, "tolerance"),
         ({"max_gap": -0.1}, ValueError, "must not be negative"),

@@ -80,7 +80,8 @@ cdef int64_t _not_negative(object duration, str argument) except -1:
     # INT64_MAX: without end.
     cdef int64_t found_ns = duration_ns(duration, argument)
     if found_ns < 0:
-        raise ValueError(f"{argument} must not be negative, got {errors.seconds(found_ns)} s")
+        given = "-inf" if found_ns <= -FOR_EVER_NS else errors.seconds(found_ns)
+        raise ValueError(f"{argument} must not be negative, got {given} s")
     return INT64_MAX if found_ns >= FOR_EVER_NS else found_ns
 
 

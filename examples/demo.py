@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-LIMIT_S = 18.0
+LIMIT_S = 30.0
 RATE_HZ = 25.0
 RADIUS_M = 2.0
 TURN_RAD_S = 0.8

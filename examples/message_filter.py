@@ -16,7 +16,7 @@ from tf2_ros import Buffer, MessageFilter, TransformBroadcaster, TransformListen
 SCANS = 20
 PERIOD_S = 0.05
 DELAY = 4  # of the transforms, in periods
-LIMIT_S = 15.0
+LIMIT_S = 60.0
 
 
 def main():

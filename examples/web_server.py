@@ -24,7 +24,7 @@ TARGET, SOURCE = "map", "base_link"
 # second, the wheels send base_link in odom 50 times a second.
 LIMITS_S = {"odom": 1.0, "base_link": 0.2}
 AWAIT_S = 1.0  # for the pose at a time
-LIMIT_S = 20.0  # of the demonstration
+LIMIT_S = 60.0  # of the demonstration
 
 BUFFER = web.AppKey("buffer", Buffer)
 

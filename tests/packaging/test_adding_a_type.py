@@ -9,7 +9,7 @@ from installing import checkout_copy, reuse_builds
 from paths import ROOT, TESTS
 from processes import run
 
-pytestmark = [pytest.mark.ours, pytest.mark.long("compiles an extension"), pytest.mark.timeout(1200)]
+pytestmark = [pytest.mark.ours, pytest.mark.long("compiles an extension")]
 
 PAGE = (ROOT / "docs" / "adding-a-type.md").read_text()
 # By the file that the first line of a block names.

@@ -11,7 +11,6 @@ sys.path.insert(0, str(ROOT))
 from release import cross  # noqa: E402
 
 
-@pytest.mark.timeout(1200)
 @pytest.mark.parametrize("name", cross.TARGETS)
 def test_the_extensions_compile(name):
     try:

@@ -18,7 +18,6 @@ from workspaces import OWNERS, Installation, Workspace, add_tf2_ros_py, distribu
 pytestmark = [
     pytest.mark.ours,
     pytest.mark.long("builds and installs the project"),
-    pytest.mark.timeout(1200),
     pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
 ]
 

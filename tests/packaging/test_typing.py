@@ -13,7 +13,6 @@ from sources import modules
 pytestmark = [
     pytest.mark.ours,
     pytest.mark.long("runs type checkers on all programs"),
-    pytest.mark.timeout(1200),
 ]
 pytest.importorskip("mypy")
 pytest.importorskip("pyright")

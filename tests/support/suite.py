@@ -69,6 +69,9 @@ providers._get_local_constants = lambda: providers._local_constants
 # Helpers that assert.
 pytest.register_assert_rewrite("fuzzed", "model_pair", "pages", "recorded_answers", "sharing")
 
+# Of a test marked `long`: some build and install for a minute on an idle machine.
+LONG_TIMEOUT_S = 1200
+
 
 def pytest_addoption(parser):
     parser.addoption(
@@ -120,6 +123,9 @@ def pytest_collection_modifyitems(config, items):
         left_out = [item for item in items if _is_left_out(item, config.getoption("--long"))]
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item not in set(left_out)]
+    for item in items:
+        if any(item.iter_markers("long")) and not any(item.iter_markers("timeout")):
+            item.add_marker(pytest.mark.timeout(LONG_TIMEOUT_S))
     # The processes of `pytest -n` begin the files in this order. A long file of waits must not be the last.
     items.sort(key=lambda item: item.path.parent.name not in ("ros", "programs"))
     if not config.getoption("--reference"):

@@ -13,7 +13,6 @@ from workspaces import Installation, Workspace, distribution_with_tf2
 pytestmark = [
     pytest.mark.ours,
     pytest.mark.long("builds and installs both projects"),
-    pytest.mark.timeout(1200),
     pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
 ]
 

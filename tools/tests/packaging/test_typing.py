@@ -10,7 +10,6 @@ from tool_pages import PAGES, provide_torch
 pytestmark = [
     pytest.mark.ours,
     pytest.mark.long("runs type checkers on all programs"),
-    pytest.mark.timeout(1200),
 ]
 pytest.importorskip("mypy")
 pytest.importorskip("pyright")

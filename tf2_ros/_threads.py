@@ -23,9 +23,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import begin_anew, report_soon, run_inboxes, run_reports, stop_inboxes
-from tf2_ros._wait.endings import log_error
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
@@ -36,7 +36,7 @@ def call_logged(call: Callable[[], object], where: str) -> None:
     try:
         call()
     except BaseException as error:
-        log_error(error, where)
+        log.raised(error, where)
 
 
 def start(name: str, target: Callable[..., object], *arguments: object) -> None:

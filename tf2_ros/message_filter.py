@@ -5,12 +5,11 @@ import tf2_ros_cython._requirement  # noqa: F401
 import itertools
 import os
 import time
-import weakref
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypedDict, overload
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeAlias, TypedDict, overload
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
@@ -33,9 +32,8 @@ from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended, require_node
 from tf2_ros._rclpy import destroy_subscription
 from tf2_ros._threads import check_regularly
-from tf2_ros._wait.completions import complete
 from tf2_ros._wait.deadlines import deadlines
-from tf2_ros._wait.endings import CLEARED, PASSED, QueuedMessage, first_key
+from tf2_ros._wait.filter_calls import FilterCalls, QueuedMessage
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.runners import ExecutorRunner, completions_of
 from tf2_ros.buffer import Buffer
@@ -98,6 +96,9 @@ class FilterFailureReason(str, Enum):
     NO_TRANSFORM_FOUND = "NO_TRANSFORM_FOUND"
     QUEUE_FULL = "QUEUE_FULL"
     TIMEOUT = "TIMEOUT"
+
+
+_Outcome: TypeAlias = TransformStamped | FilterFailureReason
 
 
 class MessageFilter(Generic[_Message]):
@@ -174,12 +175,9 @@ class MessageFilter(Generic[_Message]):
         if not isinstance(buffer, Buffer):
             raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
         require_node("MessageFilter", node, "create_subscription")
-        self.callbacks: dict[int, _Callback] = {}
-        self._failure_callbacks: dict[int, _Callback] = {}
-        self._with_text: set[int] = set()  # those of the latter that also take a text
+        self._calls = FilterCalls(FilterFailureReason)
+        self.callbacks: dict[int, _Callback] = self._calls.callbacks
         self._connections = itertools.count()
-        # Replaced, never changed, because any thread reads it.
-        self._streams: tuple[weakref.ref[MessageStream[_Message]], ...] = ()
         self._buffer, self._node = buffer, node
         self._completions = completions_of(node)
         self._subscription: Any = None
@@ -194,10 +192,6 @@ class MessageFilter(Generic[_Message]):
             raise ValueError(f"queue_size: expected 0 or more, got {queue_size}")
         self._queue_size = queue_size
         self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
-        self._waiting: OrderedDict[QueuedMessage, None] = OrderedDict()  # the oldest first
-        # How many have ended in which way.
-        self._ended: dict[str, int] = dict.fromkeys((PASSED, CLEARED, *FilterFailureReason), 0)
-        self._dropped_in_a_row = 0
         self._warn_again_at = 0.0
         self._connect(input)
 
@@ -216,9 +210,12 @@ class MessageFilter(Generic[_Message]):
             raise TypeError(f"{kind_of(message)} has no header with a frame and a time")
         frame_name(header.frame_id, "header.frame_id")
         frame = frame_of(header, self._prefix) if self._prefix else stored_name(header.frame_id)
-        queued = QueuedMessage(self, message, frame, time_ns(header.stamp, "header.stamp"))
+        stamp_ns = time_ns(header.stamp, "header.stamp")
+        queued = QueuedMessage(
+            self._calls, self._completions, message, frame, stamp_ns, self._resolve, self._warn_of_drops
+        )
         try:
-            self._waiting[queued] = None
+            self._calls.waiting[queued] = None
             self._begin(queued)
             if self._closed:  # meanwhile, by another thread
                 queued.cancel()
@@ -235,7 +232,9 @@ class MessageFilter(Generic[_Message]):
         :return: the key of the callback in the dictionary ``callbacks``; removing the entry removes the
             callback.
         """
-        return self._register(self.callbacks, "registerCallback", callback, arguments)
+        connection = self._connect_callback("registerCallback", callback)
+        self.callbacks[connection] = callback, arguments
+        return connection
 
     @overload
     def registerFailureCallback(
@@ -264,30 +263,19 @@ class MessageFilter(Generic[_Message]):
             that a lookup raised when the message was dropped: it names the frames and what they lacked.
         :return: a number, which no other callback of this filter has.
         """
-        return self._register(
-            self._failure_callbacks, "registerFailureCallback", callback, arguments, with_text
-        )
+        connection = self._connect_callback("registerFailureCallback", callback)
+        self._calls.failure_callbacks[connection] = callback, arguments, with_text
+        return connection
 
-    def _register(
-        self,
-        callbacks: dict[int, _Callback],
-        name: str,
-        callback: Any,
-        arguments: tuple[Any, ...],
-        with_text: bool = False,
-    ) -> int:
+    def _connect_callback(self, name: str, callback: Any) -> int:
         refuse_inherited(self, self._process)
         require_callable(name, callback)
-        connection = next(self._connections)
-        if with_text:
-            self._with_text.add(connection)
-        callbacks[connection] = callback, arguments
-        return connection
+        return next(self._connections)
 
     def clear(self) -> None:
         """Remove the messages that wait, and those for which no callback was called yet."""
         refuse_inherited(self, self._process)
-        for queued in list(self._waiting):
+        for queued in list(self._calls.waiting):
             queued.cancel()
 
     def close(self) -> None:
@@ -299,7 +287,7 @@ class MessageFilter(Generic[_Message]):
             destroy_subscription(self._node, self._subscription)
             self._subscription = None
         self.clear()
-        for stream in self._live_streams():
+        for stream in self._calls.streams():
             stream.arrival.end()
 
     def __enter__(self) -> "MessageFilter[_Message]":
@@ -326,24 +314,14 @@ class MessageFilter(Generic[_Message]):
             ``cleared``; and ``waiting``, which are all others.
         """
         refuse_inherited(self, self._process)
-        ended, waiting = self._ended.copy(), len(self._waiting)
-        return {
-            "received": sum(ended.values()) + waiting,
-            "passed": ended[PASSED],
-            "dropped": {reason.value: ended[reason] for reason in FilterFailureReason},
-            "cleared": ended[CLEARED],
-            "waiting": waiting,
-        }
+        counts: _Statistics = self._calls.statistics()
+        return counts
 
     def __aiter__(self) -> "MessageStream[_Message]":
         refuse_inherited(self, self._process)
         stream = MessageStream(self)
-        self._streams = (*map(weakref.ref, self._live_streams()), weakref.ref(stream))
+        self._calls.add_stream(stream)
         return stream
-
-    def _live_streams(self) -> "list[MessageStream[_Message]]":
-        streams = (reference() for reference in self._streams)
-        return [stream for stream in streams if stream is not None]
 
     def _new_arrival(self) -> WakingFuture[None]:
         return WakingFuture(self._has_ended, self._buffer._tf2_kept)
@@ -379,14 +357,14 @@ class MessageFilter(Generic[_Message]):
                 deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
         if outcome is not None:
             # The transform of this one may have completed earlier ones, whose callbacks wait for an executor.
-            while (oldest := first_key(self._waiting)) not in (None, queued) and oldest.over():
+            while (oldest := self._calls.oldest()) not in (None, queued) and oldest.over():
                 oldest()
             queued.end(outcome, self._text(queued, outcome))
         # Those that were added before may have become too old while they waited.
-        while (oldest := first_key(self._waiting)) is not None:
+        while (oldest := self._calls.oldest()) is not None:
             if self._is_too_old(oldest):
                 reason = FilterFailureReason.OUT_THE_BACK
-            elif 0 < self._queue_size < len(self._waiting):
+            elif 0 < self._queue_size < len(self._calls.waiting):
                 reason = FilterFailureReason.QUEUE_FULL
             else:
                 break
@@ -394,7 +372,7 @@ class MessageFilter(Generic[_Message]):
             outcome = self._look_up(oldest) or reason
             oldest.end(outcome, self._text(oldest, outcome))
 
-    def _look_up(self, queued: QueuedMessage) -> TransformStamped | FilterFailureReason | None:
+    def _look_up(self, queued: QueuedMessage) -> _Outcome | None:
         """
         The transform into the first target frame, if all are available; the reason, if they will never be.
 
@@ -425,14 +403,15 @@ class MessageFilter(Generic[_Message]):
             if wait.answer is None:
                 return None
 
-    def _expire(self, queued: QueuedMessage) -> None:
-        """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
-        outcome = self._look_up(queued) or FilterFailureReason.TIMEOUT
-        complete(self._completions, queued.end_or_queue(outcome, self._text(queued, outcome)))
+    def _resolve(self, queued: QueuedMessage, is_late: bool) -> "tuple[_Outcome, str | None] | None":
+        outcome = self._look_up(queued)
+        if outcome is None and is_late:
+            outcome = FilterFailureReason.TIMEOUT
+        return None if outcome is None else (outcome, self._text(queued, outcome))
 
-    def _text(self, queued: QueuedMessage, outcome: TransformStamped | FilterFailureReason) -> str | None:
+    def _text(self, queued: QueuedMessage, outcome: _Outcome) -> str | None:
         """What is said of a message that is dropped now; None: it passes, or nobody wants to know."""
-        if not self._with_text or not isinstance(outcome, FilterFailureReason):
+        if not isinstance(outcome, FilterFailureReason) or not self._calls.wants_text():
             return None
         lack = self._lack(queued)
         if outcome is FilterFailureReason.QUEUE_FULL:
@@ -462,16 +441,15 @@ class MessageFilter(Generic[_Message]):
                     return True
         return False
 
-    def _warn_of_drops(self, queued: QueuedMessage, outcome: TransformStamped | FilterFailureReason) -> None:
-        is_dropped = isinstance(outcome, FilterFailureReason)
-        self._dropped_in_a_row = self._dropped_in_a_row + 1 if is_dropped else 0
-        if not is_dropped or self._dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
+    def _warn_of_drops(self, queued: QueuedMessage, reason: FilterFailureReason) -> None:
+        dropped_in_a_row = self._calls.dropped_in_a_row
+        if dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
         frames, lack = printable(" ".join(self._frames)), self._lack(queued)
         self._node.get_logger().warning(
-            f"MessageFilter [target={frames}]: the last {self._dropped_in_a_row} messages were dropped; the "
-            f"newest, from frame [{printable(queued.frame)}], for {outcome.value}. {lack}".rstrip()
+            f"MessageFilter [target={frames}]: the last {dropped_in_a_row} messages were dropped; the "
+            f"newest, from frame [{printable(queued.frame)}], for {reason.value}. {lack}".rstrip()
         )
 
 

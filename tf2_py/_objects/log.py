@@ -1,9 +1,10 @@
-"""Log lines about what a buffer refused or could not read."""
+"""Log lines about what a buffer refused or could not read, and about what callbacks raise."""
 
 from __future__ import annotations
 
 import logging
 import sys
+import traceback
 from typing import Any
 
 from tf2_py._objects.errors import seconds
@@ -32,6 +33,11 @@ def logger(name: str = "tf2_py") -> Any:
     # Not imported here: in a forked child, that could wait forever for a thread of the parent.
     get_logger = getattr(sys.modules.get("rclpy.logging"), "get_logger", logging.getLogger)
     return get_logger(name)
+
+
+def raised(error: BaseException, where: str = "In a callback") -> None:
+    """Log an exception with its traceback."""
+    logger("tf2_ros").error(f"{where}: {''.join(traceback.format_exception(error))}")
 
 
 def because(reasons: int) -> str:

@@ -7,6 +7,7 @@ This is Cython so that no signal handler runs between taking something from the 
 from libc.stdint cimport int64_t
 
 from tf2_py._internal cimport monotonic_ns
+from tf2_ros._wait.endings cimport Ending
 
 import os
 import weakref
@@ -18,7 +19,6 @@ from tf2_ros._forking import is_inherited
 from tf2_ros._nodes import WaitContexts, keep_in_children, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._threads import check_regularly
-from tf2_ros._wait.endings import Ending, log_error
 
 WARN_S = 10.0   # how long calls wait for what runs the node before a warning says so
 
@@ -94,7 +94,7 @@ cdef class Completions:
             except BaseException as error:
                 if not isinstance(error, Exception) and get_ident() == main_thread().ident:
                     raise
-                log_error(error)
+                log.raised(error)
             del call
         self._waits_from_ns = monotonic_ns()
 

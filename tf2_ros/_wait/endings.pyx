@@ -1,31 +1,18 @@
 """
-End futures, messages of filters and subscriptions to changes: each in one step with its callbacks.
+End what waits once, in one step with its callbacks: a future, a subscription to changes.
 
 This is Cython because no signal handler and no other thread runs between two of its lines that run no code in
 Python. So nothing here needs a lock, and nothing has to be repeated after an interrupt.
 """
 
-from libc.stdint cimport int64_t
-
 import sys
-import traceback
 from types import FunctionType
 
 from tf2_py import BufferCore, TimeoutException
 from tf2_py._internal import log
 
-PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
-
 cdef enum:
     TRIES = 10      # of a waker that a signal handler cuts short; a second signal is rare already
-
-
-# The life of a future, from the first to one of the last two.
-cdef enum State:
-    PENDING
-    QUEUED      # it has an outcome, which is not visible; what runs its callbacks will end it with them
-    DONE
-    CANCELLED
 
 cdef tuple STATES = ("pending", "queued", "done", "cancelled")
 
@@ -37,32 +24,25 @@ cdef class Ending:
     It is called to end it with the outcome that is queued.
     """
 
-    cdef object __weakref__
-    cdef State _state
-    cdef object _result, _error
-    cdef public object wait     # for what it lacks, with the buffer; None: for nothing of a buffer
-    cdef public object kept     # a dict: the owner's references to what nothing else may refer to
-    cdef readonly object completions    # that must call it; None: those of what received the transform
-
     def __cinit__(self, *_, **__):
         self.kept = {}
 
     @property
     def state(self):
         """A word for its state."""
-        return STATES[self._state]
+        return STATES[self.life]
 
     def over(self):
         """Whether it has an outcome, so that no deadline ends it."""
-        return self._state != PENDING
+        return self.life != PENDING
 
     def has_ended(self):
         """Whether it has an outcome that is visible."""
-        return self._state >= DONE
+        return self.life >= DONE
 
     def end(self, result=None, error=None):
         """End with this outcome, unless it has one, and run the callbacks in this thread."""
-        if self.end_or_queue(result, error) is not None or self._state == QUEUED:
+        if self.end_or_queue(result, error) is not None or self.life == QUEUED:
             self._end(DONE)
 
     def end_or_queue(self, result=None, error=None):
@@ -71,33 +51,33 @@ cdef class Ending:
 
         :return: what has to be called in that case.
         """
-        if self._state == PENDING:
+        if self.life == PENDING:
             self._result, self._error = result, error
             if self._runs_user_code():
-                self._state = QUEUED
+                self.life = QUEUED
                 return self
             self._end(DONE)
         return None
 
     def __call__(self):
-        if self._state == QUEUED:
+        if self.life == QUEUED:
             self._end(DONE)
 
     def cancel(self):
         """End the wait; without effect if it has ended."""
-        if self._state < DONE:
+        if self.life < DONE:
             self._end(CANCELLED)
 
     def drop(self, why):
         """End a queued one without its callbacks, because nothing can run them any more."""
-        if self._state == QUEUED:
+        if self.life == QUEUED:
             self._end(CANCELLED)
 
-    cdef int _end(self, State state) except -1:
+    cdef int _end(self, Life life) except -1:
         cdef list errors = []   # making it may run a finalizer, which may end this
-        if self._state >= DONE:
+        if self.life >= DONE:
             return 0
-        self._state = state
+        self.life = life
         self.kept.pop(self, None)
         if self.wait is not None:
             self.wait.cancel()
@@ -107,13 +87,10 @@ cdef class Ending:
             raise errors[0]
         return 0
 
-    # For subclasses.
-
     cdef bint _runs_user_code(self) except -1:
         return True
 
     cdef int _call_back(self, list errors) except -1:
-        # What the callbacks raise is added to the errors, the first of which is raised after the last one.
         return 0
 
 
@@ -121,6 +98,25 @@ def notify(reference, answer, error=None):
     """End what a weak reference refers to, if it exists, with the answer that it waits for, or an error."""
     ending = reference()
     return None if ending is None else ending.end_or_queue(answer, error)
+
+
+cdef int call_back(callback, tuple arguments, int tries, list errors) except -1:
+    error = None
+    while tries > 0:
+        tries -= 1
+        try:
+            callback(*arguments)
+            break
+        except BaseException as raised:
+            error = raised
+    if isinstance(error, Exception):
+        try:
+            log.raised(error)
+        except BaseException as raised:
+            errors.append(raised)
+    elif error is not None:
+        errors.append(error)
+    return 0
 
 
 class Waker:
@@ -149,28 +145,28 @@ cdef class FutureEnding(Ending):
         self.done_callbacks, self.wakers = [], []
 
     def __del__(self):
-        if self._state == DONE and self._error is not None and not self._is_fetched:
+        if self.life == DONE and self._error is not None and not self._is_fetched:
             print(f"The following exception was never retrieved: {self._error}", file=sys.stderr)
 
     def done(self):
         """Whether it has a result or an exception."""
-        return self._state == DONE
+        return self.life == DONE
 
     def cancelled(self):
         """Whether it was cancelled."""
-        return self._state == CANCELLED
+        return self.life == CANCELLED
 
     def result(self):
         """The result, or raise the exception. None while there is neither, as rclpy's."""
         error = self.exception()
         if error is not None:
             raise error
-        return self._result if self._state == DONE else None
+        return self._result if self.life == DONE else None
 
     def exception(self):
         """The exception, or None."""
         self._is_fetched = True
-        return self._error if self._state == DONE else None
+        return self._error if self.life == DONE else None
 
     def set_result(self, result):
         """End with this result, unless it has an outcome."""
@@ -182,7 +178,7 @@ cdef class FutureEnding(Ending):
 
     def add_done_callback(self, callback):
         """Add a callback, which keeps the future alive unless it only wakes; after the end, call it."""
-        if self._state >= DONE:
+        if self.life >= DONE:
             callback(self)
         elif only_wakes(callback):
             self.wakers.append(callback)
@@ -203,7 +199,7 @@ cdef class FutureEnding(Ending):
 
     def drop(self, why):
         error = TimeoutException(f"The callbacks of this wait were dropped, because {why}")
-        if self._state == QUEUED:
+        if self.life == QUEUED:
             self.done_callbacks = []
             self._result, self._error = None, error
             self._end(DONE)
@@ -218,105 +214,10 @@ cdef class FutureEnding(Ending):
         cdef list wakers = self.wakers
         self.done_callbacks, self.wakers = [], []
         for callback in callbacks:
-            _call(callback, (self,), 1, errors)
+            call_back(callback, (self,), 1, errors)
         for waker in wakers:
-            _call(waker, (self,), TRIES, errors)
+            call_back(waker, (self,), TRIES, errors)
         return 0
-
-
-def log_error(error, where="In a callback"):
-    """Report an exception with its traceback."""
-    log.logger("tf2_ros").error(f"{where}: {''.join(traceback.format_exception(error))}")
-
-
-cdef int _call(callback, tuple arguments, int tries, list errors) except -1:
-    # An `Exception` of a callback is logged; another one is added to the errors.
-    error = None
-    while tries > 0:
-        tries -= 1
-        try:
-            callback(*arguments)
-            break
-        except BaseException as raised:
-            error = raised
-    if isinstance(error, Exception):
-        try:
-            log_error(error)
-        except BaseException as raised:
-            errors.append(raised)
-    elif error is not None:
-        errors.append(error)
-    return 0
-
-
-cdef class QueuedMessage(Ending):
-    """
-    A message that waits in a MessageFilter. Its result is a transform, or the reason why it is dropped; then
-    its error is a text about that, or None.
-
-    :param frame: of its header, without a leading slash.
-    """
-
-    cdef readonly object message
-    cdef readonly str frame
-    cdef readonly int64_t stamp_ns
-    cdef object _filter
-
-    def __init__(self, filter, message, str frame, int64_t stamp_ns):
-        self.message, self.frame, self.stamp_ns = message, frame, stamp_ns
-        self._filter, self.completions, self.kept = filter, filter._completions, filter._waiting
-
-    def waits_for(self, wait):
-        """Note what it waits for, unless it has an outcome."""
-        if self._state == PENDING:
-            self.wait = wait
-
-    def answered(self, answer):
-        """Pass, unless the message lacks another transform. If it is interrupted, the engine repeats it."""
-        outcome = self._filter._look_up(self)
-        if outcome is None:
-            return None
-        return self.end_or_queue(outcome, self._filter._text(self, outcome))
-
-    def expire(self):
-        """Drop the message, because its timeout has passed."""
-        self._filter._expire(self)
-
-    cdef bint _runs_user_code(self) except -1:
-        return bool(self._filter.callbacks) or bool(self._filter._failure_callbacks)
-
-    cdef int _call_back(self, list errors) except -1:
-        cdef tuple given, texts
-        filter, outcome = self._filter, self._result
-        if self._state == CANCELLED:
-            filter._ended[CLEARED] += 1
-            return 0
-        if isinstance(outcome, str):
-            filter._ended[outcome] += 1
-            callbacks, given = filter._failure_callbacks, (self.message, outcome)
-        else:
-            filter._ended[PASSED] += 1
-            callbacks, given = filter.callbacks, (self.message,)
-            for reference in filter._streams:
-                stream = reference()
-                if stream is not None:
-                    stream.items.append((self.message, outcome))
-                    try:
-                        stream.arrival.end()
-                    except BaseException as raised:
-                        errors.append(raised)
-        for key, (callback, more) in list(callbacks.items()):
-            texts = (self._error or "",) if key in filter._with_text else ()
-            _call(callback, (*given, *texts, *more), 1, errors)
-        _call(filter._warn_of_drops, (self, outcome), 1, errors)
-        return 0
-
-
-def first_key(mapping):
-    """The first key of an OrderedDict, or None, in one step; a dict would pass over all removed ones."""
-    for key in mapping:
-        return key
-    return None
 
 
 cdef class ChangeSubscription(Ending):
@@ -345,15 +246,15 @@ cdef class ChangeSubscription(Ending):
     def __call__(self):
         cdef list errors = []
         self._is_due = True
-        while self._is_due and self._state == QUEUED and not self._is_running:
+        while self._is_due and self.life == QUEUED and not self._is_running:
             self._is_due, self._is_running = False, True
-            result, self._result, self._state = self._result, None, PENDING
+            result, self._result, self.life = self._result, None, PENDING
             try:
                 self._wait_for_next()
             except BaseException as raised:     # there is no memory
                 errors.append(raised)
                 self.cancel()
-            _call(self._callback, (result,), 1, errors)
+            call_back(self._callback, (result,), 1, errors)
             self._is_running = False
         if errors:
             raise errors[0]
@@ -363,7 +264,7 @@ cdef class ChangeSubscription(Ending):
             self._buffer, *self._frames, 0, notify=self.end_or_queue, after=self.wait
         )
         answer = self.wait.answer
-        if self._state >= DONE:
+        if self.life >= DONE:
             self.wait = None    # another thread has cancelled this meanwhile
         elif answer is not None:
             self.end_or_queue(answer)

@@ -1,0 +1,28 @@
+"""What ends once: a future, a message of a filter, a subscription to changes."""
+
+
+# The life of an ending, from the first to one of the last two.
+cdef enum Life:
+    PENDING
+    QUEUED      # it has an outcome, which is not visible; what runs its callbacks will end it with them
+    DONE
+    CANCELLED
+
+
+cdef class Ending:
+    cdef object __weakref__
+    cdef Life life
+    cdef object _result, _error
+    cdef public object wait     # for what it lacks, with the buffer; None: for nothing of a buffer
+    cdef public object kept     # a dict: the owner's references to what nothing else may refer to
+    cdef readonly object completions    # that must call it; None: those of what received the transform
+    cdef int _end(self, Life life) except -1
+    # For subclasses. Whether ending it would run code of a program.
+    cdef bint _runs_user_code(self) except -1
+    # Calls the callbacks, after the end. What they raise is added to the errors, the first of which is raised
+    # after the last callback.
+    cdef int _call_back(self, list errors) except -1
+
+
+# Calls back. An `Exception` is logged; another one is added to the errors. `tries`: how often, if it raises.
+cdef int call_back(callback, tuple arguments, int tries, list errors) except -1

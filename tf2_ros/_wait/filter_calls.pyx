@@ -1,0 +1,141 @@
+"""
+The messages of a filter, and what it calls and counts when one of them ends.
+
+See :mod:`tf2_ros._wait.endings` for why this is Cython.
+"""
+
+from libc.stdint cimport int64_t
+
+from tf2_ros._wait.endings cimport CANCELLED, PENDING, Ending, call_back
+
+import weakref
+from collections import OrderedDict
+
+from tf2_ros._wait.completions import complete
+
+PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
+
+
+cdef class FilterCalls:
+    """
+    What a filter calls and counts.
+
+    :param reasons: an enum, whose members say why a message is dropped.
+    """
+
+    cdef readonly dict callbacks            # by a key: a function, and its further arguments
+    cdef readonly dict failure_callbacks    # likewise, and whether it takes a text
+    cdef readonly object waiting            # the messages that wait, the oldest first
+    cdef readonly Py_ssize_t dropped_in_a_row
+    cdef dict _ended            # how many have ended in which way
+    cdef tuple _streams         # weak references; replaced, never changed, because any thread reads it
+    cdef object _reasons
+
+    def __init__(self, reasons):
+        self.callbacks, self.failure_callbacks, self.waiting = {}, {}, OrderedDict()
+        self._ended, self._streams = dict.fromkeys((PASSED, CLEARED, *reasons), 0), ()
+        self._reasons = reasons
+
+    def wants_text(self):
+        """Whether a callback takes a text about why a message is dropped."""
+        return any([takes_text for _, _, takes_text in self.failure_callbacks.values()])
+
+    def oldest(self):
+        """The oldest message that waits, or None, in one step; a dict would pass over all removed ones."""
+        for queued in self.waiting:
+            return queued
+        return None
+
+    def add_stream(self, stream):
+        """Pass messages on to an iteration, too, as long as something else refers to it."""
+        self._streams = (*map(weakref.ref, self.streams()), weakref.ref(stream))
+
+    def streams(self):
+        """The iterations that exist."""
+        streams = [reference() for reference in self._streams]
+        return [stream for stream in streams if stream is not None]
+
+    def statistics(self):
+        """How many messages have ended in which way, and wait."""
+        ended, waiting = self._ended.copy(), len(self.waiting)
+        return {
+            "received": sum(ended.values()) + waiting,
+            "passed": ended[PASSED],
+            "dropped": {reason.value: ended[reason] for reason in self._reasons},
+            "cleared": ended[CLEARED],
+            "waiting": waiting,
+        }
+
+    cdef int _pass_on(self, message, transform, list errors) except -1:
+        self._ended[PASSED] += 1
+        self.dropped_in_a_row = 0
+        for reference in self._streams:
+            stream = reference()
+            if stream is not None:
+                stream.items.append((message, transform))
+                try:
+                    stream.arrival.end()
+                except BaseException as raised:
+                    errors.append(raised)
+        for callback, more in list(self.callbacks.values()):
+            call_back(callback, (message, *more), 1, errors)
+        return 0
+
+    cdef int _drop(self, message, reason, text, list errors) except -1:
+        self._ended[reason] += 1
+        self.dropped_in_a_row += 1
+        for callback, more, takes_text in list(self.failure_callbacks.values()):
+            texts = (text or "",) if takes_text else ()
+            call_back(callback, (message, reason, *texts, *more), 1, errors)
+        return 0
+
+
+cdef class QueuedMessage(Ending):
+    """
+    A message that waits in a filter. Its result is a transform, or the reason why it is dropped; then its
+    error is a text about that, or None.
+
+    :param frame: of its header, without a leading slash.
+    :param resolve: called with this, and with whether it is late: returns its result and error, or None if it
+        lacks a transform, for which it then waits (`waits_for`). Never None if it is late.
+    :param warn: called with this and the reason after it was dropped.
+    """
+
+    cdef readonly object message
+    cdef readonly str frame
+    cdef readonly int64_t stamp_ns
+    cdef FilterCalls _calls
+    cdef object _resolve, _warn
+
+    def __init__(self, FilterCalls calls not None, completions, message, str frame, int64_t stamp_ns, resolve,
+                 warn):
+        self.message, self.frame, self.stamp_ns = message, frame, stamp_ns
+        self._calls, self._resolve, self._warn = calls, resolve, warn
+        self.completions, self.kept = completions, calls.waiting
+
+    def waits_for(self, wait):
+        """Note what it waits for, unless it has an outcome."""
+        if self.life == PENDING:
+            self.wait = wait
+
+    def answered(self, answer):
+        """Pass, unless the message lacks another transform. If it is interrupted, the engine repeats it."""
+        found = self._resolve(self, False)
+        return None if found is None else self.end_or_queue(*found)
+
+    def expire(self):
+        """At the timeout: drop the message; in the executor that has the node, if one does."""
+        complete(self.completions, self.end_or_queue(*self._resolve(self, True)))
+
+    cdef bint _runs_user_code(self) except -1:
+        return bool(self._calls.callbacks) or bool(self._calls.failure_callbacks)
+
+    cdef int _call_back(self, list errors) except -1:
+        if self.life == CANCELLED:
+            self._calls._ended[CLEARED] += 1
+        elif isinstance(self._result, self._calls._reasons):
+            self._calls._drop(self.message, self._result, self._error, errors)
+            call_back(self._warn, (self, self._result), 1, errors)
+        else:
+            self._calls._pass_on(self.message, self._result, errors)
+        return 0

@@ -37,7 +37,7 @@ class Finder:
 
 
 class Aside:
-    """Finds nothing, and warns of it once."""
+    """Finds nothing, and once warns of what the path leads to."""
 
     has_warned = False
 
@@ -49,14 +49,18 @@ class Aside:
             cls.has_warned = True
             import warnings
 
-            warnings.warn(f"tf2-ros-cython steps aside: {unknown_rclpy()}", stacklevel=2)
+            if found_on_path(name) == HOME:
+                warning = f"tf2-ros-cython is used, because there is no other tf2, but {unknown_rclpy()}"
+            else:
+                warning = f"tf2-ros-cython steps aside: {unknown_rclpy()}, and 0 ends this warning"
+            warnings.warn(warning, stacklevel=2)
 
 
 def unknown_rclpy() -> str:
     """Say why an rclpy is refused, and what to do."""
     return (
         f"it was tried with rclpy {OLDEST_RCLPY} to {NEWEST_RCLPY}, and this ROS 2 has {refused_rclpy()}. "
-        "Install a newer tf2-ros-cython; TF2_ROS_CYTHON=1 tries this one, and 0 ends this warning"
+        "Install a newer tf2-ros-cython; TF2_ROS_CYTHON=1 tries this one"
     )
 
 

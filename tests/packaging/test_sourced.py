@@ -205,6 +205,14 @@ class TestUnknownRclpy:
         quiet = in_venv.run({**environment, "TF2_ROS_CYTHON": "0"}, "-c", "import tf2_ros")
         assert (quiet.returncode, quiet.stderr) == (0, "")
 
+    def test_without_another_tf2_ours_is_used_and_it_is_said_once(self, in_venv, tmp_path):
+        newer = rclpy_of(tmp_path / "newer", "99.1.2")
+        program = "from importlib.util import find_spec as f; print(f('tf2_py').origin, f('tf2_ros').origin)"
+        ended = in_venv.run(sourced(newer), "-c", program)
+        assert ended.stdout.count(str(in_venv.home)) == 2, ended.stderr
+        said = "tf2-ros-cython is used, because there is no other tf2, but it was tried with rclpy "
+        assert ended.stderr.count(said) == 1
+
     def test_a_variable_tries_it(self, in_venv, ros, tmp_path):
         newer = rclpy_of(tmp_path / "newer", "99.1.2")
         found = in_venv.owners(sourced(newer, ros, TF2_ROS_CYTHON="1"))

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from setuptools.command.install_lib import install_lib
 
-from tf2_ros_cython._path import PARTS
-
-# The package that stays in the folder of all packages, and where it holds the others.
-OWNER, FOLDER = PARTS[0], Path(*PARTS)
+# The package that stays in the folder of all packages, and where it holds the others, as its module `_path`
+# says, too: the build imports nothing that it builds.
+OWNER = "tf2_ros_cython"
+FOLDER = Path(OWNER, "packages")
 # Python reads them when it starts: they put that folder into its place on the path. The second is for 3.15.
 PTH, START = (Path(__file__).parents[1] / "resource" / f"{OWNER}{suffix}" for suffix in (".pth", ".start"))
 

@@ -3,13 +3,14 @@
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
-from tf2_ros._rclpy import event_handlers
+from tf2_ros._rclpy import call_after, event_handlers
 from tf2_ros._threads import check_regularly
 from tf2_ros_cython.output import printable
 
@@ -30,7 +31,7 @@ def publisher_ids(node: Node, topic: str) -> set[bytes]:
 def name_unfit_publishers(node: Node, subscription: Any) -> None:
     """When publishers do not fit a subscription, log their names: rclpy's own warning has only the topic."""
     for handler in event_handlers(subscription):
-        handler.callback = _UnfitPublishers(node, subscription, handler.callback)
+        call_after(handler, partial(_UnfitPublishers, node, subscription))
 
 
 class _UnfitPublishers:

@@ -4,17 +4,17 @@ Use attributes and frames of rclpy that its documentation does not promise.
 Each function says what it assumes, and what it does if that does not hold. Most tests in tests/ros fail if
 that does not hold, and tests/ros/test_rclpy_inside.py tests the rest. What differs between releases is asked
 of the object at hand, or once at the import, never of a version; docs/limits.md lists the releases with which
-all was tested. What an executor's rounds need in Cython is in ``tf2_ros._wait.rounds``;
-``tf2_py.engine.times`` reads times from their handles.
+all was tested. ``tf2_py.engine.times`` reads times from their handles.
 """
 
 import sys
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from inspect import CO_ASYNC_GENERATOR, CO_COROUTINE, CO_GENERATOR, CO_ITERABLE_COROUTINE
-from types import FrameType, coroutine
+from types import FrameType, FunctionType, coroutine
 from typing import TYPE_CHECKING, Any
 
+import rclpy
 import rclpy.node
 import rclpy.subscription
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -27,6 +27,8 @@ from rclpy.task import Future, Task
 
 if TYPE_CHECKING:
     import asyncio
+
+    from rclpy.action.client import ActionClient, ClientGoalHandle
 
 try:
     from rclpy.event_handler import EventHandler, QoSSubscriptionEventType, UnsupportedEventTypeError
@@ -159,6 +161,27 @@ def has_tasks(executor: Executor | None) -> bool:
     return tasks is None or len(tasks) > 0
 
 
+# The files of the executors' own loops.
+_LOOP_FILES = frozenset({loop.__code__.co_filename for loop in (rclpy.spin, Executor.spin)})
+
+
+def is_below_own_loop() -> bool:
+    """
+    Whether one of the own loops of executors (``rclpy.spin``, ``spin``, ``spin_until_future_complete``) runs.
+
+    Otherwise user code called the executor, and continues when ``spin_once()`` returns. Called by a waitable
+    in Cython, which has no frame. Assumes that all frames between an executor's loop and the waitable are in
+    these files. Otherwise the result is False, and the executor wakes whenever something arrives, as for a
+    subscription.
+    """
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_code.co_filename in _LOOP_FILES:
+        if frame.f_code.co_name in ("spin", "spin_until_future_complete"):
+            return True
+        frame = frame.f_back
+    return False
+
+
 def mark_shut_down(executor: Executor) -> None:
     """
     Let an executor end its spin, without destroying what another thread is using, and without its locks.
@@ -223,6 +246,15 @@ def is_read_by_loop(node: object, subscription: object) -> bool:
     return runs_in_loop(node) and type(subscription) is not _BASE_SUBSCRIPTION
 
 
+def on_destroy(subscription: Any, destroy: Callable[[], object]) -> None:
+    """
+    Have a function called instead of a subscription's ``destroy``.
+
+    Assumes that nodes look the method up at the object, so that an attribute of the object replaces it.
+    """
+    subscription.destroy = destroy
+
+
 def destroy_subscription(node: Any, subscription: Any) -> None:
     """Destroy a subscription of a node of any kind."""
     if runs_in_loop(node):
@@ -235,6 +267,15 @@ def event_handlers(subscription: Any) -> Sequence[EventHandler]:
     """What reports unfit publishers and lost messages; the subscription of an ``AsyncNode`` has none."""
     handlers: Sequence[EventHandler] = getattr(subscription, "event_handlers", ())
     return handlers
+
+
+def call_after(handler: EventHandler, make: Callable[[Callable[[Any], Any]], Callable[[Any], Any]]) -> None:
+    """
+    Replace the callback of a handler by what ``make`` returns for it.
+
+    Assumes the attribute ``callback``, which the handler reads at each event.
+    """
+    handler.callback = make(handler.callback)
 
 
 def report_event(handler: EventHandler) -> None:
@@ -347,11 +388,20 @@ def spun_executor(callback: Any) -> Executor | None:
     Assumes a function of rclpy.executors whose closure has the executor. Otherwise None: the future does not
     end the spin in releases without HEEDS_FUTURES.
     """
-    if getattr(callback, "__module__", None) == Executor.__module__:
-        for cell in getattr(callback, "__closure__", None) or ():
+    if wakes_executor(callback):
+        for cell in callback.__closure__ or ():
             if isinstance(cell.cell_contents, Executor):
                 return cell.cell_contents
     return None
+
+
+def wakes_executor(callback: object) -> bool:
+    """
+    Whether a done callback is one by which an executor wakes itself.
+
+    Assumes that those are functions of ``rclpy.executors``. Otherwise they are treated as a program's.
+    """
+    return isinstance(callback, FunctionType) and callback.__module__ == Executor.__module__
 
 
 def end_round(executor: Executor) -> None:
@@ -427,3 +477,19 @@ def has_locked_tasks(executor: Any) -> bool:
     """
     lock = getattr(executor, "_tasks_lock", None)
     return lock is not None and lock.locked()
+
+
+# Actions.
+
+
+def handle_of_goal(client: "ActionClient", action_type: Any, identifier: Any) -> "ClientGoalHandle":
+    """
+    The handle of a goal that was sent, whether or not its acceptance has arrived; it requests the result.
+
+    Assumes that the handle needs of the server's response only that it says ``accepted``.
+    """
+    # Most programs need no actions, which take long to import.
+    from rclpy.action.client import ClientGoalHandle
+
+    accepted = action_type.Impl.SendGoalService.Response(accepted=True)
+    return ClientGoalHandle(client, identifier, accepted)

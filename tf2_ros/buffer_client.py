@@ -14,7 +14,7 @@ from uuid import uuid4
 
 from action_msgs.msg import GoalInfo, GoalStatus
 from geometry_msgs.msg import TransformStamped
-from rclpy.action.client import ActionClient, ClientGoalHandle
+from rclpy.action.client import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -30,7 +30,7 @@ from tf2_ros._graph import publisher_ids
 from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, companion_node, require_node
 from tf2_ros._qos import lookup_qos
-from tf2_ros._rclpy import context_was_shut_down
+from tf2_ros._rclpy import context_was_shut_down, handle_of_goal
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.runners import completions_of
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
@@ -101,8 +101,7 @@ class SentGoal:
         self._request: Any = client.send_goal_async(goal, goal_uuid=identifier)
         self._request.add_done_callback(on_response)
         # Also for a goal whose acceptance was dropped.
-        accepted = LookupTransform.Impl.SendGoalService.Response(accepted=True)
-        self._handle = ClientGoalHandle(client, identifier, accepted)
+        self._handle = handle_of_goal(client, LookupTransform, identifier)
         self._accepted = False
         self._results: list[Any] = []  # futures
         self.refused = False

@@ -23,6 +23,7 @@ from tf2_ros._rclpy import (
     event_handlers,
     handle_exists,
     is_ros_clock,
+    on_destroy,
     report_event,
     watch_losses,
 )
@@ -194,7 +195,7 @@ class Receiver:
         try:
             for topic in self._taken:
                 subscription = topic.subscription
-                subscription.destroy = partial(self._destroy, topic)  # the node calls this
+                on_destroy(subscription, partial(self._destroy, topic))
                 self._source.subscribe(
                     topic.arrivals,
                     subscription.handle,

@@ -6,10 +6,10 @@ Python. So nothing here needs a lock, and nothing has to be repeated after an in
 """
 
 import sys
-from types import FunctionType
 
 from tf2_py import BufferCore, TimeoutException
 from tf2_py._internal import log
+from tf2_ros._rclpy import wakes_executor
 
 cdef enum:
     TRIES = 10      # of a waker that a signal handler cuts short; a second signal is rare already
@@ -123,22 +123,16 @@ class Waker:
     """The done callback of a future that only wakes whatever awaits it, and may be called several times."""
 
 
-cpdef bint only_wakes(callback):
-    """
-    Whether a done callback runs no user code: ours, or one by which an executor wakes itself.
-
-    Assumes that those are functions of ``rclpy.executors``. Otherwise they are treated as a program's.
-    """
-    if isinstance(callback, Waker):
-        return True
-    return isinstance(callback, FunctionType) and callback.__module__ == "rclpy.executors"
+cdef bint _only_wakes(callback) except -1:
+    # Whether a done callback runs no user code: ours, or one by which an executor wakes itself.
+    return isinstance(callback, Waker) or wakes_executor(callback)
 
 
 cdef class FutureEnding(Ending):
     """The part of a future that ends it; see rclpy's Future."""
 
     cdef readonly list done_callbacks   # those of the program
-    cdef readonly list wakers           # the others, see `only_wakes`
+    cdef readonly list wakers           # the others, see `_only_wakes`
     cdef bint _is_fetched
 
     def __cinit__(self, *_, **__):
@@ -178,9 +172,10 @@ cdef class FutureEnding(Ending):
 
     def add_done_callback(self, callback):
         """Add a callback, which keeps the future alive unless it only wakes; after the end, call it."""
+        cdef bint only_wakes = _only_wakes(callback)    # this may run other threads
         if self.life >= DONE:
             callback(self)
-        elif only_wakes(callback):
+        elif only_wakes:
             self.wakers.append(callback)
         else:
             self.done_callbacks.append(callback)
@@ -188,7 +183,7 @@ cdef class FutureEnding(Ending):
 
     def remove_done_callback(self, callback):
         """Remove a callback; whether it had been added."""
-        cdef list callbacks = self.wakers if only_wakes(callback) else self.done_callbacks
+        cdef list callbacks = self.wakers if _only_wakes(callback) else self.done_callbacks
         try:
             callbacks.remove(callback)
         except ValueError:

@@ -18,15 +18,13 @@ from tf2_ros._rcl cimport (
 )
 from tf2_ros._receive.inbox cimport Watching
 
-import sys
 from contextlib import suppress
 
-import rclpy
 from rclpy.executors import Executor
 from rclpy.waitable import NumberOfEntities
 
 from tf2_ros._rcl import problem
-from tf2_ros._rclpy import has_tasks
+from tf2_ros._rclpy import has_tasks, is_below_own_loop
 from tf2_ros._rclpy import wake as wake_executor
 
 cdef extern from "Python.h":
@@ -85,25 +83,6 @@ cdef void _wake(ExecutorState* state) noexcept nogil:
         rcutils_reset_error()
 
 
-# The files of the executors' own loops.
-cdef frozenset FILES = frozenset({loop.__code__.co_filename for loop in (rclpy.spin, Executor.spin)})
-
-
-def is_below_own_loop(frame):
-    """
-    Whether one of the own loops of executors (``rclpy.spin``, ``spin``, ``spin_until_future_complete``) runs.
-
-    Otherwise user code called the executor, and continues when ``spin_once()`` returns. Assumes that all
-    frames between an executor's loop and the waitable are in FILES. Otherwise the result is False, and the
-    executor wakes whenever something arrives, as for a subscription.
-    """
-    while frame is not None and frame.f_code.co_filename in FILES:
-        if frame.f_code.co_name in ("spin", "spin_until_future_complete"):
-            return True
-        frame = frame.f_back
-    return False
-
-
 @cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed
 cdef class ExecutorRounds(Watching):
     """The part of an ``rclpy.waitable.Waitable`` that an executor calls in each of its rounds."""
@@ -150,10 +129,11 @@ cdef class ExecutorRounds(Watching):
         """Prepare for an executor that is about to sleep."""
         if not self.in_sets:
             return
+        is_in_own_loop = is_below_own_loop()
         self._has_displaced = self._wait_set != NULL and self._thread != PyThread_get_thread_ident()
         self._wait_set, self._thread = <void*>wait_set, PyThread_get_thread_ident()
         store(&self.state.round_due, False)
-        if is_below_own_loop(sys._getframe()):
+        if is_in_own_loop:
             store(&self.state.arrived, False)
             period_ns = BUSY_ROUND_NS if has_tasks(self.executor()) else IDLE_ROUND_NS
             store_ns(&self.state.wake_at_ns, monotonic_ns() + <int64_t>period_ns)

@@ -392,12 +392,13 @@ cdef class BufferCore(Engine):
             with a SIGBUS. Replacing and deleting it are safe, except over a network.
         :param bool copy: read the file into memory of this process, where nothing can change it. Pickles
             then contain the samples.
+        :raises TypeError: ``path`` is not a path.
         :raises FileNotFoundError, OSError: the file cannot be opened.
         :raises ValueError: it is not a frozen buffer, has another version of the format, or is damaged; the
             text names the file, and the frame and sample where possible.
         """
         opened = _without_init(cls)
-        opened.__setstate__(frozen_file.state_to_open(path, copy))
+        opened.__setstate__(frozen_file.state_to_open(os.fspath(path), copy))
         return opened
 
     # Looking transforms up.

@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+import time
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ MOST_SECONDS = 2.0**31
 LONG_NS, LONGEST_NS = 3 * S, 3600 * S
 # No time is farther from the stamp, or from 1970.
 FARTHEST_NS = 2.0**62
+NOT_LATEST_NS = 1  # looked up for 0, which would mean the latest time
 NO_TIME = np.iinfo(np.int64).min  # what read_times writes for a point that has none
 # The share of points whose times may be farther apart, and are taken for garbage; or one point.
 MOST_GARBAGE = 0.1
@@ -52,12 +54,11 @@ class Motion(NamedTuple):
     policy: dict[str, Any]  # tolerance, extrapolate and max_gap
 
     def matrices(self, times: NDArray[np.int64], **how: Any) -> NDArray[np.float64]:
-        # At least 1, because 0 would mean "latest".
         return BufferCore.lookup_matrices(
             self.buffer,
             self.target_frame,
             self.source_frame,
-            np.maximum(times, 1),
+            np.where(times == 0, NOT_LATEST_NS, times),
             **self.fixed,
             **how,
             **self.policy,
@@ -95,11 +96,12 @@ def deskew(
         ``target_time``.
     :param target_time: only with ``fixed_frame``; 0: the latest common time of both frames. None: the stamp
         of the cloud.
-    :param times: the time of each point, row by row, as for ``buffer.lookup_transforms``, instead of a field.
+    :param times: the time of each point, row by row, as for ``buffer.lookup_transforms``, instead of a field;
+        0 is the time 0, not the latest.
     :param time_unit: what a 1 in the field means, if it is another unit: 1e-6 for microseconds; the duration
         of a sweep if the numbers are fractions of it, from 0 to 1. Then ``time``, ``t`` and ``offset_time``
         may be of any type, and a sweep of any length.
-    :param timeout: how long to wait for the transforms of the last point; only for a ``tf2_ros.Buffer``.
+    :param timeout: how long to wait for the transform of the last point; only for a ``tf2_ros.Buffer``.
     :param on_missing: ``'raise'`` raises the error of the first point for whose time there is no transform,
         with its index; ``'nan'`` makes the coordinates of such points NaN.
     :param prefix: put before the frame of the cloud, as in ``buffer.transform``.
@@ -136,11 +138,12 @@ def deskew(
     fixed: dict[str, Any] = {}
     if fixed_frame is not None:
         new_ns = _target_ns(buffer, target_frame, fixed_frame, target_time, stamp_ns)
-        fixed = {"fixed_frame": fixed_frame, "target_time": max(new_ns, 1)}
+        fixed = {"fixed_frame": fixed_frame, "target_time": new_ns or NOT_LATEST_NS}
     policy = {"tolerance": tolerance, "extrapolate": extrapolate, "max_gap": max_gap}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
     sweep = _read_sweep(cloud, stamp_ns, times, time_unit)
-    _wait(motion, sweep.last, timeout)
+    until_ns = time.monotonic_ns() + _timeout_ns(buffer, timeout)
+    _wait(motion, sweep.last, until_ns)
     stored = None
     if sweep.field is not None and fixed:
         stored = new_ns / sweep.field.unit.ns if sweep.field.unit.is_absolute else 0.0
@@ -164,7 +167,7 @@ def deskew(
     if (first, last) != (sweep.first, sweep.last):
         _, newest, _ = _without_garbage(all_times[all_times != NO_TIME], sweep.longest_ns)
         if newest > sweep.last:
-            _wait(motion, int(newest), timeout)
+            _wait(motion, int(newest), until_ns)
         steady = _steady_poses(motion, sweep._replace(first=first, last=last))
         if steady is not None:
             message, is_complete = moved(steady, cloud.is_dense)
@@ -325,20 +328,28 @@ def _body(frames: dict[str, FrameInfo], frame: str, other: str) -> str:
     return frame
 
 
-def _wait(motion: Motion, last: int, timeout: "DurationLike") -> None:
-    """Wait for the transform of the last point. Whether there is one, the lookups say."""
-    if duration_ns(timeout, "timeout") <= 0 or not 0 <= last < MOST_SECONDS * S:
+def _timeout_ns(buffer: BufferCore, timeout: "DurationLike") -> int:
+    timeout_ns = duration_ns(timeout, "timeout")
+    if timeout_ns > 0 and not hasattr(buffer, "lookup_transform"):
+        raise TypeError(f"timeout: only a tf2_ros.Buffer can wait, not a {type(buffer).__name__}")
+    return timeout_ns
+
+
+def _wait(motion: Motion, last: int, until_ns: int) -> None:
+    """Wait for the transform of the last point until a steady time. Whether there is one, the lookups say."""
+    timeout = (until_ns - time.monotonic_ns()) / S
+    if timeout <= 0 or not 0 <= last < MOST_SECONDS * S:
         return
     buffer: Any = motion.buffer
-    target, source, time = motion.target_frame, motion.source_frame, max(last, 1)
-    with contextlib.suppress(ExtrapolationException):
+    target, source, source_ns = motion.target_frame, motion.source_frame, last or NOT_LATEST_NS
+    with contextlib.suppress(TransformException):
         if motion.fixed:
             fixed_frame, target_time = motion.fixed["fixed_frame"], motion.fixed["target_time"]
             buffer.lookup_transform_full(
-                target, target_time, source, time, fixed_frame, timeout, **motion.policy
+                target, target_time, source, source_ns, fixed_frame, timeout, **motion.policy
             )
         else:
-            buffer.lookup_transform(target, source, time, timeout, **motion.policy)
+            buffer.lookup_transform(target, source, source_ns, timeout, **motion.policy)
 
 
 def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:

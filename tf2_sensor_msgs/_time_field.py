@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tf2_py.typing import DurationLike
 
 S = 1_000_000_000
+LONGEST_UNIT_NS = 3600 * S
 
 
 class Unit(NamedTuple):
@@ -66,8 +67,8 @@ class TimeField(NamedTuple):
 def find_time_field(cloud: PointCloud2, stamp_ns: int, time_unit: "DurationLike | None") -> TimeField:
     """The first of the known fields that a cloud has; ``time_unit``: what a 1 means, if that is said."""
     unit_ns = None if time_unit is None else duration_ns(time_unit, "time_unit")
-    if unit_ns is not None and unit_ns < 1:
-        raise ValueError(f"time_unit: expected at least 1 ns, got {unit_ns} ns")
+    if unit_ns is not None and not 1 <= unit_ns <= LONGEST_UNIT_NS:
+        raise ValueError(f"time_unit: expected 1e-9 to {LONGEST_UNIT_NS // S} s, got {unit_ns / S:g} s")
     datatypes = {field.name: field.datatype for field in reversed(list(cloud.fields))}
     for name, (accepted, unit) in KNOWN.items():
         datatype = datatypes.get(name, 0)

@@ -11,7 +11,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 import tf2_sensor_msgs._deskew as inside
-from tf2_ros import Buffer, BufferCore, ExtrapolationException, LookupException
+from tf2_ros import Buffer, BufferCore, ExtrapolationException, LookupException, TransformException
 from tf2_sensor_msgs import deskew, do_transform_cloud
 
 pytestmark = pytest.mark.ours
@@ -349,6 +349,27 @@ def test_a_point_1_ns_outside_the_data_has_no_transform(driver, outside):
     assert missing_in(moved, points.dtype) == [1235]
 
 
+@pytest.mark.parametrize("begin", [0, 1])
+@pytest.mark.parametrize("size", [2, 4000])
+def test_no_point_was_measured_before_the_time_0(begin, size):
+    """Simulated time begins at 0, and a driver may write times before the stamp."""
+    buffer = Buffer()
+    for ns in (begin, SWEEP // 2, SWEEP):
+        buffer.set_transform(transform("odom", "lidar", ns=ns, xyz=(8 * ns / S, 0, 0)), "x")
+    fields, step, _ = DRIVERS["seconds in double"]
+    points = np.zeros(size, dtype_of(fields, step))
+    points["time"] = np.linspace(-0.05, 0.05, size)
+    cloud = as_cloud(points, fields)
+    cloud.header.stamp = at_ns(SWEEP // 4).to_msg()
+    times = SWEEP // 4 + np.rint(points["time"] * S).astype(np.int64)
+    for given in ({}, {"times": times}):
+        with pytest.raises(ExtrapolationException, match=r"^(points|times)\[0\]"):
+            deskew(cloud, buffer, "odom", **given)
+        moved = points_of(deskew(cloud, buffer, "odom", on_missing="nan", **given), points.dtype)
+        assert np.flatnonzero(np.isnan(moved["x"])).tolist() == np.flatnonzero(times < begin).tolist()
+        assert moved["x"][times >= begin] == pytest.approx(8 * times[times >= begin] / S, abs=1e-5)
+
+
 def test_a_gap_between_samples_is_found_under_max_gap(buffer):
     """Also where so little happens in it that no pose within is needed."""
     still = Buffer(float("inf"))
@@ -597,10 +618,10 @@ def test_points_without_coordinates_do_not_make_a_sweep_long(buffer):
     assert missing_in(moved, points.dtype) == list(range(0, 4000, 2))
 
 
-@pytest.mark.parametrize("unit", [0, -1.0, 1e-10, float("-inf")])
-def test_a_time_unit_is_positive(buffer, unit):
+@pytest.mark.parametrize("unit", [0, -1.0, 1e-10, float("-inf"), 3601, float("inf")])
+def test_a_time_unit_is_from_1_ns_to_1_hour(buffer, unit):
     cloud, _, times = measured("ouster")
-    with pytest.raises(ValueError, match="time_unit: expected at least 1 ns, got "):
+    with pytest.raises(ValueError, match="time_unit: expected 1e-9 to 3600 s, got "):
         deskew(cloud, buffer, "odom", time_unit=unit)
     with pytest.raises(TypeError, match="time_unit is the unit of a field: pass it or times"):
         deskew(cloud, buffer, "odom", times=times, time_unit=1)
@@ -769,6 +790,8 @@ def test_wrong_arguments_are_named(buffer):
         deskew(cloud, buffer, "odom", on_missing="skip")
     with pytest.raises(TypeError, match="tolerence"):
         deskew(cloud, buffer, "odom", tolerence=1)
+    with pytest.raises(TypeError, match=r"timeout: only a tf2_ros\.Buffer can wait, not a BufferCore"):
+        deskew(cloud, driving(make=BufferCore), "odom", timeout=1)
     cloud.data = cloud.data[:100]
     with pytest.raises(ValueError, match="data has 100 bytes"):
         deskew(cloud, buffer, "odom")
@@ -882,6 +905,47 @@ def test_it_waits_for_the_transform_of_the_last_point(tf2_ros):
     moved = deskew(cloud, buffer, "odom", timeout=60)
     thread.join()
     assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
+
+
+@pytest.mark.parametrize("on_missing", ["raise", "nan"])
+def test_a_timeout_does_not_change_what_is_missing(on_missing):
+    """At the time of the last point, the lidar is in another tree."""
+    buffer = Buffer()
+    for i in range(5):
+        parent = "odom" if i < 2 else "other"
+        buffer.set_transform(transform(parent, "lidar", ns=STAMP + i * SWEEP, xyz=(i, 0, 0)), "x")
+    buffer.set_transform_static(transform("map", "odom"), "x")
+    cloud, points, _ = measured("ouster", np.array([0, SWEEP // 2, 5 * SWEEP // 2, 3 * SWEEP]))
+    for timeout in (0, 0.1):
+        if on_missing == "nan":
+            moved = deskew(cloud, buffer, "odom", on_missing="nan", timeout=timeout)
+            assert missing_in(moved, points.dtype) == [2, 3]
+        else:
+            with pytest.raises(TransformException, match=r"^points\[2\], t = "):
+                deskew(cloud, buffer, "odom", timeout=timeout)
+
+
+def test_the_timeout_is_that_of_the_whole_call(monkeypatch):
+    """Also where the last point is not in the sample, which is then waited for, too."""
+    since_stamp = np.linspace(0, SWEEP, 4000).astype(np.int64)
+    since_stamp[1235] = 2 * SWEEP
+    cloud, _, _ = measured("ouster", since_stamp)
+    buffer, waits = Buffer(), []
+    for ns in (0, SWEEP // 2):
+        buffer.set_transform(transform("odom", "lidar", ns=STAMP + ns, xyz=(ns, 0, 0)), "x")
+
+    def looked_up(target, source, time, timeout, **_):
+        waits.append((time, timeout))
+        until = inside.time.monotonic_ns() + 10_000_000
+        while inside.time.monotonic_ns() < until:
+            pass
+        raise ExtrapolationException
+
+    monkeypatch.setattr(buffer, "lookup_transform", looked_up)
+    deskew(cloud, buffer, "odom", on_missing="nan", timeout=100)
+    (first_time, first), (second_time, second) = waits
+    assert (first_time, second_time) == (STAMP + SWEEP, STAMP + 2 * SWEEP)
+    assert second <= first - 0.01 <= 100
 
 
 def test_rows_without_points_take_no_time(buffer):

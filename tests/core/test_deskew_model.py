@@ -17,9 +17,9 @@ from tf2_sensor_msgs import deskew
 
 pytestmark = pytest.mark.ours
 
-STAMP = 1_700_000_000 * S + 987_654_321
 SWEEP = S // 10
-BEFORE, AFTER = STAMP - 2 * SWEEP, STAMP + 2 * SWEEP  # what the buffers cover
+# Of clouds. Simulated time begins at 0.
+STAMPS = [*3 * [1_700_000_000 * S + 987_654_321], 0, 1, SWEEP // 3]
 FARTHEST = 2.0**62  # ns
 CODES = {
     "i1": PointField.INT8, "u1": PointField.UINT8, "i2": PointField.INT16, "u2": PointField.UINT16,
@@ -33,7 +33,8 @@ CODES = {
 class Motion:
     """A path of frames between `world` and `lidar`, and how far the lidar may move within a nanosecond."""
 
-    def __init__(self, dice, hops, top, is_static, is_jumping):
+    def __init__(self, dice, stamp, hops, top, is_static, is_jumping):
+        self.stamp = stamp
         self.buffer = Buffer(Duration(seconds=100))
         self.turn = self.length = self.speed = 0.0
         names = ["world", *(f"frame_{i}" for i in range(1, hops)), "lidar"]
@@ -52,9 +53,10 @@ class Motion:
 
     def _add_moving(self, dice, parent, child, is_jumping):
         count = dice.integers(2, 30)
-        end = dice.choice([AFTER, AFTER, AFTER, STAMP + SWEEP // 2])  # some end within the sweep
-        inner = np.unique(dice.integers(BEFORE, end, count))
-        stamps = np.array([BEFORE, *inner[np.diff(inner, prepend=BEFORE) > 2_000_000], end])
+        begin, after = max(self.stamp - 2 * SWEEP, 0), self.stamp + 2 * SWEEP
+        end = dice.choice([after, after, after, self.stamp + SWEEP // 2])  # some end within the sweep
+        inner = np.unique(dice.integers(begin, end, count))
+        stamps = np.array([begin, *inner[np.diff(inner, prepend=begin) > 2_000_000], end])
         if is_jumping:
             stamps = np.sort(np.append(stamps, stamps[len(stamps) // 2]))
         far, step, angle = dice.choice([0, 30, 1e5]), dice.choice([0, 0.02, 2]), dice.choice([0, 0.02, 2])
@@ -88,30 +90,31 @@ def product(a, b):
 
 
 @st.composite
-def motions(draw):
+def motions(draw, stamp):
     hops = draw(st.integers(1, 4))
     is_static = draw(st.lists(st.booleans(), min_size=hops, max_size=hops))
     is_static[draw(st.integers(0, hops - 1))] = False  # else nothing moves
     dice = np.random.default_rng(draw(st.integers(0, 2**32)))
-    return Motion(dice, hops, draw(st.integers(0, hops)), is_static, draw(st.integers(0, 5)) == 5)
+    return Motion(dice, stamp, hops, draw(st.integers(0, hops)), is_static, draw(st.integers(0, 5)) == 5)
 
 
-# Fields of times: the name, the type, the number of ns of a 1, whether that must be said, and from when on.
+# Fields of times: the name, the type, the number of ns of a 1, whether that must be said, and whether from
+# the stamp on, or else from 1970.
 
 FIELDS = [
-    ("time", "f4", S, False, STAMP),
-    ("time", "f8", S, False, STAMP),
-    ("t", "u4", 1, False, STAMP),
-    ("offset_time", "u4", 1, False, STAMP),
-    ("timestamp", "f8", S, False, 0),
-    ("timestamp", "f8", 1, False, 0),
-    ("time", "f4", SWEEP, True, STAMP),
-    ("time", "u4", 1000, True, STAMP),
-    ("t", "i4", 1, True, STAMP),
-    ("t", "u2", 10_000, True, STAMP),
-    ("offset_time", "i2", 10_000, True, STAMP),
-    ("offset_time", "u1", SWEEP // 200, True, STAMP),
-    ("timestamp", "f8", 1000, True, 0),
+    ("time", "f4", S, False, True),
+    ("time", "f8", S, False, True),
+    ("t", "u4", 1, False, True),
+    ("offset_time", "u4", 1, False, True),
+    ("timestamp", "f8", S, False, False),
+    ("timestamp", "f8", 1, False, False),
+    ("time", "f4", SWEEP, True, True),
+    ("time", "u4", 1000, True, True),
+    ("t", "i4", 1, True, True),
+    ("t", "u2", 10_000, True, True),
+    ("offset_time", "i2", 10_000, True, True),
+    ("offset_time", "u1", SWEEP // 200, True, True),
+    ("timestamp", "f8", 1000, True, False),
 ]
 # As times after the stamp.
 HOSTILE_NS = [
@@ -133,10 +136,11 @@ def as_number(value, kind):
 
 
 @st.composite
-def clouds(draw):
-    """A cloud, the ns of each of its points or None, and its fields."""
-    field = draw(st.sampled_from(FIELDS))
-    name, kind, unit_ns, is_said, base_ns = field
+def clouds(draw, stamp):
+    """A cloud, its points, and its field of times, with the ns that its numbers count from."""
+    name, kind, unit_ns, is_said, is_after_stamp = draw(st.sampled_from(FIELDS))
+    base_ns = stamp if is_after_stamp else 0
+    field = name, kind, unit_ns, is_said, base_ns
     order = draw(st.sampled_from("<>"))
     rows = draw(st.sampled_from([1, 1, 2, 5]))
     columns = draw(st.sampled_from([1, 2, 9, 64, 400]))
@@ -175,20 +179,20 @@ def clouds(draw):
         since_ns[:] = since_ns[count // 2]
     elif arranged == "in columns":
         since_ns = np.sort(since_ns.reshape(-1, rows), axis=1).T.ravel()
-    numbers = [as_number((STAMP - base_ns + int(ns)) / unit_ns, kind) for ns in since_ns]
-    if base_ns == 0 and unit_ns == 1:
-        numbers = [np.float64(STAMP + int(ns)) for ns in since_ns]
+    numbers = [as_number((stamp - base_ns + int(ns)) / unit_ns, kind) for ns in since_ns]
+    if not is_after_stamp and unit_ns == 1:
+        numbers = [np.float64(stamp + int(ns)) for ns in since_ns]
     for _ in range(draw(st.integers(0, 3)) if draw(st.booleans()) else 0):
         at = draw(st.integers(0, count - 1))
         if draw(st.booleans()):
-            numbers[at] = as_number((STAMP - base_ns + draw(st.sampled_from(HOSTILE_NS))) / unit_ns, kind)
+            numbers[at] = as_number((stamp - base_ns + draw(st.sampled_from(HOSTILE_NS))) / unit_ns, kind)
         else:
             numbers[at] = as_number(draw(st.sampled_from(HOSTILE)), kind)
     points[name] = numbers
     for _ in range(draw(st.integers(0, 2))):
         points[draw(st.sampled_from("xyz"))][draw(st.integers(0, count - 1))] = math.nan
     padding = draw(st.sampled_from([0, 0, 7]))
-    cloud = PointCloud2(header=Header(frame_id="lidar", stamp=at_ns(STAMP).to_msg()))
+    cloud = PointCloud2(header=Header(frame_id="lidar", stamp=at_ns(stamp).to_msg()))
     cloud.height, cloud.width, cloud.is_bigendian = rows, columns, order == ">"
     cloud.point_step, cloud.row_step = dtype.itemsize, dtype.itemsize * columns + padding
     cloud.fields = [
@@ -244,7 +248,7 @@ def moved_by_lookups(motion, points, field, how, policy, target):
             found.append("no coordinates" if np.isnan(xyz).any() else "no time")
             continue
         if ns not in answers:
-            answers[ns] = looked_up(motion.buffer, max(ns, 1), how, policy, target)
+            answers[ns] = looked_up(motion.buffer, ns or 1, how, policy, target)  # 0 is no latest time
         answer = answers[ns]
         found.append(
             answer if isinstance(answer, TransformException) else answer[:3, :3] @ xyz + answer[:3, 3]
@@ -253,25 +257,26 @@ def moved_by_lookups(motion, points, field, how, policy, target):
 
 
 def looked_up(buffer, ns, how, policy, target):
-    if ns >= 2**31 * S:
-        return TransformException("no stamp holds this time")
     try:
-        return buffer.lookup_matrix(target, "lidar", at_ns(ns), **how, **policy)
+        return buffer.lookup_matrix(target, "lidar", ns, **how, **policy)
     except TransformException as error:
         return error
+    except OverflowError:
+        return TransformException("no stamp holds this time")
 
 
-def is_asked_about(points, field):
+def is_asked_about(points, field, stamp):
     """Whether the times are hardly those of a sweep; None: it may be either."""
     numbers = [time_of(number, field) for number in points[field[0]][~np.isnan(xyz_of(points)).any(axis=1)]]
-    since = np.array([(ns - STAMP) / S for ns in numbers if ns is not None])
+    since = np.array([(ns - stamp) / S for ns in numbers if ns is not None])
     far = np.abs(since - np.median(since)) if len(since) else since
     if np.sum(far > 4) > max(1, 0.1 * len(since)):
         return True
     near = since[far < 1.4]
-    if len(near) and (abs(near[0]) > 3601 or field[0] == "time" and 0.9 < np.ptp(near) <= 1):
+    far_off = abs(near[0]) if len(near) and stamp else 0
+    if len(near) and (far_off > 3601 or field[0] == "time" and 0.9 < np.ptp(near) <= 1):
         return True
-    if len(near) and abs(near[0]) > 3599:
+    if far_off > 3599:
         return None
     return None if np.sum(far > 1.4) > max(1, 0.1 * len(since)) else False
 
@@ -279,15 +284,18 @@ def is_asked_about(points, field):
 POLICIES = [{}, {}, {}, {"tolerance": 0.15}, {"tolerance": 0.15, "extrapolate": True}, {"max_gap": 0.02}]
 
 
-@given(motions(), clouds(), st.sampled_from(POLICIES), st.booleans(), st.booleans())
-def test_each_point_moves_by_the_transform_of_its_own_time(motion, made, policy, is_fixed, may_miss):
-    cloud, points, field = made
+SWEEPS = st.sampled_from(STAMPS).flatmap(lambda stamp: st.tuples(motions(stamp), clouds(stamp)))
+
+
+@given(SWEEPS, st.sampled_from(POLICIES), st.booleans(), st.booleans())
+def test_each_point_moves_by_the_transform_of_its_own_time(sweep, policy, is_fixed, may_miss):
+    motion, (cloud, points, field) = sweep
     name, kind, unit_ns, is_said, base_ns = field
     unit = {"time_unit": Duration(nanoseconds=unit_ns)} if is_said else {}
     field = unit_of(points, field)
     target, how, fixed = "world", {}, {}
     if is_fixed:
-        target, how = "lidar", {"fixed_frame": "world", "target_time": at_ns(STAMP + SWEEP // 3)}
+        target, how = "lidar", {"fixed_frame": "world", "target_time": at_ns(motion.stamp + SWEEP // 3)}
         fixed = {**how}
     wanted = moved_by_lookups(motion, points, field, fixed, policy, target)
     before = bytes(cloud.data)
@@ -295,7 +303,7 @@ def test_each_point_moves_by_the_transform_of_its_own_time(motion, made, policy,
     def call(on_missing):
         return deskew(cloud, motion.buffer, target, **how, **unit, **policy, on_missing=on_missing)
 
-    asked = False if is_said else is_asked_about(points, field)
+    asked = False if is_said else is_asked_about(points, field, motion.stamp)
     if asked is not False:
         event("asked")
         try:

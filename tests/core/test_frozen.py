@@ -374,6 +374,9 @@ def test_what_is_not_a_file_is_refused(buffer, tmp_path):
     for path in (tmp_path, tmp_path / "pipe", tmp_path / "empty"):
         with pytest.raises(ValueError, match="it is not a frozen buffer"):
             BufferCore.open(path)
+    for path in (5, None):
+        with pytest.raises(TypeError, match="os.PathLike"):
+            BufferCore.open(path)
 
 
 # The format.

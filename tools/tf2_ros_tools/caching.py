@@ -7,17 +7,19 @@ import json
 import os
 import stat
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import __version__
 from tf2_ros_cython.output import UNFINISHED
-from tf2_ros_tools.reading import FROZEN, LOGS, SUFFIXES
+from tf2_ros_tools.reading import FROZEN, LOGS, SUFFIXES, require_existing
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
 
 SHARED_MEMORY = "-shm"  # of SQLite, next to a database that is open
 END_BYTES = 1 << 16
+LIMITS = ("TF2_ROS_CYTHON_MAX_FRAMES", "TF2_ROS_CYTHON_MAX_BYTES")  # of a buffer, by variables
 
 
 def state_of(recording: str) -> list[list[Any]]:
@@ -68,11 +70,13 @@ class Cached:
         what: dict[str, Any],
         cache_time_ns: int,
     ) -> None:
+        require_existing(Path(recording))
         path = os.path.realpath(recording)
         name = os.path.basename(path)
         stem = name.rpartition(".")[0] if name.endswith(SUFFIXES) else name
-        # What a version makes of a recording may differ from what the next one does.
-        request = _digest([os.fsencode(path).hex(), what, cache_time_ns, __version__])
+        # What a version makes of a recording may differ from what the next one does, and so may the limits.
+        limits = [os.environ.get(name) for name in LIMITS]
+        request = _digest([os.fsencode(path).hex(), what, cache_time_ns, limits, __version__])
         # A name has at most 255 bytes.
         self._begin = f"{stem[:50]}-{request}-"
         self._folder = os.path.abspath(os.fsdecode(folder))

@@ -210,6 +210,16 @@ def is_static(topic: str) -> bool:
     return topic.rpartition("/")[2] == "tf_static"
 
 
+def require_existing(path: Path) -> None:
+    """
+    Check that a recording exists.
+
+    :raises FileNotFoundError: it does not.
+    """
+    if not path.exists():
+        raise FileNotFoundError(errno.ENOENT, "the recording does not exist", str(path))
+
+
 @contextmanager
 def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
     """
@@ -224,8 +234,7 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
     require("rosbags", "bag")
     source = Path(path)
     name = str(path)
-    if not source.exists():
-        raise FileNotFoundError(errno.ENOENT, "the recording does not exist", name)
+    require_existing(source)
     inside = sorted(source.iterdir()) if source.is_dir() else []
     parts = [one for one in inside if one.name.endswith(SUFFIXES) and one.is_file()]
     _refuse_others(source, parts)

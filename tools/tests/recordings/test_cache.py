@@ -156,6 +156,13 @@ def test_other_arguments_have_files_of_their_own(options, path, cache):
     assert len(files(cache)) == 2
 
 
+def test_a_limit_of_one_process_is_not_that_of_the_next(path, cache, monkeypatch):
+    with monkeypatch.context() as limited:
+        limited.setenv("TF2_ROS_CYTHON_MAX_FRAMES", "2")
+        assert len(bag.load(path, cache=cache).frames()) == 2
+    assert held(bag.load(path, cache=cache)) == held(bag.load(path))
+
+
 def test_a_damaged_file_is_made_again(path, cache):
     bag.load(path, cache=cache)
     [made] = files(cache)
@@ -167,7 +174,7 @@ def test_a_damaged_file_is_made_again(path, cache):
 
 
 def test_a_recording_that_does_not_exist_has_no_file(tmp_path, cache):
-    with pytest.raises(FileNotFoundError, match=r"gone.mcap"):
+    with pytest.raises(FileNotFoundError, match=r"the recording does not exist: .*gone.mcap"):
         bag.load(tmp_path / "gone.mcap", cache=cache)
     assert not cache.exists()
 

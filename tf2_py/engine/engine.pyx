@@ -322,12 +322,12 @@ cdef class Engine:
         # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises.
         cdef Waiter* waiter
         cdef list errors = []
-        while True:
+        while not links_empty(&batch.ready):    # whoever else removes one has the GIL, too
             lock_acquire(&self._lock)
             waiter = waiters_next_ready(&self._waiters, &batch.ready)
             unlock_written(&self._lock, &self._tree, &self._waiters)
             if waiter == NULL:
-                return errors[0] if errors else None
+                break       # this is a child, which a callback has forked
             # The owner still exists: it removes its waiter, with the GIL, before it is destroyed.
             call = _deliver_one(<WaiterOwner>waiter.owner, errors)
             if call is None:
@@ -339,6 +339,7 @@ cdef class Engine:
                 call()
             except BaseException as raised:
                 errors.append(raised)
+        return errors[0] if errors else None
 
     cdef bint remove(self, const char* name, size_t size) except -1:
         cdef Batch batch

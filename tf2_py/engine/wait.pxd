@@ -9,6 +9,7 @@ cdef class Wait(WaiterOwner):
     # the waiter.
     cdef Waiter _waiter                 # under the engine's lock
     cdef Engine _engine
+    cdef bint _is_filed                 # guarded by the GIL; False: the engine does not refer to the waiter
     cdef tuple _names                   # keeps the query's UTF-8 alive ...
     cdef PolicyObject _policy           # ... and its limits; or None
     cdef object _notify                 # called with the answer, or None: a thread blocks
@@ -21,3 +22,4 @@ cdef class Wait(WaiterOwner):
     # up, or a limit never apply.
     cdef int begin(self, Engine engine, tuple names, const Query* query, PolicyObject policy,
                    object notify) except -1
+    cdef bint _remove(self) noexcept

@@ -15,10 +15,18 @@ cdef class Wait(WaiterOwner):
         raise TypeError("a Wait is made by BufferCore._wait()")
 
     def __dealloc__(self):
-        if self._engine is not None:
-            self._engine.remove_waiter(&self._waiter)
-            if self._notify is None and not self._engine.has_forgotten(&self._waiter):
-                event_free(&self._woken)
+        self._remove()
+        if self._engine is None or self._engine.has_forgotten(&self._waiter):
+            return
+        if self._notify is None:
+            event_free(&self._woken)
+
+    cdef bint _remove(self) noexcept:
+        # Nothing else says, without the lock, whether an answered one is still in a list: a wake sets
+        # `answered` before it adds the waiter to those that are ready.
+        cdef bint is_filed = self._is_filed
+        self._is_filed = False
+        return is_filed and self._engine.remove_waiter(&self._waiter)
 
     cdef object deliver(self):
         if self._policy is not None:
@@ -27,6 +35,7 @@ cdef class Wait(WaiterOwner):
             error = self._engine.limit_error(&self._waiter.query, status_of(STATUS_OK))
             if error is not None:
                 return self._notify(None, error)
+        self._is_filed = False
         return self._notify(self.answer)
 
     cdef void only_after(self, Wait previous) noexcept:
@@ -47,13 +56,14 @@ cdef class Wait(WaiterOwner):
         self._waiter.woken = &self._woken if notify is None else NULL
         if policy is not None and policy.policy.judges_age:
             engine.read_clock(&self._waiter.query, &reading)
-        self._engine = engine
+        self._engine, self._is_filed = engine, True
         engine.add_waiter(&self._waiter, &status)
         error = None if policy is None else engine.limit_error(query, status)
         if error is not None:
-            engine.remove_waiter(&self._waiter)
+            self._remove()
             raise error
         if status.code == STATUS_OK:
+            self._is_filed = False
             return 0
         # With such a name there will never be an answer.
         if name_is_invalid(query.target, query.target_size):
@@ -64,7 +74,7 @@ cdef class Wait(WaiterOwner):
             status.code = STATUS_BAD_FIXED
         else:
             return 0
-        engine.remove_waiter(&self._waiter)
+        self._remove()
         raise engine.error(query, status)
 
     @property
@@ -83,7 +93,7 @@ cdef class Wait(WaiterOwner):
 
     def cancel(self):
         """End the wait. Returns whether it was pending, that is, not answered and not ended before."""
-        return self._engine.remove_waiter(&self._waiter)
+        return self._remove()
 
     @property
     def judges_system_time(self):
@@ -140,7 +150,8 @@ cdef class Wait(WaiterOwner):
                 if check_ns == SIGNAL_CHECK_NS and get_ident() != main_thread().ident:
                     check_ns = WAKE_CHECK_NS
         finally:
-            self._engine.remove_waiter(&self._waiter)
+            # The thread that has set the event may still use it, and releases the lock after that.
+            self._remove()
         # The waiter may have been answered between the last sleep and the removal.
         error = self._engine.limit_error(&self._waiter.query, status_of(STATUS_OK))
         if error is not None and self._waiter.answered:

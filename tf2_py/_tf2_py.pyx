@@ -403,35 +403,21 @@ cdef class BufferCore(Engine):
 
     # Looking transforms up.
 
-    cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1:
+    cdef int _lookup_or_raise(self, Query* query, Transform* out, int64_t* stamp_ns) except -1:
+        cdef ClockReading reading
         cdef Status status
+        if query.policy.is_given and query.policy.judges_age:
+            self.read_clock(query, &reading)
         catch_up(self)
         status = self.lookup(query, out, stamp_ns)
         if status.code != STATUS_OK:
             raise self.error(query, status)
         return 0
 
-    cdef int _refuse_void_limits(self, const Query* query, Status status) except -1:
-        # After a lookup that has not raised; one that has raises the same.
-        error = self.limit_error(query, status)
-        if error is not None:
-            raise error
-        return 0
-
-    cdef int _lookup_judged(self, Query* query, Transform* out, int64_t* stamp_ns) except -1:
-        # Also under a policy that judges ages, or has limits of frames.
-        cdef ClockReading reading
-        if not query.policy.is_given:
-            return self._lookup_or_raise(query, out, stamp_ns)
-        if query.policy.judges_age:
-            self.read_clock(query, &reading)
-        self._lookup_or_raise(query, out, stamp_ns)
-        return self._refuse_void_limits(query, status_of(STATUS_OK))
-
     cdef object _answer(self, Query* query, target_frame, source_frame):
         cdef Transform transform
         cdef int64_t stamp_ns
-        self._lookup_judged(query, &transform, &stamp_ns)
+        self._lookup_or_raise(query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
     cdef tuple _can(self, const Query* query):
@@ -579,7 +565,7 @@ cdef class BufferCore(Engine):
         # A name, because the query refers to its memory.
         accepted = policy_of("lookup_matrix", False, **policy) if policy else None
         query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, accepted, "time")
-        self._lookup_judged(&query, &transform, &stamp_ns)
+        self._lookup_or_raise(&query, &transform, &stamp_ns)
         matrix = out if out is not None and is_direct else new_matrix()
         matrix_from_transform(&transform, matrix_of(matrix))
         if not is_direct:
@@ -713,10 +699,10 @@ cdef class BufferCore(Engine):
             raise MemoryError
         if answered < series.count:
             error = self.error(query, status)
-            if answered != SERIES_BAD_NAME:
+            if answered != SERIES_BAD_NAME and status.code != STATUS_BAD_LIMIT:
                 error = type(error)(f"times[{answered // per_time}]: {error}")
             raise error
-        return self._refuse_void_limits(query, status)
+        return 0
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time) -> tuple[int, str]:
         """

@@ -84,13 +84,15 @@ cdef struct QueryFrames:
     FrameId target
     FrameId source
     FrameId fixed               # of a two-time lookup
+    uint32_t bad_limit          # the first limit that could never apply, as in Status; UINT32_MAX: none
 
 
 # If `out` is NULL, only the status is computed. `stamp_ns` receives the time looked up or, if a policy let a
 # frame stay at its newest sample, the oldest stamp of such samples.
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
                          int64_t* stamp_ns) noexcept nogil
-# The same in two steps: a bad status if a name is invalid or unknown; then without the names.
+# The same in two steps: a bad status if a name is invalid or unknown; then without the names. The first one
+# also finds the frames of the policy's limits.
 cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil
 cdef Status query_answer_between(const Tree* tree, const Query* query, const QueryFrames* frames,
                                  Transform* out, int64_t* stamp_ns) noexcept nogil

@@ -549,21 +549,29 @@ cdef bint query_is_identity(const Query* query) noexcept nogil:
             and memcmp(query.target, query.source, query.source_size) == 0)
 
 
-cdef void _find_named(const Tree* tree, const FrameLimits* limits) noexcept nogil:
-    cdef FrameLimit* named
+cdef uint32_t _find_named(const Tree* tree, const FrameLimits* limits, FrameId* found) noexcept nogil:
+    # Returns the index of the first one that was never a child; `count`: all were.
+    cdef uint32_t first = limits.count
     cdef uint32_t i
     for i in range(limits.count):
-        named = &limits.named[i]
-        named.frame = tree_frame(tree, named.name, named.size)
-        named.is_child = tree.histories[named.frame].kind != HISTORY_NONE
+        found[i] = tree_frame(tree, limits.named[i].name, limits.named[i].size)
+        if tree.histories[found[i]].kind == HISTORY_NONE:
+            first = min(first, i)
+    return first
+
+
+cdef uint32_t _find_limits(const Tree* tree, const Policy* policy) noexcept nogil:
+    cdef uint32_t tolerance = _find_named(tree, &policy.tolerance, policy.tolerance.found)
+    cdef uint32_t max_age = _find_named(tree, &policy.max_age, policy.max_age.found)
+    if tolerance < policy.tolerance.count:
+        return tolerance
+    return UINT32_MAX if max_age == policy.max_age.count else policy.tolerance.count + max_age
 
 
 cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil:
     cdef Status status
     frames.fixed = NO_FRAME
-    if query.policy.is_given:
-        _find_named(tree, &query.policy.tolerance)
-        _find_named(tree, &query.policy.max_age)
+    frames.bad_limit = _find_limits(tree, &query.policy) if query.policy.is_given else UINT32_MAX
     if query_is_identity(query):
         frames.target = frames.source = tree_frame(tree, query.source, query.source_size)
         return status_of(STATUS_OK)
@@ -586,6 +594,17 @@ cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
 
 cdef Status query_answer_between(const Tree* tree, const Query* query, const QueryFrames* frames,
                                  Transform* out, int64_t* stamp_ns) noexcept nogil:
+    cdef Status status = _answer_between(tree, query, frames, out, stamp_ns)
+    # While no path is known, a program has just started, and the frame of the limit may still appear.
+    if frames.bad_limit != UINT32_MAX and status.code in (STATUS_OK, STATUS_EXTRAPOLATION):
+        status.code = STATUS_BAD_LIMIT
+        status.limit = frames.bad_limit
+        status.child = query.policy.tolerance.found[frames.bad_limit]
+    return status
+
+
+cdef Status _answer_between(const Tree* tree, const Query* query, const QueryFrames* frames, Transform* out,
+                            int64_t* stamp_ns) noexcept nogil:
     cdef Path path
     cdef FrameId target = frames.target
     cdef FrameId source = frames.source

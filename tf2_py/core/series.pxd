@@ -27,9 +27,9 @@ cdef enum:
 
 
 # Answers `query` at each of the times, which replace its source time, from the state of the tree at one
-# moment. Returns how many are answered; fewer than `count`: the next one failed with `status`; or one of
-# SERIES_BAD_NAME and SERIES_NO_MEMORY. If all are answered, NaN included, `status` says whether there was a
-# path: STATUS_OK or STATUS_EXTRAPOLATION. Call it without the lock, which it holds for a short time only.
+# moment. Returns how many are answered, NaN included; fewer than `count`: the next one failed with `status`;
+# or one of SERIES_BAD_NAME and SERIES_NO_MEMORY. Call it without the lock, which it holds for a short time
+# only.
 cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
                               Status* status) noexcept nogil
 

@@ -367,7 +367,8 @@ cdef int _pin_lookup(const Tree* tree, const Query* query, PinnedLookup* pinned)
     cdef FrameId[3] ends = [pinned.frames.target, pinned.frames.source, pinned.frames.fixed]
     pinned.has_fixed = query.fixed != NULL
     pinned.hops = pinned.path.source_hops = pinned.path.target_hops = 0
-    pinned.by_batches = query_is_identity(query) or _find_path(tree, query, pinned)
+    pinned.by_batches = not query.policy.is_given and (query_is_identity(query)
+                                                       or _find_path(tree, query, pinned))
     if not pinned.by_batches:
         return tree_pin_above(tree, ends, 3, &pinned.above)
     pinned.common_ns = path_common_time(tree, &pinned.path)
@@ -382,7 +383,7 @@ cdef bint _find_path(const Tree* tree, const Query* query, PinnedLookup* pinned)
     cdef Path path
     cdef int64_t stamp_ns
     cdef bint mixed = False
-    if query.policy.is_given or tree.ever_looped:
+    if tree.ever_looped:
         return False
     if pinned.has_fixed:
         if walk_lookup(tree, target, pinned.frames.fixed, query.target_ns, &query.policy, &path,
@@ -498,12 +499,11 @@ cdef uint32_t _answer_times(const Query* query, PinnedLookup* pinned, const int6
                 return i
         else:
             single = _answer_one(query, pinned, times_ns[i], &transform)
-            if single.code in (STATUS_OK, STATUS_EXTRAPOLATION) or not nan_missing:
-                status[0] = single
             if single.code == STATUS_OK:
                 _put(&work.result, i, &transform)
                 continue
-            if not nan_missing:
+            if not nan_missing or single.code == STATUS_BAD_LIMIT:
+                status[0] = single
                 return i
         _put_missing(&work.result, i)
     return count
@@ -517,18 +517,24 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
     cdef uint32_t count = 0
     cdef uint32_t answered = 0
     cdef bint is_pinned = False
+    cdef Query own = query[0]
+    # It is read without the lock, under which other lookups with this policy write theirs.
+    cdef FrameId* found = <FrameId*>malloc((policy_limits(&query.policy) + 1) * sizeof(FrameId))
+    if found == NULL:
+        return SERIES_NO_MEMORY
+    if own.policy.is_given:
+        policy_find_in(&own.policy, found)
     lock_acquire(lock)
-    status[0] = query_find_frames(tree, query, &pinned.frames)
+    status[0] = query_find_frames(tree, &own, &pinned.frames)
     if status.code == STATUS_OK:
-        is_pinned = _pin_lookup(tree, query, &pinned) == 0
+        is_pinned = _pin_lookup(tree, &own, &pinned) == 0
     lock_release(lock)
     if not is_pinned:
+        free(found)
         return SERIES_BAD_NAME if status.code != STATUS_OK else SERIES_NO_MEMORY
-    if not pinned.by_batches:
-        status[0] = status_of(STATUS_UNCONNECTED)       # until a path is found
     while start < series.count and answered == count:
         count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
-        answered = _answer_times(query, &pinned, series.times_ns + start, count, series.nan_missing, &work,
+        answered = _answer_times(&own, &pinned, series.times_ns + start, count, series.nan_missing, &work,
                                  status)
         if series.points != NULL:
             work_transform_points(&work, answered, series.points + 3 * start, series.transformed + 3 * start)
@@ -538,6 +544,7 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
             work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
         start += answered
     _unpin_lookup(&pinned)
+    free(found)
     return start
 
 

@@ -63,21 +63,20 @@ cdef struct FrameLimit:
     const char* name        # UTF-8, owned by the policy's object
     Py_ssize_t size         # bytes
     int64_t limit_ns
-    FrameId frame           # found anew for each lookup, under the lock; NO_FRAME: the name is unknown
-    bint is_child           # found with it: the frame was ever a child, so the limit may apply
 
 
 cdef struct FrameLimits:
     # A duration for each frame.
-    FrameLimit* named       # those of some frames ...
-    uint32_t count
-    int64_t others_ns       # ... and that of all others
+    const FrameLimit* named     # those of some frames ...
+    FrameId* found          # ... whose ids each lookup writes here, under the lock; NO_FRAME: not known
+    uint32_t count          # of both
+    int64_t others_ns       # that of all other frames
 
 
 cdef inline int64_t limit_of(const FrameLimits* limits, FrameId frame) noexcept nogil:
     cdef uint32_t i
     for i in range(limits.count):
-        if limits.named[i].frame == frame:
+        if limits.found[i] == frame:
             return limits.named[i].limit_ns
     return limits.others_ns
 
@@ -101,6 +100,17 @@ cdef struct Policy:
     const ClockReading* clock   # set by the engine
 
 
+cdef inline uint32_t policy_limits(const Policy* policy) noexcept nogil:
+    # How many limits of single frames it has.
+    return policy.tolerance.count + policy.max_age.count if policy.is_given else 0
+
+
+cdef inline void policy_find_in(Policy* policy, FrameId* found) noexcept nogil:
+    # Gives it memory for the ids of these frames, in one piece.
+    policy.tolerance.found = found
+    policy.max_age.found = found + policy.tolerance.count
+
+
 cdef enum StatusCode:
     STATUS_OK
     STATUS_EXTRAPOLATION    # frames lack data for `requested_ns`, `child` the most
@@ -109,6 +119,7 @@ cdef enum StatusCode:
     STATUS_BAD_TARGET       # the target frame's name is empty, begins with '/', or is unknown
     STATUS_BAD_SOURCE       # the same for the source frame
     STATUS_BAD_FIXED        # the same for the fixed frame
+    STATUS_BAD_LIMIT        # `limit` could never apply, because its frame is unknown or was never a child
     STATUS_NOT_NEW          # for a waiter for a change: the answer is the one that it already has
 
 
@@ -123,6 +134,9 @@ cdef struct Status:
     # The outcome of a lookup.
     StatusCode code
     Half half               # the part that failed
+    # Of STATUS_BAD_LIMIT: its index; those of `tolerance` come first. Then `child` is its frame, NO_FRAME if
+    # unknown, and `gap` is GAP_NONE unless data is missing, too.
+    uint32_t limit
     Gap gap                 # unless stated above, the fields below are facts of STATUS_EXTRAPOLATION only
     Gap quoted_gap          # of the frame that tf2's sentence is about; not for GAP_LONG
     FrameId child           # the frame whose data is furthest from requested_ns ...

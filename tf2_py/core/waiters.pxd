@@ -47,8 +47,9 @@ cdef struct Waiter:
     uint64_t arrival        # ordinal among all waiters ever added
     bint only_new           # waits for another answer than the one below
     bint answered           # a flag, see sync.pxd: the lookup has an answer ...
-    Transform answer        # ... which is this, metres and unit quaternion
-    int64_t stamp_ns        # ... at this stamp
+    Status status           # ... which is STATUS_OK, or STATUS_BAD_LIMIT: then the fields below are not set
+    Transform answer        # metres and unit quaternion
+    int64_t stamp_ns        # of the answer
     Event* woken            # set when a wake has answered it; NULL: the waiter becomes ready instead
     void* owner             # for its code that has the GIL
 

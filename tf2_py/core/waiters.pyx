@@ -116,6 +116,11 @@ cdef bint waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil:
     return True
 
 
+cdef bint _is_answer(Status status) noexcept nogil:
+    # A limit that could never apply ends a wait when the rest of the lookup has an answer.
+    return status.code == STATUS_OK or (status.code == STATUS_BAD_LIMIT and status.gap == GAP_NONE)
+
+
 cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil:
     cdef Transform answer
     cdef int64_t stamp_ns
@@ -124,7 +129,8 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
     if (status.code == STATUS_OK and waiter.only_new and stamp_ns == waiter.stamp_ns
             and memcmp(&answer, &waiter.answer, sizeof(Transform)) == 0):
         status.code = STATUS_NOT_NEW
-    if status.code == STATUS_OK:
+    if _is_answer(status):
+        waiter.status = status
         waiter.answer = answer
         waiter.stamp_ns = stamp_ns
         flag_set(&waiter.answered, True)
@@ -227,7 +233,7 @@ cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcep
             # that judges ages.
             if (not waiter.only_new
                     and not (waiter.query.policy.is_given and waiter.query.policy.judges_age)
-                    and query_answer(tree, &waiter.query, &answer, &stamp_ns).code == STATUS_OK):
+                    and _is_answer(query_answer(tree, &waiter.query, &answer, &stamp_ns))):
                 return "a waiter whose lookup would answer"
             count += 1
             link = link.next

@@ -125,9 +125,6 @@ cdef class Engine:
 
     # Reads the clock for a query that judges ages, which refers to the reading; ValueError: there is none.
     cdef int read_clock(self, Query* query, ClockReading* reading) except -1
-    # The ValueError for a limit of a query that cannot apply, although the buffer knows a path, because its
-    # frame is unknown or is not a child; None: there is none. The status is that of the last lookup.
-    cdef object limit_error(self, const Query* query, Status status)
 
     # Waiting. The status is that of the first attempt.
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1
@@ -158,7 +155,7 @@ cdef class Engine:
 
     cdef Status _file_waiter(self, Waiter* waiter) noexcept
     cdef Status _check_names(self, const Query* query) noexcept nogil
-    cdef list _children_towards(self, const Query* query, str name)
+    cdef list _children_towards(self, const Query* query, FrameId parent)
     cdef int _learn_most_names(self) except -1
     cdef int _begin_advice(self) except -1
     cdef int _log_refused(self, Batch* batch) except -1

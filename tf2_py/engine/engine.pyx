@@ -515,28 +515,12 @@ cdef class Engine:
         unlock_written(&self._lock, &self._tree, &self._waiters)
         self._wake_all(&batch)
 
-    cdef object limit_error(self, const Query* query, Status status):
-        cdef const FrameLimit* limit
-        if not query.policy.is_given or status.code not in (STATUS_OK, STATUS_EXTRAPOLATION):
-            return None
-        argument = "tolerance"
-        limit = void_limit(&query.policy.tolerance)
-        if limit == NULL:
-            argument = "max_age"
-            limit = void_limit(&query.policy.max_age)
-        if limit == NULL:
-            return None
-        name = limit.name[:limit.size].decode("utf-8")
-        if limit.frame != NO_FRAME:
-            return ValueError(errors.limit_of_root(name, argument, self._children_towards(query, name)))
-        self._begin_advice()
-        return ValueError(self._advice.unknown(name, argument, "lookupTransform", self._tf2_names))
-
-    cdef list _children_towards(self, const Query* query, str name):
+    cdef list _children_towards(self, const Query* query, FrameId parent):
         # The children of a frame; only those on the path, if there are such.
         cdef FrameId frames[2 * MAX_HOPS]
         cdef Status status
         cdef uint32_t count = self.moving_frames(query, NULL, frames, NULL, &status)
+        [name] = self.frame_names([parent])
         on_path = set(self.frame_names([frames[i] for i in range(count)]))
         children = [one.name for one in self.frame_facts() if one.parent == name]
         return [child for child in children if child in on_path] or children
@@ -635,13 +619,13 @@ cdef class Engine:
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
         cdef str child = None
         cdef str parent = None
-        wrong = self.limit_error(query, status)
-        if wrong is not None:
-            return wrong
+        cdef list children = None
         if status.code == STATUS_EXTRAPOLATION or status.code == STATUS_UNCONNECTED:
             child, parent = self.frame_names((status.child, status.parent))
+        elif status.code == STATUS_BAD_LIMIT and status.child != NO_FRAME:
+            children = self._children_towards(query, status.child)
         self._begin_advice()
-        return query_error(query, status, child, parent, call, self._advice, self)
+        return query_error(query, status, child, parent, children, call, self._advice, self)
 
     cdef int _begin_advice(self) except -1:
         cdef size_t count
@@ -685,14 +669,14 @@ cdef class Engine:
         # With the lock held. The first attempt judges ages by a reading of its own.
         cdef Status status = waiters_add(&self._waiters, &self._tree, waiter)
         waiter.query.policy.clock = &self._clock
-        if status.code != STATUS_OK:
+        if not waiter.answered:
             self.arm()
         return status
 
     cdef bint confirm_waiter(self, Waiter* waiter) except -1:
         cdef ClockReading reading
         cdef Query judged = waiter.query
-        cdef Status status = status_of(STATUS_NOT_NEW)
+        cdef bint is_answered
         if self._clock.is_system:
             return True
         self.read_clock(&judged, &reading)
@@ -701,11 +685,12 @@ cdef class Engine:
         if waiter.answered and not waiter.is_listed:
             flag_set(&waiter.answered, False)
             waiter.query.policy.clock = &reading
-            status = self._file_waiter(waiter)
+            self._file_waiter(waiter)
+        is_answered = waiter.answered and not waiter.is_listed
         unlock_written(&self._lock, &self._tree, &self._waiters)
-        if status.code != STATUS_OK:
+        if not is_answered:
             catch_up(self)
-        return status.code == STATUS_OK
+        return is_answered
 
     cdef bint retry_waiter(self, Waiter* waiter) except -1:
         cdef ClockReading reading

@@ -10,7 +10,8 @@ cdef int query_fix(Query* query, object fixed_frame, object target_time) except 
 
 
 cdef class PolicyObject:
-    # What a lookup accepts beyond tf2's. A query with its policy refers to its memory.
+    # What one call of a program accepts beyond tf2's. A query with its policy refers to its memory. The call
+    # is that of one buffer, whose lock guards what `found` of the limits points to.
     cdef Policy policy
     cdef list _names            # keeps the UTF-8 of the limits' names
     cdef int _read_limits(self, FrameLimits* limits, object given, str argument, int64_t others_ns) except -1
@@ -23,10 +24,6 @@ cdef int query_fill_series(Query* query, object target_frame, object source_fram
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
                         object fixed_frame, object target_time, PolicyObject policy,
                         str argument=*) except -1
-
-
-# The first limit of a frame that the last lookup did not find, or found not to be a child; NULL: none.
-cdef const FrameLimit* void_limit(const FrameLimits* limits) noexcept
 
 
 # Frame names as Python text.
@@ -66,8 +63,9 @@ cdef class Advice:
 # Why a lookup has no answer: as an exception, and as a sentence about a wait.
 
 # The only function that converts a status to an exception; the names are those of status.child and
-# status.parent. `advice` was begun with `buffer`.
-cdef object query_error(const Query* query, Status status, str child, str parent, str call, Advice advice,
-                        object buffer)
+# status.parent. `children`: of STATUS_BAD_LIMIT, what may be limited instead; None: its frame is unknown.
+# `advice` was begun with `buffer`.
+cdef object query_error(const Query* query, Status status, str child, str parent, list children, str call,
+                        Advice advice, object buffer)
 # One line: the lookup that a wait waits for, and what it lacks.
 cdef str query_wait(const Query* query, str lack)

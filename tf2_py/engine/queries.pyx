@@ -49,8 +49,9 @@ cdef class PolicyObject:
         self._names = []
 
     def __dealloc__(self):
-        free(self.policy.tolerance.named)
-        free(self.policy.max_age.named)
+        free(<void*>self.policy.tolerance.named)
+        free(<void*>self.policy.max_age.named)
+        free(self.policy.tolerance.found)   # in one piece
 
     @property
     def judges_age(self):
@@ -58,19 +59,19 @@ cdef class PolicyObject:
         return self.policy.judges_age
 
     cdef int _read_limits(self, FrameLimits* limits, object given, str argument, int64_t others_ns) except -1:
-        cdef FrameLimit* limit
+        cdef FrameLimit* named
         if not isinstance(given, Mapping):
             limits.others_ns = _not_negative(given, argument)
             return 0
         limits.others_ns = others_ns
         items = list(given.items())
-        limits.named = <FrameLimit*>calloc(len(items) + 1, sizeof(FrameLimit))
-        if limits.named == NULL:
+        named = <FrameLimit*>calloc(len(items) + 1, sizeof(FrameLimit))
+        if named == NULL:
             raise MemoryError
+        limits.named = named
         for frame, duration in items:
-            limit = &limits.named[limits.count]
-            limit.name = name_utf8(frame, &limit.size, f"a frame of {argument}")
-            limit.limit_ns = _not_negative(duration, f"{argument}[{frame!r}]")
+            named[limits.count].name = name_utf8(frame, &named[limits.count].size, f"a frame of {argument}")
+            named[limits.count].limit_ns = _not_negative(duration, f"{argument}[{frame!r}]")
             self._names.append(frame)
             limits.count += 1
         return 0
@@ -95,6 +96,7 @@ def policy_of(call, waits, /, tolerance=None, extrapolate=False, max_gap=None, m
     :raises ValueError: a duration is negative.
     """
     cdef PolicyObject made
+    cdef FrameId* found
     for name in unknown:
         text = f"{call}() got an unexpected keyword argument {name!r}"
         meant = errors.closest(name, ("timeout", "tolerance", "extrapolate", "max_gap", "max_age"))
@@ -116,15 +118,11 @@ def policy_of(call, waits, /, tolerance=None, extrapolate=False, max_gap=None, m
     if max_age is not None:
         made.policy.judges_age = True
         made._read_limits(&made.policy.max_age, max_age, "max_age", INT64_MAX)
+    found = <FrameId*>malloc((policy_limits(&made.policy) + 1) * sizeof(FrameId))
+    if found == NULL:
+        raise MemoryError
+    policy_find_in(&made.policy, found)
     return made
-
-
-cdef const FrameLimit* void_limit(const FrameLimits* limits) noexcept:
-    cdef uint32_t i
-    for i in range(limits.count):
-        if not limits.named[i].is_child:
-            return &limits.named[i]
-    return NULL
 
 
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
@@ -243,7 +241,8 @@ cdef str _sentence(str clause):
 
 # The status of a lookup as an exception, or as what a wait for it lacks.
 
-cdef tuple GAP_NAMES = ("none", "empty", "single", "future", "past", "long")
+# Of the gaps that tf2's sentence can describe.
+cdef dict GAP_NAMES = {GAP_EMPTY: "empty", GAP_SINGLE: "single", GAP_FUTURE: "future", GAP_PAST: "past"}
 
 
 cdef tuple _query_names(const Query* query):
@@ -271,8 +270,22 @@ cdef object _bad_name(str name, str argument, str call, Advice advice, object li
     return errors.LookupException(advice.unknown(name, argument, call, list_names))
 
 
-cdef object query_error(const Query* query, Status status, str child, str parent, str call, Advice advice,
-                        object buffer):
+cdef object _bad_limit(const Query* query, Status status, list children, str call, Advice advice,
+                       object list_names):
+    cdef uint32_t tolerances = query.policy.tolerance.count
+    cdef const FrameLimit* limit
+    if status.limit < tolerances:
+        argument, limit = "tolerance", &query.policy.tolerance.named[status.limit]
+    else:
+        argument, limit = "max_age", &query.policy.max_age.named[status.limit - tolerances]
+    name = limit.name[:limit.size].decode("utf-8")
+    if children is None:
+        return ValueError(advice.unknown(name, argument, call, list_names))
+    return ValueError(errors.limit_of_root(name, argument, children))
+
+
+cdef object query_error(const Query* query, Status status, str child, str parent, list children, str call,
+                        Advice advice, object buffer):
     target, source, fixed = _query_names(query)
     if status.code == STATUS_BAD_TARGET:
         return _bad_name(target, "target_frame", call, advice, buffer._tf2_names)
@@ -280,6 +293,8 @@ cdef object query_error(const Query* query, Status status, str child, str parent
         return _bad_name(source, "source_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_FIXED:
         return _bad_name(fixed, "fixed_frame", call, advice, buffer._tf2_names)
+    if status.code == STATUS_BAD_LIMIT:
+        return _bad_limit(query, status, children, call, advice, buffer._tf2_names)
     target, source = _ends(query, status)
     if status.code == STATUS_UNCONNECTED:
         error = errors.unconnected(target, source, parent, child)
@@ -297,8 +312,8 @@ cdef object query_error(const Query* query, Status status, str child, str parent
         )
         return advice.with_silence(error, buffer, dynamic_only=True)
     error = errors.extrapolation(
-        status.requested_ns, GAP_NAMES[<int>status.quoted_gap], status.other_ns, target, source,
-        GAP_NAMES[<int>status.gap], status.edge_ns, child, parent,
+        status.requested_ns, GAP_NAMES[status.quoted_gap], status.other_ns, target, source,
+        GAP_NAMES[status.gap], status.edge_ns, child, parent,
     )
     # Data that may still arrive does not help with the past.
     if status.gap == GAP_EMPTY or status.requested_ns > status.edge_ns:

@@ -23,3 +23,4 @@ cdef class Wait(WaiterOwner):
     cdef int begin(self, Engine engine, tuple names, const Query* query, PolicyObject policy,
                    object notify) except -1
     cdef bint _remove(self) noexcept
+    cdef bint _is_ok(self) except -1

@@ -29,13 +29,12 @@ cdef class Wait(WaiterOwner):
         return is_filed and self._engine.remove_waiter(&self._waiter)
 
     cdef object deliver(self):
-        if self._policy is not None:
-            if self._policy.policy.judges_age and not self._engine.confirm_waiter(&self._waiter):
-                return None
-            error = self._engine.limit_error(&self._waiter.query, status_of(STATUS_OK))
-            if error is not None:
-                return self._notify(None, error)
+        if (self._policy is not None and self._policy.policy.judges_age
+                and not self._engine.confirm_waiter(&self._waiter)):
+            return None
         self._is_filed = False
+        if self._waiter.status.code != STATUS_OK:
+            return self._notify(None, self._engine.error(&self._waiter.query, self._waiter.status))
         return self._notify(self.answer)
 
     cdef void only_after(self, Wait previous) noexcept:
@@ -58,15 +57,13 @@ cdef class Wait(WaiterOwner):
             engine.read_clock(&self._waiter.query, &reading)
         self._engine, self._is_filed = engine, True
         engine.add_waiter(&self._waiter, &status)
-        error = None if policy is None else engine.limit_error(query, status)
-        if error is not None:
-            self._remove()
-            raise error
         if status.code == STATUS_OK:
             self._is_filed = False
             return 0
-        # With such a name there will never be an answer.
-        if name_is_invalid(query.target, query.target_size):
+        # With such a limit or name there will never be an answer.
+        if status.code == STATUS_BAD_LIMIT:
+            pass
+        elif name_is_invalid(query.target, query.target_size):
             status.code = STATUS_BAD_TARGET
         elif name_is_invalid(query.source, query.source_size):
             status.code = STATUS_BAD_SOURCE
@@ -79,8 +76,8 @@ cdef class Wait(WaiterOwner):
 
     @property
     def answer(self):
-        """A new message of the answer; None if there is none yet."""
-        if not flag_is_set(&self._waiter.answered):
+        """A new message of the answer; None if there is none yet, or it is an error."""
+        if not flag_is_set(&self._waiter.answered) or self._waiter.status.code != STATUS_OK:
             return None
         target, source, _ = self._names
         return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
@@ -103,11 +100,13 @@ cdef class Wait(WaiterOwner):
 
     def retry(self):
         """Whether there is an answer by what the clock shows now. One that is new is not delivered."""
-        cdef bint is_answered = self._engine.retry_waiter(&self._waiter)
-        error = self._engine.limit_error(&self._waiter.query, status_of(STATUS_OK)) if is_answered else None
-        if error is not None:
-            raise error
-        return is_answered
+        return self._engine.retry_waiter(&self._waiter) and self._is_ok()
+
+    cdef bint _is_ok(self) except -1:
+        # Of one that is answered; raises the error that is the answer.
+        if self._waiter.status.code != STATUS_OK:
+            raise self._engine.error(&self._waiter.query, self._waiter.status)
+        return True
 
     def reason(self):
         """The exception that a lookup would raise now, or None."""
@@ -153,7 +152,4 @@ cdef class Wait(WaiterOwner):
             # The thread that has set the event may still use it, and releases the lock after that.
             self._remove()
         # The waiter may have been answered between the last sleep and the removal.
-        error = self._engine.limit_error(&self._waiter.query, status_of(STATUS_OK))
-        if error is not None and self._waiter.answered:
-            raise error
-        return self._waiter.answered
+        return self._waiter.answered and self._is_ok()

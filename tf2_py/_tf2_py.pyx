@@ -1034,7 +1034,7 @@ cdef class BufferCore(Engine):
         :param policy: of ``policy_of``.
         :param after: a previous wait for the same simple lookup at the latest time: wait for an answer
             that differs from its answer.
-        :return: a ``Wait``; its ``answer`` may be available at once.
+        :return: a ``Wait``; its answer may be available at once.
         :raises InvalidArgumentException: a name is empty or begins with ``/``: the wait would never end.
         """
         cdef Query query

@@ -388,7 +388,7 @@ class MessageFilter(Generic[_Message]):
                     wait = BufferCore._wait(
                         self._buffer, frame, queued.frame, stamp_ns, notify=queued.answered
                     )
-                    answer = wait.answer
+                    answer = wait.take()
                     if answer is None:
                         break
                     first = first or answer
@@ -400,7 +400,7 @@ class MessageFilter(Generic[_Message]):
                 return FilterFailureReason.NO_TRANSFORM_FOUND
             queued.waits_for(wait)
             # Another thread may just have inserted it, and be superseded by this one.
-            if wait.answer is None:
+            if wait.take() is None:
                 return None
 
     def _resolve(self, queued: QueuedMessage, is_late: bool) -> "tuple[_Outcome, str | None] | None":

@@ -57,7 +57,7 @@ class TestWaitsOfTheParent:
             assert core._pending_waits() == []
             core.set_transform_static(transform("map", "cup"), "child")
             core._self_check()
-            assert [wait.answer for wait in waits] == [None] * 3
+            assert [wait.take() for wait in waits] == [None] * 3
             assert not any(wait.cancel() for wait in waits)
             assert waits[0].reason() is None
             assert "nowhere" in str(waits[1].reason())
@@ -75,7 +75,7 @@ class TestWaitsOfTheParent:
             ending.set()
             thread.join()
         core.set_transform_static(transform("map", "cup"), "me")
-        assert [wait.answer is not None for wait in waits] == [True, False, True]
+        assert [wait.take() is not None for wait in waits] == [True, False, True]
         assert len(answers) == 1
 
     def test_a_child_that_one_of_them_makes_does_not_tell_the_others(self, core):

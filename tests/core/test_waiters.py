@@ -57,7 +57,7 @@ def test_all_are_notified_whatever_one_of_them_raises_and_cancelling_is_too_late
     with pytest.raises(Untrue):
         buffer.set_transform(transform("a", "b", 6), "test")
     assert told == dict.fromkeys(range(4), False)
-    assert all(wait.answer is not None for wait in waits)
+    assert all(wait.take() is not None for wait in waits)
 
 
 def test_the_others_are_served_while_one_insert_helps_many(buffer):
@@ -80,7 +80,7 @@ def test_the_others_are_served_while_one_insert_helps_many(buffer):
         thread.start()
     for thread in threads:
         thread.join()
-    assert all(wait.answer is not None for wait in waits)
+    assert all(wait.take() is not None for wait in waits)
     assert {child: len(answers) for child, answers in told.items()} == {"b": 2000, "c": 2000}
     buffer._self_check()
 
@@ -141,7 +141,7 @@ def test_what_does_not_touch_the_path_of_a_wait_for_changes_is_not_looked_at(buf
         "the answer is the one that it has"
     )
     wait.cancel()  # it hands on what it was to differ from
-    assert buffer._wait("map", "base", at(0), notify=print, after=wait).answer is None
+    assert buffer._wait("map", "base", at(0), notify=print, after=wait).take() is None
 
 
 START = "waits for the transform from frame "
@@ -160,7 +160,7 @@ class TestPendingWaits:
             ),
         ):
             wait = buffer._wait(*arguments, notify=print)
-            assert wait.answer is None
+            assert wait.take() is None
             assert wait.lacks() == f"{START}{what}: {wait.reason()}"
             assert buffer._pending_waits() == [wait.lacks()]
 

@@ -45,7 +45,7 @@ class Pending:
     def __init__(self, buffer, told, lookup, policy=None, after=None):
         self.buffer, self.lookup, self.policy = buffer, lookup, policy
         self.answers = answers = []
-        self.present = None if after is None else after.answer
+        self.present = None if after is None else after.take()
 
         def notify(answer):  # it must not keep this alive
             answers.append(answer)
@@ -55,7 +55,7 @@ class Pending:
 
     def now(self):
         """What a lookup answers now, or None."""
-        return self.buffer._wait(*self.lookup, policy=self.policy).answer
+        return self.buffer._wait(*self.lookup, policy=self.policy).take()
 
 
 class Machine(RuleBasedStateMachine):
@@ -204,7 +204,7 @@ class Machine(RuleBasedStateMachine):
     def ask(self, lookup, **options):
         one = Pending(self.buffer, self.told, lookup, **options)
         assert not self.told  # but has the answer at once
-        if one.wait.answer is None:
+        if one.wait.take() is None:
             self.pending.append(one)
         if len(self.pending) > MOST_PENDING:
             assert self.pending.pop(0).wait.cancel()
@@ -237,7 +237,7 @@ class Machine(RuleBasedStateMachine):
     def wait_for_another(self, ends):
         lookup = (*ends, at_ns(0))
         present = self.buffer._wait(*lookup)
-        if present.answer is not None:
+        if present.take() is not None:
             self.ask(lookup, after=present)
 
     @precondition(lambda self: self.pending)
@@ -247,7 +247,7 @@ class Machine(RuleBasedStateMachine):
         if not drop:
             assert one.wait.cancel()
             assert not one.wait.cancel()
-            assert one.wait.answer is None
+            assert one.wait.take() is None
 
     @invariant()
     def nobody_waits_for_what_is_there(self):

@@ -69,14 +69,14 @@ def test_a_waiter_is_told_of_every_change_that_helps_it(seed):
             return [
                 (target, source, ns)
                 for (target, source, ns), got, wait in waiting
-                if not got and wait.answer is None and reader.can_transform_core(target, source, at_ns(ns))[0]
+                if not got and wait.take() is None and reader.can_transform_core(target, source, at_ns(ns))[0]
             ]
 
         for step in range(300):
             lookup = chance.choice(LOOKUPS)
             got = []
             wait = reader._wait(*lookup[:2], at_ns(lookup[2]), notify=got.append)
-            if wait.answer is None:
+            if wait.take() is None:
                 waiting.append((lookup, got, wait))
             what = chance.random()
             if what < 0.02:
@@ -89,7 +89,7 @@ def test_a_waiter_is_told_of_every_change_that_helps_it(seed):
                 insert(transform(*names, ns=chance.randrange(step // 20, step // 20 + 12)), "random")
             if chance.random() < 0.1:
                 until(lambda: not stuck())
-                left = [one for one in waiting if not one[1] and one[2].answer is None]
+                left = [one for one in waiting if not one[1] and one[2].take() is None]
                 answered += len(waiting) - len(left)
                 waiting = left
         reader._self_check()

@@ -145,6 +145,12 @@ cdef inline void event_set(Event* event) noexcept nogil:
     pthread_mutex_unlock(&event.mutex)
 
 
+cdef inline void event_clear(Event* event) noexcept nogil:
+    pthread_mutex_lock(&event.mutex)
+    event.is_set = False
+    pthread_mutex_unlock(&event.mutex)
+
+
 # Whether it is set. If not, sleeps first, until it is set or `ns` have passed; it may wake earlier.
 cdef inline bint event_wait(Event* event, int64_t ns) noexcept nogil:
     cdef bint is_set

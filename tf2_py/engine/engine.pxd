@@ -56,7 +56,7 @@ cdef class Engine:
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef Tap _tap                       # of what a program inserts here; or None
     # Under _lock: no later than what the clock shows. After their first attempt, waits judge ages by it, so
-    # that an insert without the GIL may answer too early, but not too late; confirm_waiter corrects that.
+    # that an insert without the GIL may answer too early, but not too late; judge_waiter corrects that.
     cdef ClockReading _clock
     cdef bint _reads_clock              # it was read once
 
@@ -128,12 +128,9 @@ cdef class Engine:
 
     # Waiting. The status is that of the first attempt.
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1
-    # To be called with one that is answered, before its answer is delivered: whether its lookup still
-    # answers. Otherwise it waits again.
-    cdef bint confirm_waiter(self, Waiter* waiter) except -1
-    # Tries one that judges ages again, because nothing reports that the system's clock was set back. Returns
-    # whether it has an answer; if it has one only now, that is not delivered otherwise.
-    cdef bint retry_waiter(self, Waiter* waiter) except -1
+    # Tries one that judges ages again, by what the clock shows now. Returns whether it has an answer, which
+    # then is not delivered otherwise. If not, it waits on. No effect on one that was removed unanswered.
+    cdef bint judge_waiter(self, Waiter* waiter) except -1
     # Returns whether it was pending. No effect on one that was removed before, or is forgotten.
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil
     # Whether it was added before the fork that created this process: then it never gets an answer.

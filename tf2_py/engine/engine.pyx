@@ -673,35 +673,23 @@ cdef class Engine:
             self.arm()
         return status
 
-    cdef bint confirm_waiter(self, Waiter* waiter) except -1:
-        cdef ClockReading reading
-        cdef Query judged = waiter.query
-        cdef bint is_answered
-        if self._clock.is_system:
-            return True
-        self.read_clock(&judged, &reading)
-        lock_acquire(&self._lock)
-        # Where this is called again, because a signal handler has raised, it may wait again already.
-        if waiter.answered and not waiter.is_listed:
-            flag_set(&waiter.answered, False)
-            waiter.query.policy.clock = &reading
-            self._file_waiter(waiter)
-        is_answered = waiter.answered and not waiter.is_listed
-        unlock_written(&self._lock, &self._tree, &self._waiters)
-        if not is_answered:
-            catch_up(self)
-        return is_answered
-
-    cdef bint retry_waiter(self, Waiter* waiter) except -1:
+    cdef bint judge_waiter(self, Waiter* waiter) except -1:
         cdef ClockReading reading
         cdef Query judged
+        cdef bint is_answered
         self.read_clock(&judged, &reading)
         lock_acquire(&self._lock)
-        if waiters_remove(&self._waiters, waiter):
+        if waiters_remove(&self._waiters, waiter) or waiter.answered:
+            flag_set(&waiter.answered, False)
+            if waiter.woken != NULL:
+                event_clear(waiter.woken)
             waiter.query.policy.clock = &reading
             self._file_waiter(waiter)
+        is_answered = waiter.answered
         unlock_written(&self._lock, &self._tree, &self._waiters)
-        return waiter.answered
+        if not is_answered:
+            catch_up(self)      # as in add_waiter
+        return is_answered
 
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil:
         cdef bint was_pending

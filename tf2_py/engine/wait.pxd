@@ -22,5 +22,6 @@ cdef class Wait(WaiterOwner):
     # up, or a limit never apply.
     cdef int begin(self, Engine engine, tuple names, const Query* query, PolicyObject policy,
                    object notify) except -1
-    cdef bint _remove(self) noexcept
-    cdef bint _is_ok(self) except -1
+    cpdef bint cancel(self) noexcept
+    # The answer as a new message, the error that ends the wait, or None: it goes on.
+    cdef object _outcome(self)

@@ -15,27 +15,30 @@ cdef class Wait(WaiterOwner):
         raise TypeError("a Wait is made by BufferCore._wait()")
 
     def __dealloc__(self):
-        self._remove()
+        self.cancel()
         if self._engine is None or self._engine.has_forgotten(&self._waiter):
             return
         if self._notify is None:
             event_free(&self._woken)
 
-    cdef bint _remove(self) noexcept:
-        # Nothing else says, without the lock, whether an answered one is still in a list: a wake sets
-        # `answered` before it adds the waiter to those that are ready.
-        cdef bint is_filed = self._is_filed
-        self._is_filed = False
-        return is_filed and self._engine.remove_waiter(&self._waiter)
-
     cdef object deliver(self):
-        if (self._policy is not None and self._policy.policy.judges_age
-                and not self._engine.confirm_waiter(&self._waiter)):
+        outcome = self._outcome()
+        if outcome is None:
             return None
         self._is_filed = False
+        return self._notify(None, outcome) if isinstance(outcome, Exception) else self._notify(outcome)
+
+    cdef object _outcome(self):
+        # What was answered at its creation, or handed over before, is not judged again.
+        if self._is_filed and self._policy is not None and self._policy.policy.judges_age:
+            if not self._engine.judge_waiter(&self._waiter):
+                return None
+        elif not flag_is_set(&self._waiter.answered):
+            return None
         if self._waiter.status.code != STATUS_OK:
-            return self._notify(None, self._engine.error(&self._waiter.query, self._waiter.status))
-        return self._notify(self.answer)
+            return self._engine.error(&self._waiter.query, self._waiter.status)
+        target, source, _ = self._names
+        return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
 
     cdef void only_after(self, Wait previous) noexcept:
         self._waiter.only_new = previous._waiter.only_new or flag_is_set(&previous._waiter.answered)
@@ -71,42 +74,36 @@ cdef class Wait(WaiterOwner):
             status.code = STATUS_BAD_FIXED
         else:
             return 0
-        self._remove()
+        self.cancel()
         raise engine.error(query, status)
 
-    @property
-    def answer(self):
-        """A new message of the answer; None if there is none yet, or it is an error."""
-        if not flag_is_set(&self._waiter.answered) or self._waiter.status.code != STATUS_OK:
-            return None
-        target, source, _ = self._names
-        return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
+    def take(self):
+        """
+        The answer as a new message; None: there is none, and the wait goes on.
 
-    def answer_in_time(self):
-        """The same at the end of a timeout, but None for an answer that has become too old meanwhile."""
-        if self._policy is not None and self._policy.policy.judges_age and self.reason() is not None:
-            return None
-        return self.answer
+        A wait that judges ages is tried again by what the clock shows now: an answer that has become too old
+        is none, and one that this finds is not delivered otherwise.
 
-    def cancel(self):
+        :raises ValueError: a limit of the policy could never apply, which ends the wait.
+        """
+        outcome = self._outcome()
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
+
+    cpdef bint cancel(self) noexcept:
         """End the wait. Returns whether it was pending, that is, not answered and not ended before."""
-        return self._remove()
+        # Nothing else says, without the lock, whether an answered one is still in a list: a wake sets
+        # `answered` before it adds the waiter to those that are ready.
+        cdef bint is_filed = self._is_filed
+        self._is_filed = False
+        return is_filed and self._engine.remove_waiter(&self._waiter)
 
     @property
     def judges_system_time(self):
-        """Whether it judges ages by the system's clock: then :meth:`retry` must be called regularly."""
+        """Whether it judges ages by the system's clock: then :meth:`take` must be called regularly."""
         return (self._policy is not None and self._policy.policy.judges_age
                 and self._engine._clock.is_system)
-
-    def retry(self):
-        """Whether there is an answer by what the clock shows now. One that is new is not delivered."""
-        return self._engine.retry_waiter(&self._waiter) and self._is_ok()
-
-    cdef bint _is_ok(self) except -1:
-        # Of one that is answered; raises the error that is the answer.
-        if self._waiter.status.code != STATUS_OK:
-            raise self._engine.error(&self._waiter.query, self._waiter.status)
-        return True
 
     def reason(self):
         """The exception that a lookup would raise now, or None."""
@@ -122,34 +119,29 @@ cdef class Wait(WaiterOwner):
 
     def wait_for(self, int64_t timeout_ns, alive):
         """
-        Sleep, without the GIL, until the answer is available.
+        Sleep, without the GIL, until :meth:`take` returns an answer.
 
         :param timeout_ns: nanoseconds of steady time.
         :param alive: called without arguments, at least every 100 ms; False ends the wait.
-        :return: whether there is an answer. The wait ends in any case, even if a signal handler raises.
+        :return: the answer, or None. The wait ends in any case, even if a signal handler raises.
         """
         cdef int64_t deadline_ns = monotonic_ns() + timeout_ns
         cdef int64_t check_ns = SIGNAL_CHECK_NS
-        cdef int64_t left_ns = timeout_ns
-        cdef bint is_woken = False
+        cdef int64_t left_ns
+        cdef bint is_woken
         try:
-            while not flag_is_set(&self._waiter.answered):
-                if self._engine.has_forgotten(&self._waiter) or not alive():
-                    break
-                if self.judges_system_time and self.retry():
-                    break
-                with nogil:
-                    is_woken = event_wait(&self._woken, max(min(left_ns, check_ns), 0))
-                PyErr_CheckSignals()
-                if is_woken:
-                    continue
+            while True:
+                answer = self.take()
+                if answer is not None:
+                    return answer
                 left_ns = deadline_ns - monotonic_ns()
-                if left_ns <= 0:
-                    break
-                if check_ns == SIGNAL_CHECK_NS and get_ident() != main_thread().ident:
+                if left_ns <= 0 or self._engine.has_forgotten(&self._waiter) or not alive():
+                    return None
+                with nogil:
+                    is_woken = event_wait(&self._woken, min(left_ns, check_ns))
+                PyErr_CheckSignals()
+                if not is_woken and check_ns == SIGNAL_CHECK_NS and get_ident() != main_thread().ident:
                     check_ns = WAKE_CHECK_NS
         finally:
             # The thread that has set the event may still use it, and releases the lock after that.
-            self._remove()
-        # The waiter may have been answered between the last sleep and the removal.
-        return self._waiter.answered and self._is_ok()
+            self.cancel()

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tf2_py import BufferCore
+from tf2_py import BufferCore, TransformException
 from tf2_py._internal import errors, time_ns
 from tf2_ros_cython._presence import HAS_ROS
 
@@ -57,23 +57,16 @@ class Lookup(NamedTuple):
             return self.now(core)
         was_shut_down = Shutdown(core)
         begin_ns = time.monotonic_ns()
-        while True:
-            wait = self.wait(core)
-            answer = wait.answer
-            if answer is not None:
-                return answer
-            left_ns = begin_ns + timeout_ns - time.monotonic_ns()
-            is_answered = wait.wait_for(left_ns, lambda: not was_shut_down())
-            if is_answered and not self.judges_age:
-                return wait.answer
-            reason = wait.reason()
+        answer = self.wait(core).wait_for(timeout_ns, lambda: not was_shut_down())
+        if answer is not None:
+            return answer
+        try:
+            return self.now(core)  # something may have arrived right at the end
+        except (TransformException, ValueError) as reason:
             waited_ns = min(time.monotonic_ns() - begin_ns, timeout_ns)
-            # The next lookup finds what has arrived between the two. What has become too old is waited for.
-            if reason is None or (is_answered and waited_ns < timeout_ns):
-                continue
             ended = was_shut_down()
             text = errors.shut_down(waited_ns) if ended else errors.after_wait(str(reason), waited_ns)
-            raise type(reason)(text)
+            raise type(reason)(text) from None
 
     @property
     def judges_age(self) -> bool:

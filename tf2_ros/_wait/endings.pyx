@@ -258,7 +258,7 @@ cdef class ChangeSubscription(Ending):
         self.wait = BufferCore._wait(
             self._buffer, *self._frames, 0, notify=self.end_or_queue, after=self.wait
         )
-        answer = self.wait.answer
+        answer = self.wait.take()
         if self.life >= DONE:
             self.wait = None    # another thread has cancelled this meanwhile
         elif answer is not None:

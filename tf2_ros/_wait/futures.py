@@ -310,7 +310,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
             self.set_exception(error)
             return
         # From here on, another thread may complete this at any time.
-        answer = wait.answer
+        answer = wait.take()
         if answer is not None:
             self.set_result(answer)
         if self.over():
@@ -326,20 +326,21 @@ class TransformFuture(WakingFuture[TransformStamped]):
         End at the timeout, or because the context was shut down: with the answer if it has just arrived, or
         with a TimeoutException.
         """
+        self.retry()
         wait = self.wait
-        if wait is None:
-            return
-        answer = wait.answer_in_time()
-        self.__end(answer, None if answer is not None else self.__unanswered(wait))
+        if wait is not None and not self.over():
+            self.__end(None, self.__unanswered(wait))
 
     def retry(self) -> None:
-        """End with an answer that the clock has made fresh."""
+        """End with an answer that is fresh by the clock, if there is one."""
         wait = self.wait
         try:
-            if wait is not None and wait.retry():
-                self.__end(wait.answer, None)
+            answer = None if wait is None else wait.take()
         except ValueError as error:  # a limit for a frame that is not a child
             self.__end(None, error)
+        else:
+            if answer is not None:
+                self.__end(answer, None)
 
     def __end(self, answer: TransformStamped | None, error: Exception | None) -> None:
         complete(completions_for(self.__core()), self.end_or_queue(answer, error))

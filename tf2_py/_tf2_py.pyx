@@ -790,11 +790,6 @@ cdef class BufferCore(Engine):
             raise self.error(&query, status, "time_range")
         return answered.first, answered.last
 
-    def _tf2_read_clock(self) -> tuple[int, bool]:
-        """The time now on the clock by which ages are counted, and whether it is the system's time."""
-        raise ValueError("this buffer has no clock, which ages need: a tf2_ros.Buffer has one, a BufferCore "
-                         "and the buffer of a recording do not")
-
     def ages(self, target_frame: str, source_frame: str) -> dict[str, float]:
         """
         Get how old the newest sample of each moving frame between two frames is.

@@ -195,6 +195,7 @@ class Buffer(BufferCore, BufferInterface):
 
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)
+        self._tf2_follow_clock(Buffer.__show_time)
         if not HAS_ROS:
             return
         self._tf2_wait_contexts = WaitContexts()
@@ -427,12 +428,12 @@ class Buffer(BufferCore, BufferInterface):
                     return answer  # the buffer has lost it meanwhile
                 # It has become too old before this ran.
 
-    def _tf2_read_clock(self) -> tuple[int, bool]:
+    def __show_time(self) -> tuple[int, bool] | None:
         if not HAS_ROS and "clock" not in self.__dict__:
             return time.time_ns(), True
-        clock: Any = self.clock
+        clock: Any = self.clock  # a program may have set another one
         if clock is None:
-            return super()._tf2_read_clock()
+            return None
         try:
             now_ns = clock.now().nanoseconds
             if is_simulated(clock):

@@ -483,7 +483,11 @@ cdef class Engine:
     cdef int read_clock(self, Query* query, ClockReading* reading) except -1:
         cdef int64_t step_ns
         cdef int64_t before_ns = monotonic_ns()
-        reading.now_ns, reading.is_system = self._tf2_read_clock()
+        shown = None if self._show_time is None else self._show_time(self)
+        if shown is None:
+            raise ValueError("this buffer has no clock, which ages need: a tf2_ros.Buffer has one, a "
+                             "BufferCore and the buffer of a recording do not")
+        reading.now_ns, reading.is_system = shown
         reading.steady_ns = monotonic_ns()
         query.policy.clock = reading
         lock_acquire(&self._lock)
@@ -501,6 +505,15 @@ cdef class Engine:
         lock_release(&self._lock)
         self._reads_clock = True
         return 0
+
+    def _tf2_follow_clock(self, show_time):
+        """
+        Count ages by this clock.
+
+        :param show_time: called with this buffer when ages are judged. Returns the time in nanoseconds, and
+            whether it is the system's time; or None: there is no clock. It must not refer to the buffer.
+        """
+        self._show_time = show_time
 
     def _tf2_clock_jumped(self):
         """Judge the ages of pending waits anew, because the clock has gone back, or shows another time."""

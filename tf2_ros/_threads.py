@@ -25,7 +25,7 @@ from typing import Any
 
 from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
-from tf2_ros._receive.inbox import begin_anew, report_soon, run_inboxes, run_reports, stop_inboxes
+from tf2_ros._receive.inbox import INBOXES
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
@@ -72,6 +72,8 @@ def _run_once(name: str, target: Callable[..., object], *arguments: object) -> N
         target(*arguments)
 
 
+_WHERE = "In the thread that reports"
+
 # Each decides when an inbox, its attribute ``inbox``, begins and ends, and has a method ``stop``, for good.
 _owners: LiveObjects[Any] = LiveObjects()
 _checked: LiveObjects[Any] = LiveObjects()  # the method ``_tf2_check`` of each is called regularly
@@ -81,8 +83,8 @@ _served: list[Callable[[], object]] = []
 
 def add_owner(owner: Any) -> None:
     """Serve the inbox of an owner, and check the owner regularly."""
-    _start_once("tf2_ros receiver", run_inboxes)
-    _start_once("tf2_ros reports", run_reports, _report)
+    _start_once("tf2_ros receiver", INBOXES.drain_when_due)
+    _start_once("tf2_ros reports", _report_and_check)
     _owners.add(owner)
     _checked.add(owner)
 
@@ -91,41 +93,44 @@ def check_regularly(checked: Any) -> None:
     """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
     _checked.add(checked)
     with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
-        _start_once("tf2_ros reports", run_reports, _report)
+        _start_once("tf2_ros reports", _report_and_check)
 
 
 def serve_in_reports(serve: Callable[[], object]) -> Callable[[], None]:
     """Have the thread that reports call a function whenever it is woken; return what wakes it."""
     _served.append(serve)
-    return report_soon
+    return INBOXES.report_soon
 
 
-def _report() -> None:
+def _report_and_check() -> None:
+    while INBOXES.await_report():
+        call_logged(INBOXES.report_next, _WHERE)
+        _check()  # a function of its own: variables of this loop would keep what is checked alive
+
+
+def _check() -> None:
     global _checked_at
-    where = "In the thread that reports"
-    for owner in _owners:
-        call_logged(owner.inbox.report_pending, where)
     for serve in _served:
-        call_logged(serve, where)
+        call_logged(serve, _WHERE)
     now = time.monotonic()
     if now - _checked_at >= CHECK_S:
         _checked_at = now
         for checked in _checked:
-            call_logged(checked._tf2_check, where)
+            call_logged(checked._tf2_check, _WHERE)
 
 
 @atexit.register
 def _stop_all() -> None:
     for owner in _owners:
         owner.stop()
-    stop_inboxes()
+    INBOXES.stop()
     for thread in list(_threads.values()):
         with suppress(AssertionError, RuntimeError):  # a dummy thread, see `_begin`
             thread.join(THREAD_END_WAIT_S)
 
 
 def _after_fork_in_child() -> None:
-    begin_anew()
+    INBOXES.begin_anew()
     _threads.clear()
     lost = sum([owner.inbox.leave_to_parent() for owner in _owners])
     _owners.clear()

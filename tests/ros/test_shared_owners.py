@@ -25,6 +25,7 @@ from spinning import at_once, repeated
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer, SharedBufferError
+from tf2_ros._receive.inbox import INBOXES
 from tf2_ros._shared.naming import segment_path
 
 pytestmark = pytest.mark.ours
@@ -335,7 +336,7 @@ def test_of_random_records_the_valid_ones_are_inserted_and_the_others_counted(se
             intruder.set_head(position - intruder.capacity // 4, position)
             inbox.catch_up()
             assert reader.statistics()["taken"] == taken
-            inbox.report_pending()
+            INBOXES.report_next()
         until(lambda: reader.statistics()["malformed_messages"] == malformed)
         reader._self_check()
 

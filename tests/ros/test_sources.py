@@ -12,7 +12,7 @@ from rclpy.time import Time
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer
-from tf2_ros._receive.inbox import Inbox
+from tf2_ros._receive.inbox import Inbox, Inboxes
 from tf2_ros.records import Recording
 
 pytestmark = pytest.mark.ours
@@ -32,9 +32,17 @@ def source():
 
 
 @pytest.fixture
-def inbox(source, buffer):
+def inboxes():
+    """Those of a test, for which no thread of the process does anything."""
+    inboxes = Inboxes()
+    yield inboxes
+    inboxes.stop()
+
+
+@pytest.fixture
+def inbox(source, buffer, inboxes):
     """Fills the buffer from the source."""
-    inbox = Inbox(source, list)
+    inbox = Inbox(source, list, inboxes=inboxes)
     inbox.fill(buffer)
     yield inbox
     inbox.close()
@@ -53,12 +61,14 @@ def test_a_read_finds_all_parcels_in_their_order(source, inbox, buffer):
     )
 
 
-def test_a_malformed_message_and_a_damaged_source_are_counted_and_logged(source, inbox, buffer, capfd):
+def test_a_malformed_message_and_a_damaged_source_are_counted_and_logged(
+    source, inbox, inboxes, buffer, capfd
+):
     source.put(b"", DAMAGE)
     source.put(b"\0\1\0\0\1")
     source.put(serialised(transform("map", "robot", 1)))
     assert buffer.can_transform("map", "robot", LATEST)
-    inbox.report_pending()
+    inboxes.report_next()
     assert buffer.statistics()["malformed_messages"] == 2
     # Once a second for a topic.
     assert "on the list: malformed TFMessage: it is torn, at byte 0 of 0\n" in errors_so_far()
@@ -163,3 +173,55 @@ def test_an_interrupt_while_answers_are_handed_over_is_raised_after_the_last_one
         inbox.fill(tf2_ros.Buffer())
     assert set(handed) == set(futures)
     inbox.close()
+
+
+def test_one_thread_drains_without_a_reader_and_another_reports_until_they_are_stopped(
+    source, inbox, inboxes, buffer, capfd
+):
+    draining = threading.Thread(target=inboxes.drain_when_due)
+    draining.start()
+    source.put(serialised(transform("map", "map", 1)))
+    until(lambda: inboxes.await_report() and not inboxes.report_next() and "TF_SELF" in errors_so_far())
+    inboxes.stop()
+    draining.join()
+    inboxes.drain_when_due()
+    assert not inboxes.await_report()
+
+
+def test_inboxes_report_in_the_order_in_which_they_had_something_to_report(tf2_ros, inboxes):
+    handed, buffers, sources, filled = [], [], [], []
+    for number in range(4):
+        sources.append(compiled("listed_source").ListedSource())
+        buffers.append(tf2_ros.Buffer())
+        filled.append(Inbox(sources[-1], lambda _, number=number: handed.append(number), inboxes=inboxes))
+        filled[-1].fill(buffers[-1])
+    futures = [one.wait_for_transform_async("map", "robot", LATEST) for one in buffers]
+    for future in futures:
+        future.add_done_callback(lambda _: None)
+    for number in (2, 0, 3):
+        sources[number].put(serialised(transform("map", "robot", 1)))
+        filled[number].catch_up()
+    filled[0].close()  # which reports
+    assert handed == [0]
+    for expected in ([0, 2], [0, 2, 3], [0, 2, 3]):
+        inboxes.report_next()
+        assert handed == expected
+    for one in filled:
+        one.close()
+
+
+def test_an_inbox_that_is_destroyed_reports_nothing(buffer, inboxes):
+    for _ in range(3):
+        source = compiled("listed_source").ListedSource()
+        inbox = Inbox(source, list, inboxes=inboxes)
+        inbox.fill(buffer)
+        source.put(b"torn")
+        inbox.catch_up()
+        other = Buffer()
+        inbox.fill(other)  # which reports
+        source.put(b"torn")
+        other.can_transform("map", "robot", LATEST)
+        del other  # before its inbox
+        del inbox
+    inboxes.report_next()
+    assert buffer.statistics()["malformed_messages"] == 3

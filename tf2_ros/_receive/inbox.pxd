@@ -4,7 +4,7 @@ from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 from cpython.pystate cimport PyThreadState
 
-from tf2_py._internal cimport Batch, Engine, Lock, ReadHook, Tap
+from tf2_py._internal cimport Batch, Engine, Event, Lock, ReadHook, Tap
 from tf2_ros.records cimport Recording, Records
 
 cdef enum:
@@ -82,6 +82,17 @@ cdef struct Polling:
     void (*nudge)(void* source, bint at_once) noexcept nogil
 
 
+cdef struct Drain:
+    # What the inboxes of a process have in common: two threads, of which one drains and one reports.
+    Lock lock                   # guards the two lists, and what the State of each inbox says
+    State* first                # of those that the draining thread serves
+    State* first_to_report      # of those that have something to report
+    Event work                  # for the thread that drains
+    Event reporting             # for the thread that reports
+    uint32_t is_idle            # atomic: the draining thread must be woken by the next message
+    uint32_t is_stopping        # atomic
+
+
 cdef struct State:
     # What is used without the GIL.
     uint32_t pending            # atomic; 0: no message waits
@@ -89,9 +100,10 @@ cdef struct State:
     uint32_t armed              # atomic: the engine wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
     uint32_t wants_each         # atomic: each message must be taken when it arrives
-    uint32_t needs_report       # atomic: `reports` may hold something
     Watcher* watcher            # or NULL
     # Set once.
+    Drain* drain
+    void* inbox                 # the Inbox
     bint (*take_next)(void* source, Parcel* parcel) noexcept nogil     # `next` of the Source
     void* source                # `data` of the Source, for that
     const Polling* polling      # of the Source
@@ -108,7 +120,8 @@ cdef struct State:
     Lock inserting              # is held by that thread
     Parcels reports             # messages with something to report
     Copier* copier              # of the buffer, if that is shared; or NULL
-    State* next                 # in the list of all that the draining thread serves
+    State* next                 # in the list of those that the draining thread serves
+    State* next_to_report       # in that of those whose `reports` are not empty
 
 
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
@@ -117,9 +130,11 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil
 cdef void inbox_takes_long(State* inbox) noexcept nogil
 # Bytes for the parcel's message; NULL: no memory.
 cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
-# The lock of all inboxes. A thread that holds it takes at most that of an engine, of records or of a ring.
-cdef void inboxes_lock() noexcept nogil
-cdef void inboxes_unlock() noexcept nogil
+
+
+cdef class Inboxes:
+    # A thread that holds the lock of all inboxes takes at most that of an engine, of records or of a ring.
+    cdef Drain drain
 
 
 cdef class Copying(Tap):
@@ -158,6 +173,7 @@ cdef class Source:
 cdef class Inbox(ReadHook):
     cdef State _state
     cdef Source _source
+    cdef Inboxes _inboxes           # keeps the drain
     cdef bint _is_closed            # in a forked child, one that was closed before must not take the lock
     cdef object _hand_over
     cdef Recording _recording       # keeps the records

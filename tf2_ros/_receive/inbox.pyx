@@ -8,7 +8,7 @@ prefixes, records, copies and inserts it. Every read of the buffer takes the mes
 thread of the process: as soon as many messages wait, at most ROUND_NS after the first one, and at once while
 something waits for a transform, or while the buffer is read more often than the thread has rounds, so that
 such a reader finds everything inserted. Log lines, the completion of waits and everything else that follows
-from an insert and needs the GIL are left to a second thread (`run_reports`). So nothing here runs user code,
+from an insert and needs the GIL are left to a second thread (`report_next`). So nothing here runs user code,
 and the first thread never waits for the GIL.
 """
 
@@ -16,7 +16,7 @@ cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t
 from libc.stdlib cimport calloc, free, realloc
-from libc.string cimport strlen
+from libc.string cimport memset, strlen
 
 from tf2_py._internal cimport (
     Batch,
@@ -44,7 +44,6 @@ from tf2_py._internal cimport (
     monotonic_ns,
     pthread_mutex_lock,
     pthread_mutex_unlock,
-    word_exchange,
     word_load,
     word_replace,
     word_store,
@@ -73,28 +72,12 @@ cdef int64_t IDLE_NS = 1500000000
 cdef int64_t READ_NS = 5000000000
 
 
-cdef Event _work                # for the thread that drains
-cdef Event _reporting           # for the thread that reports
-cdef Lock _lock                 # of all inboxes: guards their list, and what their State says
-cdef State* _first = NULL
-cdef uint32_t _is_idle = 0      # atomic: the draining thread must be woken by the next message
-cdef uint32_t _is_stopping = 0  # atomic
-
-
 cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
     # Until the event is set, which this undoes, or until so many nanoseconds have passed.
     event_wait(event, max(ns, 0))
     pthread_mutex_lock(&event.mutex)
     event.is_set = False
     pthread_mutex_unlock(&event.mutex)
-
-
-cdef void inboxes_lock() noexcept nogil:
-    lock_acquire(&_lock)
-
-
-cdef void inboxes_unlock() noexcept nogil:
-    lock_release(&_lock)
 
 
 cdef bint _wants_all(State* inbox) noexcept nogil:
@@ -109,8 +92,8 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
     word_store(&inbox.pending, 1)
     if is_full:
         word_store(&inbox.is_full, 1)
-    if is_full or _wants_all(inbox) or word_load(&_is_idle):
-        event_set(&_work)
+    if is_full or _wants_all(inbox) or word_load(&inbox.drain.is_idle):
+        event_set(&inbox.drain.work)
 
 
 cdef extern from "Python.h" nogil:
@@ -182,10 +165,28 @@ cdef bint _begin_parcel(State* inbox) noexcept nogil:
     return True
 
 
+# What is to be reported; with the lock held.
+
+cdef void _begin_to_report(State* inbox) noexcept nogil:
+    cdef State** link = &inbox.drain.first_to_report
+    while link[0] != NULL:
+        link = &link[0].next_to_report
+    link[0], inbox.next_to_report = inbox, NULL
+    event_set(&inbox.drain.reporting)
+
+
+cdef void _end_to_report(State* inbox) noexcept nogil:
+    cdef State** link = &inbox.drain.first_to_report
+    while link[0] != NULL and link[0] != inbox:
+        link = &link[0].next_to_report
+    if link[0] != NULL:
+        link[0] = inbox.next_to_report
+
+
 cdef void _take_reports(State* inbox, Parcels* reports) noexcept nogil:
+    _end_to_report(inbox)
     reports[0] = inbox.reports
-    inbox.reports.first = inbox.reports.last = NULL
-    inbox.reports.count = 0
+    memset(&inbox.reports, 0, sizeof(Parcels))
 
 
 # Draining; with the lock held. The state has only the address of the engine: without the GIL, references
@@ -203,8 +204,8 @@ cdef void _report_later(State* inbox) noexcept nogil:
     reports.last = inbox.parcel
     reports.count += 1
     inbox.parcel = NULL
-    word_store(&inbox.needs_report, 1)
-    event_set(&_reporting)
+    if reports.count == 1:
+        _begin_to_report(inbox)
 
 
 cdef bint _parse(State* inbox) noexcept nogil:
@@ -281,11 +282,11 @@ cdef void _insert_large(State* inbox) noexcept nogil:
     cdef bint needs_report
     inbox.is_inserting = True
     lock_acquire(&inbox.inserting)
-    lock_release(&_lock)
+    lock_release(&inbox.drain.lock)
     needs_report = _insert(inbox)
     if parcel.batch.refused == 0:       # otherwise the log names some of it
         _shrink_parcel(parcel)
-    lock_acquire(&_lock)
+    lock_acquire(&inbox.drain.lock)
     inbox.is_inserting = inbox.has_large = False
     lock_release(&inbox.inserting)
     if needs_report:
@@ -294,7 +295,7 @@ cdef void _insert_large(State* inbox) noexcept nogil:
         _shrink_parcel(inbox.parcel)
     if inbox.watcher != NULL:
         inbox.watcher.arrived(inbox.watcher.data)
-    event_set(&_work)                   # the thread that drains may have passed over this inbox meanwhile
+    event_set(&inbox.drain.work)        # the thread that drains may have passed over this inbox meanwhile
 
 
 cdef void _await_insert(State* inbox) noexcept nogil:
@@ -303,10 +304,10 @@ cdef void _await_insert(State* inbox) noexcept nogil:
         if not inbox.is_inserting:
             _insert_large(inbox)
             continue
-        lock_release(&_lock)
+        lock_release(&inbox.drain.lock)
         lock_acquire(&inbox.inserting)
         lock_release(&inbox.inserting)
-        lock_acquire(&_lock)
+        lock_acquire(&inbox.drain.lock)
 
 
 cdef bint _take(State* inbox, size_t most) noexcept nogil:
@@ -341,14 +342,14 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
 cdef bint _read_on(State* inbox) noexcept nogil:
     # One more step of a read, without the GIL. Returns whether more may be left.
     cdef bint more = True
-    lock_acquire(&_lock)
+    lock_acquire(&inbox.drain.lock)
     if inbox.is_inserting:
         _await_insert(inbox)
     elif inbox.has_large and inbox.engine != NULL:
         _insert_large(inbox)
     else:
         more = _take(inbox, DRAIN_SLICE)
-    lock_release(&_lock)
+    lock_release(&inbox.drain.lock)
     return more
 
 
@@ -363,7 +364,7 @@ cdef bint _serve(State* inbox) noexcept nogil:
     return False
 
 
-cdef bint _serve_all(bint is_round) noexcept nogil:
+cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
     # In a round all inboxes, otherwise those whose messages must not wait. Returns whether messages waited.
     cdef State* inbox
     cdef bint found = False
@@ -373,8 +374,8 @@ cdef bint _serve_all(bint is_round) noexcept nogil:
     while is_behind:
         # Between two slices other threads may read, and change the list.
         is_behind = False
-        lock_acquire(&_lock)
-        inbox = _first
+        lock_acquire(&drain.lock)
+        inbox = drain.first
         while inbox != NULL:
             found = found or word_load(&inbox.pending)
             read = word_load(&inbox.read)
@@ -389,7 +390,7 @@ cdef bint _serve_all(bint is_round) noexcept nogil:
             elif is_round or is_rest or _wants_all(inbox) or word_load(&inbox.is_full):
                 is_behind = _serve(inbox) or is_behind
             inbox = inbox.next
-        lock_release(&_lock)
+        lock_release(&drain.lock)
         is_rest = True
     return found
 
@@ -408,67 +409,91 @@ cdef void _follow(State* inbox) noexcept nogil:
         is_wanted = is_behind = _wants_all(inbox)
         while is_behind:
             word_store(&inbox.pending, 1)
-            lock_acquire(&_lock)
+            lock_acquire(&inbox.drain.lock)
             if inbox.is_inserting:
                 _await_insert(inbox)
             elif inbox.has_large and inbox.engine != NULL:
                 _insert_large(inbox)
             else:
                 is_behind = _serve(inbox)
-            lock_release(&_lock)
+            lock_release(&inbox.drain.lock)
         if inbox.engine != NULL:
             polling.rest(inbox.source, watched, is_wanted)
 
 
-def run_inboxes():
-    """Drain the inboxes of the process when that is due, without the GIL, until :func:`stop_inboxes`."""
-    cdef int64_t now_ns
-    cdef int64_t round_ns = 0           # when the next round is due
-    cdef bint is_round
-    with nogil:
-        while not word_load(&_is_stopping):
-            now_ns = monotonic_ns()
-            is_round = now_ns >= round_ns
-            if is_round:
-                round_ns = now_ns + ROUND_NS
-            # First idle, then a look at what waits; an arrival does this in the opposite order.
-            word_store(&_is_idle, is_round)
-            if _serve_all(is_round):
-                word_store(&_is_idle, 0)
-            _sleep(&_work, IDLE_NS if word_load(&_is_idle) else round_ns - monotonic_ns())
+@cython.final
+cdef class Inboxes:
+    """Inboxes, and what two threads do for them; those of a process are `INBOXES`."""
 
+    def __cinit__(self):
+        self.begin_anew()
 
-def run_reports(report):
-    """
-    Call ``report()`` whenever an inbox has something to report, until :func:`stop_inboxes`.
+    def begin_anew(self):
+        """Have no inboxes; in a forked child, also forget what threads of the parent held."""
+        memset(&self.drain, 0, sizeof(Drain))
+        if event_init(&self.drain.work) != 0 or event_init(&self.drain.reporting) != 0:
+            raise MemoryError
+        if lock_init(&self.drain.lock) != 0:
+            raise MemoryError
 
-    It is called with the GIL, and never by the thread that drains.
-    """
-    while not word_load(&_is_stopping):
-        report()
+    def __dealloc__(self):
+        lock_free(&self.drain.lock)
+
+    def drain_when_due(self):
+        """Drain them when that is due, without the GIL, until :meth:`stop`; for one thread."""
+        cdef Drain* drain = &self.drain
+        cdef int64_t now_ns
+        cdef int64_t round_ns = 0           # when the next round is due
+        cdef bint is_round
         with nogil:
-            _sleep(&_reporting, IDLE_NS)
+            while not word_load(&drain.is_stopping):
+                now_ns = monotonic_ns()
+                is_round = now_ns >= round_ns
+                if is_round:
+                    round_ns = now_ns + ROUND_NS
+                # First idle, then a look at what waits; an arrival does this in the opposite order.
+                word_store(&drain.is_idle, is_round)
+                if _serve_all(drain, is_round):
+                    word_store(&drain.is_idle, 0)
+                _sleep(&drain.work, IDLE_NS if word_load(&drain.is_idle) else round_ns - monotonic_ns())
+
+    def await_report(self):
+        """Wait until there is something to report, or for some time. Return False after :meth:`stop`."""
+        with nogil:
+            if not word_load(&self.drain.is_stopping):
+                _sleep(&self.drain.reporting, IDLE_NS)
+        return not word_load(&self.drain.is_stopping)
+
+    def report_next(self):
+        """Do what follows from what one of them has inserted: complete waits, and log what was refused."""
+        cdef Parcels parcels
+        cdef Inbox inbox = None
+        cdef State* first
+        lock_acquire(&self.drain.lock)
+        first = self.drain.first_to_report
+        if first != NULL:
+            # It exists: it leaves the list, with the GIL, before it is destroyed.
+            inbox = <Inbox>first.inbox
+            _take_reports(first, &parcels)
+            if self.drain.first_to_report != NULL:
+                event_set(&self.drain.reporting)
+        lock_release(&self.drain.lock)
+        if inbox is not None:
+            # No code in Python has run since, so the engine is that of the reports.
+            inbox._report(inbox._engine(), &parcels)
+
+    def report_soon(self):
+        """Have :meth:`await_report` return."""
+        event_set(&self.drain.reporting)
+
+    def stop(self):
+        """End the threads."""
+        word_store(&self.drain.is_stopping, 1)
+        event_set(&self.drain.work)
+        event_set(&self.drain.reporting)
 
 
-def report_soon():
-    """Wake the thread that reports."""
-    event_set(&_reporting)
-
-
-def stop_inboxes():
-    """Have the two functions above return, and return at once from now on."""
-    word_store(&_is_stopping, 1)
-    event_set(&_work)
-    event_set(&_reporting)
-
-
-def begin_anew():
-    """In a forked child: forget the inboxes of the parent, and what its threads held."""
-    global _first
-    _first = NULL
-    event_init(&_work)
-    event_init(&_reporting)
-    lock_init(&_lock)
+INBOXES = Inboxes()
 
 
 cdef class Copying(Tap):
@@ -499,13 +524,15 @@ cdef class Inbox(ReadHook):
     :param hand_over: called with each callable that runs user code, to have it called.
     :param recording: notes the sender and time of each transform; or None.
     :param prefix: put before all names.
+    :param inboxes: to which it belongs.
     """
 
-    def __cinit__(self, Source source not None, hand_over, Recording recording=None, str prefix=""):
-        global _first
+    def __cinit__(self, Source source not None, hand_over, Recording recording=None, str prefix="",
+                  Inboxes inboxes not None=INBOXES):
         if lock_init(&self._state.inserting) != 0:
             raise MemoryError
-        self._source, self._hand_over, self._used = source, hand_over, set()
+        self._source, self._hand_over, self._used, self._inboxes = source, hand_over, set(), inboxes
+        self._state.inbox, self._state.drain = <void*>self, &inboxes.drain
         self._recording, self._prefix = recording, prefix.encode()
         self._polled_pending = 1
         self.pending = &self._state.pending if source.polling == NULL else &self._polled_pending
@@ -522,10 +549,10 @@ cdef class Inbox(ReadHook):
             self._state.prefix, self._state.prefix_size = self._prefix, len(self._prefix)
         source.inbox = &self._state
         if source.polling == NULL:
-            lock_acquire(&_lock)
-            self._state.next = _first
-            _first = &self._state
-            lock_release(&_lock)
+            lock_acquire(&inboxes.drain.lock)
+            self._state.next = inboxes.drain.first
+            inboxes.drain.first = &self._state
+            lock_release(&inboxes.drain.lock)
 
     def __dealloc__(self):
         self._discharge()
@@ -535,24 +562,27 @@ cdef class Inbox(ReadHook):
 
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
-        cdef State** link = &_first
+        cdef State** link
         if self._source is None or self._is_closed:
             return
         self._is_closed = True
-        self._source.silence()
-        lock_acquire(&_lock)
+        lock_acquire(&self._state.drain.lock)
         _await_insert(&self._state)
+        link = &self._state.drain.first
         while link[0] != NULL and link[0] != &self._state:
             link = &link[0].next
         if link[0] != NULL:
             link[0] = self._state.next
-        lock_release(&_lock)
+        _end_to_report(&self._state)
+        lock_release(&self._state.drain.lock)
+        # Only now: it may run code in Python, and meanwhile another thread may report.
+        self._source.silence()
 
     cdef void engine_ended(self) noexcept:
-        lock_acquire(&_lock)
+        lock_acquire(&self._state.drain.lock)
         _await_insert(&self._state)
         self._state.engine = NULL
-        lock_release(&_lock)
+        lock_release(&self._state.drain.lock)
         self._nudge()
 
     cdef void _nudge(self) noexcept:
@@ -574,9 +604,9 @@ cdef class Inbox(ReadHook):
         """Inform this of what arrives from now on, and nothing else."""
         self._used.add(watching)
         watching.inboxes.add(self)
-        lock_acquire(&_lock)
+        lock_acquire(&self._state.drain.lock)
         self._state.watcher = &watching.watcher
-        lock_release(&_lock)
+        lock_release(&self._state.drain.lock)
 
     cdef object _engine(self):
         return None if self._reference is None else self._reference()
@@ -596,27 +626,24 @@ cdef class Inbox(ReadHook):
             copying = buffer._tap
             self._used.add(copying)
         self._reference = reference
-        lock_acquire(&_lock)
+        lock_acquire(&self._state.drain.lock)
         _await_insert(&self._state)
         _take_reports(&self._state, &parcels)
         self._state.engine = <void*>buffer if buffer is not None else NULL
         self._state.copier = NULL if copying is None else &copying.copier
-        lock_release(&_lock)
+        lock_release(&self._state.drain.lock)
         self._nudge()
         if buffer is not None:
             buffer.add_inbox(self)
             inbox_arrived(&self._state, True)   # messages may have arrived while there was no buffer
-        if engine is not None:
-            self._report(engine, &parcels)
-        else:
-            # What is ready in them holds its engine: nothing is.
-            _free_parcels(&parcels)
+        self._report(engine, &parcels)
 
     cdef int drain(self) except -1:
         cdef bint more
         cdef uint32_t number
         cdef int64_t until_ns
         cdef const Polling* polling = self._state.polling
+        cdef Lock* lock = &self._state.drain.lock
         cdef PyThreadState* thread
         cdef bint has_message
         if polling != NULL:
@@ -625,19 +652,19 @@ cdef class Inbox(ReadHook):
                 polling.nudge(self._state.source, False)
             if not has_message:
                 return 0
-        number = lock_ask(&_lock)
-        if lock_await(&_lock, number, PATIENCE_NS):
+        number = lock_ask(lock)
+        if lock_await(lock, number, PATIENCE_NS):
             self._state.has_gil, self._state.thread = True, NULL
             more = _take(&self._state, READ_SLICE)
             self._state.has_gil, thread = False, self._state.thread
-            lock_release(&_lock)
+            lock_release(lock)
             if thread != NULL:
                 PyEval_RestoreThread(thread)    # only now: others wait for the lock with the GIL
         else:
             with nogil:
-                lock_await(&_lock, number, INT64_MAX)
+                lock_await(lock, number, INT64_MAX)
                 more = _take(&self._state, READ_SLICE)
-                lock_release(&_lock)
+                lock_release(lock)
         if more:
             until_ns = monotonic_ns() + READ_NS
             with nogil:
@@ -650,19 +677,6 @@ cdef class Inbox(ReadHook):
         if word_load(self.pending):
             # For its own method, Cython 3.0 passes a pointer of the wrong type, which gcc 14 refuses.
             (<ReadHook>self).drain()
-
-    def report_pending(self):
-        """Do what follows from what was inserted: complete waits, and log what was refused."""
-        cdef Parcels parcels
-        if not word_exchange(&self._state.needs_report, 0):
-            return
-        engine = self._engine()
-        if engine is not None:
-            # No code in Python has run since, so the reports are of this engine.
-            lock_acquire(&_lock)
-            _take_reports(&self._state, &parcels)
-            lock_release(&_lock)
-            self._report(engine, &parcels)
 
     def leave_to_parent(self):
         """
@@ -679,8 +693,9 @@ cdef class Inbox(ReadHook):
         return has_received
 
     cdef int _report(self, Engine engine, Parcels* parcels) except -1:
-        # All are reported, even if a signal handler raises meanwhile in a thread of the program.
-        cdef Parcel* parcel = parcels.first
+        # All are reported, even if a signal handler raises meanwhile in a thread of the program. `engine`:
+        # that of these parcels; without it nothing in them is ready, because what waits holds its engine.
+        cdef Parcel* parcel = NULL if engine is None else parcels.first
         cdef list interrupts = []
         while parcel != NULL:
             try:
@@ -705,6 +720,3 @@ cdef class Inbox(ReadHook):
                 log.receiving_failed(traceback.format_exc())
         return 0
 
-
-if event_init(&_work) != 0 or event_init(&_reporting) != 0 or lock_init(&_lock) != 0:
-    raise MemoryError

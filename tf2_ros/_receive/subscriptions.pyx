@@ -11,7 +11,15 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
 from libc.stdlib cimport realloc
 from libc.string cimport memcpy
 
-from tf2_py._internal cimport monotonic_ns, system_ns, word_add, word_exchange, word_store
+from tf2_py._internal cimport (
+    lock_acquire,
+    lock_release,
+    monotonic_ns,
+    system_ns,
+    word_add,
+    word_exchange,
+    word_store,
+)
 from tf2_ros._rcl cimport (
     RCL_RET_OK,
     RCL_RET_SUBSCRIPTION_TAKE_FAILED,
@@ -35,14 +43,15 @@ from tf2_ros._receive.inbox cimport (
     LARGE_BYTES,
     PARCEL_MESSAGE,
     SENDER_BYTES,
+    Inboxes,
     Parcel,
     Source,
     State,
     inbox_arrived,
     inbox_takes_long,
-    inboxes_lock,
-    inboxes_unlock,
 )
+
+from tf2_ros._receive.inbox import INBOXES
 
 cdef enum:
     THRESHOLD = 16              # messages of a topic that may wait, which a lookup would have to insert first
@@ -173,37 +182,43 @@ cdef bint _next(void* data, Parcel* parcel) noexcept nogil:
 
 
 cdef class TopicArrivals:
-    """What is received on one topic. Source and buffer keep it; so it keeps no listener."""
+    """
+    What is received on one topic. Source and buffer keep it; so it keeps no listener.
+
+    :param inboxes: those of the inbox that takes the messages.
+    """
 
     cdef Arrivals _arrivals
+    cdef Inboxes _inboxes
     cdef object _handle         # of the subscription, in use as long as its address is used
+
+    def __cinit__(self, Inboxes inboxes not None=INBOXES):
+        self._inboxes = inboxes
+
+    cdef Arrivals _now(self):
+        cdef Arrivals now
+        with nogil:
+            lock_acquire(&self._inboxes.drain.lock)
+            now = self._arrivals
+            lock_release(&self._inboxes.drain.lock)
+        return now
 
     def count(self):
         """Count a message with which an executor has called the listener."""
         with nogil:
-            inboxes_lock()
+            lock_acquire(&self._inboxes.drain.lock)
             self._arrivals.taken += 1
             self._arrivals.taken_at_ns = monotonic_ns()
-            inboxes_unlock()
+            lock_release(&self._inboxes.drain.lock)
 
     def taken(self):
         """Return how many messages there were, and the steady time of the last one in nanoseconds."""
-        cdef uint64_t count
-        cdef int64_t at_ns
-        with nogil:
-            inboxes_lock()
-            count, at_ns = self._arrivals.taken, self._arrivals.taken_at_ns
-            inboxes_unlock()
-        return count, at_ns
+        cdef Arrivals now = self._now()
+        return now.taken, now.taken_at_ns
 
     def overwritten(self):
         """Return how many messages newer ones have displaced from the queue, as far as that is known."""
-        cdef uint64_t count
-        with nogil:
-            inboxes_lock()
-            count = self._arrivals.overwritten
-            inboxes_unlock()
-        return count
+        return self._now().overwritten
 
 
 @cython.no_gc_clear     # topics, and so handles, must exist until the middleware no longer reports anything
@@ -245,7 +260,7 @@ cdef class Subscriptions(Source):
         topic._handle = handle
         self._topics.append(topic)
         self.names.append(name)
-        inboxes_lock()
+        lock_acquire(&topic._inboxes.drain.lock)
         arrivals.number = len(self.names) - 1
         arrivals.is_static, arrivals.depth = is_static, depth
         arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1) if depth else THRESHOLD
@@ -253,7 +268,7 @@ cdef class Subscriptions(Source):
         arrivals.subscription = <const rcl_subscription_t*>address
         arrivals.following = self._subscribed.first
         self._subscribed.first = arrivals
-        inboxes_unlock()
+        lock_release(&topic._inboxes.drain.lock)
         # Without the lock: what has arrived is reported at once.
         if rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, _arrived, arrivals) != RCL_RET_OK:
@@ -271,10 +286,10 @@ cdef class Subscriptions(Source):
         if self.has_reports and rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, NULL, NULL) != RCL_RET_OK:
             rcutils_reset_error()
-        inboxes_lock()
+        lock_acquire(&topic._inboxes.drain.lock)
         arrivals.subscription = NULL
         arrivals.inbox = NULL
-        inboxes_unlock()
+        lock_release(&topic._inboxes.drain.lock)
         handle.__exit__(None, None, None)
 
     cdef void silence(self) noexcept:

@@ -62,8 +62,6 @@ from tf2_ros._receive.inbox cimport (
     Parcel,
     Polling,
     Source,
-    inboxes_lock,
-    inboxes_unlock,
     parcel_reserve,
 )
 from tf2_ros._shared.memory cimport fence, futex_wait, futex_wake, give_back, load64, store64

@@ -4,7 +4,7 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy
 
-from tf2_py._internal cimport monotonic_ns, word_load, word_store
+from tf2_py._internal cimport lock_acquire, lock_release, monotonic_ns, word_load, word_store
 from tf2_ros._receive.inbox cimport (
     SENDER_BYTES,
     Parcel,
@@ -12,8 +12,6 @@ from tf2_ros._receive.inbox cimport (
     Source,
     State,
     inbox_arrived,
-    inboxes_lock,
-    inboxes_unlock,
     inbox_takes_long,
     parcel_reserve,
 )
@@ -94,9 +92,9 @@ cdef class ListedSource(Source):
         memcpy(made.facts.data, <const char*>content, len(content))
         made.facts.kind, made.facts.is_static = <ParcelKind>kind, is_static
         made.facts.received_ns = received_ns
-        inboxes_lock()
+        lock_acquire(&self.inbox.drain.lock)
         while link[0] != NULL:
             link = &link[0].following
         link[0] = made
-        inboxes_unlock()
+        lock_release(&self.inbox.drain.lock)
         inbox_arrived(self.inbox, False)

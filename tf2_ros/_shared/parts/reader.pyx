@@ -232,7 +232,7 @@ cdef class RingReader(Source):
         """
         cdef uint64_t count, room_ns
         with nogil:
-            inboxes_lock()
+            lock_acquire(&self.inbox.drain.lock)
             count, room_ns = self._reading.overruns, self._reading.room_ns
-            inboxes_unlock()
+            lock_release(&self.inbox.drain.lock)
         return count, room_ns / 1e9

@@ -6,7 +6,7 @@ The background threads of a process.
 | receiver | the first listener or attached buffer | arrivals, see ``inbox.pyx`` | at exit |
 | reports | the same, or what is checked regularly | inboxes with something to report | at exit |
 | deadlines | the first timeout | an earlier deadline | one second after the last |
-| ring | an attached buffer | see ``Polling`` in ``inbox.pxd`` | with the attachment |
+| ring | an attached buffer | see ``RingReader`` in ``reader.pyx`` | with the attachment |
 
 All are daemons, so that the interpreter does not wait for them before it runs the exit handlers. A forked
 child has none of them, and starts its own at their first use; what its parent's inboxes were doing is lost

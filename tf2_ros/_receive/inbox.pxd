@@ -1,7 +1,7 @@
 """Take, parse and insert what has arrived for a buffer, in readers and in threads."""
 
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint32_t
 from cpython.pystate cimport PyThreadState
 
 from tf2_py._internal cimport Batch, Engine, Event, Lock, ReadHook, Tap
@@ -69,19 +69,6 @@ cdef struct Copier:
     bint (*is_wanted)(Copier* copier) noexcept nogil
 
 
-# Of a source to which nothing reports arrivals. Its functions are called without a lock: `has_message` and
-# `nudge` with the GIL; `watch` and `rest` without it, by the thread that runs `Inbox.follow`.
-cdef struct Polling:
-    # A program reads the buffer: whether there is a message.
-    bint (*has_message)(void* source) noexcept nogil
-    # The thread that polls: it notes `watch`, finds out whether each message is wanted at once, takes all
-    # messages if so, and rests: until another message is there if they are wanted, and otherwise until it is
-    # nudged; not if either has happened since `watch`. `at_once`: also while it waits for a message.
-    uint64_t (*watch)(void* source) noexcept nogil
-    void (*rest)(void* source, uint64_t watched, bint is_wanted) noexcept nogil
-    void (*nudge)(void* source, bint at_once) noexcept nogil
-
-
 cdef struct Drain:
     # What the inboxes of a process have in common: two threads, of which one drains and one reports.
     Lock lock                   # guards the two lists, and what the State of each inbox says
@@ -103,10 +90,8 @@ cdef struct State:
     Watcher* watcher            # or NULL
     # Set once.
     Drain* drain
-    void* inbox                 # the Inbox
-    bint (*take_next)(void* source, Parcel* parcel) noexcept nogil     # `next` of the Source
-    void* source                # `data` of the Source, for that
-    const Polling* polling      # of the Source
+    void* inbox                 # the InboxBase
+    void* source                # the Source
     Records* records            # NULL: nothing is recorded
     const char* prefix          # of all names; NULL: they stay as they are
     size_t prefix_size
@@ -124,6 +109,8 @@ cdef struct State:
     State* next_to_report       # in that of those whose `reports` are not empty
 
 
+# Whether something wants each message at once. A recent read is not asked for.
+cdef bint inbox_is_awaited(State* inbox) noexcept nogil
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
 cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil
 # To be called within `next` before it does something that takes more than some milliseconds.
@@ -151,27 +138,26 @@ cdef class Watching:
 cdef class Source:
     # Where the messages of one inbox come from. A subclass has three duties:
     # 1. `next` fills a parcel with the next message; False: there is none, or no memory for it. If others may
-    #    wait in the latter case, it sets `pending` of the inbox, or has `polling`. It calls nothing of the
-    #    inbox but `parcel_reserve`, and `inbox_takes_long` before it copies a large message. It runs under
-    #    the lock of all inboxes, in any thread that drains or reads the buffer. Some of these hold the GIL
-    #    and others do not: so it uses no Python object, and reads no file that may be slow. What was filled
-    #    before has been inserted when it is called again.
-    # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there;
-    #    or, if nothing reports arrivals to it, by `polling`.
+    #    wait in the latter case, it sets `pending` of the inbox. It calls nothing of the inbox but
+    #    `parcel_reserve`, and `inbox_takes_long` before it copies a large message. It runs under the lock of
+    #    all inboxes, in any thread that drains or reads the buffer. Some of these hold the GIL and others do
+    #    not: so it uses no Python object, and reads no file that may be slow. What was filled before has been
+    #    inserted when it is called again.
+    # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there.
+    #    If nothing reports arrivals to it, it needs an inbox of another class.
     # 3. `silence` ends that: from its return on, nothing may call `inbox_arrived`, because the inbox may be
     #    freed. It is called once, with the GIL and without a lock, in any thread, perhaps by a finalizer. So
     #    it must not wait for a thread that needs the GIL.
     # In a forked child, none of them is called any more.
     cdef State* inbox           # that inbox, which sets this
-    cdef bint (*next)(void* source, Parcel* parcel) noexcept nogil
-    cdef void* data             # what `next` and the functions of `polling` get as `source`
-    cdef const Polling* polling     # or NULL
     cdef list names             # of the topics, for errors
+    cdef bint next(self, Parcel* parcel) noexcept nogil
     cdef void silence(self) noexcept
 
 
-cdef class Inbox(ReadHook):
-    cdef State _state
+cdef class InboxBase(ReadHook):
+    # What an Inbox has in common with one whose source must be polled.
+    cdef State state
     cdef Source _source
     cdef Inboxes _inboxes           # keeps the drain
     cdef bint _is_closed            # in a forked child, one that was closed before must not take the lock
@@ -180,13 +166,22 @@ cdef class Inbox(ReadHook):
     cdef bytes _prefix
     cdef object _reference          # called, gives the engine or None
     cdef set _used                  # keeps the watchers and copiers that threads without the lock may use
-    # Of a source that is polled, instead of those of the State:
-    cdef uint32_t _polled_pending   # always 1: each read asks the source
-    cdef uint32_t _polled_read      # not used: reads do not make it take each message at once
     cdef object __weakref__
+
+    # With the lock: does this much work, or a little more; returns whether more may be left.
+    cdef bint take(self, size_t most) noexcept nogil
+    # Without the GIL and the lock: one step of inserting what has arrived. Returns whether more may be left.
+    cdef bint step(self) noexcept nogil
+    # With the GIL: inserts all that has arrived, for a reader of the buffer.
+    cdef int read_all(self) except -1
+    # It fills another engine from now on, or none.
+    cdef void refilled(self) noexcept
 
     cdef void _discharge(self) noexcept
     cdef object _engine(self)
-    cdef void _nudge(self) noexcept
     cdef int _report(self, Engine engine, Parcels* parcels) except -1
     cdef int _report_one(self, Engine engine, Parcel* parcel) except -1
+
+
+cdef class Inbox(InboxBase):
+    pass

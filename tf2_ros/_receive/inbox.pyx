@@ -1,9 +1,8 @@
 """
 Keep what has arrived for a buffer until somebody reads it.
 
-An inbox takes messages from its `Source`: the subscriptions of a listener (`subscriptions`), or the ring of
-another process (`tf2_ros._shared.ring`); the declaration of `Source` says what a source has to do. Its owner
-decides when it begins and ends. Everything goes one way: the source fills a `Parcel`, and the inbox parses,
+An inbox takes messages from its `Source`, such as the subscriptions of a listener (`subscriptions`); the
+declaration of `Source` says what a source has to do. Its owner decides when it begins and ends. Everything goes one way: the source fills a `Parcel`, and the inbox parses,
 prefixes, records, copies and inserts it. Every read of the buffer takes the messages (`drain`). So does one
 thread of the process: as soon as many messages wait, at most ROUND_NS after the first one, and at once while
 something waits for a transform, or while the buffer is read more often than the thread has rounds, so that
@@ -80,12 +79,16 @@ cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
     pthread_mutex_unlock(&event.mutex)
 
 
-cdef bint _wants_all(State* inbox) noexcept nogil:
-    if word_load(&inbox.armed) or word_load(&inbox.read) or word_load(&inbox.wants_each):
+cdef bint inbox_is_awaited(State* inbox) noexcept nogil:
+    if word_load(&inbox.armed) or word_load(&inbox.wants_each):
         return True
     if inbox.watcher != NULL and inbox.watcher.is_armed(inbox.watcher.data):
         return True
     return inbox.copier != NULL and inbox.copier.is_wanted(inbox.copier)
+
+
+cdef bint _wants_all(State* inbox) noexcept nogil:
+    return word_load(&inbox.read) != 0 or inbox_is_awaited(inbox)
 
 
 cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
@@ -313,16 +316,9 @@ cdef void _await_insert(State* inbox) noexcept nogil:
 cdef bint _take(State* inbox, size_t most) noexcept nogil:
     # Does this much work, or a little more; returns whether more may be left.
     cdef size_t work = 0
-    if inbox.engine == NULL:
-        word_store(&inbox.pending, 0)
-        return False
-    if inbox.has_large:
-        return True
-    # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
-    # inserted, readers must find something pending, and wait here.
-    word_store(&inbox.pending, BEING_INSERTED)
-    word_store(&inbox.is_full, 0)
-    while work < most and _begin_parcel(inbox) and inbox.take_next(inbox.source, inbox.parcel):
+    if inbox.engine == NULL or inbox.has_large:
+        return inbox.engine != NULL
+    while work < most and _begin_parcel(inbox) and (<Source>inbox.source).next(inbox.parcel):
         work += 1 + inbox.parcel.size // WORK_BYTES
         inbox.has_large = inbox.parcel.kind == PARCEL_MESSAGE and inbox.parcel.size > LARGE_BYTES
         if not inbox.has_large:
@@ -332,35 +328,38 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
     # Before `pending` is cleared: executors have then heard of all that a reader sees.
     if work and inbox.watcher != NULL:
         inbox.watcher.arrived(inbox.watcher.data)
-    if work >= most or inbox.has_large or inbox.parcel == NULL:
-        word_store(&inbox.pending, 1)   # without memory, the next round tries again
-    else:
-        word_replace(&inbox.pending, BEING_INSERTED, 0)
     return work >= most or inbox.has_large
 
 
-cdef bint _read_on(State* inbox) noexcept nogil:
-    # One more step of a read, without the GIL. Returns whether more may be left.
-    cdef bint more = True
-    lock_acquire(&inbox.drain.lock)
-    if inbox.is_inserting:
-        _await_insert(inbox)
-    elif inbox.has_large and inbox.engine != NULL:
-        _insert_large(inbox)
+cdef bint _take_arrived(State* inbox, size_t most) noexcept nogil:
+    # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
+    # inserted, readers must find something pending, and wait here.
+    cdef bint more = inbox.has_large and inbox.engine != NULL
+    if more:
+        return True
+    word_store(&inbox.pending, BEING_INSERTED)
+    word_store(&inbox.is_full, 0)
+    more = _take(inbox, most)
+    if more or (inbox.engine != NULL and inbox.parcel == NULL):
+        word_store(&inbox.pending, 1)   # without memory, the next round tries again
     else:
-        more = _take(inbox, DRAIN_SLICE)
-    lock_release(&inbox.drain.lock)
+        word_replace(&inbox.pending, BEING_INSERTED, 0)
     return more
+
+
+cdef void _disarm(State* inbox) noexcept nogil:
+    # All that has arrived is inserted.
+    if word_load(&inbox.armed) and inbox.engine != NULL:
+        (<Engine>inbox.engine).disarm(&inbox.armed)
 
 
 # The thread that drains.
 
 cdef bint _serve(State* inbox) noexcept nogil:
     # A reader may have taken the rest since the last slice.
-    if word_load(&inbox.pending) and _take(inbox, DRAIN_SLICE):
+    if word_load(&inbox.pending) and _take_arrived(inbox, DRAIN_SLICE):
         return True
-    if word_load(&inbox.armed) and inbox.engine != NULL:
-        (<Engine>inbox.engine).disarm(&inbox.armed)
+    _disarm(inbox)
     return False
 
 
@@ -393,32 +392,6 @@ cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
         lock_release(&drain.lock)
         is_rest = True
     return found
-
-
-# A thread that polls a source.
-
-cdef void _follow(State* inbox) noexcept nogil:
-    # Inserts each message at once while something waits; otherwise it rests.
-    cdef const Polling* polling = inbox.polling
-    cdef uint64_t watched
-    cdef bint is_wanted
-    cdef bint is_behind
-    while inbox.engine != NULL:
-        # A read does this in the opposite order: it first wants messages, and then nudges.
-        watched = polling.watch(inbox.source)
-        is_wanted = is_behind = _wants_all(inbox)
-        while is_behind:
-            word_store(&inbox.pending, 1)
-            lock_acquire(&inbox.drain.lock)
-            if inbox.is_inserting:
-                _await_insert(inbox)
-            elif inbox.has_large and inbox.engine != NULL:
-                _insert_large(inbox)
-            else:
-                is_behind = _serve(inbox)
-            lock_release(&inbox.drain.lock)
-        if inbox.engine != NULL:
-            polling.rest(inbox.source, watched, is_wanted)
 
 
 @cython.final
@@ -467,13 +440,13 @@ cdef class Inboxes:
     def report_next(self):
         """Do what follows from what one of them has inserted: complete waits, and log what was refused."""
         cdef Parcels parcels
-        cdef Inbox inbox = None
+        cdef InboxBase inbox = None
         cdef State* first
         lock_acquire(&self.drain.lock)
         first = self.drain.first_to_report
         if first != NULL:
             # It exists: it leaves the list, with the GIL, before it is destroyed.
-            inbox = <Inbox>first.inbox
+            inbox = <InboxBase>first.inbox
             _take_reports(first, &parcels)
             if self.drain.first_to_report != NULL:
                 event_set(&self.drain.reporting)
@@ -508,17 +481,19 @@ cdef class Watching:
 
 
 cdef class Source:
-    """Where the messages of one inbox come from. An Inbox keeps it, and ends before it does."""
+    """Where the messages of one inbox come from. An inbox keeps it, and ends before it does."""
+
+    cdef bint next(self, Parcel* parcel) noexcept nogil:
+        return False
 
     cdef void silence(self) noexcept:
         pass
 
 
-@cython.final
 @cython.no_gc_clear     # its source must exist until nothing arrives any more
-cdef class Inbox(ReadHook):
+cdef class InboxBase(ReadHook):
     """
-    Keeps what has arrived for a buffer.
+    Takes what has arrived for a buffer, and inserts it.
 
     :param source: of its messages; for no other inbox.
     :param hand_over: called with each callable that runs user code, to have it called.
@@ -529,36 +504,26 @@ cdef class Inbox(ReadHook):
 
     def __cinit__(self, Source source not None, hand_over, Recording recording=None, str prefix="",
                   Inboxes inboxes not None=INBOXES):
-        if lock_init(&self._state.inserting) != 0:
+        if lock_init(&self.state.inserting) != 0:
             raise MemoryError
         self._source, self._hand_over, self._used, self._inboxes = source, hand_over, set(), inboxes
-        self._state.inbox, self._state.drain = <void*>self, &inboxes.drain
         self._recording, self._prefix = recording, prefix.encode()
-        self._polled_pending = 1
-        self.pending = &self._state.pending if source.polling == NULL else &self._polled_pending
-        self.read = &self._state.read if source.polling == NULL else &self._polled_read
-        self.armed = &self._state.armed
-        self._state.take_next, self._state.source = source.next, source.data
-        self._state.polling = source.polling
+        self.state.inbox, self.state.source, self.state.drain = <void*>self, <void*>source, &inboxes.drain
+        self.pending, self.read, self.armed = &self.state.pending, &self.state.read, &self.state.armed
         if recording is not None:
-            self._state.records = &recording._records
+            self.state.records = &recording._records
             # A simulated clock must be read when a message arrives, and some middlewares read a clock only
             # when a message is taken.
-            self._state.wants_each = True
+            self.state.wants_each = True
         if prefix:
-            self._state.prefix, self._state.prefix_size = self._prefix, len(self._prefix)
-        source.inbox = &self._state
-        if source.polling == NULL:
-            lock_acquire(&inboxes.drain.lock)
-            self._state.next = inboxes.drain.first
-            inboxes.drain.first = &self._state
-            lock_release(&inboxes.drain.lock)
+            self.state.prefix, self.state.prefix_size = self._prefix, len(self._prefix)
+        source.inbox = &self.state
 
     def __dealloc__(self):
         self._discharge()
-        _free_parcel(self._state.parcel)
-        _free_parcels(&self._state.reports)
-        lock_free(&self._state.inserting)
+        _free_parcel(self.state.parcel)
+        _free_parcels(&self.state.reports)
+        lock_free(&self.state.inserting)
 
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
@@ -566,34 +531,24 @@ cdef class Inbox(ReadHook):
         if self._source is None or self._is_closed:
             return
         self._is_closed = True
-        lock_acquire(&self._state.drain.lock)
-        _await_insert(&self._state)
-        link = &self._state.drain.first
-        while link[0] != NULL and link[0] != &self._state:
+        lock_acquire(&self.state.drain.lock)
+        _await_insert(&self.state)
+        link = &self.state.drain.first
+        while link[0] != NULL and link[0] != &self.state:
             link = &link[0].next
         if link[0] != NULL:
-            link[0] = self._state.next
-        _end_to_report(&self._state)
-        lock_release(&self._state.drain.lock)
+            link[0] = self.state.next
+        _end_to_report(&self.state)
+        lock_release(&self.state.drain.lock)
         # Only now: it may run code in Python, and meanwhile another thread may report.
         self._source.silence()
 
     cdef void engine_ended(self) noexcept:
-        lock_acquire(&self._state.drain.lock)
-        _await_insert(&self._state)
-        self._state.engine = NULL
-        lock_release(&self._state.drain.lock)
-        self._nudge()
-
-    cdef void _nudge(self) noexcept:
-        # The thread that polls must learn of a change at once.
-        if self._state.polling != NULL:
-            self._state.polling.nudge(self._state.source, True)
-
-    def follow(self):
-        """Insert what a source has that is polled, until there is no buffer; for a thread of its own."""
-        with nogil:
-            _follow(&self._state)
+        lock_acquire(&self.state.drain.lock)
+        _await_insert(&self.state)
+        self.state.engine = NULL
+        lock_release(&self.state.drain.lock)
+        self.refilled()
 
     def close(self):
         """Receive nothing more. What has arrived is dropped; what was inserted is reported."""
@@ -604,9 +559,9 @@ cdef class Inbox(ReadHook):
         """Inform this of what arrives from now on, and nothing else."""
         self._used.add(watching)
         watching.inboxes.add(self)
-        lock_acquire(&self._state.drain.lock)
-        self._state.watcher = &watching.watcher
-        lock_release(&self._state.drain.lock)
+        lock_acquire(&self.state.drain.lock)
+        self.state.watcher = &watching.watcher
+        lock_release(&self.state.drain.lock)
 
     cdef object _engine(self):
         return None if self._reference is None else self._reference()
@@ -615,7 +570,7 @@ cdef class Inbox(ReadHook):
         """Insert from now on into this buffer, which is not kept alive; None: into none."""
         cdef Parcels parcels
         cdef Copying copying = None
-        if buffer is not None and self._state.engine == <void*>buffer:
+        if buffer is not None and self.state.engine == <void*>buffer:
             return
         reference = None if buffer is None else weakref.ref(buffer)
         # From here to the report no code in Python runs, and so no other thread that fills or drains.
@@ -626,50 +581,61 @@ cdef class Inbox(ReadHook):
             copying = buffer._tap
             self._used.add(copying)
         self._reference = reference
-        lock_acquire(&self._state.drain.lock)
-        _await_insert(&self._state)
-        _take_reports(&self._state, &parcels)
-        self._state.engine = <void*>buffer if buffer is not None else NULL
-        self._state.copier = NULL if copying is None else &copying.copier
-        lock_release(&self._state.drain.lock)
-        self._nudge()
+        lock_acquire(&self.state.drain.lock)
+        _await_insert(&self.state)
+        _take_reports(&self.state, &parcels)
+        self.state.engine = <void*>buffer if buffer is not None else NULL
+        self.state.copier = NULL if copying is None else &copying.copier
+        lock_release(&self.state.drain.lock)
         if buffer is not None:
             buffer.add_inbox(self)
-            inbox_arrived(&self._state, True)   # messages may have arrived while there was no buffer
+        self.refilled()
         self._report(engine, &parcels)
 
-    cdef int drain(self) except -1:
-        cdef bint more
-        cdef uint32_t number
-        cdef int64_t until_ns
-        cdef const Polling* polling = self._state.polling
-        cdef Lock* lock = &self._state.drain.lock
+    cdef void refilled(self) noexcept:
+        pass
+
+    cdef bint take(self, size_t most) noexcept nogil:
+        return _take(&self.state, most)
+
+    cdef bint step(self) noexcept nogil:
+        cdef State* state = &self.state
+        cdef bint more = True
+        lock_acquire(&state.drain.lock)
+        if state.is_inserting:
+            _await_insert(state)
+        elif state.has_large and state.engine != NULL:
+            _insert_large(state)
+        else:
+            more = self.take(DRAIN_SLICE)
+            if not more:
+                _disarm(state)
+        lock_release(&state.drain.lock)
+        return more
+
+    cdef int read_all(self) except -1:
+        cdef Lock* lock = &self.state.drain.lock
+        cdef uint32_t number = lock_ask(lock)
         cdef PyThreadState* thread
-        cdef bint has_message
-        if polling != NULL:
-            has_message = polling.has_message(self._state.source)
-            if _wants_all(&self._state):
-                polling.nudge(self._state.source, False)
-            if not has_message:
-                return 0
-        number = lock_ask(lock)
+        cdef int64_t until_ns
+        cdef bint more
         if lock_await(lock, number, PATIENCE_NS):
-            self._state.has_gil, self._state.thread = True, NULL
-            more = _take(&self._state, READ_SLICE)
-            self._state.has_gil, thread = False, self._state.thread
+            self.state.has_gil, self.state.thread = True, NULL
+            more = self.take(READ_SLICE)
+            self.state.has_gil, thread = False, self.state.thread
             lock_release(lock)
             if thread != NULL:
                 PyEval_RestoreThread(thread)    # only now: others wait for the lock with the GIL
         else:
             with nogil:
                 lock_await(lock, number, INT64_MAX)
-                more = _take(&self._state, READ_SLICE)
+                more = self.take(READ_SLICE)
                 lock_release(lock)
         if more:
             until_ns = monotonic_ns() + READ_NS
             with nogil:
                 while more and monotonic_ns() < until_ns:
-                    more = _read_on(&self._state)
+                    more = self.step()
         return 0
 
     def catch_up(self):
@@ -684,11 +650,10 @@ cdef class Inbox(ReadHook):
 
         A thread of the parent may have been changing it.
         """
-        cdef bint has_received = self._state.engine != NULL
+        cdef bint has_received = self.state.engine != NULL
         keep_for_ever(self)
-        self._state.engine = NULL
-        self._state.is_inserting = False
-        self.pending = &self._state.pending
+        self.state.engine = NULL
+        self.state.is_inserting = False
         word_store(self.pending, 0)
         return has_received
 
@@ -720,3 +685,26 @@ cdef class Inbox(ReadHook):
                 log.receiving_failed(traceback.format_exc())
         return 0
 
+
+@cython.final
+@cython.no_gc_clear
+cdef class Inbox(InboxBase):
+    """Keeps what has arrived for a buffer until the buffer is read, or until the thread that drains takes it."""
+
+    def __cinit__(self, *_, **__):
+        cdef Drain* drain = &self._inboxes.drain
+        lock_acquire(&drain.lock)
+        self.state.next = drain.first
+        drain.first = &self.state
+        lock_release(&drain.lock)
+
+    cdef bint take(self, size_t most) noexcept nogil:
+        return _take_arrived(&self.state, most)
+
+    cdef int drain(self) except -1:
+        return self.read_all()
+
+    cdef void refilled(self) noexcept:
+        # Messages may have arrived while there was no buffer.
+        if self.state.engine != NULL:
+            inbox_arrived(&self.state, True)

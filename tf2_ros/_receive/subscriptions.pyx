@@ -159,28 +159,6 @@ cdef rcl_ret_t _take_message(const Subscribed* source, Arrivals* topic, Parcel* 
     return RCL_RET_OK
 
 
-cdef bint _next(void* data, Parcel* parcel) noexcept nogil:
-    # Of the first topic that has one, so static messages come first.
-    cdef const Subscribed* source = <const Subscribed*>data
-    cdef Arrivals* topic = source.first
-    cdef rcl_ret_t result
-    while topic != NULL:
-        # First the count, then the message: `_arrived` is called after its message has arrived.
-        if topic.subscription != NULL and (topic.has_more or _count_arrived(topic)):
-            result = _take_message(source, topic, parcel)
-            topic.has_more = result != RCL_RET_SUBSCRIPTION_TAKE_FAILED
-            if result == RCL_RET_OK:
-                return True
-            if topic.has_more:
-                # After an error, such as a lack of memory for one message, others may wait, and nothing
-                # reports them again. The next round tries, and not this thread at once: the error may last.
-                word_store(&topic.inbox.pending, 1)
-            else:
-                _found_empty(topic)
-        topic = topic.following
-    return False
-
-
 cdef class TopicArrivals:
     """
     What is received on one topic. Source and buffer keep it; so it keeps no listener.
@@ -238,7 +216,7 @@ cdef class Subscriptions(Source):
     def __cinit__(self, bint is_recorded=False, clock=None):
         require_rcl()
         self.names, self._topics, self.has_reports = [], [], True
-        self.next, self.data, self._clock = _next, &self._subscribed, clock
+        self._clock = clock
         self._subscribed.is_recorded = is_recorded
         self._subscribed.allocator = rcutils_get_default_allocator()
         self._subscribed.allocator.reallocate = <void*>_reallocate
@@ -291,6 +269,26 @@ cdef class Subscriptions(Source):
         arrivals.inbox = NULL
         lock_release(&topic._inboxes.drain.lock)
         handle.__exit__(None, None, None)
+
+    cdef bint next(self, Parcel* parcel) noexcept nogil:
+        # Of the first topic that has one, so static messages come first.
+        cdef Arrivals* topic = self._subscribed.first
+        cdef rcl_ret_t result
+        while topic != NULL:
+            # First the count, then the message: `_arrived` is called after its message has arrived.
+            if topic.subscription != NULL and (topic.has_more or _count_arrived(topic)):
+                result = _take_message(&self._subscribed, topic, parcel)
+                topic.has_more = result != RCL_RET_SUBSCRIPTION_TAKE_FAILED
+                if result == RCL_RET_OK:
+                    return True
+                if topic.has_more:
+                    # After an error, such as a lack of memory for one message, others may wait, and nothing
+                    # reports them again. The next round tries, and not this thread at once: the error may last.
+                    word_store(&topic.inbox.pending, 1)
+                else:
+                    _found_empty(topic)
+            topic = topic.following
+        return False
 
     cdef void silence(self) noexcept:
         for topic in self._topics:

@@ -14,11 +14,11 @@ from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import is_node, is_simulated
-from tf2_ros._receive.inbox import Inbox, Watching
+from tf2_ros._receive.inbox import Watching
 from tf2_ros._receive.receiver import LOSS_WARNING_S
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
 from tf2_ros._shared.owner import is_owned, opened, read_description
-from tf2_ros._shared.ring import RingReader
+from tf2_ros._shared.ring import PolledInbox, RingReader
 from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged
 from tf2_ros._wait.completions import completions_for
 from tf2_ros._wait.runners import without_node
@@ -64,7 +64,9 @@ class Attachment:
         self._process = os.getpid()
         self._has_ended = False
         # No method of this, which would keep it alive.
-        self.inbox = Inbox(reader, lambda one: (completions_for(reference()) or without_node).receive(one))
+        self.inbox = PolledInbox(
+            reader, lambda one: (completions_for(reference()) or without_node).receive(one)
+        )
         self.inbox.fill(buffer)
         self._thread = threading.Thread(target=self.inbox.follow, name="tf2_ros ring", daemon=True)
         try:

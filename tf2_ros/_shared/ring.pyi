@@ -1,5 +1,7 @@
+from typing import final
+
 from tf2_py import BufferCore
-from tf2_ros._receive.inbox import Source
+from tf2_ros._receive.inbox import InboxBase, Source
 
 class RingWriter:
     def __init__(self, descriptor: int, size: int, buffer: BufferCore) -> None: ...
@@ -19,3 +21,7 @@ class RingReader(Source):
     @property
     def descriptor(self) -> int: ...
     def overruns(self) -> tuple[int, float]: ...
+
+@final
+class PolledInbox(InboxBase):
+    def follow(self) -> None: ...

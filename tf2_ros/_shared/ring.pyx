@@ -59,9 +59,10 @@ from tf2_ros._receive.inbox cimport (
     ROUND_NS,
     Copier,
     Copying,
+    InboxBase,
     Parcel,
-    Polling,
     Source,
+    inbox_is_awaited,
     parcel_reserve,
 )
 from tf2_ros._shared.memory cimport fence, futex_wait, futex_wake, give_back, load64, store64

@@ -41,8 +41,7 @@ cdef void take_long(List* source) noexcept nogil:
         source.gave_up = monotonic_ns() > until_ns
 
 
-cdef bint take_first(void* data, Parcel* parcel) noexcept nogil:
-    cdef List* source = <List*>data
+cdef bint take_first(List* source, Parcel* parcel) noexcept nogil:
     cdef Listed** first = &source.first
     cdef Listed* taken = first[0]
     if taken != NULL and word_load(&source.is_slow):
@@ -65,7 +64,10 @@ cdef class ListedSource(Source):
     cdef List _list
 
     def __cinit__(self):
-        self.names, self.next, self.data = ["the list"], take_first, &self._list
+        self.names = ["the list"]
+
+    cdef bint next(self, Parcel* parcel) noexcept nogil:
+        return take_first(&self._list, parcel)
 
     def slow_down(self):
         """Take for long from now on, as a large message is; until `go_on`."""

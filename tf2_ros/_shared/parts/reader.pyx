@@ -113,8 +113,7 @@ cdef void _skip_damage(Reading* reading, Parcel* parcel) noexcept nogil:
     reading.following = reading.begun = load64(&reading.head.next)
 
 
-cdef bint _next(void* source, Parcel* parcel) noexcept nogil:
-    cdef Reading* reading = <Reading*>source
+cdef bint _next(Reading* reading, Parcel* parcel) noexcept nogil:
     cdef const Record* record
     cdef Found found
     # Only now: a thread that finds no new record relies on all of them being inserted.
@@ -138,46 +137,6 @@ cdef bint _next(void* source, Parcel* parcel) noexcept nogil:
     return True
 
 
-# Polling: readers and the owner sleep and wake each other by words in the memory.
-
-cdef bint _has_message(void* source) noexcept nogil:
-    cdef Reading* reading = <Reading*>source
-    # First this: the owner must not miss that each message is wanted at once from now on.
-    cdef bint has_new = load64(&reading.head.next) != load64(&reading.tail)
-    store64(&reading.head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
-    return has_new
-
-
-cdef uint64_t _watch(void* source) noexcept nogil:
-    cdef Reading* reading = <Reading*>source
-    return <uint64_t>word_load(&reading.nudges) << 32 | word_load(&reading.head.arrivals)
-
-
-cdef void _rest(void* source, uint64_t watched, bint is_wanted) noexcept nogil:
-    # Both sleeps return at once if the word has changed.
-    cdef Reading* reading = <Reading*>source
-    if is_wanted:
-        store64(&reading.head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
-        futex_wait(&reading.head.arrivals, <uint32_t>watched, ROUND_NS)
-    else:
-        word_store(&reading.is_quiet, 1)
-        futex_wait(&reading.nudges, <uint32_t>(watched >> 32), INT64_MAX)
-        word_store(&reading.is_quiet, 0)
-
-
-cdef void _nudge(void* source, bint at_once) noexcept nogil:
-    cdef Reading* reading = <Reading*>source
-    word_add(&reading.nudges, 1)
-    if word_load(&reading.is_quiet):
-        futex_wake(&reading.nudges)
-    if at_once:
-        futex_wake(&reading.head.arrivals)
-
-
-cdef Polling POLLING
-POLLING.has_message, POLLING.watch, POLLING.rest, POLLING.nudge = _has_message, _watch, _rest, _nudge
-
-
 cdef class RingReader(Source):
     """
     Receives what another process shares.
@@ -195,7 +154,6 @@ cdef class RingReader(Source):
         if self._reading.chunk == NULL:
             raise MemoryError
         self.names = ["shared memory"]
-        self.next, self.data, self.polling = _next, &self._reading, &POLLING
 
     def __init__(self, int descriptor):
         cdef Reading* reading = &self._reading
@@ -220,6 +178,44 @@ cdef class RingReader(Source):
         if self._reading.descriptor >= 0:
             close(self._reading.descriptor)
 
+    cdef bint next(self, Parcel* parcel) noexcept nogil:
+        return _next(&self._reading, parcel)
+
+    # What a PolledInbox needs, without a lock. Readers and the owner wake each other by words in the memory.
+
+    cdef bint has_message(self) noexcept nogil:
+        # A program reads the buffer. First this: the owner must not miss that each message is wanted at once
+        # from now on.
+        cdef Head* head = self._reading.head
+        cdef bint has_new = load64(&head.next) != load64(&self._reading.tail)
+        store64(&head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
+        return has_new
+
+    cdef uint64_t watch(self) noexcept nogil:
+        # What changes with each message and each nudge.
+        return <uint64_t>word_load(&self._reading.nudges) << 32 | word_load(&self._reading.head.arrivals)
+
+    cdef void rest(self, uint64_t watched, bint is_wanted) noexcept nogil:
+        # Until another message is there, if each is wanted at once, and otherwise until a nudge; not if
+        # either has happened since `watch`: both sleeps return at once if the word has changed.
+        cdef Reading* reading = &self._reading
+        if is_wanted:
+            store64(&reading.head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
+            futex_wait(&reading.head.arrivals, <uint32_t>watched, ROUND_NS)
+        else:
+            word_store(&reading.is_quiet, 1)
+            futex_wait(&reading.nudges, <uint32_t>(watched >> 32), INT64_MAX)
+            word_store(&reading.is_quiet, 0)
+
+    cdef void nudge(self, bint at_once) noexcept nogil:
+        # Ends a rest; `at_once`: also one that waits for a message.
+        cdef Reading* reading = &self._reading
+        word_add(&reading.nudges, 1)
+        if word_load(&reading.is_quiet):
+            futex_wake(&reading.nudges)
+        if at_once:
+            futex_wake(&reading.head.arrivals)
+
     @property
     def descriptor(self):
         """Of the file."""
@@ -236,3 +232,38 @@ cdef class RingReader(Source):
             count, room_ns = self._reading.overruns, self._reading.room_ns
             lock_release(&self.inbox.drain.lock)
         return count, room_ns / 1e9
+
+
+@cython.final
+@cython.no_gc_clear
+cdef class PolledInbox(InboxBase):
+    """Inserts what is in a ring, to which nothing reports arrivals: each read of the buffer looks there."""
+
+    cdef RingReader _ring
+
+    def __cinit__(self, RingReader source not None, *_, **__):
+        self._ring = source
+        self.state.pending = 1      # always
+
+    def follow(self):
+        """Insert each message at once while something waits, until there is no buffer; for a thread."""
+        cdef uint64_t watched
+        cdef bint is_wanted
+        with nogil:
+            while self.state.engine != NULL:
+                # A read does this in the opposite order: it first wants messages, and then nudges.
+                watched = self._ring.watch()
+                is_wanted = inbox_is_awaited(&self.state)
+                while is_wanted and self.step():
+                    pass
+                if self.state.engine != NULL:
+                    self._ring.rest(watched, is_wanted)
+
+    cdef int drain(self) except -1:
+        cdef bint has_message = self._ring.has_message()
+        if inbox_is_awaited(&self.state):
+            self._ring.nudge(False)
+        return self.read_all() if has_message else 0
+
+    cdef void refilled(self) noexcept:
+        self._ring.nudge(True)

@@ -20,11 +20,14 @@ cdef class ReadHook:
 
 
 cdef class Tap:
-    # Its methods are called, with the GIL and without a lock, when a program itself changes an engine.
-    # A batch is about to be inserted; it includes what will be refused.
-    cdef void inserting(self, const Batch* batch) noexcept
-    # Every dynamic transform was removed; or, with a name, all of one frame.
+    # Copies what an engine receives. Its methods are called without the engine's lock.
+    # A batch is about to be inserted, by a program or an inbox; it includes what will be refused. Perhaps
+    # without the GIL, and by several threads.
+    cdef void copy(self, const Batch* batch) noexcept nogil
+    # A program has removed every dynamic transform; or, with a name, all of one frame. With the GIL.
     cdef void removed(self, const char* name, size_t size) noexcept
+    # Whether the copies of what inboxes insert are wanted at once.
+    cdef bint is_wanted(self) noexcept nogil
 
 
 cdef class WaiterOwner:
@@ -54,7 +57,7 @@ cdef class Engine:
     cdef list _authorities              # likewise
     cdef object _frozen                 # the frozen_file.FrozenFile that was opened; valid if _tree.is_frozen
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
-    cdef Tap _tap                       # of what a program inserts here; or None
+    cdef Tap _tap                       # or None
     # Under _lock: no later than what the clock shows. After their first attempt, waits judge ages by it, so
     # that an insert without the GIL may answer too early, but not too late; judge_waiter corrects that.
     cdef ClockReading _clock

@@ -105,13 +105,16 @@ cdef class ReadHook:
 
 
 cdef class Tap:
-    """Passes on what a program itself inserts."""
+    """Copies what an engine receives, by its inboxes and by the program itself."""
 
-    cdef void inserting(self, const Batch* batch) noexcept:
+    cdef void copy(self, const Batch* batch) noexcept nogil:
         pass
 
     cdef void removed(self, const char* name, size_t size) noexcept:
         pass
+
+    cdef bint is_wanted(self) noexcept nogil:
+        return False
 
 
 @cython.no_gc_clear
@@ -195,7 +198,7 @@ cdef class Engine:
 
     cdef void insert(self, Batch* batch):
         if self._tap is not None:
-            self._tap.inserting(batch)
+            self._tap.copy(batch)
         batch_begin(batch)
         if self.insert_some(batch):
             with nogil:

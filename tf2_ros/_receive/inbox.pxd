@@ -4,7 +4,7 @@ from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t
 from cpython.pystate cimport PyThreadState
 
-from tf2_py._internal cimport Batch, Engine, Event, Lock, ReadHook, Tap
+from tf2_py._internal cimport Batch, Engine, Event, Lock, ReadHook
 from tf2_ros.records cimport Recording, Records
 
 cdef enum:
@@ -61,14 +61,6 @@ cdef struct Watcher:
     bint (*is_armed)(void* data) noexcept nogil
 
 
-cdef struct Copier:
-    # Copies what an inbox takes for other processes. Called without the GIL, perhaps by several inboxes.
-    void* data                  # for these functions
-    void (*copy)(Copier* copier, const Batch* batch) noexcept nogil
-    # Whether somebody wants each message at once.
-    bint (*is_wanted)(Copier* copier) noexcept nogil
-
-
 cdef struct Drain:
     # What the inboxes of a process have in common: two threads, of which one drains and one reports.
     Lock lock                   # guards the two lists, and what the State of each inbox says
@@ -101,10 +93,10 @@ cdef struct State:
     bint has_large              # inserting `parcel`, or the rest of it, takes long, and is next
     bint has_gil                # the thread in `take_next` holds the GIL; `inbox_takes_long` may release it
     PyThreadState* thread       # what that has saved, to take the GIL again; NULL: nothing was released
-    bint is_inserting           # a thread inserts it: parcel, engine and copier must stay as they are
+    bint is_inserting           # a thread inserts it: parcel, engine and tap must stay as they are
     Lock inserting              # is held by that thread
     Parcels reports             # messages with something to report
-    Copier* copier              # of the buffer, if that is shared; or NULL
+    void* tap                   # the Tap of the engine; or NULL
     State* next                 # in the list of those that the draining thread serves
     State* next_to_report       # in that of those whose `reports` are not empty
 
@@ -120,12 +112,8 @@ cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
 
 
 cdef class Inboxes:
-    # A thread that holds the lock of all inboxes takes at most that of an engine, of records or of a ring.
+    # A thread that holds the lock of all inboxes takes at most that of an engine, of records or of a tap.
     cdef Drain drain
-
-
-cdef class Copying(Tap):
-    cdef Copier copier
 
 
 cdef class Watching:
@@ -165,7 +153,7 @@ cdef class InboxBase(ReadHook):
     cdef Recording _recording       # keeps the records
     cdef bytes _prefix
     cdef object _reference          # called, gives the engine or None
-    cdef set _used                  # keeps the watchers and copiers that threads without the lock may use
+    cdef set _used                  # keeps the watchers and taps that threads without the lock may use
     cdef object __weakref__
 
     # With the lock: does this much work, or a little more; returns whether more may be left.

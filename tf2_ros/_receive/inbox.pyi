@@ -18,8 +18,6 @@ class Inboxes:
 
 INBOXES: Inboxes
 
-class Copying: ...
-
 class Watching:
     @property
     def receivers(self) -> LiveObjects[Any]: ...

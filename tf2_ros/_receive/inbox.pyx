@@ -84,7 +84,7 @@ cdef bint inbox_is_awaited(State* inbox) noexcept nogil:
         return True
     if inbox.watcher != NULL and inbox.watcher.is_armed(inbox.watcher.data):
         return True
-    return inbox.copier != NULL and inbox.copier.is_wanted(inbox.copier)
+    return inbox.tap != NULL and (<Tap>inbox.tap).is_wanted()
 
 
 cdef bint _wants_all(State* inbox) noexcept nogil:
@@ -239,8 +239,8 @@ cdef bint _insert(State* inbox) noexcept nogil:
     if not inbox.parcel.is_begun:
         if not _parse(inbox):
             return True
-        if inbox.copier != NULL:
-            inbox.copier.copy(inbox.copier, batch)
+        if inbox.tap != NULL:
+            (<Tap>inbox.tap).copy(batch)
         inbox.parcel.is_begun = True
     while (<Engine>inbox.engine).insert_some(batch):
         if batch.move.capacity and not inbox.is_inserting:
@@ -469,10 +469,6 @@ cdef class Inboxes:
 INBOXES = Inboxes()
 
 
-cdef class Copying(Tap):
-    """Has copied what a buffer receives."""
-
-
 cdef class Watching:
     """Is informed of what arrives."""
 
@@ -569,7 +565,7 @@ cdef class InboxBase(ReadHook):
     def fill(self, Engine buffer):
         """Insert from now on into this buffer, which is not kept alive; None: into none."""
         cdef Parcels parcels
-        cdef Copying copying = None
+        cdef Tap tap = None if buffer is None else buffer._tap
         if buffer is not None and self.state.engine == <void*>buffer:
             return
         reference = None if buffer is None else weakref.ref(buffer)
@@ -577,15 +573,14 @@ cdef class InboxBase(ReadHook):
         engine = self._engine()
         if engine is not None:
             (<Engine>engine).remove_inbox(self)
-        if buffer is not None and isinstance(buffer._tap, Copying):
-            copying = buffer._tap
-            self._used.add(copying)
+        if tap is not None:
+            self._used.add(tap)
         self._reference = reference
         lock_acquire(&self.state.drain.lock)
         _await_insert(&self.state)
         _take_reports(&self.state, &parcels)
         self.state.engine = <void*>buffer if buffer is not None else NULL
-        self.state.copier = NULL if copying is None else &copying.copier
+        self.state.tap = NULL if tap is None else <void*>tap
         lock_release(&self.state.drain.lock)
         if buffer is not None:
             buffer.add_inbox(self)

@@ -214,17 +214,6 @@ cdef void _share(Writing* writing, const Batch* batch, const char* name, size_t 
         is_behind = batch != NULL and start < batch.count
 
 
-cdef void _copy(Copier* copier, const Batch* batch) noexcept nogil:
-    _share(<Writing*>copier.data, batch, NULL, 0)
-
-
-cdef bint _is_wanted(Copier* copier) noexcept nogil:
-    # A reader may have written anything there.
-    cdef int64_t left_ns = <int64_t>(
-        load64(&(<Writing*>copier.data).head.wanted_until_ns) - <uint64_t>monotonic_ns())
-    return 0 < left_ns <= WANTED_NS
-
-
 cdef void _close(void* data) noexcept nogil:
     # Also in a forked child: the parent remains the owner, because its descriptor has the lock, too.
     cdef Writing* writing = <Writing*>data
@@ -234,7 +223,7 @@ cdef void _close(void* data) noexcept nogil:
 
 
 @cython.no_gc_clear
-cdef class RingWriter(Copying):
+cdef class RingWriter(Tap):
     """
     Copies what a buffer receives, and what its program inserts, into a new file.
 
@@ -255,9 +244,6 @@ cdef class RingWriter(Copying):
         self._writing.forked.in_child = _close
         self._writing.forked.owner = <void*>&self._writing
         fork_watch(&self._writing.forked, &self._writing.lock)
-        self.copier.data = &self._writing
-        self.copier.copy = _copy
-        self.copier.is_wanted = _is_wanted
 
     def __init__(self, int descriptor, uint64_t size, Engine buffer not None):
         cdef Writing* writing = &self._writing
@@ -320,8 +306,14 @@ cdef class RingWriter(Copying):
         """How many transforms have names that are too long to be shared."""
         return self._writing.too_long
 
-    cdef void inserting(self, const Batch* batch) noexcept:
+    cdef void copy(self, const Batch* batch) noexcept nogil:
         _share(&self._writing, batch, NULL, 0)
 
     cdef void removed(self, const char* name, size_t size) noexcept:
         _share(&self._writing, NULL, name, size)
+
+    cdef bint is_wanted(self) noexcept nogil:
+        # A reader may have written anything there.
+        cdef int64_t left_ns = <int64_t>(
+            load64(&self._writing.head.wanted_until_ns) - <uint64_t>monotonic_ns())
+        return 0 < left_ns <= WANTED_NS

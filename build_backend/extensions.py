@@ -16,8 +16,6 @@ from . import environment, layout, record
 COMPILE_ARGS = ["-O3", "-ffp-contract=off", "-fno-math-errno"]
 # Python's flags add debug information, which would be three quarters of the installed size.
 NO_DEBUG_ARGS = ["-g0"]
-# Its C code needs Linux: shared memory and futexes.
-OF_LINUX = "tf2_ros._shared"
 DIRECTIVES = {
     "language_level": 3,
     "boundscheck": False,
@@ -30,8 +28,8 @@ DIRECTIVES = {
 }
 
 
-def cython_extensions(root, packages):
-    """One extension for each ``.pyx`` of the packages, which may have none."""
+def cython_extensions(root, packages, platform=sys.platform):
+    """One extension for each ``.pyx`` of the packages, which may have none, and of which some need Linux."""
     return [
         Extension(
             f"{package}.{path.stem}",
@@ -42,8 +40,13 @@ def cython_extensions(root, packages):
         )
         for package in packages
         for path in sorted(Path(root, *package.split(".")).glob("*.pyx"))
-        if sys.platform == "linux" or package != OF_LINUX
+        if platform == "linux" or not _needs_linux(path.parent)
     ]
+
+
+def _needs_linux(folder):
+    """Whether C code of a package includes headers of Linux."""
+    return any("#include <linux/" in path.read_text(encoding="utf-8") for path in folder.glob("*.p[xy][dx]"))
 
 
 class BuildExtensions(build_ext):

@@ -168,9 +168,8 @@ def build(name, tools, *options):
     """
     checkout = FOLDER / name / "checkout"
     _copy_sources(checkout)
-    modules = extensions.cython_extensions(ROOT, find_packages(str(ROOT), include=PACKAGES))
-    if name.startswith("macos"):
-        modules = [one for one in modules if not one.name.startswith(f"{extensions.OF_LINUX}.")]
+    packages = find_packages(str(ROOT), include=PACKAGES)
+    modules = extensions.cython_extensions(ROOT, packages, "darwin" if name.startswith("macos") else "linux")
     sources = {one.name: _generate(one) for one in modules}
     [of_numpy] = tools.site.glob("numpy/_core/include")
     command = [*tools.compiler, *extensions.COMPILE_ARGS, *extensions.NO_DEBUG_ARGS, "-DNDEBUG", "-fPIC"]

@@ -3,14 +3,13 @@ The background threads of a process.
 
 | thread | started by | woken by | ends |
 |---|---|---|---|
-| receiver | the first listener or attached buffer | arrivals, see ``inbox.pyx`` | at exit |
+| receiver | the first inbox | arrivals, see ``inbox.pyx`` | at exit |
 | reports | the same, or what is checked regularly | inboxes with something to report | at exit |
 | deadlines | the first timeout | an earlier deadline | one second after the last |
-| ring | an attached buffer | see ``RingReader`` in ``reader.pyx`` | with the attachment |
 
 All are daemons, so that the interpreter does not wait for them before it runs the exit handlers. A forked
 child has none of them, and starts its own at their first use; what its parent's inboxes were doing is lost
-there. The threads that spin nodes are in ``_nodes``.
+there. The threads that spin nodes are in ``_nodes``; one that polls the source of an inbox is the owner's.
 """
 
 import atexit
@@ -19,6 +18,7 @@ import os
 import threading
 import time
 from _thread import start_new_thread
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -26,6 +26,7 @@ from typing import Any
 from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import INBOXES
+from tf2_ros_cython.output import counted
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
@@ -75,6 +76,7 @@ def _run_once(name: str, target: Callable[..., object], *arguments: object) -> N
 _WHERE = "In the thread that reports"
 
 # Each decides when an inbox, its attribute ``inbox``, begins and ends, and has a method ``stop``, for good.
+# Its ``kind`` is what a forked child calls it in a warning.
 _owners: LiveObjects[Any] = LiveObjects()
 _checked: LiveObjects[Any] = LiveObjects()  # the method ``_tf2_check`` of each is called regularly
 _checked_at = 0.0
@@ -132,14 +134,15 @@ def _stop_all() -> None:
 def _after_fork_in_child() -> None:
     INBOXES.begin_anew()
     _threads.clear()
-    lost = sum([owner.inbox.leave_to_parent() for owner in _owners])
+    lost = Counter([owner.kind for owner in _owners if owner.inbox.leave_to_parent()])
     _owners.clear()
     _checked.clear()
     if lost:
+        receivers = " and ".join(counted(count, kind) for kind, count in lost.items())
         # Not logged through ROS, whose locks another thread may have held.
         logging.getLogger("tf2_ros").warning(
-            f"Process {os.getpid()} was forked from one with {lost} listener(s) or attached buffer(s), which "
-            "receive nothing here. Spawn the process instead of forking it, and make its own listeners."
+            f"Process {os.getpid()} was forked from one with {receivers}. What it has inherited receives "
+            "nothing: spawn the process instead of forking it, and make its own listeners."
         )
 
 

@@ -13,7 +13,7 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._arguments import require_callable
 from tf2_ros._messages import TransformStamped
-from tf2_ros._shared.naming import buffer_name, require_support
+from tf2_ros._shared.naming import buffer_name, is_wanted, require_support
 from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.endings import ChangeSubscription
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
@@ -192,6 +192,14 @@ class Buffer(BufferCore, BufferInterface):
         # Made at its first use, because a subclass need not call __init__.
         kept: dict[Any, None] = self.__dict__.setdefault("_tf2_kept", {})
         return kept
+
+    def _tf2_receive_for(self, listener: Any, unusual: str) -> bool:
+        """Whether a listener has another source than subscriptions from now on, see ``attach_listener``."""
+        if self._tf2_attachment is None and not is_wanted():
+            return False
+        from tf2_ros._shared.attachment import attach_listener
+
+        return attach_listener(listener, unusual)
 
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)

@@ -32,8 +32,14 @@ from tf2_ros._rclpy import (
     subscribe_in_loop,
 )
 from tf2_ros._receive.inbox import AUTHORITY
-from tf2_ros._receive.receiver import ListenerGroup, Listening, Receiver, Topic, note_listener
-from tf2_ros._shared.naming import is_wanted
+from tf2_ros._receive.receiver import (
+    ListenerGroup,
+    Listening,
+    Receiver,
+    Topic,
+    describe_topics,
+    note_listener,
+)
 from tf2_ros._wait.runners import completions_of
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
@@ -187,7 +193,7 @@ class TransformListener:
             if is_node(self.node):
                 listening.completions = completions_of(self.node)
             given = [one for one in (qos, static_qos, recording) if one is not None]
-            if not self.__attach(bool(static_only or prefix or given)):
+            if not self.__is_received_elsewhere(bool(static_only or prefix or given)):
                 self._tf2_listen_itself()
             note_listener(self)
             if spin_thread or listening.owns_node:
@@ -205,10 +211,7 @@ class TransformListener:
     def buffer(self, buffer: TransformSink) -> None:
         listening = self._tf2_listening
         refuse_inherited(self, listening.process)
-        changed = listening.buffer is not buffer
         listening.buffer = buffer
-        if changed and (attachment := listening.attachment) is not None:
-            attachment.leave(self, "this program gives the listener another buffer")
         if listening.receiver is not None:
             listening.receiver.redirect(self.__direct_buffer())
         note_listener(self)
@@ -221,11 +224,8 @@ class TransformListener:
         The executor that spins the node inserts the transforms of other topics. Empty after the end of the
         listener, and in a forked child.
         """
-        listening = self._tf2_listening
-        topics = () if listening.receiver is None else listening.receiver.topics
-        if (attachment := listening.attachment) is not None and attachment.is_attached:
-            topics = listening.topics
-        return tuple(topic.name for topic in topics)
+        receiver = self._tf2_listening.receiver
+        return () if receiver is None else tuple(topic.name for topic in receiver.topics)
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""
@@ -250,8 +250,8 @@ class TransformListener:
         listening = self._tf2_listening
         if is_inherited(listening.process):
             return  # it belongs to the parent
-        if (attachment := listening.attachment) is not None:
-            attachment.remove(self)
+        if (receiver := listening.receiver) is not None:
+            receiver.listener_ended()
         if listening.spinner is not None and ends_thread:
             listening.spinner.stop(wait=waits)
         if not listening.owns_node:
@@ -273,12 +273,9 @@ class TransformListener:
         name = class_name(type(self))
         if is_inherited(listening.process):
             return f"<{name}: {FORKED}>"
-        if (attachment := listening.attachment) is not None:
-            return f"<{name} of {attachment.describe()}>"
-        if listening.receiver is not None:
-            listening.receiver.inbox.catch_up()
-        topics = [topic.describe() for topic in listening.topics if topic.subscription is not None]
-        return f"<{name} of {'; '.join(topics)}>" if topics else f"<{name} without subscriptions of rclpy's>"
+        receiver = listening.receiver
+        origin = describe_topics(listening.topics) if receiver is None else receiver.describe()
+        return f"<{name} of {origin}>" if origin else f"<{name} without subscriptions of rclpy's>"
 
     def callback(self, data: TFMessage) -> None:
         """Insert the transforms of a message into the buffer; a subclass may do something else."""
@@ -310,20 +307,17 @@ class TransformListener:
         )
         return buffer if is_direct else None
 
-    def __attach(self, has_options: bool) -> bool:
-        """Let another process receive, if the buffer is attached or the environment asks; whether it does."""
+    def __is_received_elsewhere(self, has_options: bool) -> bool:
+        """Ask the buffer whether it has another source, which replaces the subscriptions."""
         buffer = self._tf2_listening.buffer
-        if isinstance(buffer, Buffer) and (buffer._tf2_attachment is not None or is_wanted()):
-            # Few programs share a buffer; only they load this.
-            from tf2_ros._shared.attachment import attach_listener
-
-            unusual = ""
-            if has_options:
-                unusual = "it has a QoS profile, a prefix or a recording, or receives static transforms only"
-            elif self.__direct_buffer() is None:
-                unusual = "code of this program handles what is received or inserted"
-            return attach_listener(self, unusual)
-        return False
+        if not isinstance(buffer, Buffer):
+            return False
+        unusual = ""
+        if has_options:
+            unusual = "it has a QoS profile, a prefix or a recording, or receives static transforms only"
+        elif self.__direct_buffer() is None:
+            unusual = "code of this program handles what is received or inserted"
+        return buffer._tf2_receive_for(self, unusual)
 
     def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""

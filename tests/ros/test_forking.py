@@ -3,6 +3,7 @@
 import asyncio
 import gc
 import json
+import re
 import sys
 
 import pytest
@@ -54,15 +55,20 @@ def test_no_first_use_of_a_buffer_imports_anything():
 
 
 def test_a_child_says_that_its_listeners_receive_nothing(tf2_ros, node, buffer, caplog):
+    owner = tf2_ros.Buffer(share=new_name())
+    attached = tf2_ros.Buffer(attach=owner._tf2_sharing.name)
     with tf2_ros.TransformListener(buffer, node) as listener:
 
         def look():
-            assert caplog.text.count("which receive nothing here") == 1
+            assert not attached._tf2_attachment.is_attached
+            [found] = re.findall("forked from one with (.*). What it has inherited receives no", caplog.text)
+            assert re.fullmatch(r"\d+ attached buffers? and \d+ listeners?", found)
             assert listener.receives == ()
 
         assert in_a_child(look) == 0
         assert listener.receives
     assert caplog.text == ""
+    owner._tf2_sharing.close()
 
 
 # What a child inherits. `uses` raise there; `ends` do nothing, and all of it goes on in the parent.

@@ -23,7 +23,7 @@ REFUSALS = (
     ("TF_OLD_DATA", "old_data", "the stamp is more than cache_time older than the frame's newest stamp"),
     ("TF_STAMP_TOO_LATE", "stamp_too_late", "the stamp is beyond what a message can carry"),
     ("TF_TOO_MANY_FRAMES", "too_many_frames", "the buffer has max_frames frames already"),
-    ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would exceed max_bytes, or shared memory is full"),
+    ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would exceed max_bytes"),
 )
 OLD_DATA = 1 << 8
 

@@ -175,6 +175,8 @@ class Receiver:
     child it is dead. The listener and the subscriptions keep it alive, and the buffer does not.
     """
 
+    kind = "listener"
+
     def __init__(self, listener: Any, completions: Any, buffer: BufferCore | None) -> None:
         self._group: ListenerGroup = listener.group
         self._context = listener.node.context
@@ -182,7 +184,7 @@ class Receiver:
         self._process = os.getpid()
         # The destroyed ones remain hidden: an executor that has just met the event handler of one, and may
         # wait for it, raises InvalidHandle.
-        self._taken = self._group.hidden = listener._tf2_listening.topics  # never changed themselves
+        self._topics = self._taken = self._group.hidden = listener._tf2_listening.topics  # never changed
         self._group.hides_all = False
         clock: Any = getattr(listener.buffer, "clock", None)
         handle = clock.handle if is_ros_clock(clock) else None
@@ -223,6 +225,14 @@ class Receiver:
             self._leave_to_executors()
         elif self._taken:
             self.inbox.fill(buffer)
+
+    def describe(self) -> str:
+        """Describe the topics, after what has arrived is inserted."""
+        self.inbox.catch_up()
+        return describe_topics(self._topics)
+
+    def listener_ended(self) -> None:
+        """Do nothing: without its subscriptions, this ends."""
 
     def leave_sets(self) -> None:
         """Leave the messages to rclpy's ``EventsExecutor``, which has taken the node."""
@@ -275,7 +285,7 @@ class Receiver:
 
 class Listening:
     """
-    What belongs to a listener, for the modules that receive for it and share.
+    What belongs to a listener, for the modules that receive for it.
 
     Its fields have these values until the listener is made, and for good in a subclass that does not call
     ``__init__``.
@@ -290,11 +300,18 @@ class Listening:
         self.owns_node = False
         self.spinner: Any = None  # the thread that spins the node
         self.completions: Any = None  # of the node; None: that is of a program's own kind
-        self.receiver: Receiver | None = None
-        self.attachment: Any = None  # instead of subscriptions; another thread may set this to None
+        # A Receiver, or what the buffer has in place of one, with the methods that the listener calls.
+        # Another thread may replace it.
+        self.receiver: Any = None
 
 
 _listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener
+_informed: LiveObjects[Any] = LiveObjects()
+
+
+def inform_of_listeners(informed: Any) -> None:
+    """Call ``_tf2_check()`` of an object whenever a listener fills a buffer that it did not fill before."""
+    _informed.add(informed)
 
 
 def note_listener(listener: Any) -> None:
@@ -305,15 +322,19 @@ def note_listener(listener: Any) -> None:
     note_filler(getattr(listener, "node", None), buffer, listener._tf2_listening.completions)
     if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
         BufferCore._ask_for_silence(buffer, _silence)
-    sharing = getattr(buffer, "_tf2_sharing", None)
-    if sharing is not None:
-        sharing._tf2_check()  # readers learn at once that a listener fills it
+    for informed in _informed:
+        informed._tf2_check()
 
 
 def open_topics(buffer: object) -> list[Topic]:
     """The topics on which the listeners of a buffer can receive anything."""
     listeners = [one for one in _listeners if getattr(one, "buffer", None) is buffer]
     return [topic for listener in listeners for topic in listener._tf2_listening.topics if topic.is_open()]
+
+
+def describe_topics(topics: Sequence[Topic]) -> str:
+    """Describe the topics with a subscription of rclpy's."""
+    return "; ".join([topic.describe() for topic in topics if topic.subscription is not None])
 
 
 def _silence(buffer: object) -> tuple[str, str]:

@@ -4,6 +4,7 @@ import os
 import threading
 import time
 import weakref
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -15,7 +16,7 @@ from tf2_ros._nodes import node_has_ended
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import is_node, is_simulated
 from tf2_ros._receive.inbox import Watching
-from tf2_ros._receive.receiver import LOSS_WARNING_S
+from tf2_ros._receive.receiver import LOSS_WARNING_S, Topic
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import PolledInbox, RingReader
@@ -53,14 +54,16 @@ class Attachment:
     another attachment, to the next owner of the name.
     """
 
+    kind = "attached buffer"
+
     def __init__(self, buffer: Any, name: str, reader: RingReader) -> None:
         self.name, self.reader = name, reader
         self.owner = read_description(reader.descriptor).process
         self._cache_time_s = buffer.cache_time_ns / 1e9
         self._warned_of = 0  # overruns
         self._warned_at = -LOSS_WARNING_S
-        self._listeners: dict[int, Any] = {}  # kept alive, as by subscriptions; by their ids
-        reference = self._buffer = weakref.ref(buffer)
+        self.listeners: dict[int, AttachedListener] = {}  # by the ids of the listeners
+        reference = self.buffer = weakref.ref(buffer)
         self._process = os.getpid()
         self._has_ended = False
         # No method of this, which would keep it alive.
@@ -84,7 +87,7 @@ class Attachment:
 
     def _tf2_check(self) -> None:
         """Find out whether the owner has ended; if so, replace it."""
-        buffer = self._buffer()
+        buffer = self.buffer()
         if buffer is None:
             self.close()
             return
@@ -92,7 +95,7 @@ class Attachment:
         if not self._has_ended:
             if not is_owned(self.reader.descriptor):
                 why = "no longer shares it"
-            elif self._listeners and read_description(self.reader.descriptor).domain is None:
+            elif self.listeners and read_description(self.reader.descriptor).domain is None:
                 why = "has no listener any more"
             else:
                 return
@@ -102,10 +105,10 @@ class Attachment:
         with LOCK:
             if buffer._tf2_attachment is not self:
                 return  # it was closed, or another thread was faster
-            if self._listeners:
+            if self.listeners:
                 buffer._tf2_attachment = None
-                for listener in list(self._listeners.values()):
-                    leave = partial(self.leave, listener, f"the shared buffer {self.name!r} has ended")
+                for attached in list(self.listeners.values()):
+                    leave = partial(attached.leave, f"the shared buffer {self.name!r} has ended")
                     call_logged(leave, "In a listener that subscribes")
             else:
                 try:
@@ -139,7 +142,7 @@ class Attachment:
         """Insert what has arrived, and receive nothing more; the buffer keeps what it holds."""
         if is_inherited(self._process):
             return
-        buffer = self._buffer()
+        buffer = self.buffer()
         with LOCK:
             if buffer is not None and buffer._tf2_attachment is self:
                 buffer._tf2_attachment = None
@@ -154,41 +157,73 @@ class Attachment:
         self._thread.join(THREAD_END_WAIT_S)
         self._has_ended = True
 
-    # What listeners have instead of subscriptions.
-
     def add(self, listener: Any) -> None:  # a TransformListener
-        """Replace the subscriptions of a listener of the buffer, and keep it alive, until :meth:`remove`."""
-        self._listeners[id(listener)] = listener
-        listener._tf2_listening.attachment = self
+        """Replace the subscriptions of a listener of the buffer."""
+        self.listeners[id(listener)] = AttachedListener(self, listener)
         runner = listener._tf2_listening.completions.runner
         if isinstance(runner, Watching):
             self.inbox.inform(runner)  # its executor returns from `spin_once` for what arrives
-
-    def remove(self, listener: Any) -> None:
-        """Undo :meth:`add`, if the listener is there."""
-        # Only then with the lock: a finalizer must not wait, and finds no listener here.
-        if id(listener) in self._listeners:
-            with LOCK:
-                listener._tf2_listening.attachment = None
-                self._listeners.pop(id(listener), None)
-
-    def leave(self, listener: Any, reason: str) -> None:
-        """Let a listener subscribe, for good."""
-        with LOCK:
-            if id(listener) not in self._listeners:
-                return
-            try:
-                if not node_has_ended(listener.node):
-                    _log(listener, f"subscribes on its own from now on: {reason}")
-                    listener._tf2_listen_itself()
-            finally:  # last: whoever ends the listener meanwhile, or gives it a buffer, waits
-                self.remove(listener)
 
     def describe(self) -> str:
         """Where transforms come from, and how often some were lost."""
         count, _ = self.overruns()
         lost = f", messages lost {counted(count, 'time')}" if count else ""
         return f"the shared buffer {self.name!r} of process {self.owner}{lost}"
+
+
+class AttachedListener:
+    """
+    What a listener of an attached buffer has in place of a ``Receiver``, until one of them ends.
+
+    It keeps the listener alive, as subscriptions do.
+    """
+
+    def __init__(self, attachment: Attachment, listener: Any) -> None:
+        self._attachment, self._listener = attachment, listener
+        listener._tf2_listening.receiver = self
+
+    @property
+    def topics(self) -> Sequence[Topic]:
+        """The topics whose messages arrive in the buffer."""
+        return self._listener._tf2_listening.topics if self._attachment.is_attached else ()
+
+    def describe(self) -> str:
+        """Where transforms come from, and how often some were lost."""
+        return self._attachment.describe()
+
+    def redirect(self, buffer: Any) -> None:
+        """Let the listener subscribe if the program has given it another buffer."""
+        listening = self._listener._tf2_listening
+        if listening.buffer is self._attachment.buffer():
+            return
+        self.leave("this program gives the listener another buffer")
+        if listening.receiver is not None:
+            listening.receiver.redirect(buffer)  # another thread may have made it for the buffer of before
+
+    def listener_ended(self) -> None:
+        """Let the listener end, which keeps what its buffer has."""
+        # Only then with the lock: a finalizer must not wait, and finds no listener here.
+        if id(self._listener) in self._attachment.listeners:
+            with LOCK:
+                self._remove()
+
+    def leave(self, reason: str) -> None:
+        """Let the listener subscribe, for good."""
+        listener = self._listener
+        with LOCK:
+            if id(listener) not in self._attachment.listeners:
+                return
+            try:
+                if not node_has_ended(listener.node):
+                    _log(listener, f"subscribes on its own from now on: {reason}")
+                    listener._tf2_listen_itself()
+            finally:  # last: whoever ends the listener meanwhile, or gives it a buffer, waits
+                self._remove()
+
+    def _remove(self) -> None:
+        if self._listener._tf2_listening.receiver is self:
+            self._listener._tf2_listening.receiver = None
+        self._attachment.listeners.pop(id(self._listener), None)
 
 
 def attach_listener(listener: Any, unusual: str) -> bool:

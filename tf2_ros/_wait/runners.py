@@ -154,7 +154,7 @@ class LoopRunner(Runner):
 
 
 class ThreadRunner(Runner):
-    """The thread that reports: for a buffer that another process fills, and no node of this one."""
+    """The thread that reports: for buffers without a node."""
 
     def __init__(self) -> None:
         self._wake = serve_in_reports(self.run)

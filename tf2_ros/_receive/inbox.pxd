@@ -53,14 +53,6 @@ cdef struct Parcels:
     size_t count
 
 
-cdef struct Watcher:
-    # An executor that is informed of what arrives. Called without the GIL, in any thread.
-    void* data                  # for these functions
-    void (*arrived)(void* data) noexcept nogil
-    # Whether it wants each message at once.
-    bint (*is_armed)(void* data) noexcept nogil
-
-
 cdef struct Drain:
     # What the inboxes of a process have in common: two threads, of which one drains and one reports.
     Lock lock                   # guards the two lists, and what the State of each inbox says
@@ -79,7 +71,7 @@ cdef struct State:
     uint32_t armed              # atomic: the engine wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
     uint32_t wants_each         # atomic: each message must be taken when it arrives
-    Watcher* watcher            # or NULL
+    void* watching              # a Watching that is informed; or NULL
     # Set once.
     Drain* drain
     void* inbox                 # the InboxBase
@@ -118,9 +110,12 @@ cdef class Inboxes:
 
 cdef class Watching:
     # All that this package knows of an executor.
-    cdef Watcher watcher        # used until this object is destroyed
     cdef object inboxes         # LiveObjects: those that inform this
     cdef readonly object receivers  # LiveObjects: those that leave their messages to an EventsExecutor
+    # Something has arrived. Called without the GIL, in any thread, as the next one.
+    cdef void arrived(self) noexcept nogil
+    # Whether it wants each message at once.
+    cdef bint is_armed(self) noexcept nogil
 
 
 cdef class Source:
@@ -153,7 +148,7 @@ cdef class InboxBase(ReadHook):
     cdef Recording _recording       # keeps the records
     cdef bytes _prefix
     cdef object _reference          # called, gives the engine or None
-    cdef set _used                  # keeps the watchers and taps that threads without the lock may use
+    cdef set _used                  # keeps what threads without the lock may use: a Watching, a Tap
     cdef object __weakref__
 
     # With the lock: does this much work, or a little more; returns whether more may be left.

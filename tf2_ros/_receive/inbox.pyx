@@ -82,7 +82,7 @@ cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
 cdef bint inbox_is_awaited(State* inbox) noexcept nogil:
     if word_load(&inbox.armed) or word_load(&inbox.wants_each):
         return True
-    if inbox.watcher != NULL and inbox.watcher.is_armed(inbox.watcher.data):
+    if inbox.watching != NULL and (<Watching>inbox.watching).is_armed():
         return True
     return inbox.tap != NULL and (<Tap>inbox.tap).is_wanted()
 
@@ -296,8 +296,8 @@ cdef void _insert_large(State* inbox) noexcept nogil:
         _report_later(inbox)
     if inbox.parcel != NULL:
         _shrink_parcel(inbox.parcel)
-    if inbox.watcher != NULL:
-        inbox.watcher.arrived(inbox.watcher.data)
+    if inbox.watching != NULL:
+        (<Watching>inbox.watching).arrived()
     event_set(&inbox.drain.work)        # the thread that drains may have passed over this inbox meanwhile
 
 
@@ -326,8 +326,8 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
         if inbox.has_large:
             break
     # Before `pending` is cleared: executors have then heard of all that a reader sees.
-    if work and inbox.watcher != NULL:
-        inbox.watcher.arrived(inbox.watcher.data)
+    if work and inbox.watching != NULL:
+        (<Watching>inbox.watching).arrived()
     return work >= most or inbox.has_large
 
 
@@ -475,6 +475,12 @@ cdef class Watching:
     def __cinit__(self, *_, **__):
         self.inboxes, self.receivers = LiveObjects(), LiveObjects()
 
+    cdef void arrived(self) noexcept nogil:
+        pass
+
+    cdef bint is_armed(self) noexcept nogil:
+        return False
+
 
 cdef class Source:
     """Where the messages of one inbox come from. An inbox keeps it, and ends before it does."""
@@ -556,7 +562,7 @@ cdef class InboxBase(ReadHook):
         self._used.add(watching)
         watching.inboxes.add(self)
         lock_acquire(&self.state.drain.lock)
-        self.state.watcher = &watching.watcher
+        self.state.watching = <void*>watching
         lock_release(&self.state.drain.lock)
 
     cdef object _engine(self):

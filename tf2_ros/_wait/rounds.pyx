@@ -59,25 +59,6 @@ cdef struct ExecutorState:
     const rcl_guard_condition_t* guard  # wakes it
 
 
-cdef void executor_arrived(void* data) noexcept nogil:
-    # A message has arrived. Wakes an executor that sleeps between rounds of user code, or whose own loop is
-    # due for a round; otherwise it is cheap. From any thread, with or without the GIL.
-    cdef ExecutorState* state = <ExecutorState*>data
-    cdef int64_t wake_at_ns
-    store(&state.arrived, True)
-    wake_at_ns = load_ns(&state.wake_at_ns)
-    if wake_at_ns == NEVER or monotonic_ns() < wake_at_ns:
-        return
-    if exchange_ns(&state.wake_at_ns, NEVER) != NEVER:
-        store(&state.round_due, True)
-        _wake(state)
-
-
-cdef bint executor_is_armed(void* data) noexcept nogil:
-    # Whether an executor sleeps between rounds of user code, and must be informed of arrivals at once.
-    return load_ns(&(<ExecutorState*>data).wake_at_ns) == AT_ONCE
-
-
 cdef void _wake(ExecutorState* state) noexcept nogil:
     if rcl_trigger_guard_condition(<rcl_guard_condition_t*>state.guard) != RCL_RET_OK:
         rcutils_reset_error()
@@ -96,8 +77,6 @@ cdef class ExecutorRounds(Watching):
     cdef readonly bint in_sets  # no executor has had the node that does not wait for sets
 
     def __cinit__(self, *_, **__):
-        self.watcher.data = &self.state
-        self.watcher.arrived, self.watcher.is_armed = executor_arrived, executor_is_armed
         self.in_sets, self.calls = True, ()
 
     def set_up(self, guard):
@@ -110,6 +89,22 @@ cdef class ExecutorRounds(Watching):
         self._handle = guard
         if problem() is None:
             self.state.guard = <const rcl_guard_condition_t*><uintptr_t>guard.pointer
+
+    cdef void arrived(self) noexcept nogil:
+        # Wakes an executor that sleeps between rounds of user code, or whose own loop is due for a round;
+        # otherwise it is cheap.
+        cdef int64_t wake_at_ns
+        store(&self.state.arrived, True)
+        wake_at_ns = load_ns(&self.state.wake_at_ns)
+        if wake_at_ns == NEVER or monotonic_ns() < wake_at_ns:
+            return
+        if exchange_ns(&self.state.wake_at_ns, NEVER) != NEVER:
+            store(&self.state.round_due, True)
+            _wake(&self.state)
+
+    cdef bint is_armed(self) noexcept nogil:
+        # It sleeps between rounds of user code.
+        return load_ns(&self.state.wake_at_ns) == AT_ONCE
 
     def __enter__(self):
         """Do nothing, because the guard condition exists as long as this object."""

@@ -2,8 +2,9 @@
 Keep what has arrived for a buffer until somebody reads it.
 
 An inbox takes messages from its `Source`, such as the subscriptions of a listener (`subscriptions`); the
-declaration of `Source` says what a source has to do. Its owner decides when it begins and ends. Everything goes one way: the source fills a `Parcel`, and the inbox parses,
-prefixes, records, copies and inserts it. Every read of the buffer takes the messages (`drain`). So does one
+declaration of `Source` says what a source has to do. Its owner decides when it begins and ends. Everything
+goes one way: the source fills a `Parcel`, and the inbox parses, prefixes, records, copies and inserts it.
+Every read of the buffer takes the messages (`drain`). So does one
 thread of the process: as soon as many messages wait, at most ROUND_NS after the first one, and at once while
 something waits for a transform, or while the buffer is read more often than the thread has rounds, so that
 such a reader finds everything inserted. Log lines, the completion of waits and everything else that follows
@@ -690,7 +691,7 @@ cdef class InboxBase(ReadHook):
 @cython.final
 @cython.no_gc_clear
 cdef class Inbox(InboxBase):
-    """Keeps what has arrived for a buffer until the buffer is read, or until the thread that drains takes it."""
+    """Keeps what has arrived for a buffer until the buffer is read, or the thread that drains takes it."""
 
     def __cinit__(self, *_, **__):
         cdef Drain* drain = &self._inboxes.drain

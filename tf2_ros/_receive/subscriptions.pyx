@@ -283,7 +283,8 @@ cdef class Subscriptions(Source):
                     return True
                 if topic.has_more:
                     # After an error, such as a lack of memory for one message, others may wait, and nothing
-                    # reports them again. The next round tries, and not this thread at once: the error may last.
+                    # reports them again. The next round tries, and not this thread at once, because the error
+                    # may last.
                     word_store(&topic.inbox.pending, 1)
                 else:
                     _found_empty(topic)

@@ -88,8 +88,8 @@ def sample_times(cloud, times, bint needs_point=True):
         numbers = <double*>cnp.PyArray_DATA(sample)
         with nogil:
             for row in range(grid.rows if grid.columns > 0 else 0):
-                count += _sample_row(<const char*>source.buf + row * grid.row_step, &grid, &field, needs_point,
-                                     numbers + count)
+                count += _sample_row(<const char*>source.buf + row * grid.row_step, &grid, &field,
+                                     needs_point, numbers + count)
     finally:
         PyBuffer_Release(&source)
     return sample[:count]

@@ -398,7 +398,7 @@ cdef class BufferCore(Engine):
             text names the file, and the frame and sample where possible.
         """
         opened = _without_init(cls)
-        opened.__setstate__(frozen_file.state_to_open(os.fspath(path), copy))
+        opened.__setstate__(frozen_file.state_to_open(os.fspath(path), bool(copy)))
         return opened
 
     # Looking transforms up.

@@ -218,18 +218,23 @@ class Buffer(BufferCore, BufferInterface):
     def __getstate__(self) -> dict[str, Any]:
         """
         Return what a pickle or copy is made of: see ``BufferCore``, but without what belongs to a node. The
-        copy has its own clock, and no service.
+        copy has its own clock, unless this has none, and no service.
         """
         state = super().__getstate__()
         attributes = state["attributes"]
         state["attributes"] = {name: value for name, value in attributes.items() if name not in _OF_INIT}
+        if attributes.get("clock", self) is None:
+            state["attributes"]["clock"] = None
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Replace the contents by a state, see ``BufferCore``; this buffer keeps its node."""
         super().__setstate__(state)
         if "registration" not in self.__dict__:
+            has_clock = self.__dict__.get("clock", self) is not None
             self.__connect(None)
+            if not has_clock:
+                self.clock = None
 
     def __del__(self) -> None:
         """Do nothing: what follows the clock ends by itself. Subclasses call this, as in tf2."""

@@ -94,8 +94,8 @@ def deskew(
     :param fixed_frame: a frame that does not move, such as ``odom``, if ``target_frame`` itself moves, such
         as the frame of the robot or the cloud's own: the points are transformed into the target frame at
         ``target_time``.
-    :param target_time: only with ``fixed_frame``; 0: the latest common time of both frames. None: the stamp
-        of the cloud.
+    :param target_time: only with ``fixed_frame``; 0: the latest common time of both frames, as soon as they
+        have one. None: the stamp of the cloud.
     :param times: the time of each point, row by row, as for ``buffer.lookup_transforms``, instead of a field;
         0 is the time 0, not the latest.
     :param time_unit: what a 1 in the field means, if it is another unit: 1e-6 for microseconds; the duration
@@ -135,14 +135,14 @@ def deskew(
         raise TypeError("time_unit is the unit of a field: pass it or times")
     source_frame = frame_of(cloud.header, prefix)
     stamp_ns = new_ns = time_ns(cloud.header.stamp, "header.stamp")
+    until_ns = time.monotonic_ns() + _timeout_ns(buffer, timeout)
     fixed: dict[str, Any] = {}
     if fixed_frame is not None:
-        new_ns = _target_ns(buffer, target_frame, fixed_frame, target_time, stamp_ns)
+        new_ns = _target_ns(buffer, target_frame, fixed_frame, target_time, stamp_ns, until_ns)
         fixed = {"fixed_frame": fixed_frame, "target_time": new_ns or NOT_LATEST_NS}
     policy = {"tolerance": tolerance, "extrapolate": extrapolate, "max_gap": max_gap}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
     sweep = _read_sweep(cloud, stamp_ns, times, time_unit)
-    until_ns = time.monotonic_ns() + _timeout_ns(buffer, timeout)
     _wait(motion, sweep.last, until_ns)
     stored = None
     if sweep.field is not None and fixed:
@@ -278,12 +278,21 @@ def _require_likely(field: TimeField, lowest: float, highest: float, stamp_ns: i
 
 
 def _target_ns(
-    buffer: BufferCore, target_frame: str, fixed_frame: str, target_time: "TimeLike | None", stamp_ns: int
+    buffer: Any,
+    target_frame: str,
+    fixed_frame: str,
+    target_time: "TimeLike | None",
+    stamp_ns: int,
+    until_ns: int,
 ) -> int:
     target_ns = stamp_ns if target_time is None else time_ns(target_time, "target_time")
     if target_time is not None and target_ns == 0:
+        timeout = (until_ns - time.monotonic_ns()) / S
+        if timeout > 0:
+            with contextlib.suppress(TransformException):
+                buffer.lookup_transform(target_frame, fixed_frame, 0, timeout)
         target_ns = buffer.get_latest_common_time(target_frame, fixed_frame).nanoseconds
-    return target_ns or stamp_ns
+    return int(target_ns or stamp_ns)
 
 
 def _may_rest(poses: Poses) -> bool:

@@ -6,6 +6,7 @@ import threading
 import numpy as np
 import pytest
 from making import S, about_z, at_ns, stamp_ns, transform
+from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
@@ -923,6 +924,22 @@ def test_a_timeout_does_not_change_what_is_missing(on_missing):
         else:
             with pytest.raises(TransformException, match=r"^points\[2\], t = "):
                 deskew(cloud, buffer, "odom", timeout=timeout)
+
+
+def test_the_latest_common_time_is_waited_for(tf2_ros):
+    """The first transforms arrive during the call."""
+    buffer, cloud = tf2_ros.Buffer(Duration(seconds=100)), measured("ouster")[0]
+    both = [transform("odom", "lidar", ns=STAMP + ns, xyz=(ns / S, 0, 0)) for ns in (0, SWEEP)]
+
+    def fill():
+        until(lambda: buffer.statistics()["waiters"])
+        buffer.set_transforms(both, "x")
+
+    thread = threading.Thread(target=fill)
+    thread.start()
+    moved = deskew(cloud, buffer, "lidar", "odom", 0, timeout=DEADLINE_S)
+    thread.join()
+    assert moved == deskew(cloud, buffer, "lidar", "odom", at_ns(STAMP + SWEEP))
 
 
 def test_the_timeout_is_that_of_the_whole_call(monkeypatch):

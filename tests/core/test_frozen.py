@@ -374,6 +374,10 @@ def test_what_is_not_a_file_is_refused(buffer, tmp_path):
     for path in (tmp_path, tmp_path / "pipe", tmp_path / "empty"):
         with pytest.raises(ValueError, match="it is not a frozen buffer"):
             BufferCore.open(path)
+    buffer.freeze(tmp_path / "a.tf2")
+    for is_copy in (1, np.bool_(True), None):
+        opened = BufferCore.open(tmp_path / "a.tf2", copy=is_copy)
+        assert opened.frames() == BufferCore.open(tmp_path / "a.tf2").frames()
     for path in (5, None):
         with pytest.raises(TypeError, match="os.PathLike"):
             BufferCore.open(path)

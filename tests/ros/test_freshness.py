@@ -2,6 +2,7 @@
 
 import asyncio
 import copy
+import pickle
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -435,10 +436,14 @@ def test_simulated_time_that_begins_late(tf2_ros, node):
     with pytest.raises(tf2_ros.ExtrapolationException, match="has no known age: .* has not begun"):
         buffer.lookup_transform("map", "base", LATEST, max_age=1)
     waiting = buffer.wait_for_transform_async("map", "base", LATEST, max_age=1)
-    simulate(node, seconds=100)
-    assert buffer.lookup_transform("map", "base", LATEST, max_age=1)
-    insert(buffer, "map", "base", 100.5)
-    assert waiting.done()
+    with ThreadPoolExecutor() as pool:
+        blocked = pool.submit(buffer.lookup_transform, "map", "base", LATEST, 10 * DEADLINE_S, max_age=1)
+        awaited = pool.submit(asyncio.run, buffer.lookup_transform_async("map", "base", LATEST, max_age=1))
+        until(lambda: buffer.statistics()["waiters"] == 3)
+        simulate(node, seconds=100)
+        assert buffer.lookup_transform("map", "base", LATEST, max_age=1)
+        until(waiting.done)  # without another insert
+        assert waiting.result() == blocked.result(DEADLINE_S) == awaited.result(DEADLINE_S)
 
 
 def test_simulated_time_that_is_switched_while_something_waits(tf2_ros, node):
@@ -608,6 +613,10 @@ def test_what_has_no_clock_says_so(tf2_ros):
     ):
         with pytest.raises(ValueError, match="this buffer has no clock, which ages need"):
             call()
+    insert(without, "map", "base", 1)
+    for other in (copy.copy(without), copy.deepcopy(without), pickle.loads(pickle.dumps(without))):
+        with pytest.raises(ValueError, match="this buffer has no clock, which ages need"):
+            other.ages("map", "base")
     assert without.statistics()["waiters"] == 0
     assert buffer.lookup_transforms("map", "base", [2 * S], tolerance={"base": 1})
 

@@ -113,17 +113,17 @@ def test_a_removal_concerns_one_frame_or_all(source, inbox, buffer):
     assert not buffer.can_transform("map", "person", LATEST)
 
 
-def test_a_prefix_is_put_before_all_names(source, buffer):
-    inbox = Inbox(source, list, prefix="left/")
+def test_a_prefix_is_put_before_all_names(source, buffer, inboxes):
+    inbox = Inbox(source, list, prefix="left/", inboxes=inboxes)
     inbox.fill(buffer)
     source.put(serialised(transform("/map", "robot", 1)))
     assert buffer.can_transform("left/map", "left/robot", LATEST)
     inbox.close()
 
 
-def test_each_transform_is_recorded_with_its_sender_and_time(source, buffer):
+def test_each_transform_is_recorded_with_its_sender_and_time(source, buffer, inboxes):
     recording = Recording()
-    inbox = Inbox(source, list, recording)
+    inbox = Inbox(source, list, recording, inboxes=inboxes)
     inbox.fill(buffer)
     source.put(serialised(transform("map", "robot", 1), transform("map", "map", 2)), received_ns=7 * S)
     source.put(b"torn")
@@ -153,7 +153,9 @@ def test_what_was_put_while_there_was_no_buffer_goes_into_the_next_one(source, i
     assert not buffer.can_transform("map", "robot", LATEST)
 
 
-def test_an_interrupt_while_answers_are_handed_over_is_raised_after_the_last_one(source, buffer, tf2_ros):
+def test_an_interrupt_while_answers_are_handed_over_is_raised_after_the_last_one(
+    source, buffer, tf2_ros, inboxes
+):
     handed = []
 
     def hand_over(call):
@@ -161,7 +163,7 @@ def test_an_interrupt_while_answers_are_handed_over_is_raised_after_the_last_one
         if len(handed) == 1:
             signal.raise_signal(signal.SIGINT)
 
-    inbox = Inbox(source, hand_over)
+    inbox = Inbox(source, hand_over, inboxes=inboxes)
     inbox.fill(buffer)
     futures = [buffer.wait_for_transform_async("map", "robot", at(second)) for second in (1, 2)]
     for future in futures:

@@ -6,6 +6,8 @@ cdef int64_t PERIOD_NS = 1000000000
 
 # By how much the system's clock is set back where data that it has shown counts as old; see history_age.
 cdef int64_t STEP_BACK_NS = 1000000000
+# What counts as the time of a clock that has not begun.
+cdef int64_t NOT_BEGUN_NS = 1
 
 cdef enum:
     LINES_PER_SECOND = 20
@@ -504,7 +506,7 @@ cdef class Engine:
                 tree_overtake(&self._tree, reading.now_ns)
         self._clock = reading[0]
         # A clock that has not begun may begin at any time.
-        self._clock.now_ns = max(reading.now_ns, 1)
+        self._clock.now_ns = max(reading.now_ns, NOT_BEGUN_NS)
         lock_release(&self._lock)
         self._reads_clock = True
         return 0

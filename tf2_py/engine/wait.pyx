@@ -100,10 +100,15 @@ cdef class Wait(WaiterOwner):
         return is_filed and self._engine.remove_waiter(&self._waiter)
 
     @property
-    def judges_system_time(self):
-        """Whether it judges ages by the system's clock: then :meth:`take` must be called regularly."""
+    def must_be_tried(self):
+        """
+        Whether :meth:`take` must be called regularly.
+
+        It must if it judges ages by the system's clock, or by a simulated one that has not begun: nothing
+        reports that the first is set back, or that the second begins.
+        """
         return (self._policy is not None and self._policy.policy.judges_age
-                and self._engine._clock.is_system)
+                and (self._engine._clock.is_system or self._engine._clock.now_ns <= NOT_BEGUN_NS))
 
     def reason(self):
         """The exception that a lookup would raise now, or None."""

@@ -318,7 +318,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
             return
         if self.__timeout_ns is not None:
             deadlines.add(self.__begin_ns + self.__timeout_ns, self)
-        if wait.judges_system_time:
+        if wait.must_be_tried:
             self.__clock_check = _ClockCheck(self)
 
     def expire(self) -> None:

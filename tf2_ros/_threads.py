@@ -70,7 +70,11 @@ def _run_once(name: str, target: Callable[..., object], *arguments: object) -> N
     # Of several that were started, one runs.
     this = threading.current_thread()
     if _threads.setdefault(name, this) is this:
-        target(*arguments)
+        try:
+            target(*arguments)
+        except BaseException:
+            _threads.pop(name, None)  # the next use starts another one
+            raise
 
 
 _WHERE = "In the thread that reports"
@@ -107,7 +111,9 @@ def serve_in_reports(serve: Callable[[], object]) -> Callable[[], None]:
 def _report_and_check() -> None:
     while INBOXES.await_report():
         call_logged(INBOXES.report_next, _WHERE)
-        _check()  # a function of its own: variables of this loop would keep what is checked alive
+        call_logged(
+            _check, _WHERE
+        )  # a function of its own: variables of this loop would keep what is checked alive
 
 
 def _check() -> None:

@@ -16,10 +16,11 @@ from rclpy.time import Time
 from sharing import new_name
 from spinning import EXECUTOR, spinning
 
-from tf2_ros import MessageFilter
+from tf2_ros import MessageFilter, TimeoutException
 from tf2_ros._wait import completions
 from tf2_ros._wait.completions import Completions
-from tf2_ros._wait.runners import ExecutorRunner, completions_of
+from tf2_ros._wait.futures import WakingFuture
+from tf2_ros._wait.runners import ExecutorRunner, Runner, completions_of
 
 pytestmark = pytest.mark.ours
 
@@ -239,6 +240,25 @@ class TestEndOfTheNode:
 
 async def await_it(future):
     return await future
+
+
+def test_calls_are_dropped_also_if_their_runner_cannot_leave():
+    """An executor that is shut down meanwhile raises when it is left."""
+
+    class Stuck(Runner):
+        def wake(self):
+            """Never run anything."""
+
+        def leave(self):
+            raise RuntimeError("destroyed meanwhile")
+
+    queue, future = Completions(None, Stuck()), WakingFuture()
+    future.add_done_callback(print)
+    queue.put(future.end_or_queue("an answer"))
+    with pytest.raises(RuntimeError, match="destroyed meanwhile"):
+        queue.close("the node [/mine] was destroyed")
+    with pytest.raises(TimeoutException, match=r"dropped, because the node \[/mine\] was destroyed"):
+        future.result()
 
 
 class TestExecutors:

@@ -11,7 +11,7 @@ from functools import partial
 
 import pytest
 from making import at, stamp_ns, transform
-from processes import DEADLINE_S, start, until
+from processes import DEADLINE_S, errors_so_far, start, until
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
@@ -143,12 +143,31 @@ class TestTimeout:
         until(future.done)
         assert future.exception() is not None
 
+    def test_one_that_cannot_say_whether_it_is_over_ends_no_other(self, buffer, capfd):
+        """Nor do many, when ended ones are removed."""
+        from tf2_ros._wait.deadlines import deadlines
+
+        broken = [Broken() for _ in range(200)]
+        future = wait(buffer, timeout=SHORT)
+        for one in broken:
+            deadlines.add(0, one)
+        until(future.done)
+        assert future.exception() is not None
+        assert "ValueError: not known" in errors_so_far()
+
     def test_waits_that_ended_leave_nothing_until_their_deadline(self, buffer):
         from tf2_ros._wait.deadlines import deadlines
 
         for _ in range(5000):
             wait(buffer, timeout=Duration(seconds=3)).cancel()
         until(lambda: len(deadlines.entries) < 500)
+
+
+class Broken:
+    """What has a deadline, and fails."""
+
+    def over(self):
+        raise ValueError("not known")
 
 
 class Long:

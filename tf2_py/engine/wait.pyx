@@ -49,8 +49,6 @@ cdef class Wait(WaiterOwner):
                    object notify) except -1:
         cdef Status status
         cdef ClockReading reading
-        if notify is None and event_init(&self._woken) != 0:
-            raise MemoryError
         self._names, self._policy = names, policy
         self._notify = notify
         self._waiter.query = query[0]
@@ -58,6 +56,8 @@ cdef class Wait(WaiterOwner):
         self._waiter.woken = &self._woken if notify is None else NULL
         if policy is not None and policy.policy.judges_age:
             engine.read_clock(&self._waiter.query, &reading)
+        if notify is None and event_init(&self._woken) != 0:
+            raise MemoryError
         self._engine, self._is_filed = engine, True
         engine.add_waiter(&self._waiter, &status)
         if status.code == STATUS_OK:

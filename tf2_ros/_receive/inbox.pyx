@@ -81,11 +81,14 @@ cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
 
 
 cdef bint inbox_is_awaited(State* inbox) noexcept nogil:
+    # Read once, because both may change meanwhile; the inbox keeps the former ones.
+    cdef void* watching = inbox.watching
+    cdef void* tap = inbox.tap
     if word_load(&inbox.armed) or word_load(&inbox.wants_each):
         return True
-    if inbox.watching != NULL and (<Watching>inbox.watching).is_armed():
+    if watching != NULL and (<Watching>watching).is_armed():
         return True
-    return inbox.tap != NULL and (<Tap>inbox.tap).is_wanted()
+    return tap != NULL and (<Tap>tap).is_wanted()
 
 
 cdef bint _wants_all(State* inbox) noexcept nogil:
@@ -285,6 +288,7 @@ cdef void _insert_large(State* inbox) noexcept nogil:
     cdef Parcel* parcel = inbox.parcel
     cdef bint needs_report
     inbox.is_inserting = True
+    # Held before only by threads in `_await_insert`, which wait for nothing meanwhile.
     lock_acquire(&inbox.inserting)
     lock_release(&inbox.drain.lock)
     needs_report = _insert(inbox)

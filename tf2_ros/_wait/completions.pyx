@@ -108,8 +108,10 @@ cdef class Completions:
     def close(self, str why not None):
         """Drop the calls, now and from now on, and leave the node; may be called again."""
         self._why_closed = self._why_closed or why
-        self.runner.leave()
-        self.drop(self._why_closed)
+        try:
+            self.runner.leave()
+        finally:
+            self.drop(self._why_closed)
 
     def __del__(self):
         """Drop the calls, because the node was not destroyed, but collected."""

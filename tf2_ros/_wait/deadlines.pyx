@@ -14,6 +14,7 @@ import threading
 import weakref
 from heapq import heappop, heappush
 
+from tf2_py._internal import log
 from tf2_ros._threads import call_logged, start
 
 # How long a thread without work waits for more. In a busy program, starting a thread takes longer than most
@@ -107,8 +108,13 @@ cdef class Deadlines:
 
 
 cdef object _pending(tuple entry):
+    # One that cannot say whether it is over must not keep the others from their ends.
     wait = entry[2]()
-    return None if wait is None or wait.over() else wait
+    try:
+        return None if wait is None or wait.over() else wait
+    except Exception as error:
+        log.raised(error, "At a deadline")
+        return None
 
 
 # One for the whole process.

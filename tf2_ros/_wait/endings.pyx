@@ -6,6 +6,7 @@ Python. So nothing here needs a lock, and nothing has to be repeated after an in
 """
 
 import sys
+from functools import partial
 
 from tf2_py import BufferCore, TimeoutException
 from tf2_py._internal import log
@@ -226,6 +227,7 @@ cdef class ChangeSubscription(Ending):
     cdef object _buffer, _callback
     cdef tuple _frames
     cdef bint _is_running, _is_due
+    cdef unsigned long long _number     # of the present wait
 
     def __init__(self, buffer, target_frame, source_frame, callback):
         self._buffer, self._frames = buffer, (target_frame, source_frame)
@@ -248,16 +250,22 @@ cdef class ChangeSubscription(Ending):
                 self._wait_for_next()
             except BaseException as raised:     # there is no memory
                 errors.append(raised)
+                call_back(self._callback, (result,), 1, errors)
                 self.cancel()
-            call_back(self._callback, (result,), 1, errors)
+            if self.life != CANCELLED:          # else the program has cancelled meanwhile
+                call_back(self._callback, (result,), 1, errors)
             self._is_running = False
         if errors:
             raise errors[0]
 
+    def _answered(self, unsigned long long number, answer):
+        # The answer of a former wait, which another thread had begun to deliver, was taken from the wait.
+        return self.end_or_queue(answer) if number == self._number else None
+
     cdef int _wait_for_next(self) except -1:
-        self.wait = BufferCore._wait(
-            self._buffer, *self._frames, 0, notify=self.end_or_queue, after=self.wait
-        )
+        self._number += 1
+        notify = partial(self._answered, self._number)
+        self.wait = BufferCore._wait(self._buffer, *self._frames, 0, notify=notify, after=self.wait)
         answer = self.wait.take()
         if self.life >= DONE:
             self.wait = None    # another thread has cancelled this meanwhile

@@ -161,6 +161,11 @@ class _SleepingTask(Waker):
             return
         # An executor skips a task while another of its threads runs a step of it. That step may have decided
         # to sleep and not returned yet, and nothing reports its return.
+        #   in a step  tasks locked  now     later, too
+        #   no         no            resume  no
+        #   unknown    no            resume  yes, because it may have been skipped
+        #   yes        any           no      yes
+        #   any        yes           no      yes, because a signal handler must not wait for the lock
         in_step, is_locked = is_in_step(task), has_locked_tasks(executor)
         if in_step is not False or is_locked:
             deadlines.add(time.monotonic_ns() + STEP_CHECK_NS, self)

@@ -52,6 +52,12 @@ cdef int64_t IDLE_ROUND_NS = 1000000000     # where it has no tasks
 
 
 # Atomic: written by executors, with the GIL, and by threads without it. It exists as long as its object.
+#   the executor          wake_at_ns             an arrival
+#   runs callbacks        NEVER                  sets `arrived`
+#   sleeps in user code's
+#   call of it            AT_ONCE                sets `arrived` and `round_due`, and wakes it
+#   sleeps in its loop    when a round is due    sets `arrived`; from then on as above
+# The first arrival that wakes it resets `wake_at_ns` to NEVER. `is_ready` resets all three.
 cdef struct ExecutorState:
     int64_t wake_at_ns      # when an arrival wakes the executor; reset by the first one that does
     bint arrived            # something has arrived that no round of an executor has accounted for
@@ -134,7 +140,8 @@ cdef class ExecutorRounds(Watching):
             store_ns(&self.state.wake_at_ns, monotonic_ns() + <int64_t>period_ns)
         else:
             # User code called the executor, and continues when something has arrived since its last round.
-            # First armed, then checked; an arrival does this in the opposite order.
+            # This stores `wake_at_ns` and then loads `arrived`; an arrival stores `arrived` and then loads
+            # `wake_at_ns`. So at least one of them sees the other.
             store_ns(&self.state.wake_at_ns, AT_ONCE)
             for inbox in self.inboxes:
                 inbox.catch_up()    # this informs the state
@@ -147,8 +154,8 @@ cdef class ExecutorRounds(Watching):
     def is_ready(self, wait_set):
         """Whether something has arrived that the executor had to wake for, or a call must run."""
         if self._wait_set != <void*>wait_set:
-            # The node has moved to another executor, which must not miss anything. With Zenoh, what both
-            # wait for leaves the sets of both when one of them wakes.
+            # The node has moved to another executor, which must not miss anything: in rmw_zenoh, a guard
+            # condition in two sets leaves both when one of them wakes.
             self._have_prepared_again()
             return False
         self._wait_set = NULL

@@ -2,10 +2,12 @@
 
 import os
 import weakref
+from contextlib import suppress
 from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
@@ -98,8 +100,10 @@ class ExecutorRunner(ExecutorRounds, Runner, Waitable):
 
     def leave(self) -> None:
         node = self._node()
-        if node is not None and self in node.waitables:
-            node.remove_waitable(self)
+        # Another thread may shut the executor down, or remove it, at the same time.
+        with suppress(ValueError, AttributeError, InvalidHandle):
+            if node is not None and self in node.waitables:
+                node.remove_waitable(self)
 
     def why_late(self, name: str) -> str:
         return (

@@ -111,9 +111,8 @@ def serve_in_reports(serve: Callable[[], object]) -> Callable[[], None]:
 def _report_and_check() -> None:
     while INBOXES.await_report():
         call_logged(INBOXES.report_next, _WHERE)
-        call_logged(
-            _check, _WHERE
-        )  # a function of its own: variables of this loop would keep what is checked alive
+        # A function, because variables of this loop would keep alive what is checked.
+        call_logged(_check, _WHERE)
 
 
 def _check() -> None:

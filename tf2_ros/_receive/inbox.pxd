@@ -66,14 +66,14 @@ cdef struct Drain:
 
 # A large message, and who acts next:
 #   has_large  is_inserting  is_begun
-#   no         no            no          `next` may fill the parcel
-#   yes        no            no          the next thread that drains or reads inserts it; nothing else is taken
-#   yes        no            yes         likewise, and before the engine or the tap may change (`_await_insert`)
-#   yes        yes           any         one thread inserts it without the lock; the draining thread passes over
-#                                        the inbox, all others wait in `_await_insert`
+#   no         no            no        `next` may fill the parcel
+#   yes        no            no        the next thread that drains or reads inserts it; nothing else is taken
+#   yes        no            yes       likewise, and before engine or tap may change (`_await_insert`)
+#   yes        yes           any       one thread inserts it without the lock; the draining thread passes over
+#                                      the inbox, all others wait in `_await_insert`
 cdef struct State:
     # What is used without the GIL.
-    uint32_t pending            # atomic; 0: no message waits; BEING_INSERTED: none since a thread began to take
+    uint32_t pending            # atomic; 0: no message waits; BEING_INSERTED: none but those being taken
     uint32_t is_full            # atomic: so many messages wait that they must be taken
     uint32_t armed              # atomic: the engine wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
@@ -111,8 +111,8 @@ cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
 
 
 cdef class Inboxes:
-    # A thread that holds the lock of all inboxes takes at most one of an engine, of records, of a tap, or of the
-    # middleware; and `inserting` of an inbox, which nobody holds while waiting for anything.
+    # A thread that holds the lock of all inboxes takes at most one of an engine, of records, of a tap, or of
+    # the middleware; and `inserting` of an inbox, which nobody holds while waiting for anything.
     cdef Drain drain
 
 

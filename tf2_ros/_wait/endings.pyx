@@ -10,7 +10,6 @@ from functools import partial
 
 from tf2_py import BufferCore, TimeoutException
 from tf2_py._internal import log
-from tf2_ros._rclpy import wakes_executor
 
 cdef enum:
     TRIES = 10      # of a waker that a signal handler cuts short; a second signal is rare already
@@ -126,7 +125,11 @@ class Waker:
 
 cdef bint _only_wakes(callback) except -1:
     # Whether a done callback runs no user code: ours, or one by which an executor wakes itself.
-    return isinstance(callback, Waker) or wakes_executor(callback)
+    if isinstance(callback, Waker):
+        return True
+    # Not above: without ROS there are no futures, but subscriptions to changes.
+    from tf2_ros._rclpy import wakes_executor
+    return wakes_executor(callback)
 
 
 cdef class FutureEnding(Ending):

@@ -91,11 +91,12 @@ cdef struct QueryFrames:
 # frame stay at its newest sample, the oldest stamp of such samples.
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
                          int64_t* stamp_ns) noexcept nogil
-# The same in two steps: a bad status if a name is invalid or unknown; then without the names. The first one
-# also finds the frames of the policy's limits.
+# The same in three steps: a bad status if a name is invalid or unknown, and the frames of the policy's limits;
+# then an answer without the names; then the status of that under these limits.
 cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil
 cdef Status query_answer_between(const Tree* tree, const Query* query, const QueryFrames* frames,
                                  Transform* out, int64_t* stamp_ns) noexcept nogil
+cdef Status query_judge_limits(const Query* query, const QueryFrames* frames, Status answered) noexcept nogil
 # The ids of the target and the source; a bad status if one of the names is invalid or unknown.
 cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,
                              FrameId* source) noexcept nogil

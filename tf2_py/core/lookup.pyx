@@ -589,22 +589,23 @@ cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
     cdef Status status = query_find_frames(tree, query, &frames)
     if status.code != STATUS_OK:
         return status
+    if frames.bad_limit != UINT32_MAX:
+        return query_judge_limits(query, &frames, query_answer_between(tree, query, &frames, out, stamp_ns))
     return query_answer_between(tree, query, &frames, out, stamp_ns)
 
 
-cdef Status query_answer_between(const Tree* tree, const Query* query, const QueryFrames* frames,
-                                 Transform* out, int64_t* stamp_ns) noexcept nogil:
-    cdef Status status = _answer_between(tree, query, frames, out, stamp_ns)
+cdef Status query_judge_limits(const Query* query, const QueryFrames* frames, Status answered) noexcept nogil:
+    cdef Status status = answered
     # While no path is known, a program has just started, and the frame of the limit may still appear.
     if frames.bad_limit != UINT32_MAX and status.code in (STATUS_OK, STATUS_EXTRAPOLATION):
         status.code = STATUS_BAD_LIMIT
-        status.limit = frames.bad_limit
+        status.parent = frames.bad_limit
         status.child = query.policy.tolerance.found[frames.bad_limit]
     return status
 
 
-cdef Status _answer_between(const Tree* tree, const Query* query, const QueryFrames* frames, Transform* out,
-                            int64_t* stamp_ns) noexcept nogil:
+cdef Status query_answer_between(const Tree* tree, const Query* query, const QueryFrames* frames,
+                                 Transform* out, int64_t* stamp_ns) noexcept nogil:
     cdef Path path
     cdef FrameId target = frames.target
     cdef FrameId source = frames.source

@@ -468,7 +468,9 @@ cdef Status _answer_one(const Query* query, const PinnedLookup* pinned, int64_t 
     cdef Query single = query[0]
     cdef int64_t stamp_ns
     single.source_ns = time_ns
-    return query_answer_between(&pinned.above.view, &single, &pinned.frames, out, &stamp_ns)
+    return query_judge_limits(
+        query, &pinned.frames,
+        query_answer_between(&pinned.above.view, &single, &pinned.frames, out, &stamp_ns))
 
 
 cdef void _put_missing(Columns* columns, uint32_t i) noexcept nogil:

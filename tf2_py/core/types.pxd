@@ -134,10 +134,10 @@ cdef struct Status:
     # The outcome of a lookup.
     StatusCode code
     Half half               # the part that failed
-    # Of STATUS_BAD_LIMIT: its index; those of `tolerance` come first. Then `child` is its frame, NO_FRAME if
-    # unknown, and `gap` is GAP_NONE unless data is missing, too.
-    uint32_t limit
-    Gap gap                 # unless stated above, the fields below are facts of STATUS_EXTRAPOLATION only
+    # Unless stated above, the fields below are facts of STATUS_EXTRAPOLATION only. Those of STATUS_BAD_LIMIT are
+    # `child`, the frame of the limit, NO_FRAME if unknown; `parent`, which is no frame here, but the index of
+    # the limit, those of `tolerance` first; and `gap`, which is GAP_NONE unless data is missing, too.
+    Gap gap
     Gap quoted_gap          # of the frame that tf2's sentence is about; not for GAP_LONG
     FrameId child           # the frame whose data is furthest from requested_ns ...
     FrameId parent          # ... and its parent in the sample nearest to requested_ns; NO_FRAME: none

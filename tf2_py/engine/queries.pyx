@@ -274,10 +274,10 @@ cdef object _bad_limit(const Query* query, Status status, list children, str cal
                        object list_names):
     cdef uint32_t tolerances = query.policy.tolerance.count
     cdef const FrameLimit* limit
-    if status.limit < tolerances:
-        argument, limit = "tolerance", &query.policy.tolerance.named[status.limit]
+    if status.parent < tolerances:
+        argument, limit = "tolerance", &query.policy.tolerance.named[status.parent]
     else:
-        argument, limit = "max_age", &query.policy.max_age.named[status.limit - tolerances]
+        argument, limit = "max_age", &query.policy.max_age.named[status.parent - tolerances]
     name = limit.name[:limit.size].decode("utf-8")
     if children is None:
         return ValueError(advice.unknown(name, argument, call, list_names))

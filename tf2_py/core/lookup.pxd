@@ -91,8 +91,8 @@ cdef struct QueryFrames:
 # frame stay at its newest sample, the oldest stamp of such samples.
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
                          int64_t* stamp_ns) noexcept nogil
-# The same in three steps: a bad status if a name is invalid or unknown, and the frames of the policy's limits;
-# then an answer without the names; then the status of that under these limits.
+# The same in three steps: a bad status if a name is invalid or unknown, and the frames of the policy's
+# limits; then an answer without the names; then the status of that under these limits.
 cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil
 cdef Status query_answer_between(const Tree* tree, const Query* query, const QueryFrames* frames,
                                  Transform* out, int64_t* stamp_ns) noexcept nogil

@@ -119,7 +119,7 @@ cdef enum StatusCode:
     STATUS_BAD_TARGET       # the target frame's name is empty, begins with '/', or is unknown
     STATUS_BAD_SOURCE       # the same for the source frame
     STATUS_BAD_FIXED        # the same for the fixed frame
-    STATUS_BAD_LIMIT        # `limit` could never apply, because its frame is unknown or was never a child
+    STATUS_BAD_LIMIT        # a limit could never apply, because its frame is unknown or was never a child
     STATUS_NOT_NEW          # for a waiter for a change: the answer is the one that it already has
 
 
@@ -134,9 +134,9 @@ cdef struct Status:
     # The outcome of a lookup.
     StatusCode code
     Half half               # the part that failed
-    # Unless stated above, the fields below are facts of STATUS_EXTRAPOLATION only. Those of STATUS_BAD_LIMIT are
-    # `child`, the frame of the limit, NO_FRAME if unknown; `parent`, which is no frame here, but the index of
-    # the limit, those of `tolerance` first; and `gap`, which is GAP_NONE unless data is missing, too.
+    # Unless stated above, the fields below are facts of STATUS_EXTRAPOLATION only. Those of STATUS_BAD_LIMIT
+    # are `child`, the frame of the limit, NO_FRAME if unknown; `parent`, which is no frame here, but the
+    # index of the limit, those of `tolerance` first; and `gap`, GAP_NONE unless data is missing, too.
     Gap gap
     Gap quoted_gap          # of the frame that tf2's sentence is about; not for GAP_LONG
     FrameId child           # the frame whose data is furthest from requested_ns ...

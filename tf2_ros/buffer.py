@@ -420,8 +420,8 @@ class Buffer(BufferCore, BufferInterface):
 
         :param time_jump: how the clock jumped; not used, but for subclasses.
         """
+        self.clear()  # first, because a log line takes time, in which old data would be used
         log.logger("tf2_buffer").warning("Detected jump back in time. Clearing TF buffer.")
-        self.clear()
         names = clock_publishers(None if self._tf2_node is None else self._tf2_node())
         if len(names) > 1:
             text = f"/clock has {len(names)} publishers, {' and '.join(names)}"

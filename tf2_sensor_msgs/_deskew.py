@@ -98,9 +98,9 @@ def deskew(
         have one. None: the stamp of the cloud.
     :param times: the time of each point, row by row, as for ``buffer.lookup_transforms``, instead of a field;
         0 is the time 0, not the latest.
-    :param time_unit: what a 1 in the field means, if it is another unit: 1e-6 for microseconds; the duration
-        of a sweep if the numbers are fractions of it, from 0 to 1. Then ``time``, ``t`` and ``offset_time``
-        may be of any type, and a sweep of any length.
+    :param time_unit: what a 1 in the field means, if it is another unit, of whole nanoseconds: 1e-6 for
+        microseconds; the duration of a sweep if the numbers are fractions of it, from 0 to 1. Then ``time``,
+        ``t`` and ``offset_time`` may be of any type, and a sweep of any length.
     :param timeout: how long to wait for the transform of the last point; only for a ``tf2_ros.Buffer``.
     :param on_missing: ``'raise'`` raises the error of the first point for whose time there is no transform,
         with its index; ``'nan'`` makes the coordinates of such points NaN.
@@ -110,6 +110,7 @@ def deskew(
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
         stays, but with ``fixed_frame`` the time field of each point becomes that of the new stamp.
     :raises TransformException: a point has no transform; see ``buffer.lookup_transform``.
+    :raises OverflowError: ``target_time``, or the stamp of the cloud, does not fit into a message.
     :raises TypeError: an argument is of another type, there is a ``target_time`` without ``fixed_frame``, or
         ``time_unit`` beside ``times``.
     :raises ValueError: no field has the times of the points (the text names the fields), a time is not a
@@ -143,7 +144,8 @@ def deskew(
     policy = {"tolerance": tolerance, "extrapolate": extrapolate, "max_gap": max_gap}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
     sweep = _read_sweep(cloud, stamp_ns, times, time_unit)
-    _wait(motion, sweep.last, until_ns)
+    if sweep.first <= sweep.last:
+        _wait(motion, sweep.last, until_ns)
     stored = None
     if sweep.field is not None and fixed:
         stored = new_ns / sweep.field.unit.ns if sweep.field.unit.is_absolute else 0.0

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 S = 1_000_000_000
 LONGEST_UNIT_NS = 3600 * S
+NEARLY = 1e-12  # the rounding of a unit in seconds
 
 
 class Unit(NamedTuple):
@@ -64,11 +65,20 @@ class TimeField(NamedTuple):
         return self.base_ns + whole * self.unit.ns + round((number - whole) * self.unit.ns)
 
 
+def _unit_ns(time_unit: "DurationLike") -> int:
+    unit_ns = duration_ns(time_unit, "time_unit")
+    # A duration in seconds is cut off to whole ns, and 15e-9 s would be 14 ns.
+    exact_ns = time_unit * S if isinstance(time_unit, float) else unit_ns
+    if not 1 - NEARLY <= exact_ns <= LONGEST_UNIT_NS:
+        raise ValueError(f"time_unit: expected 1e-9 to {LONGEST_UNIT_NS // S} s, got {exact_ns / S:g} s")
+    if abs(exact_ns - round(exact_ns)) > NEARLY * exact_ns:
+        raise ValueError(f"time_unit: expected whole nanoseconds, got {exact_ns:.10g} ns: pass times instead")
+    return round(exact_ns)
+
+
 def find_time_field(cloud: PointCloud2, stamp_ns: int, time_unit: "DurationLike | None") -> TimeField:
     """The first of the known fields that a cloud has; ``time_unit``: what a 1 means, if that is said."""
-    unit_ns = None if time_unit is None else duration_ns(time_unit, "time_unit")
-    if unit_ns is not None and not 1 <= unit_ns <= LONGEST_UNIT_NS:
-        raise ValueError(f"time_unit: expected 1e-9 to {LONGEST_UNIT_NS // S} s, got {unit_ns / S:g} s")
+    unit_ns = None if time_unit is None else _unit_ns(time_unit)
     datatypes = {field.name: field.datatype for field in reversed(list(cloud.fields))}
     for name, (accepted, unit) in KNOWN.items():
         datatype = datatypes.get(name, 0)

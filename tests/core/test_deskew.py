@@ -406,6 +406,16 @@ def test_a_cloud_in_which_no_point_has_coordinates(buffer):
     assert np.isnan(xyz_of(points_of(moved, points.dtype))).all() and moved.header.frame_id == "odom"
 
 
+@pytest.mark.parametrize("driver", ["velodyne", "ouster", "livox"])
+def test_nothing_is_waited_for_without_coordinates(driver):
+    buffer, (_, points, _) = Buffer(), measured(driver)
+    points["x"] = np.nan
+    buffer.set_transform(transform("odom", "lidar", ns=STAMP - SWEEP), "x")
+    no_points, nan = measured(driver, SINCE_STAMP[:0])[0], as_cloud(points, DRIVERS[driver][0])
+    for one in (no_points, nan):
+        assert deskew(one, buffer, "odom", timeout=float("inf")).header.frame_id == "odom"
+
+
 @pytest.mark.parametrize("driver", ["livox", "hesai"])
 def test_the_new_time_has_the_unit_of_the_field_in_a_cloud_without_coordinates(buffer, driver):
     cloud, points, _ = measured(driver)
@@ -617,6 +627,22 @@ def test_points_without_coordinates_do_not_make_a_sweep_long(buffer):
     points["x"][::2], points["timestamp"][::2] = np.nan, 0.0
     moved = deskew(as_cloud(points, DRIVERS["hesai"][0]), buffer, "odom")
     assert missing_in(moved, points.dtype) == list(range(0, 4000, 2))
+
+
+@pytest.mark.parametrize("unit_ns", [1, 15, 30, 120, 1000, 15_258_789])
+def test_a_unit_in_seconds_is_not_cut_off(buffer, unit_ns):
+    fields = [*XYZ, ("t", "u4", 12)]
+    points = np.zeros(4000, dtype_of(fields, 16))
+    points["x"], points["t"] = 50, np.linspace(0, SWEEP // unit_ns, 4000).astype(int)
+    times = STAMP + points["t"].astype(np.int64) * unit_ns
+    moved = deskew(as_cloud(points, fields), buffer, "odom", time_unit=unit_ns * 1e-9)
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
+
+
+@pytest.mark.parametrize("unit", [62.5e-9, 2.5e-9, 1 / 65536])
+def test_a_unit_of_a_fraction_of_a_nanosecond_is_refused(buffer, unit):
+    with pytest.raises(ValueError, match=r"time_unit: expected whole nanoseconds, got .* ns: pass times"):
+        deskew(measured("ouster")[0], buffer, "odom", time_unit=unit)
 
 
 @pytest.mark.parametrize("unit", [0, -1.0, 1e-10, float("-inf"), 3601, float("inf")])

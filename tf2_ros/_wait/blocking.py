@@ -57,7 +57,8 @@ class Lookup(NamedTuple):
             return self.now(core)
         was_shut_down = Shutdown(core)
         begin_ns = time.monotonic_ns()
-        answer = self.wait(core).wait_for(timeout_ns, lambda: not was_shut_down())
+        wait = self.wait(core)
+        answer = wait.take() or wait.wait_for(timeout_ns, lambda: not was_shut_down())
         if answer is not None:
             return answer
         try:

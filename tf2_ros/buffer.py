@@ -234,7 +234,7 @@ class Buffer(BufferCore, BufferInterface):
             has_clock = self.__dict__.get("clock", self) is not None
             self.__connect(None)
             if not has_clock:
-                self.clock = None
+                self.clock = None  # pyright: ignore[reportAttributeAccessIssue]
 
     def __del__(self) -> None:
         """Do nothing: what follows the clock ends by itself. Subclasses call this, as in tf2."""

@@ -1,6 +1,8 @@
 from collections.abc import Callable
 from typing import Any, final
 
+from typing_extensions import Self
+
 from tf2_py import BufferCore
 from tf2_ros._forking import LiveObjects
 from tf2_ros.records import Recording
@@ -25,14 +27,14 @@ class Watching:
 class Source: ...
 
 class InboxBase:
-    def __init__(
-        self,
+    def __new__(
+        cls,
         source: Source,
         hand_over: Callable[[Any], object],
         recording: Recording | None = None,
         prefix: str = "",
         inboxes: Inboxes = ...,
-    ) -> None: ...
+    ) -> Self: ...
     def close(self) -> None: ...
     def inform(self, watching: Watching) -> None: ...
     def fill(self, buffer: BufferCore | None) -> None: ...

@@ -2,6 +2,8 @@ from typing import Any
 
 from tf2_ros._receive.inbox import Inboxes, Source
 
+INBOXES: Inboxes
+
 class TopicArrivals:
     def __new__(cls, inboxes: Inboxes = ...) -> TopicArrivals: ...
     def count(self) -> None: ...

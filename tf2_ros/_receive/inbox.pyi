@@ -1,13 +1,13 @@
 from collections.abc import Callable
-from typing import Any, final
-
-from typing_extensions import Self
+from typing import Any, TypeVar, final
 
 from tf2_py import BufferCore
 from tf2_ros._forking import LiveObjects
 from tf2_ros.records import Recording
 
 AUTHORITY: str
+
+_Inbox = TypeVar("_Inbox", bound=InboxBase)
 
 @final
 class Inboxes:
@@ -28,13 +28,13 @@ class Source: ...
 
 class InboxBase:
     def __new__(
-        cls,
+        cls: type[_Inbox],
         source: Source,
         hand_over: Callable[[Any], object],
         recording: Recording | None = None,
         prefix: str = "",
         inboxes: Inboxes = ...,
-    ) -> Self: ...
+    ) -> _Inbox: ...
     def close(self) -> None: ...
     def inform(self, watching: Watching) -> None: ...
     def fill(self, buffer: BufferCore | None) -> None: ...

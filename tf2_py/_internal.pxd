@@ -21,6 +21,7 @@ from tf2_py._core cimport (
     batch_prefix,
     batch_read_cdr,
     batch_write_cdr,
+    event_clear,
     event_init,
     event_set,
     event_wait,

@@ -4,10 +4,10 @@ Keep what has arrived for a buffer until somebody reads it.
 An inbox takes messages from its `Source`, such as the subscriptions of a listener (`subscriptions`); the
 declaration of `Source` says what a source has to do. Its owner decides when it begins and ends. Everything
 goes one way: the source fills a `Parcel`, and the inbox parses, prefixes, records, copies and inserts it.
-Every read of the buffer takes the messages (`drain`). So does one
-thread of the process: as soon as many messages wait, at most ROUND_NS after the first one, and at once while
-something waits for a transform, or while the buffer is read more often than the thread has rounds, so that
-such a reader finds everything inserted. Log lines, the completion of waits and everything else that follows
+Every read of the buffer takes the messages (`drain`). So does one thread of the process: as soon as many
+messages wait, at most ROUND_NS after the first one, and at once while something waits for a transform, or
+while the buffer is read more often than the thread has rounds, so that such a reader finds everything
+inserted. Log lines, the completion of waits and everything else that follows
 from an insert and needs the GIL are left to a second thread (`report_next`). So nothing here runs user code,
 and the first thread never waits for the GIL.
 """
@@ -30,6 +30,7 @@ from tf2_py._internal cimport (
     batch_free,
     batch_prefix,
     batch_read_cdr,
+    event_clear,
     event_init,
     event_set,
     event_wait,
@@ -42,8 +43,6 @@ from tf2_py._internal cimport (
     lock_init,
     lock_release,
     monotonic_ns,
-    pthread_mutex_lock,
-    pthread_mutex_unlock,
     word_load,
     word_replace,
     word_store,
@@ -75,9 +74,7 @@ cdef int64_t READ_NS = 5000000000
 cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
     # Until the event is set, which this undoes, or until so many nanoseconds have passed.
     event_wait(event, max(ns, 0))
-    pthread_mutex_lock(&event.mutex)
-    event.is_set = False
-    pthread_mutex_unlock(&event.mutex)
+    event_clear(event)
 
 
 cdef bint inbox_is_awaited(State* inbox) noexcept nogil:

@@ -12,6 +12,7 @@ import rclpy
 from making import S, at_ns, transform
 from processes import DEADLINE_S, killed, start, until
 from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sharing import new_name, ring_threads
@@ -233,6 +234,25 @@ def test_spin_once_comes_back_for_what_arrives(node, executor, new_node):
             assert executor_came_back(executor, DEADLINE_S)
             until(knows(buffer, "robot", time=at_ns(number * S)))
     owner._tf2_sharing.close()
+
+
+def test_each_executor_comes_back_for_what_arrives(node, executor, new_node):
+    owner = Buffer(share=new_name())
+    buffer = Buffer(attach=owner._tf2_sharing.name)
+    other = SingleThreadedExecutor()
+    other.add_node(new_node("other"))
+    with TransformListener(owner, new_node("owning")):
+        listeners = [TransformListener(buffer, each) for each in (node, *other.get_nodes())]
+        assert all(map(is_attached, listeners))
+        for number, each in enumerate((executor, other, executor, other), 1):
+            assert not knows(buffer, "robot", time=at_ns(number * S))()
+            while executor_came_back(each, 0.05):
+                pass
+            threading.Timer(0.1, owner.set_transform, [transform("map", "robot", number), "owner"]).start()
+            assert executor_came_back(each, DEADLINE_S)
+            until(knows(buffer, "robot", time=at_ns(number * S)))
+    owner._tf2_sharing.close()
+    other.shutdown()
 
 
 def executor_came_back(executor, timeout_s):

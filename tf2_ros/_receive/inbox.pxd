@@ -53,6 +53,11 @@ cdef struct Parcels:
     size_t count
 
 
+cdef struct Watched:
+    void* by                    # the Watching
+    Watched* next
+
+
 cdef struct Drain:
     # What the inboxes of a process have in common: two threads, of which one drains and one reports.
     Lock lock                   # guards the two lists, and what the State of each inbox says
@@ -78,7 +83,7 @@ cdef struct State:
     uint32_t armed              # atomic: the engine wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
     uint32_t wants_each         # atomic: each message must be taken when it arrives
-    void* watching              # a Watching that is informed; or NULL
+    Watched* watched            # who is informed; grows at the front
     # Set once.
     Drain* drain
     void* inbox                 # the InboxBase
@@ -120,8 +125,8 @@ cdef class Watching:
     # All that this package knows of an executor.
     cdef object inboxes         # LiveObjects: those that inform this
     cdef readonly object receivers  # LiveObjects: those that leave their messages to an EventsExecutor
-    # Something has arrived. Called without the GIL, in any thread, as the next one.
-    cdef void arrived(self) noexcept nogil
+    # Something was inserted. Called without the GIL, in any thread, as the next one.
+    cdef void inserted(self) noexcept nogil
     # Whether it wants each message at once.
     cdef bint is_armed(self) noexcept nogil
 

@@ -15,7 +15,7 @@ and the first thread never waits for the GIL.
 cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t
-from libc.stdlib cimport calloc, free, realloc
+from libc.stdlib cimport calloc, free, malloc, realloc
 from libc.string cimport memset, strlen
 
 from tf2_py._internal cimport (
@@ -78,14 +78,23 @@ cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
 
 
 cdef bint inbox_is_awaited(State* inbox) noexcept nogil:
-    # Read once, because both may change meanwhile; the inbox keeps the former ones.
-    cdef void* watching = inbox.watching
+    # Both are read once, because they may change meanwhile; the inbox keeps the former ones.
+    cdef Watched* watched = inbox.watched
     cdef void* tap = inbox.tap
     if word_load(&inbox.armed) or word_load(&inbox.wants_each):
         return True
-    if watching != NULL and (<Watching>watching).is_armed():
-        return True
+    while watched != NULL:
+        if (<Watching>watched.by).is_armed():
+            return True
+        watched = watched.next
     return tap != NULL and (<Tap>tap).is_wanted()
+
+
+cdef void _inform(State* inbox) noexcept nogil:
+    cdef Watched* watched = inbox.watched
+    while watched != NULL:
+        (<Watching>watched.by).inserted()
+        watched = watched.next
 
 
 cdef bint _wants_all(State* inbox) noexcept nogil:
@@ -298,8 +307,7 @@ cdef void _insert_large(State* inbox) noexcept nogil:
         _report_later(inbox)
     if inbox.parcel != NULL:
         _shrink_parcel(inbox.parcel)
-    if inbox.watching != NULL:
-        (<Watching>inbox.watching).arrived()
+    _inform(inbox)
     event_set(&inbox.drain.work)        # the thread that drains may have passed over this inbox meanwhile
 
 
@@ -328,8 +336,8 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
         if inbox.has_large:
             break
     # Before `pending` is cleared: executors have then heard of all that a reader sees.
-    if work and inbox.watching != NULL:
-        (<Watching>inbox.watching).arrived()
+    if work:
+        _inform(inbox)
     return work >= most or inbox.has_large
 
 
@@ -472,12 +480,12 @@ INBOXES = Inboxes()
 
 
 cdef class Watching:
-    """Is informed of what arrives."""
+    """Is informed of what was inserted."""
 
     def __cinit__(self, *_, **__):
         self.inboxes, self.receivers = LiveObjects(), LiveObjects()
 
-    cdef void arrived(self) noexcept nogil:
+    cdef void inserted(self) noexcept nogil:
         pass
 
     cdef bint is_armed(self) noexcept nogil:
@@ -524,7 +532,12 @@ cdef class InboxBase(ReadHook):
         source.inbox = &self.state
 
     def __dealloc__(self):
+        cdef Watched* watched
         self._discharge()
+        while self.state.watched != NULL:
+            watched = self.state.watched
+            self.state.watched = watched.next
+            free(watched)
         _free_parcel(self.state.parcel)
         _free_parcels(&self.state.reports)
         lock_free(&self.state.inserting)
@@ -560,11 +573,18 @@ cdef class InboxBase(ReadHook):
         self.fill(None)
 
     def inform(self, Watching watching not None):
-        """Inform this of what arrives from now on, and nothing else."""
+        """Inform this, too, of what is inserted from now on."""
+        cdef Watched* watched
+        if watching in self._used:
+            return
+        watched = <Watched*>malloc(sizeof(Watched))
+        if watched == NULL:
+            raise MemoryError
         self._used.add(watching)
         watching.inboxes.add(self)
+        watched.by, watched.next = <void*>watching, self.state.watched
         lock_acquire(&self.state.drain.lock)
-        self.state.watching = <void*>watching
+        self.state.watched = watched
         lock_release(&self.state.drain.lock)
 
     cdef object _engine(self):

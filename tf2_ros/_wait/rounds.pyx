@@ -96,7 +96,7 @@ cdef class ExecutorRounds(Watching):
         if problem() is None:
             self.state.guard = <const rcl_guard_condition_t*><uintptr_t>guard.pointer
 
-    cdef void arrived(self) noexcept nogil:
+    cdef void inserted(self) noexcept nogil:
         # Wakes an executor that sleeps between rounds of user code, or whose own loop is due for a round;
         # otherwise it is cheap.
         cdef int64_t wake_at_ns

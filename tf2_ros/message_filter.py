@@ -212,7 +212,7 @@ class MessageFilter(Generic[_Message]):
         frame = frame_of(header, self._prefix) if self._prefix else stored_name(header.frame_id)
         stamp_ns = time_ns(header.stamp, "header.stamp")
         queued = QueuedMessage(
-            self._calls, self._completions, message, frame, stamp_ns, self._resolve, self._warn_of_drops
+            self._calls, self._completions, message, frame, stamp_ns, self._outcome, self._warn_of_drops
         )
         try:
             self._calls.waiting[queued] = None
@@ -349,17 +349,16 @@ class MessageFilter(Generic[_Message]):
             raise TypeError(f"input: expected (message type, topic, qos), a filter, or None, got {input!r}")
 
     def _begin(self, queued: QueuedMessage) -> None:
-        outcome = self._look_up(queued)
-        if outcome is None and self._timeout_ns is not None:
-            if self._timeout_ns <= 0:
-                outcome = FilterFailureReason.NO_TRANSFORM_FOUND
-            else:
-                deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
+        may_wait = self._timeout_ns is None or self._timeout_ns > 0
+        reason = None if may_wait else FilterFailureReason.NO_TRANSFORM_FOUND
+        outcome, text = self._outcome(queued, reason)
         if outcome is not None:
             # The transform of this one may have completed earlier ones, whose callbacks wait for an executor.
             while (oldest := self._calls.oldest()) not in (None, queued) and oldest.over():
                 oldest()
-            queued.end(outcome, self._text(queued, outcome))
+            queued.end(outcome, text)
+        elif self._timeout_ns is not None:
+            deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
         # Those that were added before may have become too old while they waited.
         while (oldest := self._calls.oldest()) is not None:
             if self._is_too_old(oldest):
@@ -369,8 +368,18 @@ class MessageFilter(Generic[_Message]):
             else:
                 break
             # What it lacked may have been received without having been reported.
-            outcome = self._look_up(oldest) or reason
-            oldest.end(outcome, self._text(oldest, outcome))
+            oldest.end(*self._outcome(oldest, reason))
+
+    def _outcome(
+        self, queued: QueuedMessage, otherwise: FilterFailureReason | None
+    ) -> tuple[_Outcome | None, str | None]:
+        """
+        What a message ends with now, or None if it waits; and what is said if it is dropped.
+
+        :param otherwise: the reason to drop it if it lacks a transform.
+        """
+        outcome = self._look_up(queued) or otherwise
+        return outcome, self._text(queued, outcome)
 
     def _look_up(self, queued: QueuedMessage) -> _Outcome | None:
         """
@@ -403,14 +412,8 @@ class MessageFilter(Generic[_Message]):
             if wait.take() is None:
                 return None
 
-    def _resolve(self, queued: QueuedMessage, is_late: bool) -> "tuple[_Outcome, str | None] | None":
-        outcome = self._look_up(queued)
-        if outcome is None and is_late:
-            outcome = FilterFailureReason.TIMEOUT
-        return None if outcome is None else (outcome, self._text(queued, outcome))
-
-    def _text(self, queued: QueuedMessage, outcome: _Outcome) -> str | None:
-        """What is said of a message that is dropped now; None: it passes, or nobody wants to know."""
+    def _text(self, queued: QueuedMessage, outcome: _Outcome | None) -> str | None:
+        """What is said of a message that is dropped now; None: it is not, or nobody wants to know."""
         if not isinstance(outcome, FilterFailureReason) or not self._calls.wants_text():
             return None
         lack = self._lack(queued)

@@ -31,7 +31,7 @@ class QueuedMessage(Ending):
         message: Any,
         frame: str,
         stamp_ns: int,
-        resolve: Callable[[QueuedMessage, bool], tuple[Any, str | None] | None],
+        outcome: Callable[[QueuedMessage, Any], tuple[Any, str | None]],
         warn: Callable[[QueuedMessage, Any], None],
     ) -> None: ...
     def answered(self, answer: Any) -> Ending | None: ...

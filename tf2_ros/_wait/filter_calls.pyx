@@ -96,8 +96,9 @@ cdef class QueuedMessage(Ending):
     error is a text about that, or None.
 
     :param frame: of its header, without a leading slash.
-    :param resolve: called with this, and with whether it is late: returns its result and error, or None if it
-        lacks a transform, for which it then waits (`waits_for`). Never None if it is late.
+    :param outcome: called with this, and a reason to drop it if it lacks a transform, or None: returns its
+        result and error. Without a reason the result may be None, and it waits for what it lacks
+        (`waits_for`).
     :param warn: called with this and the reason after it was dropped.
     """
 
@@ -105,12 +106,12 @@ cdef class QueuedMessage(Ending):
     cdef readonly str frame
     cdef readonly int64_t stamp_ns
     cdef FilterCalls _calls
-    cdef object _resolve, _warn
+    cdef object _outcome, _warn
 
-    def __init__(self, FilterCalls calls not None, completions, message, str frame, int64_t stamp_ns, resolve,
+    def __init__(self, FilterCalls calls not None, completions, message, str frame, int64_t stamp_ns, outcome,
                  warn):
         self.message, self.frame, self.stamp_ns = message, frame, stamp_ns
-        self._calls, self._resolve, self._warn = calls, resolve, warn
+        self._calls, self._outcome, self._warn = calls, outcome, warn
         self.completions, self.kept = completions, calls.waiting
 
     def waits_for(self, wait):
@@ -120,12 +121,12 @@ cdef class QueuedMessage(Ending):
 
     def answered(self, answer):
         """Pass, unless the message lacks another transform. If it is interrupted, the engine repeats it."""
-        found = self._resolve(self, False)
-        return None if found is None else self.end_or_queue(*found)
+        result, error = self._outcome(self, None)
+        return None if result is None else self.end_or_queue(result, error)
 
     def expire(self):
         """At the timeout: drop the message; in the executor that has the node, if one does."""
-        complete(self.completions, self.end_or_queue(*self._resolve(self, True)))
+        complete(self.completions, self.end_or_queue(*self._outcome(self, self._calls._reasons.TIMEOUT)))
 
     cdef bint _runs_user_code(self) except -1:
         return bool(self._calls.callbacks) or bool(self._calls.failure_callbacks)

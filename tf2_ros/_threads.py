@@ -5,6 +5,7 @@ The background threads of a process.
 |---|---|---|---|
 | receiver | the first inbox | arrivals, see ``inbox.pyx`` | at exit |
 | reports | the same, or what is checked regularly | inboxes with something to report | at exit |
+| callbacks | the first call of a buffer without a node | each further one | at exit |
 | deadlines | the first timeout | an earlier deadline | one second after the last |
 
 All are daemons, so that the interpreter does not wait for them before it runs the exit handlers. A forked
@@ -61,7 +62,13 @@ def _begin(name: str, target: Callable[..., object], arguments: tuple[object, ..
 _threads: dict[str, threading.Thread] = {}  # those of this process of which there is one, by their names
 
 
-def _start_once(name: str, target: Callable[..., object], *arguments: object) -> None:
+def start_once(name: str, target: Callable[..., object], *arguments: object) -> None:
+    """
+    Start a thread, unless the process has one of this name; returns at once.
+
+    :param target: returns when the process ends.
+    :raises RuntimeError: no thread can be started; the next use tries again.
+    """
     if name not in _threads:
         start(name, _run_once, name, target, *arguments)
 
@@ -84,13 +91,12 @@ _WHERE = "In the thread that reports"
 _owners: LiveObjects[Any] = LiveObjects()
 _checked: LiveObjects[Any] = LiveObjects()  # the method ``_tf2_check`` of each is called regularly
 _checked_at = 0.0
-_served: list[Callable[[], object]] = []
 
 
 def add_owner(owner: Any) -> None:
     """Serve the inbox of an owner, and check the owner regularly."""
-    _start_once("tf2_ros receiver", INBOXES.drain_when_due)
-    _start_once("tf2_ros reports", _report_and_check)
+    start_once("tf2_ros receiver", INBOXES.drain_when_due)
+    start_once("tf2_ros reports", _report_and_check)
     _owners.add(owner)
     _checked.add(owner)
 
@@ -99,13 +105,7 @@ def check_regularly(checked: Any) -> None:
     """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
     _checked.add(checked)
     with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
-        _start_once("tf2_ros reports", _report_and_check)
-
-
-def serve_in_reports(serve: Callable[[], object]) -> Callable[[], None]:
-    """Have the thread that reports call a function whenever it is woken; return what wakes it."""
-    _served.append(serve)
-    return INBOXES.report_soon
+        start_once("tf2_ros reports", _report_and_check)
 
 
 def _report_and_check() -> None:
@@ -117,8 +117,6 @@ def _report_and_check() -> None:
 
 def _check() -> None:
     global _checked_at
-    for serve in _served:
-        call_logged(serve, _WHERE)
     now = time.monotonic()
     if now - _checked_at >= CHECK_S:
         _checked_at = now

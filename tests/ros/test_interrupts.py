@@ -220,7 +220,7 @@ def test_a_thread_whose_start_is_interrupted_ends(tf2_ros, node, buffer, monkeyp
 def test_of_several_threads_that_start_one_runs():
     ran = []
     for _ in range(5):
-        _threads._start_once("of the process", ran.append, "once")
+        _threads.start_once("of the process", ran.append, "once")
     until(lambda: ran and "of the process" not in [one.name for one in threading.enumerate()])
     assert ran == ["once"]
 

@@ -6,6 +6,7 @@ import os
 import pickle
 import random
 import re
+import threading
 
 import pytest
 from hypothesis import given
@@ -111,6 +112,29 @@ def test_a_reader_inserts_and_clears_for_itself_and_stays_attached():
         assert reader.can_transform_core("map", "f4", 2 * S)[0]
         assert reader._tf2_attachment.is_attached
         reader._self_check()
+
+
+def test_a_callback_that_takes_long_delays_nothing_of_other_buffers():
+    with pair() as (owner, reader), pair() as (other_owner, other):
+        begun, release = threading.Event(), threading.Event()
+        callbacks = []
+
+        def wait(_):
+            callbacks.append(threading.current_thread().name)
+            begun.set()
+            release.wait()
+
+        slow = reader.wait_for_transform_async("map", "f0", at_ns(1 * S))
+        slow.add_done_callback(wait)
+        owner.set_transforms(links(1 * S, 0), "owner")
+        until(begun.is_set)
+        try:
+            waiting = other.wait_for_transform_async("map", "f0", at_ns(1 * S))
+            other_owner.set_transforms(links(1 * S, 0), "owner")
+            until(waiting.done)
+        finally:
+            release.set()
+        assert callbacks == ["tf2_ros callbacks"]
 
 
 def wrap(owner, *readers):

@@ -1,5 +1,5 @@
 """
-Hand what has ended to whatever runs a node: an executor, an event loop, or the thread that reports.
+Hand what has ended to whatever runs a node: an executor, an event loop, or a thread.
 
 This is Cython so that no signal handler runs between taking something from the queue and calling it.
 """
@@ -43,7 +43,7 @@ cdef class Completions:
        their futures end with a TimeoutException that says why.
     6. **Forks.** In a forked child it is dead: calls are dropped silently.
 
-    :param node: keeps this alive, not the other way round. None: the thread that reports makes the calls.
+    :param node: keeps this alive, not the other way round. None: a thread makes the calls.
     :param runner: a :class:`~tf2_ros._wait.runners.Runner`, only for this.
     """
 

@@ -1,8 +1,10 @@
 """What makes the calls of Completions: the executor or the event loop that runs a node, or a thread."""
 
+import atexit
 import os
 import weakref
 from contextlib import suppress
+from queue import SimpleQueue
 from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -15,7 +17,7 @@ from rclpy.waitable import Waitable
 
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, wake
-from tf2_ros._threads import serve_in_reports
+from tf2_ros._threads import call_logged, start_once
 from tf2_ros._wait.completions import Completions
 from tf2_ros._wait.rounds import ExecutorRounds
 
@@ -158,20 +160,43 @@ class LoopRunner(Runner):
 
 
 class ThreadRunner(Runner):
-    """The thread that reports: for buffers without a node."""
+    """A thread of its own, because a slow callback must not delay what other buffers receive."""
 
     def __init__(self) -> None:
-        self._wake = serve_in_reports(self.run)
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Have no thread; also in a forked child, which does not have the one of its parent."""
+        self._wakes: SimpleQueue[bool] = SimpleQueue()  # a signal handler may put, too
+        self._has_thread = False
 
     def wake(self) -> None:
-        self._wake()
+        self._wakes.put(True)
+        if not self._has_thread:
+            self._has_thread = True
+            try:
+                start_once("tf2_ros callbacks", self._serve)
+            except RuntimeError:
+                self._has_thread = False  # the next call tries again
+                raise
+
+    def _serve(self) -> None:
+        while self._wakes.get():
+            call_logged(self.run, "In a callback")
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._wakes.put(False)
 
     def is_running(self) -> bool:
         return True
 
 
 # Of buffers without a node.
-without_node = Completions(None, ThreadRunner())
+_thread = ThreadRunner()
+without_node = Completions(None, _thread)
+atexit.register(_thread.stop)
+os.register_at_fork(after_in_child=_thread.begin_anew)
 os.register_at_fork(after_in_child=without_node.calls.clear)  # they are the parent's
 
 

@@ -192,7 +192,7 @@ class Spinner:
 
 
 @atexit.register
-def _stop_all() -> None:
+def _stop_spinning() -> None:
     if not _running:
         return
     # After Ctrl-C, a thread of rclpy wakes all executors and shuts all contexts down. It does not notice when

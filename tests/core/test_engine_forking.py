@@ -32,7 +32,7 @@ def use(core):
     assert repr(core).endswith(", 0 waiters>")
     answers = []
     wait = core._wait("map", "child", at(1), notify=answers.append)
-    assert not core._wait("map", "nowhere", at(1)).wait_for(1_000_000, lambda: True)
+    assert not core._wait("map", "nowhere", at(1)).wait_for(1_000_000, lambda: False)
     core.set_transform_static(transform("map", "child"), "child")
     assert answers[0].child_frame_id == "child"
     assert not wait.cancel()
@@ -49,7 +49,7 @@ class TestWaitsOfTheParent:
         waits = [core._wait("map", child, at(1), notify=answers.append) for child in ("cup", "nowhere")]
         waits.append(core._wait("map", "cup", at(1)))
         blocked = core._wait("map", "nowhere", at(1))
-        thread = threading.Thread(target=blocked.wait_for, args=(100 * S, lambda: not ending.is_set()))
+        thread = threading.Thread(target=blocked.wait_for, args=(100 * S, ending.is_set))
         thread.start()
 
         def use_and_drop():
@@ -61,7 +61,7 @@ class TestWaitsOfTheParent:
             assert not any(wait.cancel() for wait in waits)
             assert waits[0].reason() is None
             assert "nowhere" in str(waits[1].reason())
-            assert not waits[2].wait_for(100 * S, lambda: True)
+            assert not waits[2].wait_for(100 * S, lambda: False)
             waits.clear()
             gc.collect()
             assert answers == []

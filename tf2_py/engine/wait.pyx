@@ -122,12 +122,12 @@ cdef class Wait(WaiterOwner):
         return query_wait(&self._waiter.query, "the answer is the one that it has" if self._waiter.only_new
                           else "the answer is available and is being delivered")
 
-    def wait_for(self, int64_t timeout_ns, alive):
+    def wait_for(self, int64_t timeout_ns, is_in_vain):
         """
         Sleep, without the GIL, until :meth:`take` returns an answer.
 
         :param timeout_ns: nanoseconds of steady time.
-        :param alive: called without arguments, at least every 100 ms; False ends the wait.
+        :param is_in_vain: called without arguments, at least every 100 ms; True ends the wait.
         :return: the answer, or None. The wait ends in any case, even if a signal handler raises.
         """
         cdef int64_t deadline_ns = monotonic_ns() + timeout_ns
@@ -140,7 +140,7 @@ cdef class Wait(WaiterOwner):
                 if answer is not None:
                     return answer
                 left_ns = deadline_ns - monotonic_ns()
-                if left_ns <= 0 or self._engine.has_forgotten(&self._waiter) or not alive():
+                if left_ns <= 0 or self._engine.has_forgotten(&self._waiter) or is_in_vain():
                     return None
                 with nogil:
                     is_woken = event_wait(&self._woken, min(left_ns, check_ns))

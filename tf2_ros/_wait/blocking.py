@@ -55,18 +55,17 @@ class Lookup(NamedTuple):
         """
         if timeout_ns <= 0:
             return self.now(core)
-        was_shut_down = Shutdown(core)
+        is_in_vain = Shutdown(core)
         begin_ns = time.monotonic_ns()
         wait = self.wait(core)
-        answer = wait.take() or wait.wait_for(timeout_ns, lambda: not was_shut_down())
+        answer = wait.take() or wait.wait_for(timeout_ns, is_in_vain)
         if answer is not None:
             return answer
         try:
             return self.now(core)  # something may have arrived right at the end
         except (TransformException, ValueError) as reason:
             waited_ns = min(time.monotonic_ns() - begin_ns, timeout_ns)
-            ended = was_shut_down()
-            text = errors.shut_down(waited_ns) if ended else errors.after_wait(str(reason), waited_ns)
+            text = errors.shut_down(waited_ns) if is_in_vain() else errors.after_wait(str(reason), waited_ns)
             raise type(reason)(text) from None
 
     @property

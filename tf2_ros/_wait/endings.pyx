@@ -12,7 +12,7 @@ from tf2_py import BufferCore, TimeoutException
 from tf2_py._internal import log
 
 cdef enum:
-    TRIES = 10      # of a waker that a signal handler cuts short; a second signal is rare already
+    WAKER_TRIES = 10      # of a waker that a signal handler cuts short; a second signal is rare already
 
 cdef tuple STATES = ("pending", "queued", "done", "cancelled")
 
@@ -215,7 +215,7 @@ cdef class FutureEnding(Ending):
         for callback in callbacks:
             call_back(callback, (self,), 1, errors)
         for waker in wakers:
-            call_back(waker, (self,), TRIES, errors)
+            call_back(waker, (self,), WAKER_TRIES, errors)
         return 0
 
 

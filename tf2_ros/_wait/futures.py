@@ -48,8 +48,8 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
     """
     A future that may be completed in any thread, and wakes whatever runs the tasks that await it.
 
-    :param in_vain: returns whether a shutdown has ended the wait. It is called while an asyncio loop awaits
-        the future, which :meth:`expire` then ends. Futures whose `in_vain` are equal share the check.
+    :param is_in_vain: returns whether a shutdown has ended the wait. It is called while an asyncio loop
+        awaits the future, which :meth:`expire` then ends. Futures with an equal one share the check.
     :param kept: the owner's references to futures that have callbacks, and to what awaits them. Nothing else
         may refer to these: an asyncio loop refers to its tasks only weakly.
 
@@ -61,10 +61,10 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
     # Two leading underscores keep these names apart from those of rclpy's Future in any release.
 
     def __init__(
-        self, in_vain: Callable[[], bool] = lambda: False, kept: dict[Any, None] | None = None
+        self, is_in_vain: Callable[[], bool] = lambda: False, kept: dict[Any, None] | None = None
     ) -> None:
         super().__init__()
-        self.is_in_vain = in_vain
+        self.is_in_vain = is_in_vain
         self.kept = {} if kept is None else kept
         self.__process = os.getpid()
 
@@ -227,19 +227,19 @@ class _ShutdownCheck:
 
     _known: "dict[tuple[asyncio.AbstractEventLoop, Callable[[], bool]], weakref.ref[_ShutdownCheck]]" = {}
 
-    def __init__(self, loop: "asyncio.AbstractEventLoop", in_vain: Callable[[], bool]) -> None:
-        self._loop, self._in_vain = loop, in_vain
+    def __init__(self, loop: "asyncio.AbstractEventLoop", is_in_vain: Callable[[], bool]) -> None:
+        self._loop, self._is_in_vain = loop, is_in_vain
         self.sleepers: LiveObjects[_SleepingLoop] = LiveObjects()
         self._check_later()
 
     @classmethod
-    def of(cls, loop: "asyncio.AbstractEventLoop", in_vain: Callable[[], bool]) -> "_ShutdownCheck":
-        """The check for futures with this `in_vain`; called in the thread of the loop."""
-        key = loop, in_vain
+    def of(cls, loop: "asyncio.AbstractEventLoop", is_in_vain: Callable[[], bool]) -> "_ShutdownCheck":
+        """The check for futures with this `is_in_vain`; called in the thread of the loop."""
+        key = loop, is_in_vain
         known = cls._known.get(key)
         check = None if known is None else known()
         if check is None:
-            check = cls(loop, in_vain)
+            check = cls(loop, is_in_vain)
             cls._known[key] = weakref.ref(check, partial(cls._known.pop, key))
         return check
 
@@ -258,7 +258,7 @@ class _ShutdownCheck:
     def expire(self) -> None:
         """End the futures if they wait in vain, and check again after SHUTDOWN_CHECK_NS."""
         self._check_later()
-        if self._in_vain():
+        if self._is_in_vain():
             for sleeper in self.sleepers:
                 if not sleeper.awake:
                     sleeper.future.expire()
@@ -303,8 +303,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         timeout: Any = None,
         begin_ns: int | None = None,
     ) -> None:
-        self.__was_shut_down = Shutdown(core)
-        super().__init__(self.__was_shut_down, getattr(core, "_tf2_kept", None))
+        super().__init__(Shutdown(core), getattr(core, "_tf2_kept", None))
         self.__core = weakref.ref(core)  # which the wait keeps
         self.__begin_ns = time.monotonic_ns() if begin_ns is None else begin_ns
         self.__timeout_ns = optional_timeout_ns(timeout)
@@ -354,7 +353,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         waited_ns = time.monotonic_ns() - self.__begin_ns
         if self.__timeout_ns is not None:
             waited_ns = min(waited_ns, self.__timeout_ns)
-        if self.__was_shut_down():
+        if self.is_in_vain():
             return TimeoutException(errors.shut_down(waited_ns))
         return TimeoutException(errors.timed_out(wait.reason(), waited_ns))
 

@@ -112,6 +112,14 @@ cdef class ExecutorRounds(Watching):
         # It sleeps between rounds of user code.
         return load_ns(&self.state.wake_at_ns) == AT_ONCE
 
+    def executor(self):
+        """For subclasses: the executor that has the node, or had it last, or None."""
+        raise NotImplementedError
+
+    def leave_sets(self):
+        """For subclasses: have calls made in another way, because no executor waits for the node's sets."""
+        raise NotImplementedError
+
     def __enter__(self):
         """Do nothing, because the guard condition exists as long as this object."""
 

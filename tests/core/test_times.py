@@ -80,7 +80,7 @@ def test_a_timestamp_of_pandas_is_its_nanoseconds(zone, unit):
     ns = 1704067200 * 10**9 + (7 if unit == "ns" else 0)
     stamp = pandas.Timestamp(ns, unit="ns", tz=zone).as_unit(unit)
     assert time_ns(stamp, "time") == ns == stamp.as_unit("ns").value
-    with pytest.raises(ValueError, match="^time is NaT"):
+    with pytest.raises(ValueError, match="^time is NaT: expected a time"):
         time_ns(pandas.NaT, "time")
 
 

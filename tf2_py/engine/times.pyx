@@ -136,7 +136,7 @@ cdef int64_t _datetime64_ns(object value, str argument) except? -1:
         raise TypeError(f"{argument}: expected nanoseconds, or sec and nanosec, "
                         f"got {type(value).__name__}: use {_times_to_use()}")
     if numpy.isnat(value):
-        raise ValueError(f"{argument} is NaT: use 0 for the latest time")
+        raise ValueError(f"{argument} is NaT: expected a time")
     try:
         converted = value.astype("datetime64[ns]")
         is_exact = converted.astype(value.dtype) == value   # NumPy before 2.5 wraps around; later ones raise

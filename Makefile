@@ -5,7 +5,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
 SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
-	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.pyx $(folder)/*.pxd))
+	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.p[xy][dxi]))
 MESSAGES_SOURCES := $(wildcard messages/*.* messages/backend/*.py messages/src/tf2_msgs/*/*.msg messages/src/tf2_msgs/*/*.srv) \
 	$(wildcard messages/src/tf2_msgs/*/*.action)
 
@@ -45,7 +45,7 @@ Try it
   make demo        watch a robot being broadcast and looked up
   make test        run the tests: 4 minutes on 2 cores; TESTS=tests/ros/test_buffer.py: some of them
 Develop
-  make build       compile after a change to a .pyx or .pxd file
+  make build       compile after a change to a .pyx, .pxd or .pxi file
   make lint        check style and types
   make test-all    run all tests: 8 minutes on 2 cores
   make test-long   run only what test-all adds to test

@@ -27,7 +27,7 @@ for name in ("pyproject.toml", "README.md", "LICENSE"):
 
 packages = find_packages(str(ROOT), include=["tf2_py*", "tf2_ros*", "tf2_geometry_msgs*", "tf2_sensor_msgs*"])
 modules = extensions.cython_extensions(ROOT, packages)
-data = {name: ["*.pxd", "core/*.pxd", "engine/*.pxd", "*.pyi", "py.typed"] for name in packages}
+data = {name: ["*.pxd", "*/*_header.pxi", "*.pyi", "py.typed"] for name in packages}
 
 setup(
     # Here for colcon's sake: requires-python of pyproject.toml becomes an object that it cannot read, and the

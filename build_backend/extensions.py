@@ -46,7 +46,7 @@ def cython_extensions(root, packages, platform=sys.platform):
 
 def _needs_linux(folder):
     """Whether C code of a package includes headers of Linux."""
-    return any("#include <linux/" in path.read_text(encoding="utf-8") for path in folder.glob("*.p[xy][dx]"))
+    return any("#include <linux/" in path.read_text(encoding="utf-8") for path in folder.glob("*.p[xy][dxi]"))
 
 
 class BuildExtensions(build_ext):

@@ -21,13 +21,7 @@ def hints(source):
 
 
 def main(packages):
-    # Sources in folders that are not packages are included by others.
-    sources = [
-        source
-        for package in packages
-        for source in sorted(Path(package).rglob("*.pyx"))
-        if (source.parent / "__init__.py").exists()
-    ]
+    sources = [source for package in packages for source in sorted(Path(package).rglob("*.pyx"))]
     said = "".join(map(hints, sources))
     print(said, end="")
     return 1 if said else 0

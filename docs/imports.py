@@ -23,7 +23,7 @@ def chapters(name: str) -> list[str]:
     """What an extension includes, in that order; empty for what is not put together of chapters."""
     path = ROOT / f"{name.replace('.', '/')}.pxd"
     text = path.read_text(encoding="utf-8") if path.exists() else ""
-    return re.findall(r'^include "(.+)\.pxd"$', text, re.MULTILINE)
+    return re.findall(r'^include "(.+)_header\.pxi"$', text, re.MULTILINE)
 
 
 def edges() -> dict[str, dict[str, bool]]:

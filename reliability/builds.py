@@ -56,7 +56,7 @@ def _copy(folder):
             shutil.copy2(source, copy)
     for copy in folder.rglob("*.py*"):
         name = copy.relative_to(folder).as_posix()
-        if copy.suffix in {".py", ".pyx", ".pxd", ".pyi"} and name not in wanted and _is_source(name):
+        if copy.suffix in {".py", ".pyx", ".pxd", ".pxi", ".pyi"} and name not in wanted and _is_source(name):
             copy.unlink()
 
 

@@ -2,7 +2,7 @@
 Run the suite in builds with sanitizers: `python -m reliability.sanitize`, behind `make sanitize`.
 
 AddressSanitizer and UndefinedBehaviorSanitizer check everything, in a build that also checks each buffer's
-invariants after every operation (`tf2_py/engine/engine.pyx`). ThreadSanitizer checks the tests that use
+invariants after every operation (`tf2_py/engine/engine.pxi`). ThreadSanitizer checks the tests that use
 threads. Every process that the tests start runs with the runtime, too, and a report of any of them fails the
 run, whatever became of that process.
 """

@@ -1,8 +1,8 @@
 """
 The engine: structs, and functions on them. It keeps no Python objects and knows nothing of ROS.
 
-One extension, composed of chapters. Each is a contract (``.pxd``) and, if that declares more than inline
-functions, its code (``.pyx``). A chapter uses those before it, in this order.
+One extension, composed of chapters. Each has a header, included here, and, if that declares more than inline
+functions, its code, included by ``_core.pyx``. A chapter uses those before it, in this order.
 """
 
 from libc.float cimport DBL_MAX, DBL_MIN
@@ -24,14 +24,14 @@ from libc.string cimport memchr, memcmp, memcpy, memset
 from posix.mman cimport munmap
 from posix.time cimport CLOCK_MONOTONIC, CLOCK_REALTIME, clock_gettime, timespec
 
-include "core/types.pxd"
-include "core/geometry.pxd"
-include "core/sync.pxd"
-include "core/names.pxd"
-include "core/history.pxd"
-include "core/tree.pxd"
-include "core/frozen.pxd"
-include "core/lookup.pxd"
-include "core/series.pxd"
-include "core/waiters.pxd"
-include "core/cdr.pxd"
+include "core/types_header.pxi"
+include "core/geometry_header.pxi"
+include "core/sync_header.pxi"
+include "core/names_header.pxi"
+include "core/history_header.pxi"
+include "core/tree_header.pxi"
+include "core/frozen_header.pxi"
+include "core/lookup_header.pxi"
+include "core/series_header.pxi"
+include "core/waiters_header.pxi"
+include "core/cdr_header.pxi"

@@ -3,12 +3,12 @@
 from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from cpython.bytes cimport PyBytes_FromStringAndSize
 
-include "core/sync.pyx"
-include "core/names.pyx"
-include "core/history.pyx"
-include "core/tree.pyx"
-include "core/frozen.pyx"
-include "core/lookup.pyx"
-include "core/series.pyx"
-include "core/waiters.pyx"
-include "core/cdr.pyx"
+include "core/sync.pxi"
+include "core/names.pxi"
+include "core/history.pxi"
+include "core/tree.pxi"
+include "core/frozen.pxi"
+include "core/lookup.pxi"
+include "core/series.pxi"
+include "core/waiters.pxi"
+include "core/cdr.pxi"

@@ -13,11 +13,12 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from tf2_py._core cimport *
 
-include "engine/arrays.pxd"
-include "engine/messages.pxd"
-include "engine/times.pxd"
-include "engine/queries.pxd"
-include "engine/state.pxd"
-include "engine/frozen.pxd"
-include "engine/engine.pxd"
-include "engine/wait.pxd"
+include "engine/layouts_header.pxi"
+include "engine/times_header.pxi"
+include "engine/messages_header.pxi"
+include "engine/arrays_header.pxi"
+include "engine/queries_header.pxi"
+include "engine/state_header.pxi"
+include "engine/frozen_header.pxi"
+include "engine/engine_header.pxi"
+include "engine/wait_header.pxi"

@@ -44,7 +44,7 @@ class _Statistics(TypedDict):
     waiters: int
     malformed_messages: int
 
-class _Wait:  # Wait of tf2_py/engine/wait.pyx
+class _Wait:  # Wait of tf2_py/engine/wait.pxi
     def take(self) -> TransformStamped | None: ...
     @property
     def must_be_tried(self) -> bool: ...

@@ -69,14 +69,15 @@ __all__ = [
     "TransformException",
 ]
 
-include "engine/arrays.pyx"
-include "engine/messages.pyx"
-include "engine/times.pyx"
-include "engine/queries.pyx"
-include "engine/state.pyx"
-include "engine/frozen.pyx"
-include "engine/engine.pyx"
-include "engine/wait.pyx"
+include "engine/layouts.pxi"
+include "engine/times.pxi"
+include "engine/messages.pxi"
+include "engine/arrays.pxi"
+include "engine/queries.pxi"
+include "engine/state.pxi"
+include "engine/frozen.pxi"
+include "engine/engine.pxi"
+include "engine/wait.pxi"
 
 
 # The limits of a buffer, so that no sender can fill the memory.

@@ -606,4 +606,4 @@ def do_transform_cloud(
     return _new_cloud(cloud, header, &grid, new_data, get_field(cloud_layout, cloud, "is_dense"))
 
 
-include "parts/deskew.pyx"
+include "_deskew_points.pxi"

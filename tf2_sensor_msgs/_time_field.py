@@ -49,7 +49,7 @@ KNOWN = {
 
 
 class TimeField(NamedTuple):
-    """The field with the times of the points, as ``parts/deskew.pyx`` reads it."""
+    """The field with the times of the points, as ``_deskew_points.pxi`` reads it."""
 
     name: str
     unit: Unit

@@ -24,7 +24,7 @@ def test_only_one_module_knows_rclpys_inside():
         if found[0][1:] not in own_private_names()
     }
     assert ("_rclpy.py", "_is_shutdown") in of_rclpy
-    assert {name for name, _ in of_rclpy} == {"_rclpy.py", "times.pyx"}, of_rclpy
+    assert {name for name, _ in of_rclpy} == {"_rclpy.py", "times.pxi"}, of_rclpy
 
 
 def test_only_one_module_uses_what_rclpy_does_not_document():
@@ -38,7 +38,7 @@ def own_private_names():
     names = {part for module in modules(packages=PACKAGES) for part in module.split(".")} | OF_OTHERS
     for path, code in code_of_packages():
         names.update(re.findall(r"(?:\bdef |\bclass |\b(?:self|cls)\.|^\s*)(_[a-z]\w*)", code, re.MULTILINE))
-        if path.suffix in (".pyx", ".pxd"):
+        if path.suffix in (".pyx", ".pxd", ".pxi"):
             declared = re.findall(r"^\s*(?:cdef|cpdef|ctypedef)\b[^\n=]*", code, re.MULTILINE)
             names.update(name for line in declared for name in re.findall(r"\b_[a-z]\w*", line))
     return names

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 from paths import ROOT
-from sources import PACKAGES, imports, modules
+from sources import PACKAGES, chapters, code_of, defined, imports, modules
 
 pytestmark = pytest.mark.ours
 
@@ -92,6 +92,33 @@ def test_no_modules_import_each_other_in_a_circle():
         for module in free:
             del graph[module]
     assert graph == {}
+
+
+@pytest.mark.parametrize("module", ["tf2_py._core", "tf2_py._tf2_py", "tf2_ros._shared.ring"])
+def test_a_chapter_uses_those_before_it_and_says_which(module):
+    texts = {
+        name: "\n".join(path.read_text(encoding="utf-8") for path in modules()[name])
+        for name in chapters(module)
+    }
+    codes = {name: code_of(text) for name, text in texts.items()}
+    words = {name: set(re.findall(r"\w+", code)) for name, code in codes.items()}
+    names = {name: defined(code) for name, code in codes.items()}
+    known: set[str] = set()
+    for chapter, text in texts.items():
+        own = names[chapter] | known
+        later = {
+            other: found
+            for other in list(texts)[list(texts).index(chapter) + 1 :]
+            if (found := words[chapter] & (names[other] - own))
+        }
+        assert later == {}, f"{chapter} uses later chapters"
+        used = [
+            other.rpartition(".")[2]
+            for other in list(texts)[: list(texts).index(chapter)]
+            if words[chapter] & (names[other] - names[chapter])
+        ]
+        assert f"# Uses: {', '.join(used) or 'no chapter'}.\n" in text, chapter
+        known |= names[chapter]
 
 
 def test_the_drawing_on_the_page_is_what_the_sources_import_and_cimport():

@@ -45,14 +45,16 @@ class Import(NamedTuple):
 
 @cache
 def modules(root: Path = ROOT, packages: tuple[str, ...] = ALL) -> dict[str, tuple[Path, ...]]:
-    """The modules of packages by their dotted names; a Cython module has up to three files."""
+    """The modules and chapters of packages by their dotted names; each may have several files."""
     found: dict[str, list[Path]] = {}
     for package in packages:
-        for suffix in ("py", "pyx", "pxd", "pyi"):
+        for suffix in ("py", "pyx", "pxd", "pxi", "pyi"):
             for path in sorted((root / package).rglob(f"*.{suffix}")):
                 if path.name not in GENERATED:
-                    parts = path.relative_to(root).with_suffix("").parts
-                    found.setdefault(".".join(parts).removesuffix(".__init__"), []).append(path)
+                    name = ".".join(path.relative_to(root).with_suffix("").parts)
+                    if suffix == "pxi":
+                        name = name.removesuffix("_header")
+                    found.setdefault(name.removesuffix(".__init__"), []).append(path)
     return {name: tuple(paths) for name, paths in found.items()}
 
 
@@ -87,6 +89,37 @@ def _absolute(name: str, names: list[str], parent: list[str], known: Container[s
     yield from submodules
     if len(submodules) < len(names) or not names:
         yield name
+
+
+def chapters(module: str) -> list[str]:
+    """The chapters that a Cython module includes, in that order."""
+    folder, _, name = module.rpartition(".")
+    path = ROOT.joinpath(*folder.split("."), f"{name}.pxd")
+    if not path.exists():
+        path = path.with_suffix(".pyx")
+    included = re.findall(
+        r'^include "(.+?)(?:_header)?\.pxi"$', path.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    return [f"{folder}.{chapter.replace('/', '.')}" for chapter in included]
+
+
+_DEFINED = re.compile(
+    r'^(?:cdef|cpdef|ctypedef|def|class)\b(?! extern)(?:[^\n(=:"]*[ *])?(?P<name>\w+)(?=\(|[ \t]*[=:\n"])'
+    r"|^(?P<constant>\w+) = ",
+    re.MULTILINE,
+)
+_BLOCK = re.compile(r"^cdef (?:extern|enum)\b[^\n]*:[^\n]*\n((?:(?:    [^\n]*)?\n)+)", re.MULTILINE)
+_MEMBER = re.compile(
+    r'^    (?! )(?:[^\n(="]*[ *])?(?P<name>\w+)[ \t]*(?:\[\w*\])?(?=[(=\n":]| "|$)', re.MULTILINE
+)
+
+
+def defined(code: str) -> set[str]:
+    """The names that Cython code defines or declares for the whole module: see :func:`code_of`."""
+    found = {one["name"] or one["constant"] for one in _DEFINED.finditer(code)}
+    for block in _BLOCK.finditer(code):
+        found |= {one["name"] for one in _MEMBER.finditer(block[1])}
+    return found
 
 
 @cache

@@ -143,5 +143,5 @@ cdef Head* map_head(int descriptor) except NULL:
     return <Head*>made
 
 
-include "parts/writer.pyx"
-include "parts/reader.pyx"
+include "ring_writer.pxi"
+include "ring_reader.pxi"

@@ -144,19 +144,6 @@ def frame_name(name, str argument):
     return name
 
 
-# Frame names as text.
-
-cdef enum:
-    LOGGED_BYTES = 256      # of a name
-
-
-cdef str name_for_log(const char* text, size_t size):
-    if size <= LOGGED_BYTES:
-        return text[:size].decode("utf-8")
-    # The cut may split a character.
-    return f"{text[:LOGGED_BYTES].decode('utf-8', 'ignore')}... ({size} bytes)"
-
-
 # What error texts say of unknown names and of silent topics.
 
 cdef enum:

@@ -73,11 +73,6 @@ cdef inline void unlock_written(Lock* lock, const Tree* tree, const Waiters* wai
 
 # The engine.
 
-cdef Limits NO_LIMITS
-NO_LIMITS.frames = UINT32_MAX
-NO_LIMITS.bytes = SIZE_MAX
-cdef Retention KEEP_ALL
-KEEP_ALL.cache_time_ns = INT64_MAX
 cdef Retention DEFAULT_RETENTION
 DEFAULT_RETENTION.cache_time_ns = 10 * <int64_t>NS_PER_S    # as tf2's
 

@@ -1,5 +1,7 @@
 """The tree behind its lock, with the waiters for it."""
 
+# Uses: times, messages, queries, state, frozen.
+
 cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds
     INSERTS_PER_TRY = 2     # the cost of trying a waiter
@@ -8,7 +10,7 @@ cdef enum:
 
 cdef class ReadHook:
     # Holds what has arrived for an engine until somebody reads the engine, or a waiter needs it. The words
-    # are read and written without a lock, in any thread (sync.pxd).
+    # are read and written without a lock, in any thread (sync_header.pxi).
     cdef ReadHook following         # the next one of the same engine
     cdef uint32_t* pending          # not 0: something may have arrived
     cdef uint32_t* armed            # not 0: what arrives is to be inserted at once

@@ -1,5 +1,7 @@
 """The arguments of a lookup, and the texts of its errors."""
 
+# Uses: times, messages.
+
 # Read the caller's objects; TypeError, ValueError or OverflowError where they do not fit.
 # Only the frames of a simple lookup, without its time.
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1
@@ -24,12 +26,6 @@ cdef int query_fill_series(Query* query, object target_frame, object source_fram
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
                         object fixed_frame, object target_time, PolicyObject policy,
                         str argument=*) except -1
-
-
-# Frame names as Python text.
-
-# For log lines: the name, which is UTF-8; only the beginning of a long one, and its size in bytes.
-cdef str name_for_log(const char* text, size_t size)
 
 
 # What error texts add: which known name may have been meant, and which topics are silent.

@@ -1,5 +1,7 @@
 """Locks, events, clocks and atomic words: what threads without the GIL share, and what a fork does to it."""
 
+# Uses: types.
+
 # Condition variables that wait on the steady clock, which does not change when the time of day is set.
 
 cdef extern from "<pthread.h>" nogil:

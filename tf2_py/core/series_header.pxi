@@ -1,5 +1,7 @@
 """Lookups at many times in one call."""
 
+# Uses: types, geometry, sync, history, tree, lookup.
+
 cdef struct TimeSeries:
     # The times of one call and the memory for its answers: `translations` and `rotations`, or `matrices`, or
     # `points` and `transformed`; the others are NULL.

@@ -1,5 +1,7 @@
 """A reader's half of a ring: copy records, check them, and insert them. It trusts nothing in the file."""
 
+# Uses: no chapter.
+
 cdef enum:
     CHUNK_BYTES = 1 << 15       # that a reader copies at once, or else one record
 

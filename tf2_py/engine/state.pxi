@@ -1,5 +1,11 @@
 """Copy the content of a tree: as Python objects for listings, as one state for pickles."""
 
+cdef Limits NO_LIMITS
+NO_LIMITS.frames = UINT32_MAX
+NO_LIMITS.bytes = SIZE_MAX
+cdef Retention KEEP_ALL
+KEEP_ALL.cache_time_ns = INT64_MAX
+
 cdef enum:
     SLICE_NAMES = 1024      # copied under the lock at once, which takes some 20 microseconds
 

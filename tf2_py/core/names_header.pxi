@@ -1,5 +1,7 @@
 """A table of names: UTF-8 bytes to small ids and back, usable without the GIL."""
 
+# Uses: no chapter.
+
 cdef struct Name:
     size_t start            # offset of its first byte in `text`
     uint32_t size           # bytes

@@ -1,5 +1,7 @@
 """Serialised tf2_msgs/TFMessage, read and written; batches of transforms that are inserted together."""
 
+# Uses: types, names, history, waiters.
+
 cdef struct Reader:
     const unsigned char* data       # the whole message, including the encapsulation header
     size_t size                     # bytes of the message

@@ -6,6 +6,8 @@ frame as they lie in a History: stamps, then samples, each from a whole line on.
 in their order. The header and all up to the first stamp is the index.
 """
 
+# Uses: types, names, history, tree.
+
 cdef enum:
     FROZEN_VERSION = 1
     FROZEN_LOOPED = 1           # flag of a file: Tree.ever_looped

@@ -1,5 +1,7 @@
 """NumPy arrays as C pointers."""
 
+# Uses: times.
+
 # The numbers of a C-contiguous array, whose owner must neither free nor resize it meanwhile. ValueError: they
 # are of another type, or a row does not have `width` of them. `width` 0: the array has one dimension.
 cdef double* doubles_of(object array, Py_ssize_t width) except NULL

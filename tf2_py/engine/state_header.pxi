@@ -1,5 +1,7 @@
 """The content of a tree as Python objects."""
 
+# Uses: messages, arrays.
+
 # Only the engine calls these. Each takes the lock to copy what it needs, and makes Python objects while the
 # lock is free. `names` and `authorities`: those of the tree that are known so far.
 # Appends some of the names that `known` lacks, or all, in the order of their ids; False: it lacks none.

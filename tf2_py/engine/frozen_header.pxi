@@ -1,5 +1,7 @@
 """Frozen files: write a tree to one, and map one."""
 
+# Uses: state.
+
 # Only the engine calls these. `names` and `authorities`: those of the tree that are known so far.
 # Writes the content of a tree at one moment to a binary file that is at its beginning and can seek.
 cdef int write_frozen(const Tree* tree, Lock* lock, file, list names, list authorities) except -1

@@ -1,5 +1,7 @@
 """Times and durations as nanoseconds, and back."""
 
+# Uses: layouts.
+
 # The layout of builtin_interfaces/Time; None before load_time() has run.
 cdef Layout time_layout
 cdef enum:

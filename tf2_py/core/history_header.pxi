@@ -5,6 +5,8 @@ Only this chapter knows how samples lie in memory; all others call its functions
 change a History need the tree's lock, except on a pinned copy.
 """
 
+# Uses: types, geometry, sync.
+
 cdef enum HistoryKind:
     HISTORY_NONE            # the frame was never a child: no samples, no memory
     HISTORY_DYNAMIC
@@ -12,7 +14,7 @@ cdef enum HistoryKind:
 
 
 cdef struct FileMapping:
-    # The bytes of a frozen file in memory, read-only. See frozen.pxd.
+    # The bytes of a frozen file in memory, read-only. See frozen_header.pxi.
     void* start                 # at a page
     size_t size                 # bytes
     uint32_t owners             # histories with samples there, and who opens it; read and written atomically

@@ -1,5 +1,7 @@
 """The wait for one lookup."""
 
+# Uses: messages, queries, engine.
+
 
 @cython.final
 @cython.no_gc_clear

@@ -1,5 +1,7 @@
 """The owner's half of a ring: append what arrives, drop what is old, keep the newest static transforms."""
 
+# Uses: no chapter.
+
 cdef enum:
     # Bytes of a serialised transform without its names, at most, and of what precedes the first one.
     MOST_OTHER = 2 * UNIT

@@ -1,5 +1,7 @@
 """The C structs that every chapter shares."""
 
+# Uses: no chapter.
+
 # A frame is an index into the tree's arrays, never a pointer kept across growth.
 ctypedef uint32_t FrameId
 

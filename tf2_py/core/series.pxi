@@ -2,7 +2,7 @@
 
 # Transforms of one batch of times at once, on plain arrays of doubles. All BATCH_TIMES entries are computed;
 # those from `count` on, and the missing ones, hold a filler. The numbers are those of history_transform_at
-# and of the functions in geometry.pxd, to the last bit.
+# and of the functions in geometry_header.pxi, to the last bit.
 
 cdef enum:
     BATCH_TIMES = 64        # times; all arrays of a SeriesWork fit into the first-level cache

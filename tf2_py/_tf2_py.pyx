@@ -277,6 +277,7 @@ cdef class BufferCore(Engine):
             if batch_read_cdr(&batch, <const unsigned char*>PyBytes_AS_STRING(message), size):
                 self.insert(&batch)
             elif batch.problem != NULL:
+                self.count_malformed()
                 raise self.malformed(&batch, size)
             if batch.needs_report or batch.no_memory:
                 self.report(&batch, None)

@@ -400,6 +400,7 @@ cdef class Filling:
         if not self.source.read(&self.batch, view):
             if self.recording is not None:
                 records_add_malformed(&self.recording._records)
+            self.buffer.count_malformed()
             error = self.buffer.malformed(&self.batch, view.len)
             self.insert()
             if self.on_malformed is None:

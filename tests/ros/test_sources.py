@@ -1,10 +1,12 @@
 """What an inbox does with the parcels of a source: here, of one that needs no middleware."""
 
+import gc
 import signal
 import threading
 
 import pytest
 from compiling import compiled
+from forking import in_a_child
 from making import S, at, transform, translation
 from processes import errors_so_far, until
 from rclpy.serialization import serialize_message
@@ -13,6 +15,7 @@ from rclpy.time import Time
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer
 from tf2_ros._receive.inbox import Inbox, Inboxes
+from tf2_ros._threads import add_owner
 from tf2_ros.records import Recording
 
 pytestmark = pytest.mark.ours
@@ -102,6 +105,76 @@ def test_other_threads_go_on_while_a_read_takes_a_large_message(source, inbox, b
     assert source.go_on()
     reader.join()
     assert answers == [True]
+
+
+def test_a_read_takes_from_every_inbox_although_one_ends_meanwhile(source, inbox, buffer, inboxes):
+    slow, other = (compiled("listed_source").ListedSource() for _ in range(2))
+    ending = Inbox(other, list, inboxes=Inboxes())  # another lock: it ends while the first one is read
+    first = Inbox(slow, list, inboxes=inboxes)
+    for one in (ending, first):
+        one.fill(buffer)
+    source.put(serialised(transform("map", "robot", 1)))
+    slow.put(serialised(transform("map", "person", 1)))
+    slow.slow_down()
+    answers = []
+    reader = threading.Thread(target=lambda: answers.append(buffer.can_transform("map", "robot", at(1))))
+    reader.start()
+    until(slow.is_taking)
+    ending.close()
+    assert slow.go_on()
+    reader.join()
+    assert answers == [True]
+    first.close()
+
+
+class Owner:
+    """Of an inbox that the threads of the process serve."""
+
+    kind = "listed source"
+
+    def __init__(self, inbox):
+        self.inbox, self.stop = inbox, inbox.close
+
+    def _tf2_check(self):
+        pass
+
+
+def test_a_child_forked_during_the_insert_of_a_large_message_can_drop_the_buffer(source):
+    owner = Owner(Inbox(source, list))
+    buffer = Buffer()
+    owner.inbox.fill(buffer)
+    add_owner(owner)
+    waiting = buffer.wait_for_transform_async("map", "last", at(1))
+    held = [buffer, waiting]
+    del buffer
+    many = [transform("map", f"robot {number}", 1) for number in range(100_000)]
+    source.put(serialised(*many, transform("map", "last", 1)))
+
+    def drop():
+        nonlocal waiting
+        waiting = None
+        held.clear()
+        gc.collect()
+
+    statuses = []
+    while not waiting.done():
+        statuses.append(in_a_child(drop))
+    owner.stop()
+    assert statuses and set(statuses) == {0}
+
+
+def test_the_last_part_of_a_large_message_is_logged_as_others(source, inbox, inboxes, buffer, capfd):
+    many = [transform("map", f"robot {number}", 1) for number in range(MANY)]
+    source.put(serialised(*many, unnormalised()))
+    assert buffer.can_transform("map", "odd", LATEST)
+    inboxes.report_next()
+    assert errors_so_far().count("to child_frame_id 'odd' ") == 1
+
+
+def unnormalised():
+    odd = transform("map", "odd", 1)
+    odd.transform.rotation.w = 1.1
+    return odd
 
 
 def test_a_removal_concerns_one_frame_or_all(source, inbox, buffer):

@@ -166,18 +166,19 @@ cdef class Engine:
                 return 0
             one.following = inbox.following
         inbox.following = None
+        self._removals += 1
         return 0
 
     cdef int drain_inboxes(self) except -1:
         cdef ReadHook inbox = self._inboxes
-        cdef ReadHook following
+        cdef uint64_t removals
         while inbox is not None:
-            following = inbox.following     # draining may remove it
             if word_load(inbox.read) != RECENTLY:
                 word_store(inbox.read, RECENTLY)
+            removals = self._removals
             if word_load(inbox.pending):
-                inbox.drain()
-            inbox = following
+                inbox.drain()   # meanwhile another thread may remove some
+            inbox = inbox.following if self._removals == removals else self._inboxes
         return 0
 
     cdef void arm(self) noexcept:
@@ -311,8 +312,10 @@ cdef class Engine:
                 )
         return 0
 
+    cdef void count_malformed(self) noexcept nogil:
+        word_add(&self._malformed, 1)
+
     cdef object malformed(self, const Batch* batch, size_t size, str topic=None):
-        self._malformed += 1
         error = batch_error(batch, size)
         if topic is not None and self._throttle.passes(topic):
             log.malformed(topic, str(error))
@@ -453,7 +456,7 @@ cdef class Engine:
         self._names, self._authorities, self._frozen = names, authorities, frozen
         with nogil:
             tree_free(&old)
-        self._malformed = 0
+        word_store(&self._malformed, 0)
         self._advice.forget()
         return self._wake_all(&batch)
 
@@ -791,7 +794,7 @@ cdef class Engine:
             "samples": tree.samples,
             "bytes": size,
             "waiters": waiters,
-            "malformed_messages": self._malformed,
+            "malformed_messages": word_load(&self._malformed),
         }
 
     cdef const char* check(self) noexcept nogil:

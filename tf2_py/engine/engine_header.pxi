@@ -53,12 +53,13 @@ cdef class Engine:
     cdef ForkedLock _forked             # _lock
     cdef object _throttle               # of log lines ...
     cdef object _refusals               # ... and of those about refused transforms
-    cdef unsigned long long _malformed      # messages; guarded by the GIL
+    cdef uint32_t _malformed            # messages; atomic
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
     cdef object _frozen                 # the frozen_file.FrozenFile that was opened; valid if _tree.is_frozen
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
+    cdef uint64_t _removals             # of inboxes
     cdef Tap _tap                       # or None
     # Under _lock: no later than what the clock shows. After their first attempt, waits judge ages by it, so
     # that an insert without the GIL may answer too early, but not too late; judge_waiter corrects that.
@@ -85,6 +86,7 @@ cdef class Engine:
     cdef int report(self, Batch* batch, object hand_over) except -1
     # Counts a message that could not be read, and returns the ValueError that states why. `size`: its bytes.
     # With a topic, logs the error as well.
+    cdef void count_malformed(self) noexcept nogil
     cdef object malformed(self, const Batch* batch, size_t size, str topic=*)
     # Removes every dynamic transform; or, with a name, all of one frame. Returns whether there was any.
     cdef bint remove(self, const char* name, size_t size) except -1

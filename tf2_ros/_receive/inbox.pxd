@@ -95,7 +95,7 @@ cdef struct State:
     void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message; NULL: not allocated yet
     bint has_large              # inserting `parcel`, or the rest of it, takes long, and is next
-    bint has_gil                # the thread in `take_next` holds the GIL; `inbox_takes_long` may release it
+    bint has_gil                # the thread in `next` of the source holds the GIL; `inbox_takes_long` may release it
     PyThreadState* thread       # what that has saved, to take the GIL again; NULL: nothing was released
     bint is_inserting           # a thread inserts it: parcel, engine and tap must stay as they are
     Lock inserting              # is held by that thread
@@ -117,7 +117,7 @@ cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
 
 cdef class Inboxes:
     # A thread that holds the lock of all inboxes takes at most one of an engine, of records, of a tap, or of
-    # the middleware; and `inserting` of an inbox, which nobody holds while waiting for anything.
+    # the middleware. It takes `inserting` of an inbox only while those that hold it wait for nothing.
     cdef Drain drain
 
 

@@ -59,7 +59,7 @@ AUTHORITY = "default_authority"     # of what is received: messages do not name 
 cdef const char* DEFAULT_AUTHORITY = "default_authority"
 
 cdef enum:
-    MAX_REPORTS = 64            # messages whose refused transforms are kept for the log
+    MAX_REPORTS = 64            # messages that are kept for the log, which says what is wrong with them
     BEING_INSERTED = 2          # of State.pending: nothing has arrived since a thread began to insert
 
 # How long a read waits for the lock with the GIL, which it may not get back for 5 ms. Only a thread that
@@ -206,7 +206,7 @@ cdef void _take_reports(State* inbox, Parcels* reports) noexcept nogil:
 # cannot be counted.
 
 cdef void _report_later(State* inbox) noexcept nogil:
-    # A flood of refused transforms must not fill the memory. Answers are never lost.
+    # A flood of faults must not fill the memory: they are counted, not logged. Answers are never lost.
     cdef Parcels* reports = &inbox.reports
     if reports.count >= MAX_REPORTS and links_empty(&inbox.parcel.batch.ready):
         return
@@ -248,6 +248,7 @@ cdef bint _insert(State* inbox) noexcept nogil:
     cdef Batch* batch = &inbox.parcel.batch
     if not inbox.parcel.is_begun:
         if not _parse(inbox):
+            (<Engine>inbox.engine).count_malformed()
             return True
         if inbox.tap != NULL:
             (<Tap>inbox.tap).copy(batch)
@@ -282,6 +283,7 @@ cdef void _process(State* inbox) noexcept nogil:
         parcel.size = 0
         parcel.batch.count = 0
         parcel.batch.problem, parcel.batch.problem_at = parcel.problem, 0
+        (<Engine>inbox.engine).count_malformed()
         needs_report = True
     if needs_report:
         _report_later(inbox)
@@ -298,7 +300,7 @@ cdef void _insert_large(State* inbox) noexcept nogil:
     lock_acquire(&inbox.inserting)
     lock_release(&inbox.drain.lock)
     needs_report = _insert(inbox)
-    if parcel.batch.refused == 0:       # otherwise the log names some of it
+    if parcel.batch.refused == 0 and parcel.batch.unnormalised == 0:    # else the log names some of it
         _shrink_parcel(parcel)
     lock_acquire(&inbox.drain.lock)
     inbox.is_inserting = inbox.has_large = False
@@ -464,10 +466,6 @@ cdef class Inboxes:
         if inbox is not None:
             # No code in Python has run since, so the engine is that of the reports.
             inbox._report(inbox._engine(), &parcels)
-
-    def report_soon(self):
-        """Have :meth:`await_report` return."""
-        event_set(&self.drain.reporting)
 
     def stop(self):
         """End the threads."""
@@ -676,7 +674,7 @@ cdef class InboxBase(ReadHook):
         cdef bint has_received = self.state.engine != NULL
         keep_for_ever(self)
         self.state.engine = NULL
-        self.state.is_inserting = False
+        self.state.is_inserting = self.state.has_large = False  # nothing may wait for a thread of the parent
         word_store(self.pending, 0)
         return has_received
 

@@ -22,11 +22,11 @@ from _thread import start_new_thread
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, Protocol
 
 from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
-from tf2_ros._receive.inbox import INBOXES
+from tf2_ros._receive.inbox import INBOXES, InboxBase
 from tf2_ros_cython.output import counted
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
@@ -86,14 +86,29 @@ def _run_once(name: str, target: Callable[..., object], *arguments: object) -> N
 
 _WHERE = "In the thread that reports"
 
-# Each decides when an inbox, its attribute ``inbox``, begins and ends, and has a method ``stop``, for good.
-# Its ``kind`` is what a forked child calls it in a warning.
-_owners: LiveObjects[Any] = LiveObjects()
+
+class InboxOwner(Protocol):
+    """Decides when an inbox begins and ends."""
+
+    kind: str  # what a forked child calls it in a warning
+
+    @property
+    def inbox(self) -> InboxBase:
+        """That inbox."""
+
+    def stop(self) -> None:
+        """End the inbox, for good."""
+
+    def _tf2_check(self) -> None:
+        """Called every one or two seconds."""
+
+
+_owners: LiveObjects[InboxOwner] = LiveObjects()
 _checked: LiveObjects[Any] = LiveObjects()  # the method ``_tf2_check`` of each is called regularly
 _checked_at = 0.0
 
 
-def add_owner(owner: Any) -> None:
+def add_owner(owner: InboxOwner) -> None:
     """Serve the inbox of an owner, and check the owner regularly."""
     start_once("tf2_ros receiver", INBOXES.drain_when_due)
     start_once("tf2_ros reports", _report_and_check)

@@ -324,7 +324,7 @@ class TransformListener:
         listening = self._tf2_listening
         completions = listening.completions
         # An EventsExecutor has arrivals reported to itself.
-        can_receive = completions is not None and completions.runner.in_sets and problem() is None
+        can_receive = completions is not None and completions.runner.uses_wait_sets and problem() is None
         needs_executor = not can_receive or self.__direct_buffer() is None
         if listening.recording is not None and needs_executor:
             reason = problem() or "code of this program handles what is received"

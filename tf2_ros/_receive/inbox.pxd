@@ -53,16 +53,16 @@ cdef struct Parcels:
     size_t count
 
 
-cdef struct Watched:
-    void* by                    # the Watching
-    Watched* next
+cdef struct InformedLink:
+    void* informed              # an Informed
+    InformedLink* next
 
 
 cdef struct Drain:
     # What the inboxes of a process have in common: two threads, of which one drains and one reports.
-    Lock lock                   # guards the two lists, and what the State of each inbox says
-    State* first                # of those that the draining thread serves
-    State* first_to_report      # of those that have something to report
+    Lock lock                   # guards the two lists, and what the InboxState of each inbox says
+    InboxState* first                # of those that the draining thread serves
+    InboxState* first_to_report      # of those that have something to report
     Event work                  # for the thread that drains
     Event reporting             # for the thread that reports
     uint32_t is_idle            # atomic: the draining thread must be woken by the next message
@@ -76,14 +76,14 @@ cdef struct Drain:
 #   yes        no            yes       likewise, and before engine or tap may change (`_await_insert`)
 #   yes        yes           any       one thread inserts it without the lock; the draining thread passes over
 #                                      the inbox, all others wait in `_await_insert`
-cdef struct State:
+cdef struct InboxState:
     # What is used without the GIL.
     uint32_t pending            # atomic; 0: no message waits; BEING_INSERTED: none but those being taken
     uint32_t is_full            # atomic: so many messages wait that they must be taken
     uint32_t armed              # atomic: the engine wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
     uint32_t wants_each         # atomic: each message must be taken when it arrives
-    Watched* watched            # who is informed; grows at the front
+    InformedLink* informed      # who is informed; grows at the front
     # Set once.
     Drain* drain
     void* inbox                 # the InboxBase
@@ -95,22 +95,22 @@ cdef struct State:
     void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message; NULL: not allocated yet
     bint has_large              # inserting `parcel`, or the rest of it, takes long, and is next
-    bint has_gil                # the thread in `next` of the source holds the GIL; `inbox_takes_long` may release it
+    bint has_gil                # the thread in `next` holds the GIL; `inbox_takes_long` may release it
     PyThreadState* thread       # what that has saved, to take the GIL again; NULL: nothing was released
     bint is_inserting           # a thread inserts it: parcel, engine and tap must stay as they are
     Lock inserting              # is held by that thread
     Parcels reports             # messages with something to report
     void* tap                   # the Tap of the engine; or NULL
-    State* next                 # in the list of those that the draining thread serves
-    State* next_to_report       # in that of those whose `reports` are not empty
+    InboxState* next                 # in the list of those that the draining thread serves
+    InboxState* next_to_report       # in that of those whose `reports` are not empty
 
 
 # Whether something wants each message at once. A recent read is not asked for.
-cdef bint inbox_is_awaited(State* inbox) noexcept nogil
+cdef bint inbox_is_awaited(InboxState* inbox) noexcept nogil
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
-cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil
+cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil
 # To be called within `next` before it does something that takes more than some milliseconds.
-cdef void inbox_takes_long(State* inbox) noexcept nogil
+cdef void inbox_takes_long(InboxState* inbox) noexcept nogil
 # Bytes for the parcel's message; NULL: no memory.
 cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
 
@@ -121,7 +121,7 @@ cdef class Inboxes:
     cdef Drain drain
 
 
-cdef class Watching:
+cdef class Informed:
     # All that this package knows of an executor.
     cdef object inboxes         # LiveObjects: those that inform this
     cdef readonly object receivers  # LiveObjects: those that leave their messages to an EventsExecutor
@@ -145,7 +145,7 @@ cdef class Source:
     #    freed. It is called once, with the GIL and without a lock, in any thread, perhaps by a finalizer. So
     #    it must not wait for a thread that needs the GIL.
     # In a forked child, none of them is called any more.
-    cdef State* inbox           # that inbox, which sets this
+    cdef InboxState* inbox           # that inbox, which sets this
     cdef list names             # of the topics, for errors
     cdef bint next(self, Parcel* parcel) noexcept nogil
     cdef void silence(self) noexcept
@@ -153,7 +153,7 @@ cdef class Source:
 
 cdef class InboxBase(ReadHook):
     # What an Inbox has in common with one whose source must be polled.
-    cdef State state
+    cdef InboxState state
     cdef Source _source
     cdef Inboxes _inboxes           # keeps the drain
     cdef bint _is_closed            # in a forked child, one that was closed before must not take the lock
@@ -161,7 +161,7 @@ cdef class InboxBase(ReadHook):
     cdef Recording _recording       # keeps the records
     cdef bytes _prefix
     cdef object _reference          # called, gives the engine or None
-    cdef set _used                  # keeps what threads without the lock may use: a Watching, a Tap
+    cdef set _used                  # keeps what threads without the lock may use: an Informed, a Tap
     cdef object __weakref__
 
     # With the lock: does this much work, or a little more; returns whether more may be left.

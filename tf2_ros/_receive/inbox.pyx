@@ -60,7 +60,7 @@ cdef const char* DEFAULT_AUTHORITY = "default_authority"
 
 cdef enum:
     MAX_REPORTS = 64            # messages that are kept for the log, which says what is wrong with them
-    BEING_INSERTED = 2          # of State.pending: nothing has arrived since a thread began to insert
+    BEING_INSERTED = 2          # of InboxState.pending: nothing has arrived since a thread began to insert
 
 # How long a read waits for the lock with the GIL, which it may not get back for 5 ms. Only a thread that
 # takes a large message from the middleware, without the GIL, has the lock for longer: 17 MB take 20 ms.
@@ -77,31 +77,31 @@ cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
     event_clear(event)
 
 
-cdef bint inbox_is_awaited(State* inbox) noexcept nogil:
+cdef bint inbox_is_awaited(InboxState* inbox) noexcept nogil:
     # Both are read once, because they may change meanwhile; the inbox keeps the former ones.
-    cdef Watched* watched = inbox.watched
+    cdef InformedLink* link = inbox.informed
     cdef void* tap = inbox.tap
     if word_load(&inbox.armed) or word_load(&inbox.wants_each):
         return True
-    while watched != NULL:
-        if (<Watching>watched.by).is_armed():
+    while link != NULL:
+        if (<Informed>link.informed).is_armed():
             return True
-        watched = watched.next
+        link = link.next
     return tap != NULL and (<Tap>tap).is_wanted()
 
 
-cdef void _inform(State* inbox) noexcept nogil:
-    cdef Watched* watched = inbox.watched
-    while watched != NULL:
-        (<Watching>watched.by).inserted()
-        watched = watched.next
+cdef void _inform(InboxState* inbox) noexcept nogil:
+    cdef InformedLink* link = inbox.informed
+    while link != NULL:
+        (<Informed>link.informed).inserted()
+        link = link.next
 
 
-cdef bint _wants_all(State* inbox) noexcept nogil:
+cdef bint _wants_all(InboxState* inbox) noexcept nogil:
     return word_load(&inbox.read) != 0 or inbox_is_awaited(inbox)
 
 
-cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
+cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil:
     word_store(&inbox.pending, 1)
     if is_full:
         word_store(&inbox.is_full, 1)
@@ -114,7 +114,7 @@ cdef extern from "Python.h" nogil:
     void PyEval_RestoreThread(PyThreadState* thread)
 
 
-cdef void inbox_takes_long(State* inbox) noexcept nogil:
+cdef void inbox_takes_long(InboxState* inbox) noexcept nogil:
     if inbox.has_gil:
         inbox.has_gil = False
         inbox.thread = PyEval_SaveThread()
@@ -162,7 +162,7 @@ cdef void _free_parcels(Parcels* parcels) noexcept:
         parcel = next_parcel
 
 
-cdef bint _begin_parcel(State* inbox) noexcept nogil:
+cdef bint _begin_parcel(InboxState* inbox) noexcept nogil:
     # Has an empty parcel for the next message; False: there is no memory.
     cdef Parcel* parcel = inbox.parcel
     if parcel == NULL:
@@ -180,32 +180,37 @@ cdef bint _begin_parcel(State* inbox) noexcept nogil:
 
 # What is to be reported; with the lock held.
 
-cdef void _begin_to_report(State* inbox) noexcept nogil:
-    cdef State** link = &inbox.drain.first_to_report
+cdef void _begin_to_report(InboxState* inbox) noexcept nogil:
+    cdef InboxState** link = &inbox.drain.first_to_report
     while link[0] != NULL:
         link = &link[0].next_to_report
     link[0], inbox.next_to_report = inbox, NULL
     event_set(&inbox.drain.reporting)
 
 
-cdef void _end_to_report(State* inbox) noexcept nogil:
-    cdef State** link = &inbox.drain.first_to_report
+cdef void _end_to_report(InboxState* inbox) noexcept nogil:
+    cdef InboxState** link = &inbox.drain.first_to_report
     while link[0] != NULL and link[0] != inbox:
         link = &link[0].next_to_report
     if link[0] != NULL:
         link[0] = inbox.next_to_report
 
 
-cdef void _take_reports(State* inbox, Parcels* reports) noexcept nogil:
+cdef void _take_reports(InboxState* inbox, Parcels* reports) noexcept nogil:
     _end_to_report(inbox)
     reports[0] = inbox.reports
     memset(&inbox.reports, 0, sizeof(Parcels))
 
 
 # Draining; with the lock held. The state has only the address of the engine: without the GIL, references
-# cannot be counted.
+# cannot be counted. Who calls what:
+#   a read of the buffer      drain, catch_up ─► read_all ─► take, then `step` until nothing is left
+#   the draining thread       drain_when_due ─► _serve_all ─► _serve ─► _take_arrived; _insert_large
+#   the thread of a ring      follow ─► step ─► take; _insert_large
+#   all of them               take: `_take_arrived` of an Inbox, which keeps `pending`, or `_take`
+#                             _take ─► `next` of the source ─► _process ─► _insert, _remove ─► _report_later
 
-cdef void _report_later(State* inbox) noexcept nogil:
+cdef void _report_later(InboxState* inbox) noexcept nogil:
     # A flood of faults must not fill the memory: they are counted, not logged. Answers are never lost.
     cdef Parcels* reports = &inbox.reports
     if reports.count >= MAX_REPORTS and links_empty(&inbox.parcel.batch.ready):
@@ -221,7 +226,7 @@ cdef void _report_later(State* inbox) noexcept nogil:
         _begin_to_report(inbox)
 
 
-cdef bint _parse(State* inbox) noexcept nogil:
+cdef bint _parse(InboxState* inbox) noexcept nogil:
     # Reads the message of the parcel; False: it is malformed.
     cdef Parcel* parcel = inbox.parcel
     cdef Batch* batch = &parcel.batch
@@ -242,7 +247,7 @@ cdef bint _parse(State* inbox) noexcept nogil:
     return is_readable
 
 
-cdef bint _insert(State* inbox) noexcept nogil:
+cdef bint _insert(InboxState* inbox) noexcept nogil:
     # Inserts the message of the parcel. Returns whether there is something to report. If a long history must
     # be moved, the rest is left to _insert_large.
     cdef Batch* batch = &inbox.parcel.batch
@@ -260,7 +265,7 @@ cdef bint _insert(State* inbox) noexcept nogil:
     return batch.needs_report
 
 
-cdef bint _remove(State* inbox) noexcept nogil:
+cdef bint _remove(InboxState* inbox) noexcept nogil:
     cdef Parcel* parcel = inbox.parcel
     cdef Batch* batch = &parcel.batch
     (<Engine>inbox.engine).begin_to_remove(
@@ -270,7 +275,7 @@ cdef bint _remove(State* inbox) noexcept nogil:
     return batch.needs_report
 
 
-cdef void _process(State* inbox) noexcept nogil:
+cdef void _process(InboxState* inbox) noexcept nogil:
     # Does what the parcel says.
     cdef Parcel* parcel = inbox.parcel
     cdef bint needs_report = False
@@ -289,7 +294,7 @@ cdef void _process(State* inbox) noexcept nogil:
         _report_later(inbox)
 
 
-cdef void _insert_large(State* inbox) noexcept nogil:
+cdef void _insert_large(InboxState* inbox) noexcept nogil:
     # Inserts the large message, or what a long move has left, during which the lock is released: others wait
     # for that with the GIL, and 200,000 transforms take 0.3 s. Whatever needs this inbox waits in
     # `_await_insert`.
@@ -313,7 +318,7 @@ cdef void _insert_large(State* inbox) noexcept nogil:
     event_set(&inbox.drain.work)        # the thread that drains may have passed over this inbox meanwhile
 
 
-cdef void _await_insert(State* inbox) noexcept nogil:
+cdef void _await_insert(InboxState* inbox) noexcept nogil:
     # Until no thread inserts a large message, and none was begun; meanwhile the lock is released.
     while inbox.is_inserting or (inbox.has_large and inbox.parcel.is_begun):
         if not inbox.is_inserting:
@@ -325,7 +330,7 @@ cdef void _await_insert(State* inbox) noexcept nogil:
         lock_acquire(&inbox.drain.lock)
 
 
-cdef bint _take(State* inbox, size_t most) noexcept nogil:
+cdef bint _take(InboxState* inbox, size_t most) noexcept nogil:
     # Does this much work, or a little more; returns whether more may be left.
     cdef size_t work = 0
     if inbox.engine == NULL or inbox.has_large:
@@ -343,12 +348,12 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
     return work >= most or inbox.has_large
 
 
-cdef bint _take_arrived(State* inbox, size_t most) noexcept nogil:
+cdef bint _take_arrived(InboxState* inbox, size_t most) noexcept nogil:
     # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
     # inserted, readers must find something pending, and wait here.
-    cdef bint more = inbox.has_large and inbox.engine != NULL
-    if more:
-        return True
+    cdef bint more
+    if inbox.has_large and inbox.engine != NULL:
+        return True     # `pending` stays as it is
     word_store(&inbox.pending, BEING_INSERTED)
     word_store(&inbox.is_full, 0)
     more = _take(inbox, most)
@@ -359,7 +364,7 @@ cdef bint _take_arrived(State* inbox, size_t most) noexcept nogil:
     return more
 
 
-cdef void _disarm(State* inbox) noexcept nogil:
+cdef void _disarm(InboxState* inbox) noexcept nogil:
     # All that has arrived is inserted.
     if word_load(&inbox.armed) and inbox.engine != NULL:
         (<Engine>inbox.engine).disarm(&inbox.armed)
@@ -367,7 +372,7 @@ cdef void _disarm(State* inbox) noexcept nogil:
 
 # The thread that drains.
 
-cdef bint _serve(State* inbox) noexcept nogil:
+cdef bint _serve(InboxState* inbox) noexcept nogil:
     # A reader may have taken the rest since the last slice.
     if word_load(&inbox.pending) and _take_arrived(inbox, DRAIN_SLICE):
         return True
@@ -377,7 +382,7 @@ cdef bint _serve(State* inbox) noexcept nogil:
 
 cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
     # In a round all inboxes, otherwise those whose messages must not wait. Returns whether messages waited.
-    cdef State* inbox
+    cdef InboxState* inbox
     cdef bint found = False
     cdef uint32_t read
     cdef bint is_behind = True
@@ -453,7 +458,7 @@ cdef class Inboxes:
         """Do what follows from what one of them has inserted: complete waits, and log what was refused."""
         cdef Parcels parcels
         cdef InboxBase inbox = None
-        cdef State* first
+        cdef InboxState* first
         lock_acquire(&self.drain.lock)
         first = self.drain.first_to_report
         if first != NULL:
@@ -477,7 +482,7 @@ cdef class Inboxes:
 INBOXES = Inboxes()
 
 
-cdef class Watching:
+cdef class Informed:
     """Is informed of what was inserted."""
 
     def __cinit__(self, *_, **__):
@@ -530,19 +535,19 @@ cdef class InboxBase(ReadHook):
         source.inbox = &self.state
 
     def __dealloc__(self):
-        cdef Watched* watched
+        cdef InformedLink* link
         self._discharge()
-        while self.state.watched != NULL:
-            watched = self.state.watched
-            self.state.watched = watched.next
-            free(watched)
+        while self.state.informed != NULL:
+            link = self.state.informed
+            self.state.informed = link.next
+            free(link)
         _free_parcel(self.state.parcel)
         _free_parcels(&self.state.reports)
         lock_free(&self.state.inserting)
 
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
-        cdef State** link
+        cdef InboxState** link
         if self._source is None or self._is_closed:
             return
         self._is_closed = True
@@ -570,19 +575,19 @@ cdef class InboxBase(ReadHook):
         self._discharge()
         self.fill(None)
 
-    def inform(self, Watching watching not None):
+    def inform(self, Informed informed not None):
         """Inform this, too, of what is inserted from now on."""
-        cdef Watched* watched
-        if watching in self._used:
+        cdef InformedLink* link
+        if informed in self._used:
             return
-        watched = <Watched*>malloc(sizeof(Watched))
-        if watched == NULL:
+        link = <InformedLink*>malloc(sizeof(InformedLink))
+        if link == NULL:
             raise MemoryError
-        self._used.add(watching)
-        watching.inboxes.add(self)
-        watched.by, watched.next = <void*>watching, self.state.watched
+        self._used.add(informed)
+        informed.inboxes.add(self)
+        link.informed, link.next = <void*>informed, self.state.informed
         lock_acquire(&self.state.drain.lock)
-        self.state.watched = watched
+        self.state.informed = link
         lock_release(&self.state.drain.lock)
 
     cdef object _engine(self):
@@ -620,7 +625,7 @@ cdef class InboxBase(ReadHook):
         return _take(&self.state, most)
 
     cdef bint step(self) noexcept nogil:
-        cdef State* state = &self.state
+        cdef InboxState* state = &self.state
         cdef bint more = True
         lock_acquire(&state.drain.lock)
         if state.is_inserting:

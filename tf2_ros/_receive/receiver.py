@@ -27,7 +27,7 @@ from tf2_ros._rclpy import (
     report_event,
     watch_losses,
 )
-from tf2_ros._receive.inbox import Inbox, Watching
+from tf2_ros._receive.inbox import Inbox, Informed
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 from tf2_ros._threads import add_owner, check_regularly
 from tf2_ros_cython.output import counted
@@ -191,7 +191,7 @@ class Receiver:
         recording = listener._tf2_listening.recording
         self._source = Subscriptions(recording is not None, handle)
         self.inbox = Inbox(self._source, completions.receive, recording, listener._tf2_listening.prefix)
-        if isinstance(runner, Watching):
+        if isinstance(runner, Informed):
             self.inbox.inform(runner)
             runner.receivers.add(self)
         try:
@@ -209,8 +209,8 @@ class Receiver:
             self._leave_to_executors()  # this middleware does not report arrivals
         add_owner(self)
         self.redirect(buffer)
-        if not self._runner.in_sets:
-            self.leave_sets()  # the node has moved meanwhile
+        if not self._runner.uses_wait_sets:
+            self.yield_to_events_executor()  # the node has moved meanwhile
 
     @property
     def topics(self) -> Sequence[Topic]:
@@ -234,7 +234,7 @@ class Receiver:
     def listener_ended(self) -> None:
         """Do nothing: without its subscriptions, this ends."""
 
-    def leave_sets(self) -> None:
+    def yield_to_events_executor(self) -> None:
         """Leave the messages to rclpy's ``EventsExecutor``, which has taken the node."""
         # The middleware reports arrivals to only one of the two, by now to the executor. Those that it
         # reported to this inbox must be taken here.

@@ -46,7 +46,7 @@ from tf2_ros._receive.inbox cimport (
     Inboxes,
     Parcel,
     Source,
-    State,
+    InboxState,
     inbox_arrived,
     inbox_takes_long,
 )
@@ -62,7 +62,7 @@ cdef struct Arrivals:
     # Of one topic. The middleware's threads touch only `arrived`, `threshold` and `inbox`.
     uint32_t arrived            # atomic, and a hint: 0: no message waits
     uint32_t threshold          # messages that may wait
-    State* inbox                # NULL: nothing is taken any more
+    InboxState* inbox                # NULL: nothing is taken any more
     # Guarded by the lock of all inboxes.
     bint has_more               # the last attempt to take a message found one, or failed
     const rcl_subscription_t* subscription      # NULL: nothing is taken
@@ -89,7 +89,7 @@ cdef void _arrived(const void* data, size_t count) noexcept nogil:
     # The middleware calls this, under its own locks, in any thread, perhaps with the GIL.
     cdef Arrivals* topic = <Arrivals*>data
     cdef uint32_t before = word_add(&topic.arrived, <uint32_t>count)
-    cdef State* inbox = topic.inbox
+    cdef InboxState* inbox = topic.inbox
     if inbox != NULL:
         inbox_arrived(inbox, before + count >= topic.threshold)
 
@@ -98,7 +98,7 @@ cdef void _arrived(const void* data, size_t count) noexcept nogil:
 
 cdef void* _reallocate(void* bytes, size_t size, void* inbox) noexcept nogil:
     if size > LARGE_BYTES and inbox != NULL:
-        inbox_takes_long(<State*>inbox)
+        inbox_takes_long(<InboxState*>inbox)
     return realloc(bytes, size)
 
 
@@ -199,7 +199,7 @@ cdef class TopicArrivals:
         return self._now().overwritten
 
 
-@cython.no_gc_clear     # topics, and so handles, must exist until the middleware no longer reports anything
+@cython.no_gc_clear     # `Receiver.__del__` ends it first, before the collector clears topics and handles
 cdef class Subscriptions(Source):
     """
     Takes the messages of a listener's topics.

@@ -15,14 +15,13 @@ from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import is_node, is_simulated
-from tf2_ros._receive.inbox import Watching
+from tf2_ros._receive.inbox import Informed
 from tf2_ros._receive.receiver import LOSS_WARNING_S, Topic
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import PolledInbox, RingReader
 from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged
-from tf2_ros._wait.completions import completions_for
-from tf2_ros._wait.runners import without_node
+from tf2_ros._wait.runners import hand_over_for
 from tf2_ros_cython.output import counted
 
 
@@ -63,13 +62,10 @@ class Attachment:
         self._warned_of = 0  # overruns
         self._warned_at = -LOSS_WARNING_S
         self.listeners: dict[int, AttachedListener] = {}  # by the ids of the listeners
-        reference = self.buffer = weakref.ref(buffer)
+        self.buffer = weakref.ref(buffer)
         self._process = os.getpid()
         self._has_ended = False
-        # No method of this, which would keep it alive.
-        self.inbox = PolledInbox(
-            reader, lambda one: (completions_for(reference()) or without_node).receive(one)
-        )
+        self.inbox = PolledInbox(reader, hand_over_for(buffer))
         self.inbox.fill(buffer)
         self._thread = threading.Thread(target=self.inbox.follow, name="tf2_ros ring", daemon=True)
         try:
@@ -161,7 +157,7 @@ class Attachment:
         """Replace the subscriptions of a listener of the buffer."""
         self.listeners[id(listener)] = AttachedListener(self, listener)
         runner = listener._tf2_listening.completions.runner
-        if isinstance(runner, Watching):
+        if isinstance(runner, Informed):
             self.inbox.inform(runner)  # its executor returns from `spin_once` for what arrives
 
     def describe(self) -> str:

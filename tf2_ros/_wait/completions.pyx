@@ -25,10 +25,11 @@ WARN_S = 10.0   # how long calls wait for what runs the node before a warning sa
 
 cdef class Completions:
     """
-    The waits of a node that have ended and run code of a program: one queue for each node.
+    The calls that run code of a program, of waits of a node that have ended: a queue, usually one for a node.
 
     What ends a wait puts an `Ending` here: an insert of a listener, a timeout, a shutdown. Only a program's
-    own insert, and its own `cancel`, run the code at once. This class promises:
+    own insert, and its own `cancel`, run the code at once. Server and client also put plain calls, which are
+    dropped without a word. This class promises:
 
     1. **Order.** Calls are made in the order of :meth:`put`, one at a time.
     2. **Threads.** They are made by what runs the node, as callbacks of subscriptions are. While nothing runs

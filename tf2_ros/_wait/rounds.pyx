@@ -16,7 +16,7 @@ from tf2_ros._rcl cimport (
     rcl_trigger_guard_condition,
     rcutils_reset_error,
 )
-from tf2_ros._receive.inbox cimport Watching
+from tf2_ros._receive.inbox cimport Informed
 
 from contextlib import suppress
 
@@ -71,7 +71,7 @@ cdef void _wake(ExecutorState* state) noexcept nogil:
 
 
 @cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed
-cdef class ExecutorRounds(Watching):
+cdef class ExecutorRounds(Informed):
     """The part of an ``rclpy.waitable.Waitable`` that an executor calls in each of its rounds."""
 
     cdef ExecutorState state
@@ -80,10 +80,10 @@ cdef class ExecutorRounds(Watching):
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
     cdef unsigned long _thread  # in which it did
     cdef bint _has_displaced    # an executor of another thread, which may sleep
-    cdef readonly bint in_sets  # no executor has had the node that does not wait for sets
+    cdef readonly bint uses_wait_sets   # no EventsExecutor has had the node
 
     def __cinit__(self, *_, **__):
-        self.in_sets, self.calls = True, ()
+        self.uses_wait_sets, self.calls = True, ()
 
     def set_up(self, guard):
         """
@@ -116,7 +116,7 @@ cdef class ExecutorRounds(Watching):
         """For subclasses: the executor that has the node, or had it last, or None."""
         raise NotImplementedError
 
-    def leave_sets(self):
+    def yield_to_events_executor(self):
         """For subclasses: have calls made in another way, because no executor waits for the node's sets."""
         raise NotImplementedError
 
@@ -129,14 +129,14 @@ cdef class ExecutorRounds(Watching):
     def get_num_entities(self):
         """One guard condition; none once an ``EventsExecutor``, which refuses them, has had the node."""
         executor = self.executor()
-        if self.in_sets and executor is not None and not isinstance(executor, Executor):
-            self.in_sets = False
-            self.leave_sets()
-        return NumberOfEntities(0, 1) if self.in_sets else NumberOfEntities()
+        if self.uses_wait_sets and executor is not None and not isinstance(executor, Executor):
+            self.uses_wait_sets = False
+            self.yield_to_events_executor()
+        return NumberOfEntities(0, 1) if self.uses_wait_sets else NumberOfEntities()
 
     def add_to_wait_set(self, wait_set):
         """Prepare for an executor that is about to sleep."""
-        if not self.in_sets:
+        if not self.uses_wait_sets:
             return
         is_in_own_loop = is_below_own_loop()
         self._has_displaced = self._wait_set != NULL and self._thread != PyThread_get_thread_ident()

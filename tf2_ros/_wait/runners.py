@@ -3,6 +3,7 @@
 import atexit
 import os
 import weakref
+from collections.abc import Callable
 from contextlib import suppress
 from queue import SimpleQueue
 from typing import Any
@@ -18,7 +19,7 @@ from rclpy.waitable import Waitable
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, wake
 from tf2_ros._threads import call_logged, start_once
-from tf2_ros._wait.completions import Completions
+from tf2_ros._wait.completions import Completions, completions_for
 from tf2_ros._wait.rounds import ExecutorRounds
 
 # How often rclpy's EventsExecutor looks for calls. It waits for no guard condition, and a thread that wakes
@@ -32,8 +33,8 @@ class Runner:
     _completions: "weakref.ref[Completions]"  # which keeps this
 
     @property
-    def in_sets(self) -> bool:
-        """Whether nothing else has arrivals at the node's subscriptions reported."""
+    def uses_wait_sets(self) -> bool:
+        """Whether no ``EventsExecutor`` has had the node: it has arrivals reported to itself."""
         return True
 
     def begin(self, completions: Completions) -> None:
@@ -117,10 +118,10 @@ class ExecutorRunner(ExecutorRounds, Runner, Waitable):
         """The executor that has the node, or had it last; None if there was none, or if it is gone."""
         return getattr(self._node(), "executor", None)
 
-    def leave_sets(self) -> None:
+    def yield_to_events_executor(self) -> None:
         """Have a timer look for calls, in any executor, because an ``EventsExecutor`` has taken the node."""
         for receiver in self.receivers:
-            receiver.leave_sets()
+            receiver.yield_to_events_executor()
         node, clock = self._node(), Clock(clock_type=ClockType.STEADY_TIME)
         if node is not None:
             # Some releases pass a callback that takes an argument when its timer was due.
@@ -198,6 +199,16 @@ without_node = Completions(None, _thread)
 atexit.register(_thread.stop)
 os.register_at_fork(after_in_child=_thread.begin_anew)
 os.register_at_fork(after_in_child=without_node.calls.clear)  # they are the parent's
+
+
+def hand_over_for(buffer: Any) -> Callable[[Any], None]:
+    """
+    Have calls for a buffer made by what runs the node of its latest listener, or else by a thread.
+
+    :param buffer: not kept alive by what is returned, which an inbox calls with each call.
+    """
+    reference = weakref.ref(buffer)
+    return lambda ending: (completions_for(reference()) or without_node).receive(ending)
 
 
 def completions_of(node: Any) -> Completions:

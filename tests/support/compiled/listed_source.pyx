@@ -10,7 +10,7 @@ from tf2_ros._receive.inbox cimport (
     Parcel,
     ParcelKind,
     Source,
-    State,
+    InboxState,
     inbox_arrived,
     inbox_takes_long,
     parcel_reserve,
@@ -26,7 +26,7 @@ cdef struct Listed:
 
 cdef struct List:
     Listed* first
-    State* inbox
+    InboxState* inbox
     uint32_t is_slow            # atomic, as those below: taking one lasts until `goes_on` is set
     uint32_t is_taking
     uint32_t goes_on
@@ -69,6 +69,9 @@ cdef class ListedSource(Source):
     cdef bint next(self, Parcel* parcel) noexcept nogil:
         return take_first(&self._list, parcel)
 
+    cdef void silence(self) noexcept:
+        self.inbox = NULL
+
     def slow_down(self):
         """Take for long from now on, as a large message is; until `go_on`."""
         self._list.inbox = self.inbox
@@ -94,6 +97,8 @@ cdef class ListedSource(Source):
         memcpy(made.facts.data, <const char*>content, len(content))
         made.facts.kind, made.facts.is_static = <ParcelKind>kind, is_static
         made.facts.received_ns = received_ns
+        if self.inbox == NULL:
+            raise RuntimeError("the inbox has ended")
         lock_acquire(&self.inbox.drain.lock)
         while link[0] != NULL:
             link = &link[0].following

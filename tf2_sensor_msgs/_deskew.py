@@ -108,7 +108,8 @@ def deskew(
     :param tolerance: what the lookups accept beyond tf2's, as ``extrapolate`` and ``max_gap``; see
         :class:`tf2_py.typing.LookupPolicy`. There is no ``max_age``, because points have times.
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
-        stays, but with ``fixed_frame`` the time field of each point becomes that of the new stamp.
+        stays, but with ``fixed_frame`` the field from which the times were read, not another one, has the
+        time of the new stamp for each point.
     :raises TransformException: a point has no transform; see ``buffer.lookup_transform``.
     :raises OverflowError: ``target_time``, or the stamp of the cloud, does not fit into a message.
     :raises TypeError: an argument is of another type, there is a ``target_time`` without ``fixed_frame``, or
@@ -164,7 +165,9 @@ def deskew(
     all_times = np.empty(sweep.size, np.int64) if sweep.times is None else sweep.times.copy()
     first, last, bad, found = read_times(cloud, sweep.field, all_times)
     if bad >= 0 and on_missing == "raise":
-        name, text = (sweep.field.name, sweep.field.unit.text) if sweep.field else ("its time", "ns")
+        if sweep.field is None:
+            raise ValueError(f"times[{bad}] is {NO_TIME}, which is no time")
+        name, text = sweep.field.name, sweep.field.unit.text
         raise ValueError(f"points[{bad}]: {name} is {found:g}, expected a time in {text}")
     if (first, last) != (sweep.first, sweep.last):
         _, newest, _ = _without_garbage(all_times[all_times != NO_TIME], sweep.longest_ns)
@@ -379,6 +382,16 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
         return None  # at which point, or under which policy, the exact lookups say
 
 
+def _require_target(motion: Motion) -> None:
+    """Raise the error of the target time, if that is what fails at the time of every point."""
+    fixed_frame, target_time = motion.fixed["fixed_frame"], motion.fixed["target_time"]
+    one = Motion(motion.buffer, motion.target_frame, fixed_frame, {}, motion.policy)
+    try:
+        one.matrices(np.array([target_time]))
+    except TransformException as error:
+        raise type(error)(f"target_time: {str(error).removeprefix('times[0]: ')}") from None
+
+
 def _exact_poses(motion: Motion, field: TimeField | None, times: NDArray[np.int64], on_missing: str) -> Poses:
     """One pose for each point; NaN for points without a time."""
     matrices = np.full((len(times), 4, 4), np.nan)
@@ -389,6 +402,8 @@ def _exact_poses(motion: Motion, field: TimeField | None, times: NDArray[np.int6
         failed = re.match(r"times\[(\d+)\]: ", str(error))
         if failed is None:
             raise
+        if motion.fixed:
+            _require_target(motion)
         point = points[int(failed[1])]
         where = f"times[{point}]"
         if field is not None:

@@ -367,6 +367,8 @@ def test_a_file_is_replaced_or_as_before_and_nothing_else_is_left(buffer, path):
 def test_what_is_not_a_file_is_refused(buffer, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"gone.tf2"):
         BufferCore.open(tmp_path / "gone.tf2")
+    with pytest.raises(FileNotFoundError):
+        BufferCore.open("")
     with pytest.raises(FileNotFoundError, match=r"no folder/a.tf2"):
         buffer.freeze(tmp_path / "no folder" / "a.tf2")
     os.mkfifo(tmp_path / "pipe")

@@ -276,7 +276,7 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
     cdef FrozenProblem problem
     cdef bint checks_samples
     cdef str name = os.path.abspath(os.fsdecode(path))
-    cdef int descriptor = os.open(name, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    cdef int descriptor = os.open(name if path else path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     try:
         facts = os.fstat(descriptor)
         if not S_ISREG(facts.st_mode):

@@ -323,12 +323,12 @@ cdef class BufferCore(Engine):
             without samples, the order of listings and the counters of :meth:`statistics` are not included.
             If the buffer was opened from a frozen file and is unchanged, and the file is still there,
             ``"frozen"`` with the path of the file stands for the contents, cache time and limits.
-            ``"overtaken"`` says behind which frames' newest samples the system's clock was set back, and how
-            long ago, if that was noticed: the ages of the copy's data count from there, too.
+            ``"overtaken"`` has the ages of newest samples behind which the system's clock was set back, if
+            that was noticed: the ages of the copy's data count on from there.
         """
         cdef dict state = self.frozen_state() or self.export()
         overtaken = self.overtaken()
-        if overtaken is not None:
+        if overtaken:
             state["overtaken"] = overtaken
         state["attributes"] = dict(getattr(self, "__dict__", {}))
         return state
@@ -355,8 +355,7 @@ cdef class BufferCore(Engine):
                 self.restore(dict(state))
         except (AttributeError, OverflowError, TypeError) as error:
             raise ValueError(f"not the state of a buffer: {error}") from error
-        if overtaken is not None:
-            self.overtake(overtaken[0], overtaken[1])
+        self.overtake(overtaken)
         if attributes:
             # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.
             self.__dict__.update(attributes)
@@ -799,8 +798,8 @@ cdef class BufferCore(Engine):
         :return: the ages in seconds on the buffer's clock, by the names of the frames, from ``source_frame``
             up to the common ancestor and down to ``target_frame``, along the parents of their newest samples.
             Static frames have no age. A stamp later than the clock results in a negative age, unless the
-            system's clock was set back behind it: then the age counts from that step. While the clock is at
-            0, because simulated time has not begun, all ages are infinite.
+            system's clock was set back behind it: then the age counts from the first such step. While the
+            clock is at 0, because simulated time has not begun, all ages are infinite.
         :raises ConnectivityException: the frames are in different trees, or one has no data.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.

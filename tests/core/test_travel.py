@@ -226,9 +226,9 @@ SPOILED = {
     "cannot have these attributes": ("attributes", lambda _: 5),
     "has no attribute|not iterable|has no len": ("frames", lambda _: None),
     "not hold 1180591620717411303424 samples": frames_of(count=2**70),
-    "overtaken is not a number": ("overtaken", lambda _: (-1, ["odom"])),
-    "overtaken is not a number of nanoseconds with a list": ("overtaken", lambda _: (5, "odom")),
-    "a frame name cannot hold a NUL character: .c": ("overtaken", lambda _: (5, ["odom", "c\0d"])),
+    "overtaken is not a dict": ("overtaken", lambda _: (5, ["odom"])),
+    r"overtaken\['odom'\] is not an int within 0 and": ("overtaken", lambda _: {"odom": -1}),
+    "a frame name cannot hold a NUL character: .c": ("overtaken", lambda _: {"odom": 5, "c\0d": 5}),
     "the rotation is too short": put("transforms", (-1, slice(3, 7)), 0.0),
 }
 

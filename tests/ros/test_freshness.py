@@ -492,6 +492,31 @@ def test_a_thread_that_stalls_while_it_reads_the_clock_is_not_a_step_of_it(tf2_r
     assert buffer.ages("map", "base")["base"] < -800
 
 
+def test_a_second_step_back_does_not_make_the_same_data_younger(tf2_ros):
+    begin_ns, shown = time.monotonic_ns(), [3600 * S]
+
+    def show_time(_):
+        return shown[0] + time.monotonic_ns() - begin_ns, True
+
+    buffer = tf2_ros.Buffer()
+    buffer._tf2_follow_clock(show_time)
+    buffer.set_transform(transform("map", "base", ns=3600 * S), "x")
+    assert buffer.ages("map", "base")["base"] >= 0
+    shown[0] = 1000 * S
+    first = buffer.ages("map", "base")["base"]
+    assert 0 <= first < 900
+    shown[0] = 900 * S
+    for one in (buffer, copy.copy(buffer), pickle.loads(pickle.dumps(buffer))):
+        one._tf2_follow_clock(show_time)
+        second = one.ages("map", "base")["base"]
+        assert second > first
+    # New data that is ahead of the clock was not overtaken, and then is.
+    buffer.set_transform(transform("map", "base", ns=3700 * S), "x")
+    assert buffer.ages("map", "base")["base"] < -900
+    shown[0] = 800 * S
+    assert 0 <= buffer.ages("map", "base")["base"] < 900
+
+
 def test_a_clock_of_a_program(tf2_ros):
     class Mine(Clock):
         seconds = 10

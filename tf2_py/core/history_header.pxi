@@ -48,7 +48,8 @@ cdef struct History:
     # What the tree writes.
     uint32_t authority          # id of the sender of the last sample; NAME_UNKNOWN: there was none
     bint is_parent              # a sample of some frame has named this frame as its parent
-    int64_t overtaken_ns        # newest_ns when the clock was last set back behind it; 0: it never was
+    int64_t overtaken_ns        # newest_ns when the clock was set back behind it; 0: it never was
+    int64_t overtaken_at_ns     # steady time from which the age of that sample counts
     bint is_hidden              # forgotten: the name counts as unknown until a transform uses it again
     bint was_unnormalised       # an unnormalised rotation of this frame has been reported
 
@@ -89,21 +90,22 @@ cdef inline const Transform* history_newest_transform(const History* history) no
     return &history.samples[history_slot(history, history.count - 1)].transform
 
 
-cdef inline void history_overtake(History* history) noexcept nogil:
-    history.overtaken_ns = history.newest_ns
-
-
 cdef inline bint history_is_overtaken(const History* history) noexcept nogil:
     return history.overtaken_ns != 0 and history.newest_ns == history.overtaken_ns
 
 
-cdef inline int64_t history_age(const History* history, const ClockReading* clock,
-                                int64_t now_ns) noexcept nogil:
+cdef inline void history_overtake(History* history, int64_t at_ns) noexcept nogil:
+    # A second step does not make the same sample younger.
+    if not history_is_overtaken(history):
+        history.overtaken_ns, history.overtaken_at_ns = history.newest_ns, at_ns
+
+
+cdef inline int64_t history_age(const History* history, int64_t now_ns) noexcept nogil:
     # Of the newest sample, in ns; INT64_MAX: the clock has not begun.
     if now_ns <= 0:
         return INT64_MAX
     if history.newest_ns > now_ns and history_is_overtaken(history):
-        return monotonic_ns() - clock.back_ns
+        return monotonic_ns() - history.overtaken_at_ns
     return now_ns - history.newest_ns
 
 

@@ -375,7 +375,7 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
     cdef int64_t age_ns
     if history.kind == HISTORY_STATIC or limit_ns == INT64_MAX:
         return False
-    age_ns = history_age(history, policy.clock, now_ns)
+    age_ns = history_age(history, now_ns)
     if age_ns - limit_ns <= excess_ns[0]:
         return False
     excess_ns[0] = age_ns - limit_ns

@@ -326,11 +326,12 @@ cdef void tree_clear(Tree* tree) noexcept nogil:
             tree.parents[id] = NO_FRAME
 
 
-cdef void tree_overtake(Tree* tree, int64_t now_ns) noexcept nogil:
+cdef void tree_overtake(Tree* tree, int64_t now_ns, int64_t at_ns) noexcept nogil:
     cdef uint32_t id
     for id in range(tree.names.count):
         if tree.histories[id].newest_ns > now_ns:
-            history_overtake(&tree.histories[id])
+            history_overtake(&tree.histories[id], at_ns)
+            tree.was_overtaken = True
 
 
 cdef void _hide_isolated(Tree* tree) noexcept nogil:

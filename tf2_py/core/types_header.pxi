@@ -88,7 +88,6 @@ cdef struct ClockReading:
     bint is_system          # it shows the system's time, which is read when an age is judged
     int64_t now_ns          # what it has shown; 0 or less: it has not begun
     int64_t steady_ns       # steady time after this reading
-    int64_t back_ns         # steady time from which the age of data counts that it was set back behind
 
 
 cdef struct Policy:

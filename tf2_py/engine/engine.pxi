@@ -382,37 +382,41 @@ cdef class Engine:
         self._learn_most_names()
         return state_of(&self._tree, &self._lock, self._names, self._authorities)
 
-    cdef tuple overtaken(self):
-        cdef FrameId* frames = NULL
+    cdef dict overtaken(self):
+        cdef Overtaken* found = NULL
+        cdef const History* history
         cdef FrameId id
         cdef uint32_t i
         cdef uint32_t count = 0
-        cdef int64_t back_ns
+        cdef bint is_complete
         lock_acquire(&self._lock)
-        back_ns = self._clock.back_ns
-        if back_ns:
-            frames = <FrameId*>malloc(self._tree.names.count * sizeof(FrameId))
-        for id in range(self._tree.names.count if frames != NULL else 0):
-            if history_is_overtaken(&self._tree.histories[id]):
-                frames[count] = id
+        if self._tree.was_overtaken:
+            found = <Overtaken*>malloc(self._tree.names.count * sizeof(Overtaken))
+        for id in range(self._tree.names.count if found != NULL else 0):
+            history = &self._tree.histories[id]
+            if history_is_overtaken(history):
+                found[count].frame, found[count].at_ns = id, history.overtaken_at_ns
                 count += 1
+        is_complete = found != NULL or not self._tree.was_overtaken
         lock_release(&self._lock)
-        if back_ns and frames == NULL:
+        if not is_complete:
             raise MemoryError
         try:
-            names = self.frame_names([frames[i] for i in range(count)])
+            names = self.frame_names([found[i].frame for i in range(count)])
+            return {name: monotonic_ns() - found[i].at_ns for i, name in enumerate(names)}
         finally:
-            free(frames)
-        return (monotonic_ns() - back_ns, names) if names else None
+            free(found)
 
-    cdef int overtake(self, int64_t since_ns, list names) except -1:
+    cdef int overtake(self, dict ages_ns) except -1:
         cdef const char* text
         cdef Py_ssize_t size
-        for name in names:
+        cdef int64_t age_ns
+        for name, age_ns in ages_ns.items():
             text = name_utf8(name, &size)
             lock_acquire(&self._lock)
-            history_overtake(&self._tree.histories[tree_frame(&self._tree, text, size)])
-            self._clock.back_ns = monotonic_ns() - since_ns
+            history_overtake(&self._tree.histories[tree_frame(&self._tree, text, size)],
+                             monotonic_ns() - age_ns)
+            self._tree.was_overtaken = True
             unlock_written(&self._lock, &self._tree, &self._waiters)
         return 0
 
@@ -494,14 +498,12 @@ cdef class Engine:
         reading.steady_ns = monotonic_ns()
         query.policy.clock = reading
         lock_acquire(&self._lock)
-        reading.back_ns = self._clock.back_ns
         if reading.is_system and self._clock.is_system:
             # At least this much time has passed between the readings, also if a thread stalled during one.
             step_ns = reading.now_ns - self._clock.now_ns - (before_ns - self._clock.steady_ns)
             if step_ns <= -STEP_BACK_NS:
                 # Data may have arrived right after the last reading.
-                reading.back_ns = self._clock.steady_ns
-                tree_overtake(&self._tree, reading.now_ns)
+                tree_overtake(&self._tree, reading.now_ns, self._clock.steady_ns)
         self._clock = reading[0]
         # A clock that has not begun may begin at any time.
         self._clock.now_ns = max(reading.now_ns, NOT_BEGUN_NS)
@@ -605,7 +607,7 @@ cdef class Engine:
                                  else path.target[path.source_hops + path.target_hops - 1 - i])
                 history = &self._tree.histories[frames[count]]
                 if clock != NULL:
-                    ages_ns[count] = history_age(history, clock, clock.now_ns)
+                    ages_ns[count] = history_age(history, clock.now_ns)
                 count += history.kind == HISTORY_DYNAMIC
         lock_release(&self._lock)
         return count

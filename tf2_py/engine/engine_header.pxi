@@ -8,6 +8,12 @@ cdef enum:
     RECENTLY = 2    # of ReadHook.read
 
 
+cdef struct Overtaken:
+    # A frame behind whose newest sample the clock was set back, and History.overtaken_at_ns.
+    FrameId frame
+    int64_t at_ns
+
+
 cdef class ReadHook:
     # Holds what has arrived for an engine until somebody reads the engine, or a waiter needs it. The words
     # are read and written without a lock, in any thread (sync_header.pxi).
@@ -98,10 +104,10 @@ cdef class Engine:
     # If that raises, nothing has changed.
     cdef dict export(self)
     cdef int restore(self, dict state) except -1
-    # How many nanoseconds ago the system's clock was set back, and behind the newest samples of which frames;
-    # None: of none. And noting that for samples that were just restored.
-    cdef tuple overtaken(self)
-    cdef int overtake(self, int64_t since_ns, list names) except -1
+    # The ages in ns of the newest samples behind which the system's clock was set back, by their frames. And
+    # noting that for samples that were just restored.
+    cdef dict overtaken(self)
+    cdef int overtake(self, dict ages_ns) except -1
     # The same for a frozen file: writes the content, as write_frozen; and replaces it by that of a file, as
     # read_frozen. The state that names the file; None: the content is another now, or the file is.
     cdef int write_frozen(self, file) except -1

@@ -142,8 +142,8 @@ cdef dict frame_infos(facts):
 # ``transforms``     float64 (N, 7): x y z in metres, and the rotation x y z w.
 # ``parents``        uint32 (N,): places in ``parent_names``.
 # ``parent_names``   list of str.
-# ``overtaken``      may be absent: a tuple of how many nanoseconds ago the system's clock was set back, and a
-#                    list of the names of the frames whose newest samples were then later than the clock.
+# ``overtaken``      may be absent: the ages of the newest samples behind which the system's clock was set
+#                    back, int ns, by the names of their frames.
 # =================  =====================================================================================
 #
 # Names are as a message carries them: inserting removes one leading '/'.
@@ -229,17 +229,16 @@ cdef object _number(dict state, str key, least, most):
     return value
 
 
-cdef tuple overtaken_of(state):
+cdef dict overtaken_of(state):
     cdef Py_ssize_t size
-    overtaken = state.get("overtaken")
-    if overtaken is None:
-        return None
-    since_ns, names = overtaken
-    if type(since_ns) is not int or not 0 <= since_ns <= INT64_MAX or type(names) is not list:
-        raise _not_a_state("overtaken is not a number of nanoseconds with a list of names")
-    for name in names:
+    ages_ns = state.get("overtaken", {})
+    if type(ages_ns) is not dict:
+        raise _not_a_state("overtaken is not a dict")
+    for name, age_ns in ages_ns.items():
         name_utf8(name, &size)
-    return since_ns, names
+        if type(age_ns) is not int or not 0 <= age_ns <= INT64_MAX:
+            raise _not_a_state(f"overtaken[{name!r}] is not an int within 0 and {INT64_MAX}")
+    return ages_ns.copy()
 
 
 cdef uint32_t _insert_samples(Tree* tree, const Text* child, uint32_t authority, bint is_static,

@@ -93,8 +93,7 @@ class InboxOwner(Protocol):
     kind: str  # what a forked child calls it in a warning
 
     @property
-    def inbox(self) -> InboxBase:
-        """That inbox."""
+    def inbox(self) -> InboxBase: ...
 
     def stop(self) -> None:
         """End the inbox, for good."""

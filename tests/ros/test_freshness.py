@@ -2,6 +2,7 @@
 
 import asyncio
 import copy
+import gc
 import pickle
 import threading
 import time
@@ -490,6 +491,30 @@ def test_a_thread_that_stalls_while_it_reads_the_clock_is_not_a_step_of_it(tf2_r
     assert buffer.ages("map", "base")["base"] < -800
     stall_s = 0
     assert buffer.ages("map", "base")["base"] < -800
+
+
+@pytest.mark.parametrize("ends", ["cancel", "drop"])
+def test_a_wait_that_ends_while_the_clock_is_read_is_removed(tf2_ros, ends):
+    waiting, seconds = [], [10]
+
+    def show_time(_):
+        if seconds[0] == 20 and waiting:
+            one = waiting.pop()
+            if ends == "cancel":
+                one.cancel()
+        return seconds[0] * S, False
+
+    buffer = tf2_ros.Buffer()
+    buffer._tf2_follow_clock(show_time)
+    insert(buffer, "map", "base", 1)
+    waiting.append(buffer.wait_for_transform_async("map", "base", LATEST, max_age=0.5))
+    seconds[0] = 20
+    insert(buffer, "map", "base", 10)  # answered by the clock that was read last, and then judged
+    assert waiting == []
+    gc.collect()
+    assert buffer.statistics()["waiters"] == 0
+    insert(buffer, "map", "base", 20)
+    buffer._self_check()
 
 
 def test_a_second_step_back_does_not_make_the_same_data_younger(tf2_ros):

@@ -339,7 +339,8 @@ cdef class Engine:
                 _hand_over_one(hand_over, call, errors)
                 continue
             try:
-                call()
+                while call is not None:
+                    call = call()
             except BaseException as raised:
                 errors.append(raised)
         return errors[0] if errors else None
@@ -691,17 +692,14 @@ cdef class Engine:
             self.arm()
         return status
 
-    cdef bint judge_waiter(self, Waiter* waiter) except -1:
-        cdef ClockReading reading
-        cdef Query judged
+    cdef bint judge_waiter(self, Waiter* waiter, const ClockReading* reading) except -1:
         cdef bint is_answered
-        self.read_clock(&judged, &reading)
         lock_acquire(&self._lock)
         if waiters_remove(&self._waiters, waiter) or waiter.answered:
             flag_set(&waiter.answered, False)
             if waiter.woken != NULL:
                 event_clear(waiter.woken)
-            waiter.query.policy.clock = &reading
+            waiter.query.policy.clock = reading
             self._file_waiter(waiter)
         is_answered = waiter.answered
         unlock_written(&self._lock, &self._tree, &self._waiters)

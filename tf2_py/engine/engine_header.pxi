@@ -43,7 +43,7 @@ cdef class WaiterOwner:
     # destroyed.
     # Called with the GIL and without the lock, when the waiter has an answer and has been removed; again if
     # it raises.
-    # Returns a callable that runs a user's code, to be called later, or None.
+    # Returns a callable that runs a user's code, to be called later, or None; the callable also returns one.
     cdef object deliver(self)
     # One line: what it waits for, and what it lacks at the moment.
     cpdef str lacks(self)
@@ -142,9 +142,9 @@ cdef class Engine:
 
     # Waiting. The status is that of the first attempt.
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1
-    # Tries one that judges ages again, by what the clock shows now. Returns whether it has an answer, which
-    # then is not delivered otherwise. If not, it waits on. No effect on one that was removed unanswered.
-    cdef bint judge_waiter(self, Waiter* waiter) except -1
+    # Tries one that judges ages again, by what the clock has just shown. Returns whether it has an answer,
+    # which then is not delivered otherwise. If not, it waits on. No effect on one that was removed unanswered.
+    cdef bint judge_waiter(self, Waiter* waiter, const ClockReading* reading) except -1
     # Returns whether it was pending. No effect on one that was removed before, or is forgotten.
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil
     # Whether it was added before the fork that created this process: then it never gets an answer.

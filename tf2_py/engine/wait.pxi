@@ -25,13 +25,23 @@ cdef class Wait(WaiterOwner):
         outcome = self._outcome()
         if outcome is None:
             return None
-        self._is_filed = False
+        if self._judges_age():
+            self.cancel()   # since it was judged, another thread may have filed it again
+        else:
+            self._is_filed = False
         return self._notify(None, outcome) if isinstance(outcome, Exception) else self._notify(outcome)
 
+    cdef bint _judges_age(self) noexcept:
+        return self._policy is not None and self._policy.policy.judges_age
+
     cdef object _outcome(self):
+        cdef Query judged
+        cdef ClockReading reading
         # What was answered at its creation, or handed over before, is not judged again.
-        if self._is_filed and self._policy is not None and self._policy.policy.judges_age:
-            if not self._engine.judge_waiter(&self._waiter):
+        if self._is_filed and self._judges_age():
+            self._engine.read_clock(&judged, &reading)
+            # Reading the clock runs code in Python, during which this may have ended.
+            if not self._is_filed or not self._engine.judge_waiter(&self._waiter, &reading):
                 return None
         elif not flag_is_set(&self._waiter.answered):
             return None
@@ -107,7 +117,7 @@ cdef class Wait(WaiterOwner):
         It must if it judges ages by the system's clock, or by a simulated one that has not begun: nothing
         reports that the first is set back, or that the second begins.
         """
-        return (self._policy is not None and self._policy.policy.judges_age
+        return (self._judges_age()
                 and (self._engine._clock.is_system or self._engine._clock.now_ns <= NOT_BEGUN_NS))
 
     def reason(self):

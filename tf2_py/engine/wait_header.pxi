@@ -11,7 +11,8 @@ cdef class Wait(WaiterOwner):
     # the waiter.
     cdef Waiter _waiter                 # under the engine's lock
     cdef Engine _engine
-    cdef bint _is_filed                 # guarded by the GIL; False: the engine does not refer to the waiter
+    # Guarded by the GIL. False: the engine does not refer to the waiter, and nothing files it again.
+    cdef bint _is_filed
     cdef tuple _names                   # keeps the query's UTF-8 alive ...
     cdef PolicyObject _policy           # ... and its limits; or None
     cdef object _notify                 # called with the answer, or None: a thread blocks
@@ -25,5 +26,6 @@ cdef class Wait(WaiterOwner):
     cdef int begin(self, Engine engine, tuple names, const Query* query, PolicyObject policy,
                    object notify) except -1
     cpdef bint cancel(self) noexcept
+    cdef bint _judges_age(self) noexcept
     # The answer as a new message, the error that ends the wait, or None: it goes on.
     cdef object _outcome(self)

@@ -293,6 +293,11 @@ class TestExecutors:
         queue.put(note)
         until(lambda: len(names) == 2, ordinary)
         assert names == [HERE] * 2
+        # A round does not cause the next one.
+        woken = []
+        ordinary.wake = lambda: woken.append(1)
+        assert not queue.runner.is_ready(object())
+        assert woken == []
         ordinary.shutdown()
         executor.shutdown()
 

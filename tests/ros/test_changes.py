@@ -128,8 +128,10 @@ class TestCallbacks:
 
         def call(one):
             order.append("change")
-            sender.send(("map", "base", stamp_ns(one) + S, 1.0))
-            until(lambda: buffer.get_latest_common_time("map", "base").nanoseconds > stamp_ns(one))
+            for _ in range(2):
+                newest_ns = buffer.get_latest_common_time("map", "base").nanoseconds
+                sender.send(("map", "base", newest_ns + S, 1.0))
+                until(lambda: buffer.get_latest_common_time("map", "base").nanoseconds > newest_ns)
 
         node.create_timer(0.0, lambda: order.append("timer"))
         subscription = buffer.on_change("map", "base", call)

@@ -19,6 +19,7 @@ from tf2_ros._forking import is_inherited
 from tf2_ros._nodes import WaitContexts, keep_in_children, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._threads import check_regularly
+from tf2_ros._wait.endings import call_all
 
 WARN_S = 10.0   # how long calls wait for what runs the node before a warning says so
 
@@ -33,13 +34,13 @@ cdef class Completions:
 
     1. **Order.** Calls are made in the order of :meth:`put`, one at a time.
     2. **Threads.** They are made by what runs the node, as callbacks of subscriptions are. While nothing runs
-       the node they wait; after WARN_S, one warning says so.
+       the node they wait; after WARN_S, one warning says so. Without a node, a thread makes them at once.
     3. **Exceptions.** An `Ending` logs each `Exception` of a callback itself. What a call raises nevertheless
        is logged, because later calls and other callbacks of the node do not depend on it. In the main
        thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other calls remain.
     4. **Interrupts.** Threads, signal handlers and finalizers may put. No signal handler comes between taking
        a call from the queue and making it. One that raises inside :meth:`put` at most delays the call until
-       the next regular check.
+       the next regular check; without a node, until the next :meth:`put`.
     5. **The end.** When the node has ended, which is noticed within two seconds, the calls are dropped, and
        their futures end with a TimeoutException that says why.
     6. **Forks.** In a forked child it is dead: calls are dropped silently.
@@ -91,12 +92,14 @@ cdef class Completions:
             count -= 1
             call = self.calls.popleft()
             try:
-                call()
+                following = call()
+                if isinstance(following, Ending):
+                    self.put(following)
             except BaseException as error:
                 if not isinstance(error, Exception) and get_ident() == main_thread().ident:
                     raise
                 log.raised(error)
-            del call
+            following = call = None
         self._waits_from_ns = monotonic_ns()
 
     def drop(self, why):
@@ -170,4 +173,4 @@ def complete(Completions completions, ending):
     if completions is not None and completions.is_served():
         completions.put(ending)
     else:
-        ending()
+        call_all(ending)

@@ -21,7 +21,8 @@ cdef class Ending:
     """
     What ends once, with its callbacks. The first outcome counts, but cancelling replaces one that is queued.
 
-    It is called to end it with the outcome that is queued.
+    It is called to end it with the outcome that is queued. The call returns what has to be called next, after
+    other work, or None.
     """
 
     def __cinit__(self, *_, **__):
@@ -92,6 +93,12 @@ cdef class Ending:
 
     cdef int _call_back(self, list errors) except -1:
         return 0
+
+
+def call_all(call):
+    """Call this, what that returns, and so on; for a thread that has no other work."""
+    while call is not None:
+        call = call()
 
 
 def notify(reference, answer, error=None):
@@ -224,7 +231,7 @@ cdef class ChangeSubscription(Ending):
     Calls a function with each transform between two frames that differs from the previous one.
 
     It waits for the next one during each call. A thread that is to deliver this one meanwhile leaves it to
-    the thread that calls; an executor comes back to it after other work.
+    the thread that calls, and an executor comes back to it after other work.
     """
 
     cdef object _buffer, _callback
@@ -238,7 +245,7 @@ cdef class ChangeSubscription(Ending):
         self.kept[self] = None
         try:
             self._wait_for_next()
-            self()
+            call_all(self)
         except BaseException:
             self.cancel()   # the program gets nothing to cancel it with
             raise
@@ -258,8 +265,11 @@ cdef class ChangeSubscription(Ending):
             if self.life != CANCELLED:          # else the program has cancelled meanwhile
                 call_back(self._callback, (result,), 1, errors)
             self._is_running = False
+            if not errors:
+                break   # else nobody would call this again, because an error is raised
         if errors:
             raise errors[0]
+        return self if self._is_due and self.life == QUEUED and not self._is_running else None
 
     def _answered(self, unsigned long long number, answer):
         # The answer of a former wait, which another thread had begun to deliver, was taken from the wait.

@@ -161,6 +161,8 @@ cdef class ExecutorRounds(Informed):
 
     def is_ready(self, wait_set):
         """Whether something has arrived that the executor had to wake for, or a call must run."""
+        if not self.uses_wait_sets:
+            return False    # it adds nothing to sets; a timer looks for calls
         if self._wait_set != <void*>wait_set:
             # The node has moved to another executor, which must not miss anything: in rmw_zenoh, a guard
             # condition in two sets leaves both when one of them wakes.

@@ -173,13 +173,14 @@ class ThreadRunner(Runner):
 
     def wake(self) -> None:
         self._wakes.put(True)
-        if not self._has_thread:
-            self._has_thread = True
-            try:
-                start_once("tf2_ros callbacks", self._serve)
-            except RuntimeError:
-                self._has_thread = False  # the next call tries again
-                raise
+        if self._has_thread:
+            return
+        try:
+            self._has_thread = True  # within the `try`: a signal handler may raise after any line
+            start_once("tf2_ros callbacks", self._serve)
+        except BaseException:
+            self._has_thread = False  # the next call tries again
+            raise
 
     def _serve(self) -> None:
         while self._wakes.get():

@@ -547,8 +547,9 @@ class BufferCore:
         :return: the ages in seconds on the buffer's clock, by the names of the frames, from ``source_frame``
             up to the common ancestor and down to ``target_frame``, along the parents of their newest samples.
             Static frames have no age. A stamp later than the clock results in a negative age, unless the
-            system's clock was set back behind it: then the age counts from the first such step. While the
-            clock is at 0, because simulated time has not begun, all ages are infinite.
+            system's clock was set back behind it: then the age counts from the last judgement before the
+            first such step. While the clock is at 0, because simulated time has not begun, all ages are
+            infinite.
         :raises ConnectivityException: the frames are in different trees, or one has no data.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.

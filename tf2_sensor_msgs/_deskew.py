@@ -33,6 +33,8 @@ MOST_GARBAGE = 0.1
 # Between two knots, poses change steadily. Then a point is off by at most `TURN` times its distance and
 # `MOVE` metres: a tenth less than what is promised, for rounding.
 TURN, MOVE = 9e-7, 9e-6
+# How often to look for them while another thread changes the motion, before each point has a lookup.
+TRIES = 3
 # With more knots than one for this many points, lookups for all points cost no more.
 POINTS_PER_KNOT = 8
 
@@ -371,15 +373,18 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
     if not 0 <= sweep.last - sweep.first <= LONGEST_NS:
         return None
     frame, most = motion.fixed.get("fixed_frame", motion.target_frame), sweep.size // POINTS_PER_KNOT
-    knots = motion.buffer._knots_between(
-        frame, motion.source_frame, sweep.first, sweep.last, TURN, MOVE, most
-    )
-    if knots is None:
-        return None
-    try:
-        return Poses(knots, motion.matrices(knots))
-    except ExtrapolationException:
-        return None  # at which point, or under which policy, the exact lookups say
+    wanted = frame, motion.source_frame, sweep.first, sweep.last, TURN, MOVE, most
+    knots = motion.buffer._knots_between(*wanted)
+    for _ in range(TRIES if knots is not None else 0):
+        try:
+            poses = Poses(knots, motion.matrices(knots))
+        except ExtrapolationException:
+            return None  # at which point, or under which policy, the exact lookups say
+        # Another thread may have inserted a sample between two knots since these were found.
+        knots = motion.buffer._knots_between(*wanted)
+        if np.array_equal(knots, poses.knots):
+            return poses
+    return None
 
 
 def _require_target(motion: Motion) -> None:

@@ -809,6 +809,27 @@ def test_a_target_time_without_a_transform_is_named(buffer):
         deskew(cloud, buffer, "lidar", "odom", at_ns(900 * S))
 
 
+def test_a_sample_that_arrives_late_during_the_call_is_seen_by_all_points_or_by_none():
+    class Late(Buffer):
+        calls = 0
+
+        def _knots_between(self, *arguments):
+            knots = super()._knots_between(*arguments)
+            self.calls += 1
+            if self.calls == 1:  # as another thread, before the poses are looked up
+                self.set_transform(transform("odom", "base", ns=STAMP + SWEEP // 2, xyz=(0.0, 0.1, 0.0)), "x")
+            return knots
+
+    buffer = Late()
+    for ns, x in ((STAMP - S, 0.0), (STAMP + S, 0.02)):
+        buffer.set_transform(transform("odom", "base", ns=ns, xyz=(x, 0.0, 0.0)), "x")
+    buffer.set_transform_static(transform("base", "lidar"), "x")
+    cloud, points, times = measured("ouster")
+    moved = deskew(cloud, buffer, "odom")
+    assert buffer.calls > 1
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
+
+
 def test_only_the_field_that_was_read_has_the_new_time(buffer):
     cloud, points, times = measured("ouster")
     moved = deskew(cloud, buffer, "lidar", "odom", at_ns(STAMP + S // 20), times=times)

@@ -3,9 +3,10 @@
 import asyncio
 import gc
 import weakref
+from functools import partial
 
 import pytest
-from making import S, stamp_ns, transform
+from making import S, at_ns, stamp_ns, transform
 from processes import until
 
 pytestmark = pytest.mark.ours
@@ -129,9 +130,9 @@ class TestCallbacks:
         def call(one):
             order.append("change")
             for _ in range(2):
-                newest_ns = buffer.get_latest_common_time("map", "base").nanoseconds
-                sender.send(("map", "base", newest_ns + S, 1.0))
-                until(lambda: buffer.get_latest_common_time("map", "base").nanoseconds > newest_ns)
+                later_ns = buffer.get_latest_common_time("map", "base").nanoseconds + S
+                sender.send(("map", "base", later_ns, 1.0))
+                until(partial(buffer.can_transform, "map", "base", at_ns(later_ns)))
 
         node.create_timer(0.0, lambda: order.append("timer"))
         subscription = buffer.on_change("map", "base", call)

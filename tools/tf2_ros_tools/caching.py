@@ -61,6 +61,7 @@ class Cached:
 
     :param what: what is wanted, with keys and values that JSON can hold.
     :raises FileNotFoundError: the recording does not exist.
+    :raises ValueError: ``folder`` is empty.
     """
 
     def __init__(
@@ -71,6 +72,8 @@ class Cached:
         cache_time_ns: int,
     ) -> None:
         require_existing(Path(recording))
+        if not folder:
+            raise ValueError("cache: expected a folder, got ''")
         path = os.path.realpath(recording)
         name = os.path.basename(path)
         stem = name.rpartition(".")[0] if name.endswith(SUFFIXES) else name

@@ -204,3 +204,8 @@ def test_map_recordings_freezes_what_load_opens(workers, path, cache, tmp_path):
     for one in (path, other):
         assert held(bag.load(one, cache=cache)) == held(bag.load(one))
     assert files(cache) == made
+
+
+def test_no_folder_is_refused(path):
+    with pytest.raises(ValueError, match="cache: expected a folder, got ''"):
+        bag.load(path, cache="")

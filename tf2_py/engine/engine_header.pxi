@@ -143,7 +143,7 @@ cdef class Engine:
     # Waiting. The status is that of the first attempt.
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1
     # Tries one that judges ages again, by what the clock has just shown. Returns whether it has an answer,
-    # which then is not delivered otherwise. If not, it waits on. No effect on one that was removed unanswered.
+    # which then is not delivered otherwise. If not, it waits on. No effect on one removed unanswered.
     cdef bint judge_waiter(self, Waiter* waiter, const ClockReading* reading) except -1
     # Returns whether it was pending. No effect on one that was removed before, or is forgotten.
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil

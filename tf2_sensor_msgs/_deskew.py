@@ -375,14 +375,16 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
     frame, most = motion.fixed.get("fixed_frame", motion.target_frame), sweep.size // POINTS_PER_KNOT
     wanted = frame, motion.source_frame, sweep.first, sweep.last, TURN, MOVE, most
     knots = motion.buffer._knots_between(*wanted)
-    for _ in range(TRIES if knots is not None else 0):
+    for _ in range(TRIES):
+        if knots is None:
+            break
         try:
             poses = Poses(knots, motion.matrices(knots))
         except ExtrapolationException:
-            return None  # at which point, or under which policy, the exact lookups say
+            break  # at which point, or under which policy, the exact lookups say
         # Another thread may have inserted a sample between two knots since these were found.
-        knots = motion.buffer._knots_between(*wanted)
-        if np.array_equal(knots, poses.knots):
+        before, knots = knots, motion.buffer._knots_between(*wanted)
+        if knots is not None and np.array_equal(before, knots):
             return poses
     return None
 

@@ -227,12 +227,7 @@ def test_spin_once_comes_back_for_what_arrives(node, executor, new_node):
     with TransformListener(owner, new_node("owning")):
         assert is_attached(TransformListener(buffer, node))
         for number in range(1, 6):
-            assert not knows(buffer, "robot", time=at_ns(number * S))()
-            while executor_came_back(executor, 0.05):
-                pass
-            threading.Timer(0.1, owner.set_transform, [transform("map", "robot", number), "owner"]).start()
-            assert executor_came_back(executor, DEADLINE_S)
-            until(knows(buffer, "robot", time=at_ns(number * S)))
+            assert_comes_back(executor, owner, buffer, number)
     owner._tf2_sharing.close()
 
 
@@ -245,14 +240,19 @@ def test_each_executor_comes_back_for_what_arrives(node, executor, new_node):
         listeners = [TransformListener(buffer, each) for each in (node, *other.get_nodes())]
         assert all(map(is_attached, listeners))
         for number, each in enumerate((executor, other, executor, other), 1):
-            assert not knows(buffer, "robot", time=at_ns(number * S))()
-            while executor_came_back(each, 0.05):
-                pass
-            threading.Timer(0.1, owner.set_transform, [transform("map", "robot", number), "owner"]).start()
-            assert executor_came_back(each, DEADLINE_S)
-            until(knows(buffer, "robot", time=at_ns(number * S)))
+            assert_comes_back(each, owner, buffer, number)
     owner._tf2_sharing.close()
     other.shutdown()
+
+
+def assert_comes_back(executor, owner, buffer, number):
+    """An executor returns from `spin_once` for a transform of this second that the owner inserts."""
+    assert not knows(buffer, "robot", time=at_ns(number * S))()
+    while executor_came_back(executor, 0.05):
+        pass
+    threading.Timer(0.1, owner.set_transform, [transform("map", "robot", number), "owner"]).start()
+    assert executor_came_back(executor, DEADLINE_S)
+    until(knows(buffer, "robot", time=at_ns(number * S)))
 
 
 def executor_came_back(executor, timeout_s):

@@ -124,7 +124,8 @@ def pytest_collection_modifyitems(config, items):
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item not in set(left_out)]
     for item in items:
-        if any(item.iter_markers("long")) and not any(item.iter_markers("timeout")):
+        is_long = any(item.iter_markers("long")) or any(item.iter_markers("repeated"))
+        if is_long and not any(item.iter_markers("timeout")):
             item.add_marker(pytest.mark.timeout(LONG_TIMEOUT_S))
     # The processes of `pytest -n` begin the files in this order. A long file of waits must not be the last.
     items.sort(key=lambda item: item.path.parent.name not in ("ros", "programs"))

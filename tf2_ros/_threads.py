@@ -55,33 +55,44 @@ def _begin(name: str, target: Callable[..., object], arguments: tuple[object, ..
     # what a handler raises there surfaces as an error of a lock, or the new thread waits forever.
     try:
         threading.Thread(target=target, args=arguments, name=name, daemon=True).start()
-    except RuntimeError:  # this thread could be started, another one cannot
+    except (RuntimeError, MemoryError):  # this thread could be started, another one cannot
         target(*arguments)
 
 
-_threads: dict[str, threading.Thread] = {}  # those of this process of which there is one, by their names
+# Those of this process that run a target of `start_once`, and the targets whose threads have not begun yet.
+running: dict[Callable[..., object], threading.Thread] = {}
+_starting: set[Callable[..., object]] = set()
 
 
 def start_once(name: str, target: Callable[..., object], *arguments: object) -> None:
     """
-    Start a thread, unless the process has one of this name; returns at once.
+    Start a thread, unless one runs this target; returns at once.
 
-    :param target: returns when the process ends.
+    :param target: after its end, the next use starts another thread. What must not miss that end removes
+        itself from ``running`` first.
     :raises RuntimeError: no thread can be started; the next use tries again.
     """
-    if name not in _threads:
-        start(name, _run_once, name, target, *arguments)
+    if target in running or target in _starting:
+        return
+    try:
+        _starting.add(target)  # within the `try`: a signal handler may raise after any line
+        start(name, _run_once, target, *arguments)
+    except BaseException:
+        _starting.discard(target)
+        raise
 
 
-def _run_once(name: str, target: Callable[..., object], *arguments: object) -> None:
-    # Of several that were started, one runs.
+def _run_once(target: Callable[..., object], *arguments: object) -> None:
+    # Of several, which were started because of what signal handlers have raised, one runs.
     this = threading.current_thread()
-    if _threads.setdefault(name, this) is this:
-        try:
+    is_first = running.setdefault(target, this) is this
+    _starting.discard(target)
+    try:
+        if is_first:
             target(*arguments)
-        except BaseException:
-            _threads.pop(name, None)  # the next use starts another one
-            raise
+    finally:
+        if running.get(target) is this:
+            del running[target]
 
 
 _WHERE = "In the thread that reports"
@@ -141,16 +152,17 @@ def _check() -> None:
 @atexit.register
 def _stop_all() -> None:
     for owner in _owners:
-        owner.stop()
+        call_logged(owner.stop, "At the end of the interpreter")
     INBOXES.stop()
-    for thread in list(_threads.values()):
+    for thread in list(running.values()):
         with suppress(AssertionError, RuntimeError):  # a dummy thread, see `_begin`
             thread.join(THREAD_END_WAIT_S)
 
 
 def _after_fork_in_child() -> None:
     INBOXES.begin_anew()
-    _threads.clear()
+    running.clear()
+    _starting.clear()
     lost = Counter([owner.kind for owner in _owners if owner.inbox.leave_to_parent()])
     _owners.clear()
     _checked.clear()

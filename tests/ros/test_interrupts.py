@@ -5,6 +5,8 @@ import itertools
 import linecache
 import sys
 import threading
+import time
+from _thread import start_new_thread
 from contextlib import contextmanager
 from functools import partial
 from types import SimpleNamespace
@@ -14,13 +16,17 @@ from geometry_msgs.msg import PointStamped
 from making import at, transform
 from paths import PROGRAMS
 from processes import DEADLINE_S, output_of, run, until
+from rclpy.time import Time
 from spinning import spinning
 
 import tf2_py
 import tf2_ros
 from tf2_ros import _threads
 from tf2_ros._forking import LiveObjects
+from tf2_ros._wait.completions import Completions
 from tf2_ros._wait.deadlines import Deadlines
+from tf2_ros._wait.endings import Waker
+from tf2_ros._wait.runners import Runner
 
 pytestmark = pytest.mark.ours
 
@@ -189,17 +195,64 @@ class TestEachLine:
 def test_a_timeout_starts_its_thread_without_a_line_of_python():
     """In a line of `Thread.start`, what a handler raises would become an error of a lock."""
 
-    class Expires:
-        def __init__(self):
-            self.expired = threading.Event()
-            self.over, self.expire = self.expired.is_set, self.expired.set
-
     for line in range(1, 60):  # the lines of `threading` run in a `Thread.start` are fewer
         deadlines, wait = Deadlines(), Expires()
         with interrupted(line, files=(threading.__file__,)) as count:
             deadlines.add(0, wait)
         assert not count.reached
         assert wait.expired.wait(DEADLINE_S)
+
+
+class Expires:
+    def __init__(self):
+        self.expired = threading.Event()
+        self.over, self.expire = self.expired.is_set, self.expired.set
+
+
+def test_an_interrupt_just_after_the_start_of_the_thread_of_deadlines_leaves_one(monkeypatch):
+    def interrupted_start(*arguments):
+        start_new_thread(*arguments)
+        raise Interrupt
+
+    until(lambda: deadline_threads() == 0)
+    deadlines, later, now = Deadlines(), Expires(), Expires()
+    with monkeypatch.context() as patch:
+        patch.setattr(_threads, "start_new_thread", interrupted_start)
+        with pytest.raises(Interrupt):
+            deadlines.add(time.monotonic_ns() + 10**15, later)
+    deadlines.add(0, now)
+    assert now.expired.wait(DEADLINE_S)
+    until(lambda: deadline_threads() == 1)
+
+
+def test_deadlines_have_a_thread_if_there_is_no_memory_for_its_object(monkeypatch):
+    def without_memory(_):
+        raise MemoryError
+
+    deadlines, wait = Deadlines(), Expires()
+    monkeypatch.setattr(threading.Thread, "start", without_memory)
+    deadlines.add(0, wait)
+    assert wait.expired.wait(DEADLINE_S)
+
+
+def deadline_threads():
+    return sum(thread.name == "tf2_ros deadlines" for thread in threading.enumerate())
+
+
+def test_calls_that_are_dropped_all_end_although_a_signal_handler_raises(tf2_ros, buffer, node):
+    class Interrupted(Waker):
+        def __call__(self, _):
+            raise Interrupt
+
+    completions = Completions(None, Runner())
+    futures = [buffer.wait_for_transform_async("map", "robot", Time()) for _ in range(3)]
+    for future in futures:
+        future.add_done_callback(print)
+        future.add_done_callback(Interrupted())
+        completions.calls.append(future.end_or_queue(None))
+    with pytest.raises(Interrupt):
+        completions.drop("the test drops them")
+    assert all("the test drops them" in str(future.exception()) for future in futures)
 
 
 def test_a_thread_whose_start_is_interrupted_ends(tf2_ros, node, buffer, monkeypatch):

@@ -103,11 +103,17 @@ cdef class Completions:
         self._waits_from_ns = monotonic_ns()
 
     def drop(self, why):
-        """Drop the calls; what waits ends, for this reason."""
+        """Drop the calls; what waits ends, for this reason, even if a signal handler raises meanwhile."""
+        cdef list interrupts = []
         while self.calls:
             call = self.calls.popleft()
             if isinstance(call, Ending):
-                call.drop(why)
+                try:
+                    call.drop(why)
+                except BaseException as raised:
+                    interrupts.append(raised)
+        if interrupts:
+            raise interrupts[0]
 
     def close(self, str why not None):
         """Drop the calls, now and from now on, and leave the node; may be called again."""

@@ -12,10 +12,10 @@ import os
 import sys
 import threading
 import weakref
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 
 from tf2_py._internal import log
-from tf2_ros._threads import call_logged, start
+from tf2_ros._threads import call_logged, running, start_once
 
 # How long a thread without work waits for more. In a busy program, starting a thread takes longer than most
 # work.
@@ -30,13 +30,12 @@ cdef class Deadlines:
     """
     Calls ``expire()`` of waits at their deadlines, unless they were ``over()``, or collected, before.
 
-    There is at most one thread: it starts with the first deadline and ends one second after the last.
+    At most one thread does: it starts with the first deadline and ends one second after the last.
     """
 
     cdef readonly list entries      # a heap of deadline, number and weak reference
     cdef int64_t _added
     cdef Py_ssize_t _sweep_at
-    cdef bint _has_thread
     cdef object _asleep             # released to wake the thread, so that an interrupted caller holds nothing
 
     def __cinit__(self):
@@ -44,7 +43,7 @@ cdef class Deadlines:
 
     def begin_anew(self):
         """Forget thread and deadlines; also for a forked child, which does not have the thread."""
-        self.entries, self._sweep_at, self._has_thread = [], FEW, False
+        self.entries, self._sweep_at = [], FEW
         self._asleep = threading.Lock()
         self._asleep.acquire()
 
@@ -57,30 +56,23 @@ cdef class Deadlines:
         cdef int64_t number = self._added + 1
         self._added = number
         heappush(self.entries, (deadline_ns, number, weakref.ref(wait)))
-        if not self._has_thread:
-            if sys.is_finalizing():     # before Python 3.12, it would wait for the thread forever
-                raise RuntimeError("no thread can be started at the end of the interpreter")
-            self._has_thread = True
-            try:
-                start("tf2_ros deadlines", self._run)
-            except BaseException:
-                self._has_thread = False
-                raise
-        elif self.entries[0][1] == number or len(self.entries) > self._sweep_at:
+        if sys.is_finalizing():     # before Python 3.12, starting a thread would wait for it forever
+            raise RuntimeError("no thread can be started at the end of the interpreter")
+        start_once("tf2_ros deadlines", self._run)
+        if self.entries and (self.entries[0][1] == number or len(self.entries) > self._sweep_at):
             if self._asleep.locked():
                 self._asleep.release()
 
     def _run(self):
         cdef int64_t left_ns
         cdef bint is_woken = True
-        try:
-            while is_woken or self.entries:
-                self._sweep()
-                left_ns = self._expire() - monotonic_ns()
-                # What was added meanwhile, and is the first, has released this.
-                is_woken = self._asleep.acquire(timeout=max(min(left_ns, LINGER_NS), 0) / 1e9)
-        finally:
-            self._has_thread = False
+        run = self._run
+        while is_woken or self.entries:
+            self._sweep()
+            left_ns = self._expire() - monotonic_ns()
+            # What was added meanwhile, and is the first, has released this.
+            is_woken = self._asleep.acquire(timeout=max(min(left_ns, LINGER_NS), 0) / 1e9)
+        running.pop(run, None)      # at once, so that what is added from now on starts another thread
 
     cdef int64_t _expire(self) except -1:
         # End all whose deadline has passed; return when the next one passes.
@@ -97,13 +89,18 @@ cdef class Deadlines:
 
     cdef int _sweep(self) except -1:
         # Waits usually end well before their deadline. Their entries would pile up until then.
-        cdef list entries
+        cdef list seen, kept
+        cdef set numbers
         if len(self.entries) > self._sweep_at:
-            entries, self.entries = self.entries, []
-            for entry in entries:
-                if _pending(entry) is not None:
-                    heappush(self.entries, entry)
-            self._sweep_at = 2 * len(self.entries) + FEW
+            seen = list(self.entries)
+            numbers = {entry[1] for entry in seen}
+            kept = [entry for entry in seen if _pending(entry) is not None]
+            # Others were added meanwhile. None is from here on, because no code in Python runs.
+            for entry in self.entries:
+                if entry[1] not in numbers:
+                    kept.append(entry)
+            heapify(kept)
+            self.entries, self._sweep_at = kept, 2 * len(kept) + FEW
         return 0
 
 

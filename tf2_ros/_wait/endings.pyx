@@ -2,7 +2,9 @@
 End what waits once, in one step with its callbacks: a future, a subscription to changes.
 
 This is Cython because no signal handler and no other thread runs between two of its lines that run no code in
-Python. So nothing here needs a lock, and nothing has to be repeated after an interrupt.
+Python. So nothing here needs a lock, and nothing has to be repeated after an interrupt. Before Python 3.12,
+the collector, and so a finalizer or another thread, may run wherever a container is made, such as a list, a
+tuple or a bound method; not where one grows.
 """
 
 import sys
@@ -10,6 +12,10 @@ from functools import partial
 
 from tf2_py import BufferCore, TimeoutException
 from tf2_py._internal import log
+from tf2_ros_cython._presence import HAS_ROS
+
+if HAS_ROS:     # else there are no futures, but subscriptions to changes
+    from tf2_ros._rclpy import wakes_executor
 
 cdef enum:
     WAKER_TRIES = 10      # of a waker that a signal handler cuts short; a second signal is rare already
@@ -132,11 +138,7 @@ class Waker:
 
 cdef bint _only_wakes(callback) except -1:
     # Whether a done callback runs no user code: ours, or one by which an executor wakes itself.
-    if isinstance(callback, Waker):
-        return True
-    # Not above: without ROS there are no futures, but subscriptions to changes.
-    from tf2_ros._rclpy import wakes_executor
-    return wakes_executor(callback)
+    return isinstance(callback, Waker) or wakes_executor(callback)
 
 
 cdef class FutureEnding(Ending):
@@ -205,7 +207,7 @@ cdef class FutureEnding(Ending):
 
     def drop(self, why):
         error = TimeoutException(f"The callbacks of this wait were dropped, because {why}")
-        if self.life == QUEUED:
+        if self.life == QUEUED:     # only now: making the error may run another thread
             self.done_callbacks = []
             self._result, self._error = None, error
             self._end(DONE)

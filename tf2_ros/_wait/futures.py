@@ -167,10 +167,10 @@ class _SleepingTask(Waker):
         #   yes        any           no      yes
         #   any        yes           no      yes, because a signal handler must not wait for the lock
         in_step, is_locked = is_in_step(task), has_locked_tasks(executor)
-        if in_step is not False or is_locked:
-            deadlines.add(time.monotonic_ns() + STEP_CHECK_NS, self)
         if not in_step and not is_locked:
             resume(task, executor, None if self._yielded is None else self._yielded())
+        if in_step is not False or is_locked:
+            deadlines.add(time.monotonic_ns() + STEP_CHECK_NS, self)  # last: there may be no thread for it
 
     def _has_executor(self) -> bool:
         task = None if self._task is None else self._task()

@@ -167,20 +167,12 @@ class ThreadRunner(Runner):
         self.begin_anew()
 
     def begin_anew(self) -> None:
-        """Have no thread; also in a forked child, which does not have the one of its parent."""
+        """Have nothing to do; also in a forked child, which does not have the thread of its parent."""
         self._wakes: SimpleQueue[bool] = SimpleQueue()  # a signal handler may put, too
-        self._has_thread = False
 
     def wake(self) -> None:
         self._wakes.put(True)
-        if self._has_thread:
-            return
-        try:
-            self._has_thread = True  # within the `try`: a signal handler may raise after any line
-            start_once("tf2_ros callbacks", self._serve)
-        except BaseException:
-            self._has_thread = False  # the next call tries again
-            raise
+        start_once("tf2_ros callbacks", self._serve)
 
     def _serve(self) -> None:
         while self._wakes.get():

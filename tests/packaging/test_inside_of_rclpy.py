@@ -11,9 +11,7 @@ pytestmark = pytest.mark.ours
 # Of Python, and of the messages of rosidl.
 OF_OTHERS = {"_getframe", "_replace", "_check_fields"}
 # Public, but not documented: parts of goals and frames, and attributes of rclpy's objects that are set.
-UNDOCUMENTED = re.compile(
-    r"\b(Impl|ClientGoalHandle|co_filename)\b|(?<!self)\.(callback|destroy) = "
-)
+UNDOCUMENTED = re.compile(r"\b(Impl|ClientGoalHandle|co_filename)\b|(?<!self)\.(callback|destroy) = ")
 
 
 def test_only_one_module_knows_rclpys_inside():

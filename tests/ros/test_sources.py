@@ -3,6 +3,7 @@
 import gc
 import signal
 import threading
+import weakref
 
 import pytest
 from compiling import compiled
@@ -14,7 +15,7 @@ from rclpy.time import Time
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer
-from tf2_ros._receive.inbox import Inbox, Inboxes
+from tf2_ros._receive.inbox import Inbox, Inboxes, Informed
 from tf2_ros._threads import add_owner
 from tf2_ros.records import Recording
 
@@ -283,6 +284,31 @@ def test_inboxes_report_in_the_order_in_which_they_had_something_to_report(tf2_r
         assert handed == expected
     for one in filled:
         one.close()
+
+
+def test_a_closed_inbox_fills_no_buffer(source, buffer, inboxes):
+    inbox = Inbox(source, list, inboxes=inboxes)
+    source.put(serialised(*[transform("map", f"robot {number}", 1) for number in range(MANY)]))
+    inbox.close()
+    inbox.fill(buffer)  # as a thread does that gives a listener another buffer meanwhile
+    assert not buffer.can_transform("map", "robot 0", at(1))
+    alive = weakref.ref(inbox)
+    del inbox
+    assert alive() is None
+
+
+def test_an_inbox_in_garbage_ends_before_the_collector_clears_what_threads_use(inboxes):
+    class Listed(compiled("listed_source").ListedSource):
+        pass
+
+    source, are_whole = Listed(), []
+    source.informed = Informed()
+    source.when_silent = lambda source: are_whole.append(hasattr(source, "informed"))
+    source.inbox_of_it = inbox = Inbox(source, list, inboxes=inboxes)
+    inbox.inform(source.informed)
+    del inbox, source
+    gc.collect()
+    assert are_whole == [True]
 
 
 def test_an_inbox_that_is_destroyed_reports_nothing(buffer, inboxes):

@@ -505,10 +505,13 @@ cdef class Source:
         pass
 
 
-@cython.no_gc_clear     # its source must exist until nothing arrives any more
+@cython.no_gc_clear     # `__dealloc__` needs the source
 cdef class InboxBase(ReadHook):
     """
     Takes what has arrived for a buffer, and inserts it.
+
+    It ends with :meth:`close`, or its last reference. In garbage, its finalizer runs before the collector
+    clears anything that threads without the GIL use: engine, tap, clock, or executors.
 
     :param source: of its messages; for no other inbox.
     :param hand_over: called with each callable that runs user code, to have it called.
@@ -534,6 +537,10 @@ cdef class InboxBase(ReadHook):
             self.state.prefix, self.state.prefix_size = self._prefix, len(self._prefix)
         source.inbox = &self.state
 
+    def __del__(self):
+        if self._source is not None and not self._is_closed:
+            self.close()
+
     def __dealloc__(self):
         cdef InformedLink* link
         self._discharge()
@@ -558,6 +565,7 @@ cdef class InboxBase(ReadHook):
             link = &link[0].next
         if link[0] != NULL:
             link[0] = self.state.next
+        self.state.has_large = False
         _end_to_report(&self.state)
         lock_release(&self.state.drain.lock)
         # Only now: it may run code in Python, and meanwhile another thread may report.
@@ -594,14 +602,17 @@ cdef class InboxBase(ReadHook):
         return None if self._reference is None else self._reference()
 
     def fill(self, Engine buffer):
-        """Insert from now on into this buffer, which is not kept alive; None: into none."""
+        """Insert from now on into this buffer, which is not kept alive. None, or once closed: into none."""
         cdef Parcels parcels
         cdef Tap tap = None if buffer is None else buffer._tap
         if buffer is not None and self.state.engine == <void*>buffer:
             return
         reference = None if buffer is None else weakref.ref(buffer)
-        # From here to the report no code in Python runs, and so no other thread that fills or drains.
+        # From here to the report no code in Python runs, and so no other thread that fills, closes or drains
+        # (see `endings`: nothing makes a container).
         engine = self._engine()
+        if self._is_closed:
+            buffer = tap = reference = None
         if engine is not None:
             (<Engine>engine).remove_inbox(self)
         if tap is not None:

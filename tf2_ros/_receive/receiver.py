@@ -184,7 +184,7 @@ class Receiver:
         self._process = os.getpid()
         # The destroyed ones remain hidden: an executor that has just met the event handler of one, and may
         # wait for it, raises InvalidHandle.
-        self._topics = self._taken = self._group.hidden = listener._tf2_listening.topics  # never changed
+        self._topics = self._group.hidden = listener._tf2_listening.topics
         self._group.hides_all = False
         clock: Any = getattr(listener.buffer, "clock", None)
         handle = clock.handle if is_ros_clock(clock) else None
@@ -195,7 +195,7 @@ class Receiver:
             self.inbox.inform(runner)
             runner.receivers.add(self)
         try:
-            for topic in self._taken:
+            for topic in self._topics:
                 subscription = topic.subscription
                 on_destroy(subscription, partial(self._destroy, topic))
                 self._source.subscribe(
@@ -216,14 +216,14 @@ class Receiver:
     def topics(self) -> Sequence[Topic]:
         """The topics whose messages it takes now."""
         is_dead = is_inherited(self._process) or context_was_shut_down(self._context)
-        return () if is_dead else self._taken
+        return () if is_dead else [topic for topic in self._topics if topic.arrivals.is_received]
 
     def redirect(self, buffer: BufferCore | None) -> None:
         """Fill this buffer from now on; None: user code handles transforms, so leave all to executors."""
         self.inbox.catch_up()  # what arrived before goes into the buffer of before
         if buffer is None:
             self._leave_to_executors()
-        elif self._taken:
+        else:
             self.inbox.fill(buffer)
 
     def describe(self) -> str:
@@ -245,25 +245,13 @@ class Receiver:
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
         if not is_inherited(self._process):
-            self._taken = ()
             self.inbox.close()
-
-    def __del__(self) -> None:
-        """
-        End, if nobody has called :meth:`stop`.
-
-        Otherwise the collector, which calls no callbacks of weak references that are garbage themselves,
-        could free the buffer and the clock while threads use them.
-        """
-        # Making __dict__ here would have the collector keep everything until its next run.
-        if hasattr(self, "inbox"):
-            self.stop()
 
     def _tf2_check(self) -> None:
         """End with the context; log publishers that do not fit."""
         if context_was_shut_down(self._context):
             self.stop()
-        for topic in self._taken:
+        for topic in self.topics:
             for handler in event_handlers(topic.subscription):
                 report_event(handler)
 
@@ -277,8 +265,7 @@ class Receiver:
         if is_inherited(self._process):
             return
         self._source.unsubscribe(topic.arrivals)
-        self._taken = [one for one in self._taken if one is not topic]
-        if not self._taken:
+        if not any(one.arrivals.is_received for one in self._topics):
             self.stop()
         topic.destroy()
 

@@ -194,12 +194,17 @@ cdef class TopicArrivals:
         cdef Arrivals now = self._now()
         return now.taken, now.taken_at_ns
 
+    @property
+    def is_received(self):
+        """Whether its messages arrive without an executor."""
+        return self._handle is not None
+
     def overwritten(self):
         """Return how many messages newer ones have displaced from the queue, as far as that is known."""
         return self._now().overwritten
 
 
-@cython.no_gc_clear     # `Receiver.__del__` ends it first, before the collector clears topics and handles
+@cython.no_gc_clear     # its inbox needs it at its own end
 cdef class Subscriptions(Source):
     """
     Takes the messages of a listener's topics.

@@ -62,6 +62,7 @@ cdef bint take_first(List* source, Parcel* parcel) noexcept nogil:
 
 cdef class ListedSource(Source):
     cdef List _list
+    cdef public object when_silent
 
     def __cinit__(self):
         self.names = ["the list"]
@@ -71,6 +72,8 @@ cdef class ListedSource(Source):
 
     cdef void silence(self) noexcept:
         self.inbox = NULL
+        if self.when_silent is not None:
+            self.when_silent(self)
 
     def slow_down(self):
         """Take for long from now on, as a large message is; until `go_on`."""

@@ -37,6 +37,10 @@ class LiveObjects(Generic[_Object]):
         address = id(one)
         self._references[address] = weakref.ref(one, partial(self._references.pop, address))
 
+    def discard(self, one: _Object) -> None:
+        """Remove an object, if it was added."""
+        self._references.pop(id(one), None)
+
     def clear(self) -> None:
         """Remove all objects."""
         self._references.clear()

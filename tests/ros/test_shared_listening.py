@@ -4,6 +4,7 @@ import gc
 import subprocess
 import threading
 import time
+import weakref
 from contextlib import ExitStack
 from functools import partial
 
@@ -243,6 +244,23 @@ def test_each_executor_comes_back_for_what_arrives(node, executor, new_node):
             assert_comes_back(each, owner, buffer, number)
     owner._tf2_sharing.close()
     other.shutdown()
+
+
+def test_nothing_is_left_of_a_listener_whose_node_was_destroyed(node, new_node):
+    owner = Buffer(share=new_name())
+    buffer = Buffer(attach=owner._tf2_sharing.name)
+    with TransformListener(owner, node):
+        left, staying = rclpy.create_node("left"), new_node("staying")
+        listeners = [TransformListener(buffer, each) for each in (left, left, staying)]
+        assert all(map(is_attached, listeners))
+        runners = [weakref.ref(each._tf2_completions.runner) for each in (left, staying)]
+        left.destroy_node()
+        until(lambda: not listeners[0].receives and not listeners[1].receives)
+        assert listeners[2].receives == ("/tf", "/tf_static")
+        del left, listeners[:2]
+        until(lambda: gc.collect() >= 0 and runners[0]() is None)
+        assert runners[1]() is not None
+    owner._tf2_sharing.close()
 
 
 def assert_comes_back(executor, owner, buffer, number):

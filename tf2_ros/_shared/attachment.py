@@ -88,6 +88,8 @@ class Attachment:
             self.close()
             return
         self._warn_of_overruns()
+        for attached in list(self.listeners.values()):
+            attached.end_with_node()
         if not self._has_ended:
             if not is_owned(self.reader.descriptor):
                 why = "no longer shares it"
@@ -156,9 +158,16 @@ class Attachment:
     def add(self, listener: Any) -> None:  # a TransformListener
         """Replace the subscriptions of a listener of the buffer."""
         self.listeners[id(listener)] = AttachedListener(self, listener)
-        runner = listener._tf2_listening.completions.runner
+        runner = _runner(listener)
         if isinstance(runner, Informed):
             self.inbox.inform(runner)  # its executor returns from `spin_once` for what arrives
+
+    def remove(self, listener: Any) -> None:
+        """Undo :meth:`add`."""
+        self.listeners.pop(id(listener), None)
+        runner, others = _runner(listener), [_runner(one.listener) for one in self.listeners.values()]
+        if isinstance(runner, Informed) and runner not in others:
+            self.inbox.withdraw(runner)
 
     def describe(self) -> str:
         """Where transforms come from, and how often some were lost."""
@@ -175,13 +184,13 @@ class AttachedListener:
     """
 
     def __init__(self, attachment: Attachment, listener: Any) -> None:
-        self._attachment, self._listener = attachment, listener
+        self._attachment, self.listener = attachment, listener
         listener._tf2_listening.receiver = self
 
     @property
     def topics(self) -> Sequence[Topic]:
         """The topics whose messages arrive in the buffer."""
-        return self._listener._tf2_listening.topics if self._attachment.is_attached else ()
+        return self.listener._tf2_listening.topics if self._attachment.is_attached else ()
 
     def describe(self) -> str:
         """Where transforms come from, and how often some were lost."""
@@ -189,7 +198,7 @@ class AttachedListener:
 
     def redirect(self, buffer: Any) -> None:
         """Let the listener subscribe if the program has given it another buffer."""
-        listening = self._listener._tf2_listening
+        listening = self.listener._tf2_listening
         if listening.buffer is self._attachment.buffer():
             return
         self.leave("this program gives the listener another buffer")
@@ -199,13 +208,13 @@ class AttachedListener:
     def listener_ended(self) -> None:
         """Let the listener end, which keeps what its buffer has."""
         # Only then with the lock: a finalizer must not wait, and finds no listener here.
-        if id(self._listener) in self._attachment.listeners:
+        if id(self.listener) in self._attachment.listeners:
             with LOCK:
                 self._remove()
 
     def leave(self, reason: str) -> None:
         """Let the listener subscribe, for good."""
-        listener = self._listener
+        listener = self.listener
         with LOCK:
             if id(listener) not in self._attachment.listeners:
                 return
@@ -216,10 +225,19 @@ class AttachedListener:
             finally:  # last: whoever ends the listener meanwhile, or gives it a buffer, waits
                 self._remove()
 
+    def end_with_node(self) -> None:
+        """End if the node was destroyed, as subscriptions do."""
+        if node_has_ended(self.listener.node):
+            self.listener_ended()
+
     def _remove(self) -> None:
-        if self._listener._tf2_listening.receiver is self:
-            self._listener._tf2_listening.receiver = None
-        self._attachment.listeners.pop(id(self._listener), None)
+        if self.listener._tf2_listening.receiver is self:
+            self.listener._tf2_listening.receiver = None
+        self._attachment.remove(self.listener)
+
+
+def _runner(listener: Any) -> Any:
+    return listener._tf2_listening.completions.runner
 
 
 def attach_listener(listener: Any, unusual: str) -> bool:

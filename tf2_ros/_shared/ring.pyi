@@ -1,7 +1,7 @@
 from typing import final
 
 from tf2_py import BufferCore
-from tf2_ros._receive.inbox import InboxBase, Source
+from tf2_ros._receive.inbox import InboxBase, Informed, Source
 
 class RingWriter:
     def __init__(self, descriptor: int, size: int, buffer: BufferCore) -> None: ...
@@ -25,3 +25,4 @@ class RingReader(Source):
 @final
 class PolledInbox(InboxBase):
     def follow(self) -> None: ...
+    def withdraw(self, informed: Informed) -> None: ...

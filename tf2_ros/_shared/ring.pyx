@@ -59,6 +59,8 @@ from tf2_ros._receive.inbox cimport (
     PARCEL_REMOVAL,
     ROUND_NS,
     InboxBase,
+    Informed,
+    InformedLink,
     Parcel,
     Source,
     inbox_is_awaited,

@@ -255,15 +255,32 @@ cdef class PolledInbox(InboxBase):
             while self.state.engine != NULL:
                 # A read does this in the opposite order: it first wants messages, and then nudges.
                 watched = self._ring.watch()
+                lock_acquire(&self.state.drain.lock)    # against `withdraw`
                 is_wanted = inbox_is_awaited(&self.state)
+                lock_release(&self.state.drain.lock)
                 while is_wanted and self.step():
                     pass
                 if self.state.engine != NULL:
                     self._ring.rest(watched, is_wanted)
 
+    def withdraw(self, Informed informed not None):
+        """Undo :meth:`inform`. The middleware, which takes no lock, does not look at what this removes."""
+        cdef InformedLink** link = &self.state.informed
+        cdef InformedLink* found
+        lock_acquire(&self.state.drain.lock)
+        while link[0] != NULL and link[0].informed != <void*>informed:
+            link = &link[0].next
+        found = link[0]
+        if found != NULL:
+            link[0] = found.next
+        lock_release(&self.state.drain.lock)
+        free(found)
+        self._used.discard(informed)
+        informed.inboxes.discard(self)
+
     cdef int drain(self) except -1:
         cdef bint has_message = self._ring.has_message()
-        if inbox_is_awaited(&self.state):
+        if inbox_is_awaited(&self.state):       # with the GIL, as `withdraw`
             self._ring.nudge(False)
         return self.read_all() if has_message else 0
 

@@ -293,12 +293,12 @@ class Listening:
 
 
 _listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener
-_informed: LiveObjects[Any] = LiveObjects()
+_watchers: LiveObjects[Any] = LiveObjects()
 
 
-def inform_of_listeners(informed: Any) -> None:
+def watch_listeners(watcher: Any) -> None:
     """Call ``_tf2_check()`` of an object whenever a listener fills a buffer that it did not fill before."""
-    _informed.add(informed)
+    _watchers.add(watcher)
 
 
 def note_listener(listener: Any) -> None:
@@ -309,8 +309,8 @@ def note_listener(listener: Any) -> None:
     note_filler(getattr(listener, "node", None), buffer, listener._tf2_listening.completions)
     if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
         BufferCore._ask_for_silence(buffer, _silence)
-    for informed in _informed:
-        informed._tf2_check()
+    for watcher in _watchers:
+        watcher._tf2_check()
 
 
 def open_topics(buffer: object) -> list[Topic]:

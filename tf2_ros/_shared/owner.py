@@ -23,7 +23,7 @@ from typing import Any
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_simulated
-from tf2_ros._receive.receiver import inform_of_listeners, open_topics
+from tf2_ros._receive.receiver import open_topics, watch_listeners
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
 from tf2_ros._threads import check_regularly
@@ -65,7 +65,7 @@ class Owner:
         # Also when the interpreter exits, because other threads may still insert.
         self.close = weakref.finalize(buffer, _end, self._ring, self.path, os.getpid())
         check_regularly(self)
-        inform_of_listeners(self)  # so that readers learn of them at once
+        watch_listeners(self)  # so that readers learn of them at once
 
     def _describe(self, buffer: Any) -> None:
         topics = open_topics(buffer)

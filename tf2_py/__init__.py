@@ -23,7 +23,7 @@ from tf2_py._objects.errors import (
 from tf2_py._objects.listings import FrameInfo as FrameInfo
 from tf2_py._objects.listings import History as History
 from tf2_py._objects.listings import stored_name as stored_name
-from tf2_ros_cython._ros import __version__ as __version__
+from tf2_ros_cython._version import __version__ as __version__
 
 # Programs find this name in tf2_py because tf2 uses it there. It has an effect on Windows only.
 try:

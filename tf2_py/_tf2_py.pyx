@@ -57,7 +57,7 @@ from tf2_py._objects.errors import (
     TransformException,
     bad_name,
 )
-from tf2_ros_cython.output import printable
+from tf2_py.text import printable
 
 __all__ = [
     "BufferCore",
@@ -371,7 +371,7 @@ cdef class BufferCore(Engine):
 
         :raises OSError: the file cannot be written; an existing file remains unchanged.
         """
-        from tf2_ros_cython.output import whole_file
+        from tf2_py.files import whole_file
         with whole_file(path) as file:
             self.write_frozen(file)
             frozen_file.protect(file)

@@ -13,6 +13,7 @@ from tf2_py import (
 )
 from tf2_py import FrameInfo as FrameInfo
 from tf2_py import History as History
+from tf2_py import __version__ as __version__
 from tf2_py import stored_name as stored_name
 from tf2_ros import _names
 from tf2_ros._messages import format_transform as format_transform
@@ -29,7 +30,6 @@ from tf2_ros.buffer_interface import (
     TypeException,
     convert,
 )
-from tf2_ros_cython._ros import __version__ as __version__
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import PointStamped as PointStamped

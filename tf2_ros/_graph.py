@@ -10,9 +10,9 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
+from tf2_py.text import printable
 from tf2_ros._rclpy import call_after, event_handlers
 from tf2_ros._threads import check_regularly
-from tf2_ros_cython.output import printable
 
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # until the graph knows the node of an endpoint
 NAME_CHECKS = 2  # how many regular checks to wait for a name; the first may come at once

@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from tf2_py._internal import message_classes, seconds, stamp_parts, time_ns
-from tf2_ros_cython.output import printable
+from tf2_py.text import printable
 
 if TYPE_CHECKING:  # what type checkers know of them
     from builtin_interfaces.msg import Time

@@ -25,9 +25,9 @@ from contextlib import suppress
 from typing import Any, Protocol
 
 from tf2_py._internal import log
+from tf2_py.text import counted
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import INBOXES, InboxBase
-from tf2_ros_cython.output import counted
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long

@@ -23,6 +23,7 @@ from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, duration_ns, errors, frame_name
+from tf2_py.text import printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._forking import refuse_inherited
@@ -35,7 +36,6 @@ from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.runners import completions_of
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
-from tf2_ros_cython.output import printable
 
 __all__ = ["BufferClient", "LookupTransformGoal", "LookupTransformResult"]
 _names.offer(

@@ -26,6 +26,7 @@ from tf2_py._internal import (
     is_invalid_name,
     time_ns,
 )
+from tf2_py.text import counted, printable
 from tf2_py.typing import DurationLike
 from tf2_ros._arguments import frame_of, kind_of, optional_timeout_ns, require_callable, valid_prefix
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
@@ -37,7 +38,6 @@ from tf2_ros._wait.filter_calls import FilterCalls, QueuedMessage
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.runners import ExecutorRunner, completions_of
 from tf2_ros.buffer import Buffer
-from tf2_ros_cython.output import counted, printable
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
 

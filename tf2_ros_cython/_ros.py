@@ -1,11 +1,9 @@
 """Find the ROS 2 in use: its folder, its release, and what it lacks."""
 
-import importlib
 import importlib.util
 import re
 import sys
 from pathlib import Path
-from types import ModuleType
 
 from tf2_ros_cython._path import OLDEST_RCLPY
 
@@ -91,14 +89,6 @@ def running_release() -> str | None:
     return None if prefix is None else _release(rclpy_version(prefix))
 
 
-def built() -> ModuleType | None:
-    """What the build recorded; None if there was no build, as in a fresh checkout."""
-    try:
-        return importlib.import_module("tf2_ros_cython._built")
-    except ModuleNotFoundError:
-        return None
-
-
 def running_prefix() -> Path | None:
     """The prefix of the ROS 2 whose rclpy this Python imports."""
     spec = None if _is_made_by_program() else importlib.util.find_spec("rclpy")
@@ -164,8 +154,3 @@ def _without_rclpy(what: str) -> str:
         f"{what} needs ROS 2, and no rclpy is found by {sys.executable}: source a ROS 2, or, in a"
         " clone of tf2-ros-cython, pip install ./messages '.[ros]'"
     )
-
-
-_record = built()
-# As in pyproject.toml; unknown if nothing was built, as in a fresh checkout.
-__version__: str = "unknown" if _record is None else _record.VERSION

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from tf2_ros_cython import _finder, _path, _programs, _ros
-from tf2_ros_cython._ros import __version__
+from tf2_ros_cython._version import __version__
 
 _WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
 _TOOLS_ADVICE = (

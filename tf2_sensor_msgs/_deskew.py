@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from tf2_py._internal import MalformedObjectError, as_times_ns, duration_ns, errors, time_ns
+from tf2_py.text import printable
 from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, TransformException
 from tf2_ros._arguments import frame_of, kind_of
-from tf2_ros_cython.output import printable
 from tf2_sensor_msgs._cloud import move_points, read_times, sample_times
 from tf2_sensor_msgs._time_field import KNOWN, S, TimeField, Unit, find_time_field
 

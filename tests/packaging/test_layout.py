@@ -63,6 +63,11 @@ def test_modules_import_and_cimport_what_the_table_allows():
     ] == []
 
 
+def test_the_engine_asks_the_installation_only_for_the_version():
+    of_engine = [one.module for module, found in IMPORTS.items() if top(module) == "tf2_py" for one in found]
+    assert [one for one in of_engine if top(one) == "tf2_ros_cython"] == ["tf2_ros_cython._version"]
+
+
 OF_TOOLS = {
     *("tf2_ros_tools", "rosbags", "mcap", "mcap_protobuf", "mcap_ros2"),
     *("textual", "matplotlib", "graphviz"),

@@ -15,6 +15,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 
 from tf2_py import BufferCore
 from tf2_py._internal import log
+from tf2_py.text import counted
 from tf2_ros._forking import LiveObjects, is_inherited
 from tf2_ros._nodes import note_filler
 from tf2_ros._qos import is_latched
@@ -30,7 +31,6 @@ from tf2_ros._rclpy import (
 from tf2_ros._receive.inbox import Inbox, Informed
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 from tf2_ros._threads import add_owner, check_regularly
-from tf2_ros_cython.output import counted
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.

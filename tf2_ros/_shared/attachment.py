@@ -11,6 +11,7 @@ from typing import Any
 from rclpy.logging import get_logger
 
 from tf2_py._internal import log
+from tf2_py.text import counted
 from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._rcl import problem
@@ -22,7 +23,6 @@ from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import PolledInbox, RingReader
 from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged
 from tf2_ros._wait.runners import hand_over_for
-from tf2_ros_cython.output import counted
 
 
 def open_ring(name: str) -> RingReader:

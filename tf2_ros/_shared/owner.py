@@ -21,13 +21,13 @@ from pathlib import Path
 from typing import Any
 
 from tf2_py._internal import log
+from tf2_py.text import counted
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_simulated
 from tf2_ros._receive.receiver import open_topics, watch_listeners
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
 from tf2_ros._threads import check_regularly
-from tf2_ros_cython.output import counted
 
 # Of the file, which takes memory only for what it holds. At least, the ring has 1 MiB.
 LEAST_BYTES, MOST_BYTES = 19 << 16, 1 << 28

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import __version__
-from tf2_ros_cython.output import UNFINISHED
 from tf2_ros_tools.reading import FROZEN, LOGS, SUFFIXES, require_existing
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
 
+UNFINISHED = ".unfinished"  # of a file that `whole_file` has not completed
 SHARED_MEMORY = "-shm"  # of SQLite, next to a database that is open
 END_BYTES = 1 << 16
 LIMITS = ("TF2_ROS_CYTHON_MAX_FRAMES", "TF2_ROS_CYTHON_MAX_BYTES")  # of a buffer, by variables

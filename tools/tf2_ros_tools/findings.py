@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros.numpy import to_matrix
-from tf2_ros_cython.output import counted
-from tf2_ros_tools.output import first_names, rpy_from_matrices, show, show_json, three_digits
+from tf2_ros_tools.output import counted, first_names, rpy_from_matrices, show, show_json, three_digits
 from tf2_ros_tools.program import FAILURE, KINDS, SUCCESS, UsageError
 from tf2_ros_tools.streams import (
     JUMP_BACK_NS,

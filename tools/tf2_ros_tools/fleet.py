@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from tf2_py import BufferCore, LookupException, TransformException
-from tf2_ros_cython.output import counted, printable
+from tf2_py.text import printable
 from tf2_ros_tools.caching import Cached, state_of
 from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import (
@@ -31,7 +31,7 @@ from tf2_ros_tools.loading import (
     progress_bar,
     wanted,
 )
-from tf2_ros_tools.output import require, write_whole
+from tf2_ros_tools.output import counted, require, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError
 from tf2_ros_tools.tables import as_parquet, look_up_frames, times_when
 

@@ -26,9 +26,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from tf2_py import TransformException
 from tf2_ros import Buffer
-from tf2_ros_cython.output import counted
 from tf2_ros_tools.findings import Expectation, Finding, Limits, Received, find, milliseconds
-from tf2_ros_tools.output import three_digits
+from tf2_ros_tools.output import counted, three_digits
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import Refused, Stream, Streams, moving_on
 

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tf2_py.text import printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
-from tf2_ros_cython.output import counted, printable
 from tf2_ros_tools import foxglove
 from tf2_ros_tools.caching import Cached
 from tf2_ros_tools.converting import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
-from tf2_ros_tools.output import first_names, require
+from tf2_ros_tools.output import counted, first_names, require
 from tf2_ros_tools.reading import (
     TF_TYPES,
     BagError,

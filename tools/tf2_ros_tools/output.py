@@ -7,7 +7,8 @@ from difflib import get_close_matches
 from importlib.util import find_spec
 from typing import Any
 
-from tf2_ros_cython.output import printable, whole_file
+from tf2_py.files import whole_file
+from tf2_py.text import printable
 
 MOST_NAMES = 5  # in a list
 
@@ -21,6 +22,11 @@ def show_json(content: Any) -> None:
     """Print an object as one line of JSON."""
     # json leaves the delete character as it is, whose usual escape is not JSON.
     print(json.dumps(content).replace("\x7f", r"\u007f"))
+
+
+def counted(number: float, what: str) -> str:
+    """Format a number and its unit: ``1 frame``, ``2 frames``, ``2.5 seconds``."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def three_digits(number: float) -> str:

@@ -25,8 +25,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, FrameInfo, TransformException, stored_name
+from tf2_py.text import printable
 from tf2_ros import TransformBroadcaster
-from tf2_ros_cython.output import printable
 from tf2_ros_tools.output import not_known
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import path_to_root

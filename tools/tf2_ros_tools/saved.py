@@ -16,8 +16,9 @@ from typing import Any, BinaryIO, TypeVar, overload
 import numpy as np
 
 from tf2_py import BufferCore
+from tf2_py.files import whole_file
+from tf2_py.text import printable
 from tf2_ros import Buffer
-from tf2_ros_cython.output import printable, whole_file
 from tf2_ros_tools.output import require
 from tf2_ros_tools.serialised import tf_message
 

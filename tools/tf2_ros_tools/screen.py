@@ -16,8 +16,9 @@ from textual.binding import Binding
 from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Footer, Input, Static
 
-from tf2_ros_cython.output import counted, printable
+from tf2_py.text import printable
 from tf2_ros_tools.findings import milliseconds, rate_text
+from tf2_ros_tools.output import counted
 from tf2_ros_tools.streams import Stream
 
 Kinds = defaultdict[str, list[str]]  # of findings, by frame

@@ -18,8 +18,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from tf2_ros_cython.output import counted, printable
-from tf2_ros_tools.output import first_names
+from tf2_py.text import printable
+from tf2_ros_tools.output import counted, first_names
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.serialised import tf_messages
 from tf2_ros_tools.urdf import fixed, parse

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import stored_name
+from tf2_py.text import printable
 from tf2_ros.numpy import to_matrix
-from tf2_ros_cython.output import printable
 from tf2_ros_tools.output import first_names
 from tf2_ros_tools.serialised import EMPTY, tf_messages
 

@@ -7,3 +7,9 @@ if find_spec("tf2_ros_cython") is None:
         "tf2-ros-tools needs tf2-ros-cython, which this Python does not have: in a clone of tf2-ros-cython, "
         "pip install ."
     )
+
+try:
+    import tf2_py.text  # noqa: F401
+except ImportError as lack:
+    # Another tf2_py, or ours for another Python.
+    raise SystemExit(f"{lack}; tf2_which shows which tf2_py is imported") from None

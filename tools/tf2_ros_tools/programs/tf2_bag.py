@@ -13,8 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tf2_ros_cython.output import counted
-from tf2_ros_tools.output import require, show, show_json, three_digits, write_whole
+from tf2_ros_tools.output import counted, require, show, show_json, three_digits, write_whole
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,

@@ -4,7 +4,7 @@ import sys
 from argparse import Namespace
 from functools import partial
 
-from tf2_ros_cython.output import counted
+from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import Parser, add_check_options, positive_number, run
 
 PARSER = Parser(

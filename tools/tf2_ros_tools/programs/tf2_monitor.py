@@ -12,8 +12,7 @@ from importlib.util import find_spec
 from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
-from tf2_ros_cython.output import counted
-from tf2_ros_tools.output import show, show_json
+from tf2_ros_tools.output import counted, show, show_json
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, positive_number, run
 
 if TYPE_CHECKING:

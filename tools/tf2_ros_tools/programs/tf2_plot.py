@@ -5,8 +5,7 @@ import time
 from argparse import Namespace
 from functools import partial
 
-from tf2_ros_cython.output import counted
-from tf2_ros_tools.output import show
+from tf2_ros_tools.output import counted, show
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, add_plot_options, positive_number, run
 
 S = 1_000_000_000

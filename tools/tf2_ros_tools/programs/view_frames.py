@@ -6,8 +6,7 @@ from argparse import Namespace
 from functools import partial
 from os.path import splitext
 
-from tf2_ros_cython.output import counted
-from tf2_ros_tools.output import require, show, write_whole
+from tf2_ros_tools.output import counted, require, show, write_whole
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, format_of, non_negative_number, run
 
 FORMATS = ("pdf", "svg", "png")

@@ -1,8 +1,4 @@
-"""
-What people and other programs get to see, in the same form everywhere: texts, and whole files.
-
-Programs may use these functions, too. Importing this module loads no extension and no ROS.
-"""
+"""Write files that others find whole."""
 
 import os
 import uuid
@@ -10,29 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import IO
 
-UNFINISHED = ".unfinished"  # the names of unfinished files end with this, and begin with a dot
-
-
-__all__ = ["counted", "printable", "whole_file"]
-
-
-def printable(text: str) -> str:
-    r"""
-    Escape every character that does not print, as in ``\x1b``, ``\n``, ``\u202e``.
-
-    Letters of every script stay as they are. The escapes are valid in Python and in YAML.
-    """
-    if text.isprintable():
-        return text
-    # repr() escapes these characters without a Python loop. It also escapes backslashes and, in a text with
-    # both kinds of quotes, single quotes; both are undone here. Its result contains no NUL.
-    escaped = repr(text + '"')[1:-2]
-    return escaped.replace("\\\\", "\0").replace("\\'", "'").replace("\0", "\\")
-
-
-def counted(number: float, what: str) -> str:
-    """A number and its unit: ``1 frame``, ``2 frames``, ``2.5 seconds``."""
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+__all__ = ["whole_file"]
 
 
 @contextmanager
@@ -40,13 +14,14 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     """
     Open a file for writing under another name beside ``path``, and rename it to ``path`` on success.
 
-    Anything else, such as a pipe or a device, is opened directly, because a file could not replace it.
+    The other name begins with a dot and ends with ``.unfinished``. A pipe or a device at ``path`` is opened
+    directly, because a file could not replace it.
 
     :raises OSError: it cannot be written. As after any other error, the previous file stays.
     """
     target = os.path.realpath(os.fsdecode(path))  # a link stays one
     # Unlike a process id, this is unique even if machines share a folder. `path` may have the longest name.
-    unfinished = os.path.join(os.path.dirname(target), f".{uuid.uuid4().hex}{UNFINISHED}")
+    unfinished = os.path.join(os.path.dirname(target), f".{uuid.uuid4().hex}.unfinished")
     try:
         if _is_special(path):
             with open(path, "wb") as file:

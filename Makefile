@@ -3,9 +3,9 @@
 PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
-PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
+PACKAGES := $(patsubst %/__init__.py,%,$(wildcard tf2_*/__init__.py))
 SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
-	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.p[xy][dxi]))
+	$(wildcard tf2_*/*.p[xy][dxi] tf2_*/*/*.p[xy][dxi])
 MESSAGES_SOURCES := $(wildcard messages/*.* messages/backend/*.py messages/src/tf2_msgs/*/*.msg messages/src/tf2_msgs/*/*.srv) \
 	$(wildcard messages/src/tf2_msgs/*/*.action)
 

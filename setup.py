@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import setuptools
-from setuptools import find_packages, setup
+from setuptools import setup
 
 if int(setuptools.__version__.partition(".")[0]) < 61:
     # Not SystemExit, which colcon ignores.
@@ -25,8 +25,7 @@ for name in ("pyproject.toml", "README.md", "LICENSE"):
     if not Path(name).exists():
         Path(name).symlink_to(ROOT / name)
 
-packages = find_packages(str(ROOT), include=["tf2_py*", "tf2_ros*", "tf2_geometry_msgs*", "tf2_sensor_msgs*"])
-modules = extensions.cython_extensions(ROOT, packages)
+packages = extensions.packages(ROOT)
 data = {name: ["*.pxd", "*/*_header.pxi", "*.pyi", "py.typed"] for name in packages}
 
 setup(
@@ -48,7 +47,7 @@ setup(
         ("share/tf2_ros_cython", ["package.xml", "resource/package.dsv"]),
         ("share/tf2_ros_cython/hook", ["resource/packages.sh"]),
     ],
-    ext_modules=modules,
+    ext_modules=extensions.cython_extensions(ROOT),
     cmdclass={"build_ext": extensions.BuildExtensions, "install_lib": layout.InstallLib},
     zip_safe=False,
 )

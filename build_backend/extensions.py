@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy
-from setuptools import Extension
+from setuptools import Extension, find_packages
 from setuptools.command.build_ext import build_ext
 
 from . import environment, layout, record
@@ -28,7 +28,12 @@ DIRECTIVES = {
 }
 
 
-def cython_extensions(root, packages, platform=sys.platform):
+def packages(root):
+    """All packages of the project: those whose names begin as tf2's."""
+    return find_packages(str(root), include=["tf2_*"])
+
+
+def cython_extensions(root, platform=sys.platform):
     """One extension for each ``.pyx`` of the packages, which may have none, and of which some need Linux."""
     return [
         Extension(
@@ -38,7 +43,7 @@ def cython_extensions(root, packages, platform=sys.platform):
             define_macros=[("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION")],
             extra_compile_args=COMPILE_ARGS,
         )
-        for package in packages
+        for package in packages(root)
         for path in sorted(Path(root, *package.split(".")).glob("*.pyx"))
         if platform == "linux" or not _needs_linux(path.parent)
     ]

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from Cython.Build import cythonize
-from setuptools import find_packages
 
 from build_backend import extensions
 
@@ -26,7 +25,6 @@ from . import debian
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / ".cross"
-PACKAGES = ["tf2_py*", "tf2_ros*", "tf2_geometry_msgs*", "tf2_sensor_msgs*"]
 
 # Tests of the engine that need no ROS, start no second Python, and map little memory: qemu emulates one
 # process, and slowly what maps many pages.
@@ -168,8 +166,7 @@ def build(name, tools, *options):
     """
     checkout = FOLDER / name / "checkout"
     _copy_sources(checkout)
-    packages = find_packages(str(ROOT), include=PACKAGES)
-    modules = extensions.cython_extensions(ROOT, packages, "darwin" if name.startswith("macos") else "linux")
+    modules = extensions.cython_extensions(ROOT, "darwin" if name.startswith("macos") else "linux")
     sources = {one.name: _generate(one) for one in modules}
     [of_numpy] = tools.site.glob("numpy/_core/include")
     command = [*tools.compiler, *extensions.COMPILE_ARGS, *extensions.NO_DEBUG_ARGS, "-DNDEBUG", "-fPIC"]

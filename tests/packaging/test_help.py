@@ -5,22 +5,22 @@ import importlib
 import inspect
 
 import pytest
-from sources import PACKAGES
 from spinning import spun_node
+
+from tf2_ros_cython import _path
 
 pytestmark = pytest.mark.ours
 
-PUBLIC_PACKAGES = [name for name in PACKAGES if name not in ("tf2_ros_tools", "tf2_ros_cython")]
 OF_ARRAYS = importlib.import_module("tf2_ros.numpy")
 
 
 def public():
     """The classes and functions of this project that its packages offer, each once, by name."""
     found = {}
-    for package in map(importlib.import_module, PUBLIC_PACKAGES):
+    for package in map(importlib.import_module, _path.PACKAGES):
         for name in dir(package):
             thing = getattr(package, name)
-            is_ours = getattr(thing, "__module__", "").partition(".")[0] in PUBLIC_PACKAGES
+            is_ours = getattr(thing, "__module__", "").partition(".")[0] in _path.PACKAGES
             if is_ours and not name.startswith("_") and (inspect.isclass(thing) or inspect.isroutine(thing)):
                 found[name] = thing
     return found | {name: getattr(OF_ARRAYS, name) for name in OF_ARRAYS.__all__}

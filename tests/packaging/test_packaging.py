@@ -16,6 +16,7 @@ from paths import ROOT
 from processes import output_of, run
 from setuptools._distutils.core import run_setup
 
+from tf2_py import _tf2_py
 from tf2_ros_cython import which
 
 # By their places and not by the path: that must not make the checkout's packages importable.
@@ -82,6 +83,13 @@ def test_numpy_is_all_that_an_install_without_extras_needs():
     assert {"ros", "ros-kilted", "scipy", "test", "docs", "dev"} == set(
         importlib.metadata.metadata("tf2-ros-cython").get_all("Provides-Extra")
     )
+
+
+def test_the_packages_are_those_of_the_checkout():
+    """The build finds them by their names; what is installed lists them in the order of their layers."""
+    folders = {path.parent.name for path in ROOT.glob("tf2_*/__init__.py")}
+    assert folders == {*OURS, "tf2_ros_cython"}
+    assert _tf2_py.OUR_PACKAGES == OURS  # the engine cannot ask the installation
 
 
 def test_source_distribution_holds_what_a_build_needs(tmp_path):
@@ -176,7 +184,7 @@ def test_sources_of_another_version_than_the_build_are_named(monkeypatch, capsys
     assert f"version: tf2-ros-cython {built}, " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("package", ["tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs"])
+@pytest.mark.parametrize("package", OURS)
 def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
     project = checkout_copy(tmp_path / "project")
     ended = run(sys.executable, "-c", f"import {package}", cwd=project, env=without_editables(tmp_path))
@@ -267,10 +275,8 @@ def test_pytest_runs_without_the_plugins_of_a_sourced_ros(tmp_path):
 def test_elsewhere_than_on_linux_only_what_includes_its_headers_is_left_out():
     """Buffers are not shared there; nothing else of the build knows which extension that takes."""
     compare = """
-from setuptools import find_packages
 from build_backend.extensions import cython_extensions
-packages = find_packages(include=["tf2_*"])
-linux = {one.name for one in cython_extensions(".", packages, "linux")}
-print(linux - {one.name for one in cython_extensions(".", packages, "darwin")})
+linux = {one.name for one in cython_extensions(".", "linux")}
+print(linux - {one.name for one in cython_extensions(".", "darwin")})
 """
     assert output_of("-c", compare, cwd=ROOT) == "{'tf2_ros._shared.ring'}\n"

@@ -13,7 +13,9 @@ from packaging.requirements import Requirement
 from paths import ROOT
 from processes import output_of
 
-OURS = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
+from tf2_ros_cython import _path
+
+OURS = _path.PACKAGES
 SITE = Path("lib", f"python{sys.version_info.major}.{sys.version_info.minor}", "site-packages")
 PACKAGES = SITE / "tf2_ros_cython" / "packages"
 PIP_INSTALL = ("install", "--quiet", "--no-deps", "--no-index")

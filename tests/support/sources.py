@@ -9,13 +9,15 @@ from typing import NamedTuple
 
 from paths import ROOT
 
+from tf2_ros_cython import _path
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
 
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs", "tf2_ros_cython")
+PACKAGES = (*_path.PACKAGES, "tf2_ros_cython")
 OTHERS = ("build_backend", "bench", "tests", "examples")
 ALL = (*PACKAGES, *OTHERS)
 GENERATED = ("_built.py",)

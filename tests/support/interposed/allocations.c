@@ -33,12 +33,11 @@ extern void __libc_free(void *);
 static struct { const char *start, *end; } ours[MOST_OBJECTS];
 static volatile int ours_count;
 
-static int note_object(struct dl_phdr_info *object, size_t size, void *unused)
+static int note_object(struct dl_phdr_info *object, size_t size, void *folders)
 {
-    static const char *const packages[] = {"/tf2_py/", "/tf2_ros/", "/tf2_geometry_msgs/", "/tf2_sensor_msgs/"};
-    (void)size, (void)unused;
-    for (size_t i = 0; i < sizeof(packages) / sizeof(*packages); ++i) {
-        if (!strstr(object->dlpi_name, packages[i]) || !strstr(object->dlpi_name, ".cpython-"))
+    (void)size;
+    for (char *const *folder = folders; *folder; ++folder) {
+        if (!strstr(object->dlpi_name, *folder) || !strstr(object->dlpi_name, ".cpython-"))
             continue;
         for (int j = 0; j < object->dlpi_phnum; ++j) {
             const ElfW(Phdr) *part = &object->dlpi_phdr[j];
@@ -52,11 +51,14 @@ static int note_object(struct dl_phdr_info *object, size_t size, void *unused)
     return 0;
 }
 
-/* To be called once all of the project's extension modules are loaded; how many there are. */
-int find_ours(void)
+/*
+ * To be called once all of the project's extension modules are loaded, with parts of their paths and a NULL; how
+ * many there are.
+ */
+int find_ours(char *const *folders)
 {
     ours_count = 0;
-    dl_iterate_phdr(note_object, NULL);
+    dl_iterate_phdr(note_object, (void *)folders);
     return ours_count;
 }
 

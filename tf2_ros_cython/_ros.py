@@ -5,12 +5,14 @@ import re
 import sys
 from pathlib import Path
 
-from tf2_ros_cython._path import OLDEST_RCLPY
+from tf2_ros_cython._path import OLDEST_RCLPY, PACKAGES
 
 # By the first number of rclpy's version, which increases with every release. Only texts depend on them.
 _RELEASES = {3: "Humble", 7: "Jazzy", 9: "Kilted", 10: "Lyrical"}
 # Those for which messages/ can be built; the default first.
 _ON_PYPI = ("Jazzy", "Kilted")
+
+_WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what loads without one
 
 # On which generated messages are built: its minor versions are not interchangeable.
 _TYPE_SUPPORT = "rosidl_typesupport_fastrtps_c"
@@ -19,6 +21,11 @@ _TYPE_SUPPORT = "rosidl_typesupport_fastrtps_c"
 def has_rclpy() -> bool:
     """Whether an rclpy is found, or a program has replaced it by its own module."""
     return _is_made_by_program() or running_prefix() is not None
+
+
+def loadable_packages() -> tuple[str, ...]:
+    """Our packages, without those that need a ROS 2 if there is none."""
+    return PACKAGES if has_rclpy() else _WITHOUT_ROS
 
 
 def absence(what: str = "tf2_ros") -> ModuleNotFoundError:

@@ -15,7 +15,6 @@ from typing import NoReturn
 from tf2_ros_cython import _finder, _path, _programs, _ros
 from tf2_ros_cython._version import __version__
 
-_WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
 _TOOLS_ADVICE = (
     "not installed; in a clone of tf2-ros-cython, pip install './tools[cli]' adds tf2_echo and others; "
     "in a colcon workspace, link the folder tools into src and build"
@@ -104,7 +103,7 @@ def _is_ours(folder: Path | None) -> bool:
 
 def _import_failure() -> str | None:
     """Why one of our packages does not load, or None. Without ROS 2, two of them load."""
-    for name in _path.PACKAGES if _ros.has_rclpy() else _WITHOUT_ROS:
+    for name in _ros.loadable_packages():
         try:
             importlib.import_module(name)
         except ImportError as error:

@@ -39,6 +39,11 @@ def test_the_hooks_name_what_the_compiled_modules_import():
     assert others <= {*_pyinstaller.IMPORTED}, others - {*_pyinstaller.IMPORTED}
 
 
+def test_a_bundle_has_the_types_that_a_buffer_imports_by_name():
+    pytest.importorskip("PyInstaller")
+    assert {"tf2_geometry_msgs._nav", "tf2_sensor_msgs._cloud"} <= {*_pyinstaller.hidden_imports()}
+
+
 @pytest.mark.long("builds a wheel and a bundle")
 def test_a_bundled_program_looks_transforms_up(tmp_path):
     pytest.importorskip("PyInstaller")

@@ -8,6 +8,8 @@ missing".
 from importlib.util import find_spec
 from pathlib import Path
 
+from tf2_ros_cython import _ros
+
 # What the .pyx files import from elsewhere; a test compares the two.
 IMPORTED = """
 array collections collections.abc contextlib ctypes datetime functools heapq numbers operator os stat struct
@@ -22,9 +24,10 @@ def hook_dirs() -> list[str]:
     return [str(Path(__file__).parent)]
 
 
-def hidden_imports(package: str) -> list[str]:
-    """All modules of one of our packages, and what is found of the others."""
+def hidden_imports() -> list[str]:
+    """All modules of our packages, which import some by name, and what is found of other libraries."""
     # Only PyInstaller's own process has it.
     from PyInstaller.utils.hooks import collect_submodules
 
-    return [*collect_submodules(package), *(name for name in IMPORTED if find_spec(name.partition(".")[0]))]
+    ours = [module for name in _ros.loadable_packages() for module in collect_submodules(name)]
+    return [*ours, *(name for name in IMPORTED if find_spec(name.partition(".")[0]))]

@@ -1,3 +1,0 @@
-from tf2_ros_cython._pyinstaller import hidden_imports
-
-hiddenimports = hidden_imports("tf2_ros")

@@ -6,17 +6,6 @@ cdef extern from "<stdlib.h>" nogil:
     void* aligned_alloc(size_t alignment, size_t size)     # the size is a multiple of the alignment
 
 
-cdef extern from *:
-    """
-    #define TF2_ADD(where, what) __atomic_add_fetch(where, what, __ATOMIC_ACQ_REL)
-    #define TF2_LOAD(where) __atomic_load_n(where, __ATOMIC_ACQUIRE)
-    #define TF2_STORE(where, what) __atomic_store_n(where, what, __ATOMIC_RELAXED)
-    """
-    uint32_t _add "TF2_ADD"(uint32_t* where, uint32_t what) nogil
-    uint32_t _load "TF2_LOAD"(const uint32_t* where) nogil
-    void _store "TF2_STORE"(uint32_t* where, uint32_t what) nogil
-
-
 cdef enum:
     FIRST_CAPACITY = 8              # samples, of a dynamic history
     LAST_CAPACITY = 0x7FFFFFFF      # samples
@@ -42,13 +31,13 @@ cdef inline Sample* _samples_in(HistoryMemory* memory, uint32_t capacity) noexce
 
 
 cdef void mapping_release(FileMapping* mapping) noexcept nogil:
-    if mapping != NULL and _add(&mapping.owners, <uint32_t>-1) == 0:
+    if mapping != NULL and add_acq_rel(&mapping.owners, <uint32_t>-1) == 1:
         munmap(mapping.start, mapping.size)
         free(mapping)
 
 
 cdef inline void _release(HistoryMemory* memory) noexcept nogil:
-    if memory != NULL and _add(&memory.owners, <uint32_t>-1) == 0:
+    if memory != NULL and add_acq_rel(&memory.owners, <uint32_t>-1) == 1:
         mapping_release(memory.mapping)
         free(memory)
 
@@ -58,14 +47,13 @@ cdef inline bint _is_mapped(const History* history) noexcept nogil:
 
 
 cdef bint history_is_pinned(const History* history) noexcept nogil:
-    return _is_mapped(history) or (history.memory != NULL and _load(&history.memory.owners) > 1)
+    return _is_mapped(history) or (history.memory != NULL and load_acquire(&history.memory.owners) > 1)
 
 
 cdef void history_pin(const History* history, History* copy) noexcept nogil:
     copy[0] = history[0]
-    # All that pin between the same two writes find the same head.
-    if history.memory != NULL and _add(&history.memory.owners, 1) == 2:
-        _store(&history.memory.pinned_from, history.head)
+    if history.memory != NULL and add_acq_rel(&history.memory.owners, 1) == 1:
+        history.memory.pinned_from = history.head
 
 
 cdef void history_unpin(History* copy) noexcept nogil:
@@ -79,7 +67,7 @@ cdef uint32_t _pinned_before_head(const History* history) noexcept nogil:
         return 0
     if _is_mapped(history):
         return history.head
-    pinned_from = _load(&history.memory.pinned_from)
+    pinned_from = history.memory.pinned_from
     if history.head >= pinned_from:
         return history.head - pinned_from
     return history.head + history.capacity - pinned_from
@@ -211,7 +199,7 @@ cdef int history_map(History* history, FileMapping* mapping, const int64_t* stam
     # What others may use at the same time is not memory of this process.
     memory.bytes = _memory_bytes(count) if mapping.is_copy else bytes
     memory.mapping = mapping
-    _add(&mapping.owners, 1)
+    add_acq_rel(&mapping.owners, 1)
     history.memory = memory
     history.stamps = <int64_t*>stamps       # a write moves both elsewhere first, because they are pinned
     history.samples = <Sample*>samples

@@ -68,36 +68,43 @@ cdef extern from *:
                                              int64_t ns) nogil
 
 
-# Words and flags that several threads read and write without a lock.
+# Words that several threads read and write without a lock; the names say in which order others see that.
 
-# Sequentially consistent: all threads agree on one order.
 cdef extern from *:
     """
-    #define TF2_WORD_LOAD(word) __atomic_load_n(word, __ATOMIC_SEQ_CST)
-    #define TF2_WORD_STORE(word, value) __atomic_store_n(word, value, __ATOMIC_SEQ_CST)
-    #define TF2_WORD_ADD(word, value) __atomic_fetch_add(word, value, __ATOMIC_SEQ_CST)
-    #define TF2_WORD_EXCHANGE(word, value) __atomic_exchange_n(word, value, __ATOMIC_SEQ_CST)
-    static inline int tf2_word_replace(uint32_t *word, uint32_t old, uint32_t value)
+    #define TF2_LOAD_ACQUIRE(word) __atomic_load_n(word, __ATOMIC_ACQUIRE)
+    #define TF2_LOAD_SEQ_CST(word) __atomic_load_n(word, __ATOMIC_SEQ_CST)
+    #define TF2_STORE_RELEASE(word, value) __atomic_store_n(word, value, __ATOMIC_RELEASE)
+    #define TF2_STORE_SEQ_CST(word, value) __atomic_store_n(word, value, __ATOMIC_SEQ_CST)
+    #define TF2_ADD_ACQ_REL(word, value) __atomic_fetch_add(word, value, __ATOMIC_ACQ_REL)
+    #define TF2_ADD_SEQ_CST(word, value) __atomic_fetch_add(word, value, __ATOMIC_SEQ_CST)
+    #define TF2_EXCHANGE_SEQ_CST(word, value) __atomic_exchange_n(word, value, __ATOMIC_SEQ_CST)
+    #define TF2_FENCE_SEQ_CST() __atomic_thread_fence(__ATOMIC_SEQ_CST)
+    static inline int tf2_replace_seq_cst(uint32_t *word, uint32_t old, uint32_t value)
     {
         return __atomic_compare_exchange_n(word, &old, value, 0, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST);
     }
     """
-    uint32_t word_load "TF2_WORD_LOAD"(const uint32_t* word) nogil
-    void word_store "TF2_WORD_STORE"(uint32_t* word, uint32_t value) nogil
-    # Both return what the word held before.
-    uint32_t word_add "TF2_WORD_ADD"(uint32_t* word, uint32_t value) nogil
-    uint32_t word_exchange "TF2_WORD_EXCHANGE"(uint32_t* word, uint32_t value) nogil
+    # Whoever loads what was stored also sees what the storing thread wrote before.
+    uint32_t load_acquire "TF2_LOAD_ACQUIRE"(const uint32_t* word) nogil
+    uint64_t load64_acquire "TF2_LOAD_ACQUIRE"(const uint64_t* word) nogil
+    void store_release "TF2_STORE_RELEASE"(uint32_t* word, uint32_t value) nogil
+    void store64_release "TF2_STORE_RELEASE"(uint64_t* word, uint64_t value) nogil
+    # Those that add and exchange return what the word held before. For counts of owners: the last one sees
+    # what all others wrote.
+    uint32_t add_acq_rel "TF2_ADD_ACQ_REL"(uint32_t* word, uint32_t value) nogil
+    # All threads agree on one order. This is for threads that store one word and then look at another: of
+    # two that do so in opposite orders, at least one sees what the other has stored.
+    uint32_t load_seq_cst "TF2_LOAD_SEQ_CST"(const uint32_t* word) nogil
+    uint64_t load64_seq_cst "TF2_LOAD_SEQ_CST"(const uint64_t* word) nogil
+    void store_seq_cst "TF2_STORE_SEQ_CST"(uint32_t* word, uint32_t value) nogil
+    void store64_seq_cst "TF2_STORE_SEQ_CST"(uint64_t* word, uint64_t value) nogil
+    uint32_t add_seq_cst "TF2_ADD_SEQ_CST"(uint32_t* word, uint32_t value) nogil
+    uint32_t exchange_seq_cst "TF2_EXCHANGE_SEQ_CST"(uint32_t* word, uint32_t value) nogil
+    uint64_t exchange64_seq_cst "TF2_EXCHANGE_SEQ_CST"(uint64_t* word, uint64_t value) nogil
     # Only if it holds `old`; whether it did.
-    bint word_replace "tf2_word_replace"(uint32_t* word, uint32_t old, uint32_t value) nogil
-
-# Set by one thread. Threads that see it set also see what that thread wrote before.
-cdef extern from *:
-    """
-    #define TF2_FLAG_SET(flag, value) __atomic_store_n(flag, value, __ATOMIC_RELEASE)
-    #define TF2_FLAG_IS_SET(flag) __atomic_load_n(flag, __ATOMIC_ACQUIRE)
-    """
-    void flag_set "TF2_FLAG_SET"(bint* flag, bint value) nogil
-    bint flag_is_set "TF2_FLAG_IS_SET"(const bint* flag) nogil
+    bint replace_seq_cst "tf2_replace_seq_cst"(uint32_t* word, uint32_t old, uint32_t value) nogil
+    void fence_seq_cst "TF2_FENCE_SEQ_CST"() nogil
 
 
 # Clocks. The steady one, for deadlines and periods, does not jump when the time of day is set.
@@ -216,7 +223,7 @@ cdef inline void lock_free(Lock* lock) noexcept nogil:
 
 # The two steps of lock_acquire: asking for a turn, which must then be awaited and released ...
 cdef inline uint32_t lock_ask(Lock* lock) noexcept nogil:
-    return word_add(&lock.asked, 1)
+    return add_seq_cst(&lock.asked, 1)
 
 
 # ... and waiting for it. Returns whether it has come within `ns`, or a little later.
@@ -224,17 +231,17 @@ cdef inline bint lock_await(Lock* lock, uint32_t number, int64_t ns) noexcept no
     cdef int64_t until_ns
     cdef int spins = 0
     cdef bint has_come
-    while word_load(&lock.released) != number and spins < SPINS:
+    while load_seq_cst(&lock.released) != number and spins < SPINS:
         _pause()
         spins += 1
     if spins < SPINS:
         return True
     until_ns = INT64_MAX if ns == INT64_MAX else monotonic_ns() + ns
     pthread_mutex_lock(&lock.mutex)
-    while word_load(&lock.released) != number and monotonic_ns() < until_ns:
+    while load_seq_cst(&lock.released) != number and monotonic_ns() < until_ns:
         # Not without end: condition variables of glibc before 2.41 may lose a wake-up (its bug 25847).
         condition_wait(&lock.turn, &lock.mutex, min(ns, <int64_t>SLEEP_NS))
-    has_come = word_load(&lock.released) == number
+    has_come = load_seq_cst(&lock.released) == number
     pthread_mutex_unlock(&lock.mutex)
     return has_come
 
@@ -245,9 +252,9 @@ cdef inline void lock_acquire(Lock* lock) noexcept nogil:
 
 cdef inline void lock_release(Lock* lock) noexcept nogil:
     cdef uint32_t released = lock.released + 1
-    word_store(&lock.released, released)
+    store_seq_cst(&lock.released, released)
     # A thread that asks after this look sees `released`, because both orders are the same to all threads.
-    if word_load(&lock.asked) != released:
+    if load_seq_cst(&lock.asked) != released:
         pthread_mutex_lock(&lock.mutex)
         pthread_cond_broadcast(&lock.turn)
         pthread_mutex_unlock(&lock.mutex)

@@ -133,7 +133,7 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
         waiter.status = status
         waiter.answer = answer
         waiter.stamp_ns = stamp_ns
-        flag_set(&waiter.answered, True)
+        store_release(&waiter.answered, True)
         return status
     head = _list_for(waiters, &waiter.query, status)
     if head == &waiters.frames and _watch(waiters, tree, waiter, status.child, status.requested_ns) != 0:

@@ -48,7 +48,7 @@ cdef struct Waiter:
     uint32_t entry          # ... by this entry; NO_FRAME: none
     uint64_t arrival        # ordinal among all waiters ever added
     bint only_new           # waits for another answer than the one below
-    bint answered           # a flag, see sync_header.pxi: the lookup has an answer ...
+    uint32_t answered       # atomic: the lookup has an answer ...
     Status status           # ... which is STATUS_OK, or STATUS_BAD_LIMIT: then the fields below are not set
     Transform answer        # metres and unit quaternion
     int64_t stamp_ns        # of the answer

@@ -151,7 +151,7 @@ cdef class Engine:
         self._inboxes = inbox
         lock_acquire(&self._lock)
         if self._waiters.count:
-            word_store(inbox.armed, 1)
+            store_seq_cst(inbox.armed, 1)
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return 0
 
@@ -173,10 +173,10 @@ cdef class Engine:
         cdef ReadHook inbox = self._inboxes
         cdef uint64_t removals
         while inbox is not None:
-            if word_load(inbox.read) != RECENTLY:
-                word_store(inbox.read, RECENTLY)
+            if load_seq_cst(inbox.read) != RECENTLY:
+                store_seq_cst(inbox.read, RECENTLY)
             removals = self._removals
-            if word_load(inbox.pending):
+            if load_seq_cst(inbox.pending):
                 inbox.drain()   # meanwhile another thread may remove some
             inbox = inbox.following if self._removals == removals else self._inboxes
         return 0
@@ -184,14 +184,14 @@ cdef class Engine:
     cdef void arm(self) noexcept:
         cdef ReadHook inbox = self._inboxes
         while inbox is not None:
-            word_store(inbox.armed, 1)
+            store_seq_cst(inbox.armed, 1)
             inbox = inbox.following
 
     cdef void disarm(self, uint32_t* armed) noexcept nogil:
         # Under the lock: a waiter is added under it, and arms the inboxes there.
         lock_acquire(&self._lock)
         if self._waiters.count == 0:
-            word_store(armed, 0)
+            store_seq_cst(armed, 0)
         unlock_written(&self._lock, &self._tree, &self._waiters)
 
     cdef void insert(self, Batch* batch):
@@ -313,7 +313,7 @@ cdef class Engine:
         return 0
 
     cdef void count_malformed(self) noexcept nogil:
-        word_add(&self._malformed, 1)
+        add_seq_cst(&self._malformed, 1)
 
     cdef object malformed(self, const Batch* batch, size_t size, str topic=None):
         error = batch_error(batch, size)
@@ -461,7 +461,7 @@ cdef class Engine:
         self._names, self._authorities, self._frozen = names, authorities, frozen
         with nogil:
             tree_free(&old)
-        word_store(&self._malformed, 0)
+        store_seq_cst(&self._malformed, 0)
         self._advice.forget()
         return self._wake_all(&batch)
 
@@ -696,7 +696,7 @@ cdef class Engine:
         cdef bint is_answered
         lock_acquire(&self._lock)
         if waiters_remove(&self._waiters, waiter) or waiter.answered:
-            flag_set(&waiter.answered, False)
+            store_release(&waiter.answered, False)
             if waiter.woken != NULL:
                 event_clear(waiter.woken)
             waiter.query.policy.clock = reading
@@ -794,7 +794,7 @@ cdef class Engine:
             "samples": tree.samples,
             "bytes": size,
             "waiters": waiters,
-            "malformed_messages": word_load(&self._malformed),
+            "malformed_messages": load_seq_cst(&self._malformed),
         }
 
     cdef const char* check(self) noexcept nogil:

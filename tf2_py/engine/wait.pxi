@@ -43,7 +43,7 @@ cdef class Wait(WaiterOwner):
             # Reading the clock runs code in Python, during which this may have ended.
             if not self._is_filed or not self._engine.judge_waiter(&self._waiter, &reading):
                 return None
-        elif not flag_is_set(&self._waiter.answered):
+        elif not load_acquire(&self._waiter.answered):
             return None
         if self._waiter.status.code != STATUS_OK:
             return self._engine.error(&self._waiter.query, self._waiter.status)
@@ -51,7 +51,7 @@ cdef class Wait(WaiterOwner):
         return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
 
     cdef void only_after(self, Wait previous) noexcept:
-        self._waiter.only_new = previous._waiter.only_new or flag_is_set(&previous._waiter.answered)
+        self._waiter.only_new = previous._waiter.only_new or load_acquire(&previous._waiter.answered)
         self._waiter.answer = previous._waiter.answer
         self._waiter.stamp_ns = previous._waiter.stamp_ns
 

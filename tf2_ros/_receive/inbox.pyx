@@ -36,6 +36,7 @@ from tf2_py._internal cimport (
     event_wait,
     is_utf8,
     links_empty,
+    load_seq_cst,
     lock_acquire,
     lock_ask,
     lock_await,
@@ -43,9 +44,8 @@ from tf2_py._internal cimport (
     lock_init,
     lock_release,
     monotonic_ns,
-    word_load,
-    word_replace,
-    word_store,
+    replace_seq_cst,
+    store_seq_cst,
 )
 from tf2_ros.records cimport Recording, records_add, records_add_malformed
 
@@ -81,7 +81,7 @@ cdef bint inbox_is_awaited(InboxState* inbox) noexcept nogil:
     # Both are read once, because they may change meanwhile; the inbox keeps the former ones.
     cdef InformedLink* link = inbox.informed
     cdef void* tap = inbox.tap
-    if word_load(&inbox.armed) or word_load(&inbox.wants_each):
+    if load_seq_cst(&inbox.armed) or load_seq_cst(&inbox.wants_each):
         return True
     while link != NULL:
         if (<Informed>link.informed).is_armed():
@@ -98,14 +98,14 @@ cdef void _inform(InboxState* inbox) noexcept nogil:
 
 
 cdef bint _wants_all(InboxState* inbox) noexcept nogil:
-    return word_load(&inbox.read) != 0 or inbox_is_awaited(inbox)
+    return load_seq_cst(&inbox.read) != 0 or inbox_is_awaited(inbox)
 
 
 cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil:
-    word_store(&inbox.pending, 1)
+    store_seq_cst(&inbox.pending, 1)
     if is_full:
-        word_store(&inbox.is_full, 1)
-    if is_full or _wants_all(inbox) or word_load(&inbox.drain.is_idle):
+        store_seq_cst(&inbox.is_full, 1)
+    if is_full or _wants_all(inbox) or load_seq_cst(&inbox.drain.is_idle):
         event_set(&inbox.drain.work)
 
 
@@ -354,19 +354,19 @@ cdef bint _take_arrived(InboxState* inbox, size_t most) noexcept nogil:
     cdef bint more
     if inbox.has_large and inbox.engine != NULL:
         return True     # `pending` stays as it is
-    word_store(&inbox.pending, BEING_INSERTED)
-    word_store(&inbox.is_full, 0)
+    store_seq_cst(&inbox.pending, BEING_INSERTED)
+    store_seq_cst(&inbox.is_full, 0)
     more = _take(inbox, most)
     if more or (inbox.engine != NULL and inbox.parcel == NULL):
-        word_store(&inbox.pending, 1)   # without memory, the next round tries again
+        store_seq_cst(&inbox.pending, 1)   # without memory, the next round tries again
     else:
-        word_replace(&inbox.pending, BEING_INSERTED, 0)
+        replace_seq_cst(&inbox.pending, BEING_INSERTED, 0)
     return more
 
 
 cdef void _disarm(InboxState* inbox) noexcept nogil:
     # All that has arrived is inserted.
-    if word_load(&inbox.armed) and inbox.engine != NULL:
+    if load_seq_cst(&inbox.armed) and inbox.engine != NULL:
         (<Engine>inbox.engine).disarm(&inbox.armed)
 
 
@@ -374,7 +374,7 @@ cdef void _disarm(InboxState* inbox) noexcept nogil:
 
 cdef bint _serve(InboxState* inbox) noexcept nogil:
     # A reader may have taken the rest since the last slice.
-    if word_load(&inbox.pending) and _take_arrived(inbox, DRAIN_SLICE):
+    if load_seq_cst(&inbox.pending) and _take_arrived(inbox, DRAIN_SLICE):
         return True
     _disarm(inbox)
     return False
@@ -393,17 +393,17 @@ cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
         lock_acquire(&drain.lock)
         inbox = drain.first
         while inbox != NULL:
-            found = found or word_load(&inbox.pending)
-            read = word_load(&inbox.read)
+            found = found or load_seq_cst(&inbox.pending)
+            read = load_seq_cst(&inbox.read)
             if is_round and read > 0 and not is_rest:
-                word_store(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
+                store_seq_cst(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
             if inbox.is_inserting:
                 pass    # a reader inserts a large message, and wakes this thread afterwards
             elif inbox.has_large and inbox.engine != NULL:
                 _insert_large(inbox)
                 is_behind = True
                 break   # the list may have changed
-            elif is_round or is_rest or _wants_all(inbox) or word_load(&inbox.is_full):
+            elif is_round or is_rest or _wants_all(inbox) or load_seq_cst(&inbox.is_full):
                 is_behind = _serve(inbox) or is_behind
             inbox = inbox.next
         lock_release(&drain.lock)
@@ -436,23 +436,23 @@ cdef class Inboxes:
         cdef int64_t round_ns = 0           # when the next round is due
         cdef bint is_round
         with nogil:
-            while not word_load(&drain.is_stopping):
+            while not load_seq_cst(&drain.is_stopping):
                 now_ns = monotonic_ns()
                 is_round = now_ns >= round_ns
                 if is_round:
                     round_ns = now_ns + ROUND_NS
                 # First idle, then a look at what waits; an arrival does this in the opposite order.
-                word_store(&drain.is_idle, is_round)
+                store_seq_cst(&drain.is_idle, is_round)
                 if _serve_all(drain, is_round):
-                    word_store(&drain.is_idle, 0)
-                _sleep(&drain.work, IDLE_NS if word_load(&drain.is_idle) else round_ns - monotonic_ns())
+                    store_seq_cst(&drain.is_idle, 0)
+                _sleep(&drain.work, IDLE_NS if load_seq_cst(&drain.is_idle) else round_ns - monotonic_ns())
 
     def await_report(self):
         """Wait until there is something to report, or for some time. Return False after :meth:`stop`."""
         with nogil:
-            if not word_load(&self.drain.is_stopping):
+            if not load_seq_cst(&self.drain.is_stopping):
                 _sleep(&self.drain.reporting, IDLE_NS)
-        return not word_load(&self.drain.is_stopping)
+        return not load_seq_cst(&self.drain.is_stopping)
 
     def report_next(self):
         """Do what follows from what one of them has inserted: complete waits, and log what was refused."""
@@ -474,7 +474,7 @@ cdef class Inboxes:
 
     def stop(self):
         """End the threads."""
-        word_store(&self.drain.is_stopping, 1)
+        store_seq_cst(&self.drain.is_stopping, 1)
         event_set(&self.drain.work)
         event_set(&self.drain.reporting)
 
@@ -677,7 +677,7 @@ cdef class InboxBase(ReadHook):
 
     def catch_up(self):
         """Insert what has arrived, if anything has."""
-        if word_load(self.pending):
+        if load_seq_cst(self.pending):
             # For its own method, Cython 3.0 passes a pointer of the wrong type, which gcc 14 refuses.
             (<ReadHook>self).drain()
 
@@ -691,7 +691,7 @@ cdef class InboxBase(ReadHook):
         keep_for_ever(self)
         self.state.engine = NULL
         self.state.is_inserting = self.state.has_large = False  # nothing may wait for a thread of the parent
-        word_store(self.pending, 0)
+        store_seq_cst(self.pending, 0)
         return has_received
 
     cdef int _report(self, Engine engine, Parcels* parcels) except -1:

@@ -12,13 +12,13 @@ from libc.stdlib cimport realloc
 from libc.string cimport memcpy
 
 from tf2_py._internal cimport (
+    add_seq_cst,
+    exchange_seq_cst,
     lock_acquire,
     lock_release,
     monotonic_ns,
+    store_seq_cst,
     system_ns,
-    word_add,
-    word_exchange,
-    word_store,
 )
 from tf2_ros._rcl cimport (
     RCL_RET_OK,
@@ -88,7 +88,7 @@ cdef struct Subscribed:
 cdef void _arrived(const void* data, size_t count) noexcept nogil:
     # The middleware calls this, under its own locks, in any thread, perhaps with the GIL.
     cdef Arrivals* topic = <Arrivals*>data
-    cdef uint32_t before = word_add(&topic.arrived, <uint32_t>count)
+    cdef uint32_t before = add_seq_cst(&topic.arrived, <uint32_t>count)
     cdef InboxState* inbox = topic.inbox
     if inbox != NULL:
         inbox_arrived(inbox, before + count >= topic.threshold)
@@ -105,7 +105,7 @@ cdef void* _reallocate(void* bytes, size_t size, void* inbox) noexcept nogil:
 cdef uint32_t _count_arrived(Arrivals* topic) noexcept nogil:
     # Returns how many messages were reported since the last call. Each one is reported after its arrival, so
     # what is beyond the depth of the queue cannot be there any more.
-    cdef uint32_t arrived = word_exchange(&topic.arrived, 0)
+    cdef uint32_t arrived = exchange_seq_cst(&topic.arrived, 0)
     topic.untaken += arrived
     if topic.depth and topic.untaken > topic.depth:
         topic.overwritten += <uint64_t>(topic.untaken - topic.depth)
@@ -290,7 +290,7 @@ cdef class Subscriptions(Source):
                     # After an error, such as a lack of memory for one message, others may wait, and nothing
                     # reports them again. The next round tries, and not this thread at once, because the error
                     # may last.
-                    word_store(&topic.inbox.pending, 1)
+                    store_seq_cst(&topic.inbox.pending, 1)
                 else:
                     _found_empty(topic)
             topic = topic.following

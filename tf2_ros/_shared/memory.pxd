@@ -1,7 +1,7 @@
-"""Sleep on words in memory that processes share, order accesses to it, and give back what a file takes."""
+"""Sleep on words in memory that processes share, and give back what a file takes."""
 
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint32_t
 
 cdef extern from * nogil:
     """
@@ -29,15 +29,8 @@ cdef extern from * nogil:
         struct timespec duration = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
         syscall(SYS_futex, word, FUTEX_WAIT, seen, &duration, NULL, 0);
     }
-
-    #define TF2_LOAD64(place) __atomic_load_n(place, __ATOMIC_ACQUIRE)
-    #define TF2_STORE64(place, value) __atomic_store_n(place, value, __ATOMIC_RELEASE)
-    #define TF2_FENCE() __atomic_thread_fence(__ATOMIC_SEQ_CST)
     """
     void give_back "tf2_give_back"(int descriptor, size_t start, size_t size)
     # Of words in mapped memory. Waiting ends at once if the word is not the one that was seen.
     void futex_wake "tf2_futex_wake"(const void* word)
     void futex_wait "tf2_futex_wait"(const void* word, uint32_t seen, int64_t ns)
-    uint64_t load64 "TF2_LOAD64"(const uint64_t* place)
-    void store64 "TF2_STORE64"(uint64_t* place, uint64_t value)
-    void fence "TF2_FENCE"()

@@ -36,10 +36,14 @@ from tf2_py._internal cimport (
     Lock,
     Names,
     Tap,
+    add_seq_cst,
     batch_write_cdr,
+    fence_seq_cst,
     fork_forget,
     fork_watch,
     incoming_refusals,
+    load64_acquire,
+    load_seq_cst,
     lock_acquire,
     lock_free,
     lock_init,
@@ -49,9 +53,8 @@ from tf2_py._internal cimport (
     names_free,
     names_init,
     names_intern,
-    word_add,
-    word_load,
-    word_store,
+    store64_release,
+    store_seq_cst,
 )
 from tf2_ros._receive.inbox cimport (
     PARCEL_DAMAGE,
@@ -66,7 +69,7 @@ from tf2_ros._receive.inbox cimport (
     inbox_is_awaited,
     parcel_reserve,
 )
-from tf2_ros._shared.memory cimport fence, futex_wait, futex_wake, give_back, load64, store64
+from tf2_ros._shared.memory cimport futex_wait, futex_wake, give_back
 
 import os
 

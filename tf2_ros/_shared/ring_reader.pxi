@@ -57,8 +57,8 @@ cdef Found _copy_chunk(Reading* reading, uint64_t size, uint64_t end) noexcept n
     if not read_file(reading.descriptor, reading.chunk + had, size - had,
                      place_of(reading.tail, reading.capacity) + had):
         return FOUND_DAMAGE
-    fence()
-    if load64(&reading.head.oldest) > reading.tail:
+    fence_seq_cst()
+    if load64_acquire(&reading.head.oldest) > reading.tail:
         return FOUND_LAPPED
     reading.chunk_to = reading.tail + size
     return FOUND_RECORD
@@ -70,7 +70,7 @@ cdef const Record* _at_tail(const Reading* reading) noexcept nogil:
 
 cdef Found _find_record(Reading* reading) noexcept nogil:
     # Has the record at `tail`, with what follows it, in the chunk.
-    cdef uint64_t end = load64(&reading.head.next)
+    cdef uint64_t end = load64_acquire(&reading.head.next)
     cdef Found found
     if end == reading.tail:
         return FOUND_NOTHING
@@ -99,11 +99,12 @@ cdef void _begin_anew(Reading* reading, Parcel* parcel) noexcept nogil:
     # At the oldest record. Of what was dropped for its age, only a clear and static transforms matter, and
     # those were written again.
     cdef uint64_t cleared
-    if reading.tail < load64(&reading.head.displaced):
+    if reading.tail < load64_acquire(&reading.head.displaced):
         reading.overruns += 1
-        reading.room_ns = load64(&reading.head.room_ns)
-    reading.begun = load64(&reading.head.oldest)
-    cleared = load64(&reading.head.cleared)     # only now: the ring may be cleared and lapped in between
+        reading.room_ns = load64_acquire(&reading.head.room_ns)
+    reading.begun = load64_acquire(&reading.head.oldest)
+    # Only now: the ring may be cleared and lapped in between.
+    cleared = load64_acquire(&reading.head.cleared)
     if reading.tail < cleared <= reading.begun:
         parcel.kind = PARCEL_REMOVAL
     reading.following = reading.begun
@@ -112,14 +113,14 @@ cdef void _begin_anew(Reading* reading, Parcel* parcel) noexcept nogil:
 cdef void _skip_damage(Reading* reading, Parcel* parcel) noexcept nogil:
     # Continue behind it, as after a malformed message.
     parcel.kind, parcel.problem = PARCEL_DAMAGE, "the shared memory is damaged"
-    reading.following = reading.begun = load64(&reading.head.next)
+    reading.following = reading.begun = load64_acquire(&reading.head.next)
 
 
 cdef bint _next(Reading* reading, Parcel* parcel) noexcept nogil:
     cdef const Record* record
     cdef Found found
     # Only now: a thread that finds no new record relies on all of them being inserted.
-    store64(&reading.tail, reading.following)
+    store64_release(&reading.tail, reading.following)
     found = _find_record(reading)
     if found == FOUND_NOTHING:
         return False
@@ -169,7 +170,7 @@ cdef class RingReader(Source):
             raise ValueError("its size is wrong")
         reading.capacity = found.capacity
         reading.head = map_head(descriptor)
-        reading.begun = load64(&reading.head.oldest)
+        reading.begun = load64_acquire(&reading.head.oldest)
         reading.tail = reading.following = reading.begun
 
     def __dealloc__(self):
@@ -189,31 +190,32 @@ cdef class RingReader(Source):
         # A program reads the buffer. First this: the owner must not miss that each message is wanted at once
         # from now on.
         cdef Head* head = self._reading.head
-        cdef bint has_new = load64(&head.next) != load64(&self._reading.tail)
-        store64(&head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
+        cdef bint has_new = load64_acquire(&head.next) != load64_acquire(&self._reading.tail)
+        store64_release(&head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
         return has_new
 
     cdef uint64_t watch(self) noexcept nogil:
         # What changes with each message and each nudge.
-        return <uint64_t>word_load(&self._reading.nudges) << 32 | word_load(&self._reading.head.arrivals)
+        cdef uint64_t nudges = load_seq_cst(&self._reading.nudges)
+        return nudges << 32 | load_seq_cst(&self._reading.head.arrivals)
 
     cdef void rest(self, uint64_t watched, bint is_wanted) noexcept nogil:
         # Until another message is there, if each is wanted at once, and otherwise until a nudge; not if
         # either has happened since `watch`: both sleeps return at once if the word has changed.
         cdef Reading* reading = &self._reading
         if is_wanted:
-            store64(&reading.head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
+            store64_release(&reading.head.wanted_until_ns, <uint64_t>(monotonic_ns() + WANTED_NS))
             futex_wait(&reading.head.arrivals, <uint32_t>watched, ROUND_NS)
         else:
-            word_store(&reading.is_quiet, 1)
+            store_seq_cst(&reading.is_quiet, 1)
             futex_wait(&reading.nudges, <uint32_t>(watched >> 32), INT64_MAX)
-            word_store(&reading.is_quiet, 0)
+            store_seq_cst(&reading.is_quiet, 0)
 
     cdef void nudge(self, bint at_once) noexcept nogil:
         # Ends a rest; `at_once`: also one that waits for a message.
         cdef Reading* reading = &self._reading
-        word_add(&reading.nudges, 1)
-        if word_load(&reading.is_quiet):
+        add_seq_cst(&reading.nudges, 1)
+        if load_seq_cst(&reading.is_quiet):
             futex_wake(&reading.nudges)
         if at_once:
             futex_wake(&reading.head.arrivals)

@@ -47,7 +47,7 @@ cdef void _write(Writing* writing, uint32_t kind, uint32_t child, size_t size, s
         writing.has_failed = True
         return
     writing.next += record_length(record)
-    store64(&writing.head.next, writing.next)
+    store64_release(&writing.head.next, writing.next)
     if child != NO_CHILD:
         writing.statics[child] = record.position
 
@@ -71,8 +71,8 @@ cdef void _write_again(Writing* writing, const Record* oldest, int64_t now_ns) n
 
 cdef void _drop_until(Writing* writing, uint64_t position) noexcept nogil:
     writing.oldest = position
-    store64(&writing.head.oldest, position)
-    fence()     # before anything is written where readers may still read
+    store64_release(&writing.head.oldest, position)
+    fence_seq_cst()     # before anything is written where readers may still read
     while writing.given_back + STEP <= position:
         give_back(writing.descriptor, place_of(writing.given_back, writing.capacity), STEP)
         writing.given_back += STEP
@@ -101,8 +101,8 @@ cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept
             elif (oldest.kind != KIND_STATIC
                     and oldest.written_ns > now_ns - (writing.keep_ns - MARGIN_NS)):
                 writing.room_ns = now_ns - oldest.written_ns
-                store64(&writing.head.room_ns, <uint64_t>writing.room_ns)
-                store64(&writing.head.displaced, oldest.position + record_length(&oldest))
+                store64_release(&writing.head.room_ns, <uint64_t>writing.room_ns)
+                store64_release(&writing.head.displaced, oldest.position + record_length(&oldest))
             _drop_until(writing, oldest.position + record_length(&oldest))
     return not writing.has_failed
 
@@ -191,7 +191,7 @@ cdef void _copy_removal(Writing* writing, const char* name, size_t size, int64_t
         memcpy(<char*>writing.record + sizeof(Record), name, size)
     _write(writing, KIND_REMOVAL, NO_CHILD, size, 0, 0, now_ns)
     if name == NULL:
-        store64(&writing.head.cleared, writing.next)
+        store64_release(&writing.head.cleared, writing.next)
 
 
 cdef void _share(Writing* writing, const Batch* batch, const char* name, size_t size) noexcept nogil:
@@ -209,7 +209,7 @@ cdef void _share(Writing* writing, const Batch* batch, const char* name, size_t 
                 _copy_removal(writing, name, size, now_ns)
             else:
                 _copy_slice(writing, batch, start, end, now_ns)
-            word_store(&writing.head.arrivals, writing.head.arrivals + 1)
+            store_seq_cst(&writing.head.arrivals, writing.head.arrivals + 1)
             futex_wake(&writing.head.arrivals)
         lock_release(&writing.lock)
         start = end
@@ -317,5 +317,5 @@ cdef class RingWriter(Tap):
     cdef bint is_wanted(self) noexcept nogil:
         # A reader may have written anything there.
         cdef int64_t left_ns = <int64_t>(
-            load64(&self._writing.head.wanted_until_ns) - <uint64_t>monotonic_ns())
+            load64_acquire(&self._writing.head.wanted_until_ns) - <uint64_t>monotonic_ns())
         return 0 < left_ns <= WANTED_NS

@@ -7,9 +7,16 @@ part is ``tf2_ros._rclpy``.
 """
 
 cimport cython
-from libc.stdint cimport int64_t, uintptr_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
 
-from tf2_py._internal cimport monotonic_ns
+from tf2_py._internal cimport (
+    exchange64_seq_cst,
+    load64_seq_cst,
+    load_seq_cst,
+    monotonic_ns,
+    store64_seq_cst,
+    store_seq_cst,
+)
 from tf2_ros._rcl cimport (
     RCL_RET_OK,
     rcl_guard_condition_t,
@@ -30,21 +37,9 @@ from tf2_ros._rclpy import wake as wake_executor
 cdef extern from "Python.h":
     unsigned long PyThread_get_thread_ident()
 
-cdef extern from *:
-    """
-    #define TF2_STORE(place, value) __atomic_store_n(place, value, __ATOMIC_SEQ_CST)
-    #define TF2_LOAD(place) __atomic_load_n(place, __ATOMIC_SEQ_CST)
-    #define TF2_EXCHANGE(place, value) __atomic_exchange_n(place, value, __ATOMIC_SEQ_CST)
-    """
-    void store "TF2_STORE"(bint* place, bint value) nogil
-    void store_ns "TF2_STORE"(int64_t* place, int64_t value) nogil
-    bint load "TF2_LOAD"(const bint* place) nogil
-    int64_t load_ns "TF2_LOAD"(const int64_t* place) nogil
-    int64_t exchange_ns "TF2_EXCHANGE"(int64_t* place, int64_t value) nogil
-
 # When an arrival wakes a sleeping executor: never, or at once, or from some steady time on.
-cdef int64_t NEVER = 0
-cdef int64_t AT_ONCE = 1
+cdef uint64_t NEVER = 0
+cdef uint64_t AT_ONCE = 1
 # How often messages wake an executor in its own loop, at most. Signal handlers, tasks that poll and errors of
 # other threads are handled in its rounds, and programs rely on transforms to cause rounds.
 cdef int64_t BUSY_ROUND_NS = 100000000
@@ -59,9 +54,9 @@ cdef int64_t IDLE_ROUND_NS = 1000000000     # where it has no tasks
 #   sleeps in its loop    when a round is due    sets `arrived`; from then on as above
 # The first arrival that wakes it resets `wake_at_ns` to NEVER. `is_ready` resets all three.
 cdef struct ExecutorState:
-    int64_t wake_at_ns      # when an arrival wakes the executor; reset by the first one that does
-    bint arrived            # something has arrived that no round of an executor has accounted for
-    bint round_due          # the executor was woken for what arrived
+    uint64_t wake_at_ns     # when an arrival wakes the executor; reset by the first one that does
+    uint32_t arrived        # something has arrived that no round of an executor has accounted for
+    uint32_t round_due      # the executor was woken for what arrived
     const rcl_guard_condition_t* guard  # wakes it
 
 
@@ -99,18 +94,18 @@ cdef class ExecutorRounds(Informed):
     cdef void inserted(self) noexcept nogil:
         # Wakes an executor that sleeps between rounds of user code, or whose own loop is due for a round;
         # otherwise it is cheap.
-        cdef int64_t wake_at_ns
-        store(&self.state.arrived, True)
-        wake_at_ns = load_ns(&self.state.wake_at_ns)
-        if wake_at_ns == NEVER or monotonic_ns() < wake_at_ns:
+        cdef uint64_t wake_at_ns
+        store_seq_cst(&self.state.arrived, True)
+        wake_at_ns = load64_seq_cst(&self.state.wake_at_ns)
+        if wake_at_ns == NEVER or <uint64_t>monotonic_ns() < wake_at_ns:
             return
-        if exchange_ns(&self.state.wake_at_ns, NEVER) != NEVER:
-            store(&self.state.round_due, True)
+        if exchange64_seq_cst(&self.state.wake_at_ns, NEVER) != NEVER:
+            store_seq_cst(&self.state.round_due, True)
             _wake(&self.state)
 
     cdef bint is_armed(self) noexcept nogil:
         # It sleeps between rounds of user code.
-        return load_ns(&self.state.wake_at_ns) == AT_ONCE
+        return load64_seq_cst(&self.state.wake_at_ns) == AT_ONCE
 
     def executor(self):
         """For subclasses: the executor that has the node, or had it last, or None."""
@@ -141,20 +136,20 @@ cdef class ExecutorRounds(Informed):
         is_in_own_loop = is_below_own_loop()
         self._has_displaced = self._wait_set != NULL and self._thread != PyThread_get_thread_ident()
         self._wait_set, self._thread = <void*>wait_set, PyThread_get_thread_ident()
-        store(&self.state.round_due, False)
+        store_seq_cst(&self.state.round_due, False)
         if is_in_own_loop:
-            store(&self.state.arrived, False)
+            store_seq_cst(&self.state.arrived, False)
             period_ns = BUSY_ROUND_NS if has_tasks(self.executor()) else IDLE_ROUND_NS
-            store_ns(&self.state.wake_at_ns, monotonic_ns() + <int64_t>period_ns)
+            store64_seq_cst(&self.state.wake_at_ns, <uint64_t>monotonic_ns() + <uint64_t>period_ns)
         else:
             # User code called the executor, and continues when something has arrived since its last round.
             # This stores `wake_at_ns` and then loads `arrived`; an arrival stores `arrived` and then loads
             # `wake_at_ns`. So at least one of them sees the other.
-            store_ns(&self.state.wake_at_ns, AT_ONCE)
+            store64_seq_cst(&self.state.wake_at_ns, AT_ONCE)
             for inbox in self.inboxes:
                 inbox.catch_up()    # this informs the state
-            if load(&self.state.arrived):
-                store(&self.state.round_due, True)
+            if load_seq_cst(&self.state.arrived):
+                store_seq_cst(&self.state.round_due, True)
         if self._is_due():
             self.wake()
         wait_set.add_guard_condition(self._handle)
@@ -170,9 +165,9 @@ cdef class ExecutorRounds(Informed):
             return False
         self._wait_set = NULL
         due = self._is_due()
-        store_ns(&self.state.wake_at_ns, NEVER)
-        store(&self.state.round_due, False)
-        store(&self.state.arrived, False)
+        store64_seq_cst(&self.state.wake_at_ns, NEVER)
+        store_seq_cst(&self.state.round_due, False)
+        store_seq_cst(&self.state.arrived, False)
         if self._has_displaced:
             # The node moved to the other executor while this one was gathering: the other must prepare again.
             self._has_displaced = False
@@ -199,4 +194,4 @@ cdef class ExecutorRounds(Informed):
         return 0
 
     cdef bint _is_due(self):
-        return len(self.calls) > 0 or load(&self.state.round_due)
+        return len(self.calls) > 0 or load_seq_cst(&self.state.round_due)

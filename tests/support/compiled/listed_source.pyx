@@ -4,7 +4,7 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy
 
-from tf2_py._internal cimport lock_acquire, lock_release, monotonic_ns, word_load, word_store
+from tf2_py._internal cimport load_seq_cst, lock_acquire, lock_release, monotonic_ns, store_seq_cst
 from tf2_ros._receive.inbox cimport (
     SENDER_BYTES,
     Parcel,
@@ -36,15 +36,15 @@ cdef struct List:
 cdef void take_long(List* source) noexcept nogil:
     cdef int64_t until_ns = monotonic_ns() + HELD_NS
     inbox_takes_long(source.inbox)
-    word_store(&source.is_taking, 1)
-    while not word_load(&source.goes_on) and not source.gave_up:
+    store_seq_cst(&source.is_taking, 1)
+    while not load_seq_cst(&source.goes_on) and not source.gave_up:
         source.gave_up = monotonic_ns() > until_ns
 
 
 cdef bint take_first(List* source, Parcel* parcel) noexcept nogil:
     cdef Listed** first = &source.first
     cdef Listed* taken = first[0]
-    if taken != NULL and word_load(&source.is_slow):
+    if taken != NULL and load_seq_cst(&source.is_slow):
         take_long(source)
     if taken == NULL or parcel_reserve(parcel, taken.facts.size) == NULL:
         return False
@@ -78,14 +78,14 @@ cdef class ListedSource(Source):
     def slow_down(self):
         """Take for long from now on, as a large message is; until `go_on`."""
         self._list.inbox = self.inbox
-        word_store(&self._list.is_slow, 1)
+        store_seq_cst(&self._list.is_slow, 1)
 
     def is_taking(self):
-        return word_load(&self._list.is_taking) != 0
+        return load_seq_cst(&self._list.is_taking) != 0
 
     def go_on(self):
         """Return whether somebody still waited for this."""
-        word_store(&self._list.goes_on, 1)
+        store_seq_cst(&self._list.goes_on, 1)
         return not self._list.gave_up
 
     def put(self, bytes data, int kind=1, bint is_static=False, bytes authority=None, int64_t received_ns=0):

@@ -6,9 +6,10 @@ The background threads of a process.
 | receiver | the first inbox | arrivals, see ``inbox.pyx`` | at exit |
 | reports | the same, or what is checked regularly | inboxes with something to report | at exit |
 | callbacks | the first call of a buffer without a node | each further one | at exit |
-| deadlines | the first timeout | an earlier deadline | one second after the last |
+| deadlines | the first timeout | an earlier deadline | one second after the last, or at exit |
 
-All are daemons, so that the interpreter does not wait for them before it runs the exit handlers. A forked
+All are daemons, so that the interpreter does not wait for them before it runs the exit handlers, which end
+them. A forked
 child has none of them, and starts its own at their first use; what its parent's inboxes were doing is lost
 there. The threads that spin nodes are in ``_nodes``; one that polls the source of an inbox is the owner's.
 """
@@ -85,8 +86,8 @@ def start_once(name: str, target: Callable[..., object], *arguments: object) -> 
 def _run_once(target: Callable[..., object], *arguments: object) -> None:
     # Of several, which were started because of what signal handlers have raised, one runs.
     this = threading.current_thread()
+    _starting.discard(target)  # first: who finds it there relies on this thread
     is_first = running.setdefault(target, this) is this
-    _starting.discard(target)
     try:
         if is_first:
             target(*arguments)

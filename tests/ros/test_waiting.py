@@ -11,7 +11,7 @@ from functools import partial
 
 import pytest
 from making import at, stamp_ns, transform
-from processes import DEADLINE_S, errors_so_far, start, until
+from processes import DEADLINE_S, errors_so_far, output_of, start, until
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
@@ -22,6 +22,23 @@ pytestmark = pytest.mark.ours
 LATEST = Time()
 SHORT = Duration(seconds=0.05)
 LONGER = Duration(seconds=1)  # than a busy machine needs for what a test does before its end
+LEFT_TO_THE_EXIT = """
+import atexit, threading, time
+
+def names():
+    return sorted(one.name for one in threading.enumerate())
+
+atexit.register(lambda: print(names()))  # after all others
+
+import rclpy
+from tf2_ros import Buffer
+
+rclpy.init()
+buffer = Buffer()
+future = buffer.wait_for_transform_async("map", "robot", 0, timeout=3600.0)
+while "tf2_ros deadlines" not in names():
+    time.sleep(0.01)
+"""
 ENDED = r"The context was shut down, which ended the wait for the transform after [\d.]+ s"
 
 
@@ -130,6 +147,10 @@ class TestTimeout:
         again = wait(buffer, timeout=SHORT)
         until(again.done)
         assert again.exception() is not None
+
+    def test_its_thread_ends_with_the_interpreter(self):
+        """What waits for threads at exit comes first."""
+        assert output_of("-c", LEFT_TO_THE_EXIT) == "['MainThread']\n"
 
     def test_a_thread_that_cannot_be_started_is_tried_again(self, buffer):
         until(lambda: deadline_threads() == 0)

@@ -8,6 +8,7 @@ from libc.stdint cimport INT64_MAX, int64_t
 
 from tf2_py._internal cimport monotonic_ns
 
+import atexit
 import os
 import sys
 import threading
@@ -36,6 +37,7 @@ cdef class Deadlines:
     cdef readonly list entries      # a heap of deadline, number and weak reference
     cdef int64_t _added
     cdef Py_ssize_t _sweep_at
+    cdef bint _is_stopping
     cdef object _asleep             # released to wake the thread, so that an interrupted caller holds nothing
 
     def __cinit__(self):
@@ -43,7 +45,7 @@ cdef class Deadlines:
 
     def begin_anew(self):
         """Forget thread and deadlines; also for a forked child, which does not have the thread."""
-        self.entries, self._sweep_at = [], FEW
+        self.entries, self._sweep_at, self._is_stopping = [], FEW, False
         self._asleep = threading.Lock()
         self._asleep.acquire()
 
@@ -60,19 +62,29 @@ cdef class Deadlines:
             raise RuntimeError("no thread can be started at the end of the interpreter")
         start_once("tf2_ros deadlines", self._run)
         if self.entries and (self.entries[0][1] == number or len(self.entries) > self._sweep_at):
-            if self._asleep.locked():
-                self._asleep.release()
+            self._wake()
+
+    def stop(self):
+        """End the thread, although deadlines are left."""
+        self._is_stopping = True
+        self._wake()
+
+    cdef int _wake(self) except -1:
+        if self._asleep.locked():
+            self._asleep.release()
+        return 0
 
     def _run(self):
         cdef int64_t left_ns
         cdef bint is_woken = True
+        cdef dict threads = running     # of this type, so that `pop` makes no bound method
         run = self._run
-        while is_woken or self.entries:
+        while (is_woken or self.entries) and not self._is_stopping:
             self._sweep()
             left_ns = self._expire() - monotonic_ns()
             # What was added meanwhile, and is the first, has released this.
             is_woken = self._asleep.acquire(timeout=max(min(left_ns, LINGER_NS), 0) / 1e9)
-        running.pop(run, None)      # at once, so that what is added from now on starts another thread
+        threads.pop(run, None)      # at once, so that what is added from now on starts another thread
 
     cdef int64_t _expire(self) except -1:
         # End all whose deadline has passed; return when the next one passes.
@@ -116,4 +128,5 @@ cdef object _pending(tuple entry):
 
 # One for the whole process.
 deadlines = Deadlines()
+atexit.register(deadlines.stop)
 os.register_at_fork(after_in_child=deadlines.begin_anew)

@@ -251,7 +251,7 @@ class TransformListener:
         if is_inherited(listening.process):
             return  # it belongs to the parent
         if (receiver := listening.receiver) is not None:
-            receiver.listener_ended()
+            receiver.listener_ended(waits)
         if listening.spinner is not None and ends_thread:
             listening.spinner.stop(wait=waits)
         if not listening.owns_node:

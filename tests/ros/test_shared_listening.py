@@ -20,6 +20,7 @@ from sharing import new_name, ring_threads
 from spinning import at_once, knows
 
 from tf2_ros import Buffer, TransformListener
+from tf2_ros._forking import LOCK
 from tf2_ros._shared.naming import segment_path
 
 pytestmark = pytest.mark.ours
@@ -260,6 +261,31 @@ def test_nothing_is_left_of_a_listener_whose_node_was_destroyed(node, new_node):
         del left, listeners[:2]
         until(lambda: gc.collect() >= 0 and runners[0]() is None)
         assert runners[1]() is not None
+    owner._tf2_sharing.close()
+
+
+def test_a_finalizer_waits_for_no_lock(node):
+    """Whoever has the lock may wait for the thread in which the collector runs."""
+
+    def hold():
+        with LOCK:
+            is_held.set()
+            was_released.append(may_release.wait(DEADLINE_S))
+
+    is_held, may_release, was_released = threading.Event(), threading.Event(), []
+    owner = Buffer(share=new_name())
+    with TransformListener(owner, node):
+        listener = TransformListener(Buffer(attach=owner._tf2_sharing.name), node)
+        assert is_attached(listener)
+        exists = weakref.ref(listener)
+        del listener
+        holder = threading.Thread(target=hold)
+        holder.start()
+        is_held.wait()
+        until(lambda: gc.collect() >= 0 and exists() is None)
+        may_release.set()
+        holder.join()
+        assert was_released == [True]
     owner._tf2_sharing.close()
 
 

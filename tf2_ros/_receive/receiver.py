@@ -231,7 +231,7 @@ class Receiver:
         self.inbox.catch_up()
         return describe_topics(self._topics)
 
-    def listener_ended(self) -> None:
+    def listener_ended(self, waits: bool) -> None:
         """Do nothing: without its subscriptions, this ends."""
 
     def yield_to_events_executor(self) -> None:

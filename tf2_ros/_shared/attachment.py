@@ -5,6 +5,7 @@ import threading
 import time
 import weakref
 from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import partial
 from typing import Any
 
@@ -21,7 +22,7 @@ from tf2_ros._receive.receiver import LOSS_WARNING_S, Topic
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import PolledInbox, RingReader
-from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged
+from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged, start
 from tf2_ros._wait.runners import hand_over_for
 
 
@@ -67,9 +68,11 @@ class Attachment:
         self._has_ended = False
         self.inbox = PolledInbox(reader, hand_over_for(buffer))
         self.inbox.fill(buffer)
-        self._thread = threading.Thread(target=self.inbox.follow, name="tf2_ros ring", daemon=True)
+        self._follows_no_more = threading.Event()
         try:
-            self._thread.start()
+            # Not by `Thread.start`, which waits for the new thread, where a finalizer of the program may wait
+            # for LOCK, which is held here.
+            start("tf2_ros ring", _follow, self.inbox, self._follows_no_more)
         except BaseException:
             self.inbox.close()
             raise
@@ -152,7 +155,7 @@ class Attachment:
         # Several threads may do this at once, and each step again.
         self.inbox.catch_up()
         self.inbox.close()
-        self._thread.join(THREAD_END_WAIT_S)
+        self._follows_no_more.wait(THREAD_END_WAIT_S)
         self._has_ended = True
 
     def add(self, listener: Any) -> None:  # a TransformListener
@@ -174,6 +177,11 @@ class Attachment:
         count, _ = self.overruns()
         lost = f", messages lost {counted(count, 'time')}" if count else ""
         return f"the shared buffer {self.name!r} of process {self.owner}{lost}"
+
+
+def _follow(inbox: PolledInbox, has_ended: threading.Event) -> None:
+    inbox.follow()
+    has_ended.set()
 
 
 class AttachedListener:
@@ -205,12 +213,14 @@ class AttachedListener:
         if listening.receiver is not None:
             listening.receiver.redirect(buffer)  # another thread may have made it for the buffer of before
 
-    def listener_ended(self) -> None:
-        """Let the listener end, which keeps what its buffer has."""
-        # Only then with the lock: a finalizer must not wait, and finds no listener here.
-        if id(self.listener) in self._attachment.listeners:
-            with LOCK:
-                self._remove()
+    def listener_ended(self, waits: bool) -> None:
+        """
+        Let the listener end, which keeps what its buffer has.
+
+        :param waits: False in a finalizer: then all of this is garbage, and no other thread uses it.
+        """
+        with LOCK if waits else nullcontext():
+            self._remove()
 
     def leave(self, reason: str) -> None:
         """Let the listener subscribe, for good."""
@@ -228,7 +238,7 @@ class AttachedListener:
     def end_with_node(self) -> None:
         """End if the node was destroyed, as subscriptions do."""
         if node_has_ended(self.listener.node):
-            self.listener_ended()
+            self.listener_ended(waits=True)
 
     def _remove(self) -> None:
         if self.listener._tf2_listening.receiver is self:

@@ -337,6 +337,8 @@ class TransformListener:
             made = [topic.subscription for topic in listening.topics]
             if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
                 listening.receiver = Receiver(self, completions, self.__direct_buffer())
+                if not completions.runner.uses_wait_sets:
+                    self.__subscribe_anew()
         finally:
             self.group.hides_all = False
         if listening.recording is not None and not self.receives:
@@ -358,6 +360,14 @@ class TransformListener:
         if is_subscription(made):
             name_unfit_publishers(self.node, made)
             topic.begin(self.node, made)
+
+    def __subscribe_anew(self) -> None:
+        """Leave all to an ``EventsExecutor`` that took the node while this subscribed."""
+        # Either of the two may have had arrivals reported to itself last, and so instead of to the other.
+        self._tf2_listening.receiver.redirect(None)
+        for topic in self._tf2_listening.topics:
+            destroy_subscription(self.node, topic.subscription)
+            self.__subscribe(topic, needs_executor=True)
 
     def __spin(self) -> None:
         listening = self._tf2_listening

@@ -17,6 +17,8 @@ from rclpy.time import Time
 from spinning import repeated
 
 from tf2_msgs.msg import TFMessage
+from tf2_ros._receive import receiver
+from tf2_ros._receive.subscriptions import Subscriptions
 
 pytestmark = pytest.mark.ours
 
@@ -104,6 +106,31 @@ class TestEventsExecutor:
         until(lambda: "after" in buffer, executor)
         assert listener.receives == ()
         assert next(ticks) > 0
+
+    @pytest.mark.parametrize("is_first", [True, False])
+    def test_it_may_take_the_node_while_a_listener_subscribes(
+        self, tf2_ros, buffer, node, peer, events_executor, monkeypatch, is_first
+    ):
+        """The middleware reports arrivals to whoever asked last."""
+
+        class Racing(Subscriptions):
+            def subscribe(self, *arguments):
+                if not is_first:
+                    super().subscribe(*arguments)
+                if node.executor is None:
+                    events_executor.add_node(node)
+                    events_executor.spin_once(timeout_sec=0.05)
+                if is_first:
+                    super().subscribe(*arguments)
+
+        publisher = peer()
+        monkeypatch.setattr(receiver, "Subscriptions", Racing)
+        with tf2_ros.TransformListener(buffer, node) as listener:
+            assert listener.receives == ()
+            publisher.matched(1)
+            publisher.send(("map", "robot", 1 * S, 5))
+            publisher.send(("map", "fixed", 0, 5), static=True)
+            self.spin(events_executor, lambda: "robot" in buffer and "fixed" in buffer)
 
 
 def test_buffers_are_exchanged_while_threads_read_and_wait(tf2_ros, node, flood):

@@ -193,7 +193,6 @@ class Receiver:
         self.inbox = Inbox(self._source, completions.receive, recording, listener._tf2_listening.prefix)
         if isinstance(runner, Informed):
             self.inbox.inform(runner)
-            runner.receivers.add(self)
         try:
             for topic in self._topics:
                 subscription = topic.subscription
@@ -207,10 +206,10 @@ class Receiver:
                 )
         except RuntimeError:
             self._leave_to_executors()  # this middleware does not report arrivals
+        if isinstance(runner, Informed):
+            runner.receivers.add(self)  # only now: an inbox that yields must not subscribe afterwards
         add_owner(self)
         self.redirect(buffer)
-        if not self._runner.uses_wait_sets:
-            self.yield_to_events_executor()  # the node has moved meanwhile
 
     @property
     def topics(self) -> Sequence[Topic]:

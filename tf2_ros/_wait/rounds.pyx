@@ -75,10 +75,10 @@ cdef class ExecutorRounds(Informed):
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
     cdef unsigned long _thread  # in which it did
     cdef bint _has_displaced    # an executor of another thread, which may sleep
-    cdef readonly bint uses_wait_sets   # no EventsExecutor has had the node
+    cdef bint _uses_wait_sets   # no EventsExecutor has had the node
 
     def __cinit__(self, *_, **__):
-        self.uses_wait_sets, self.calls = True, ()
+        self._uses_wait_sets, self.calls = True, ()
 
     def set_up(self, guard):
         """
@@ -107,6 +107,12 @@ cdef class ExecutorRounds(Informed):
         # It sleeps between rounds of user code.
         return load64_seq_cst(&self.state.wake_at_ns) == AT_ONCE
 
+    @property
+    def uses_wait_sets(self):
+        """Whether no ``EventsExecutor`` has, or has had, the node: it has arrivals reported to itself."""
+        executor = self.executor()
+        return self._uses_wait_sets and (executor is None or isinstance(executor, Executor))
+
     def executor(self):
         """For subclasses: the executor that has the node, or had it last, or None."""
         raise NotImplementedError
@@ -123,15 +129,14 @@ cdef class ExecutorRounds(Informed):
 
     def get_num_entities(self):
         """One guard condition; none once an ``EventsExecutor``, which refuses them, has had the node."""
-        executor = self.executor()
-        if self.uses_wait_sets and executor is not None and not isinstance(executor, Executor):
-            self.uses_wait_sets = False
+        if self._uses_wait_sets and not self.uses_wait_sets:
+            self._uses_wait_sets = False
             self.yield_to_events_executor()
-        return NumberOfEntities(0, 1) if self.uses_wait_sets else NumberOfEntities()
+        return NumberOfEntities(0, 1) if self._uses_wait_sets else NumberOfEntities()
 
     def add_to_wait_set(self, wait_set):
         """Prepare for an executor that is about to sleep."""
-        if not self.uses_wait_sets:
+        if not self._uses_wait_sets:
             return
         is_in_own_loop = is_below_own_loop()
         self._has_displaced = self._wait_set != NULL and self._thread != PyThread_get_thread_ident()
@@ -156,7 +161,7 @@ cdef class ExecutorRounds(Informed):
 
     def is_ready(self, wait_set):
         """Whether something has arrived that the executor had to wake for, or a call must run."""
-        if not self.uses_wait_sets:
+        if not self._uses_wait_sets:
             return False    # it adds nothing to sets; a timer looks for calls
         if self._wait_set != <void*>wait_set:
             # The node has moved to another executor, which must not miss anything: in rmw_zenoh, a guard
@@ -166,8 +171,9 @@ cdef class ExecutorRounds(Informed):
         self._wait_set = NULL
         due = self._is_due()
         store64_seq_cst(&self.state.wake_at_ns, NEVER)
-        store_seq_cst(&self.state.round_due, False)
-        store_seq_cst(&self.state.arrived, False)
+        if due:     # else something may have arrived since, for which `add_to_wait_set` looks
+            store_seq_cst(&self.state.round_due, False)
+            store_seq_cst(&self.state.arrived, False)
         if self._has_displaced:
             # The node moved to the other executor while this one was gathering: the other must prepare again.
             self._has_displaced = False

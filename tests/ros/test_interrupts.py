@@ -239,6 +239,15 @@ def deadline_threads():
     return sum(thread.name == "tf2_ros deadlines" for thread in threading.enumerate())
 
 
+def test_a_call_that_is_put_stays_although_a_signal_handler_raises(node):
+    completions = Completions(node, Runner())
+    completions.runner.wake = lambda: None
+    for line, interrupting in each_line():
+        with interrupting():
+            completions.put(line)
+        assert completions.calls.pop() == line
+
+
 def test_calls_that_are_dropped_all_end_although_a_signal_handler_raises(tf2_ros, buffer, node):
     class Interrupted(Waker):
         def __call__(self, _):

@@ -586,13 +586,14 @@ cdef class InboxBase(ReadHook):
     def inform(self, Informed informed not None):
         """Inform this, too, of what is inserted from now on."""
         cdef InformedLink* link
+        informed.inboxes.add(self)
         if informed in self._used:
             return
+        self._used.add(informed)    # from here on, no code in Python runs
         link = <InformedLink*>malloc(sizeof(InformedLink))
         if link == NULL:
+            self._used.discard(informed)
             raise MemoryError
-        self._used.add(informed)
-        informed.inboxes.add(self)
         link.informed, link.next = <void*>informed, self.state.informed
         lock_acquire(&self.state.drain.lock)
         self.state.informed = link

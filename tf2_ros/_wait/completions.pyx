@@ -72,12 +72,12 @@ cdef class Completions:
 
     def put(self, call):
         """Add a call, or drop it after the end of the node."""
-        if is_inherited(self._process):
-            return  # the node is the parent's
         if not self.calls:
             self._waits_from_ns = monotonic_ns()
-        self.calls.append(call)
-        if self._why_closed:
+        self.calls.append(call)     # first: a signal handler may raise below, where code in Python runs
+        if is_inherited(self._process):
+            self.calls.clear()      # the node is the parent's
+        elif self._why_closed:
             self.drop(self._why_closed)
         else:
             self.runner.wake()

@@ -50,7 +50,7 @@ cdef class Ending:
     def end(self, result=None, error=None):
         """End with this outcome, unless it has one, and run the callbacks in this thread."""
         if self.end_or_queue(result, error) is not None or self.life == QUEUED:
-            self._end(DONE)
+            self._end(DONE, [])
 
     def end_or_queue(self, result=None, error=None):
         """
@@ -58,30 +58,31 @@ cdef class Ending:
 
         :return: what has to be called in that case.
         """
+        cdef list errors = []   # now: making it may run another thread, which may add a callback
         if self.life == PENDING:
             self._result, self._error = result, error
             if self._runs_user_code():
                 self.life = QUEUED
                 return self
-            self._end(DONE)
+            self._end(DONE, errors)
         return None
 
     def __call__(self):
         if self.life == QUEUED:
-            self._end(DONE)
+            self._end(DONE, [])
 
     def cancel(self):
         """End the wait; without effect if it has ended."""
         if self.life < DONE:
-            self._end(CANCELLED)
+            self._end(CANCELLED, [])
 
     def drop(self, why):
         """End a queued one without its callbacks, because nothing can run them any more."""
         if self.life == QUEUED:
-            self._end(CANCELLED)
+            self._end(CANCELLED, [])
 
-    cdef int _end(self, Life life) except -1:
-        cdef list errors = []   # making it may run a finalizer, which may end this
+    cdef int _end(self, Life life, list errors) except -1:
+        # `errors`: new; making it may have ended this.
         if self.life >= DONE:
             return 0
         self.life = life
@@ -210,7 +211,7 @@ cdef class FutureEnding(Ending):
         if self.life == QUEUED:     # only now: making the error may run another thread
             self.done_callbacks = []
             self._result, self._error = None, error
-            self._end(DONE)
+            self._end(DONE, [])
 
     cdef bint _runs_user_code(self) except -1:
         return len(self.done_callbacks) > 0

@@ -2,19 +2,21 @@
 
 import tf2_ros_cython._requirement  # noqa: F401
 
-from typing import TYPE_CHECKING
+from contextlib import suppress
+
+# Public programs take message classes from here, too.
+from geometry_msgs.msg import Quaternion as Quaternion
+from geometry_msgs.msg import QuaternionStamped as QuaternionStamped
+from geometry_msgs.msg import Transform as Transform
+from geometry_msgs.msg import Vector3 as Vector3
+from geometry_msgs.msg import WrenchStamped as WrenchStamped
 
 from tf2_geometry_msgs import tf2_geometry_msgs
-from tf2_geometry_msgs._types import TYPES as _TYPES
+from tf2_geometry_msgs._geometry import *  # noqa: F403  with what tf2 lacks, which stays outside __all__
 from tf2_geometry_msgs.tf2_geometry_msgs import *  # noqa: F403
-from tf2_ros._registration import names_of as _names_of
 
-if TYPE_CHECKING:  # the table's functions, as their stubs declare them
-    from tf2_geometry_msgs._geometry import *  # noqa: F403
+with suppress(ModuleNotFoundError):  # of nav_msgs
     from tf2_geometry_msgs._nav import *  # noqa: F403
-
-# Types that tf2 lacks, and message classes, which public programs take from here, stay outside __all__.
-globals().update(_names_of(_TYPES))
 
 __all__ = ["tf2_geometry_msgs"]
 __all__ += tf2_geometry_msgs.__all__

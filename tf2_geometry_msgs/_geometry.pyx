@@ -53,7 +53,7 @@ from geometry_msgs.msg import (
     WrenchStamped,
 )
 
-from tf2_py._internal import MalformedObjectError
+from tf2_py._internal import MalformedObjectError as _MalformedObjectError  # the package imports * from here
 
 # The parts that messages share: read into C doubles, and made anew.
 
@@ -76,7 +76,7 @@ cdef Layout pose_layout = Layout(Pose, ("position", "orientation"))
 
 
 cdef _type_error(Layout layout, object message, Exception reason):
-    kind = MalformedObjectError if isinstance(reason, AttributeError) else TypeError
+    kind = _MalformedObjectError if isinstance(reason, AttributeError) else TypeError
     cls = layout.message_class
     name = f"{cls.__module__.partition('.')[0]}/{cls.__name__}"
     got = type(message).__name__

@@ -5,7 +5,7 @@ from geometry_msgs import msg as geometry
 from tf2_geometry_msgs import _geometry
 from tf2_ros._registration import TransformFunctions
 
-# A line here registers a type, and adds its class and its function to the namespace of the package.
+# A line here registers a type.
 TYPES: TransformFunctions = {
     geometry.AccelStamped: _geometry.do_transform_accel_stamped,
     geometry.Point: _geometry.do_transform_point,

@@ -35,7 +35,7 @@ from tf2_geometry_msgs._geometry import (
     transform_covariance,
 )
 from tf2_geometry_msgs._types import TYPES
-from tf2_ros._registration import from_msg_msg, names_of, register_messages, to_msg_msg
+from tf2_ros._registration import from_msg_msg, register_messages, to_msg_msg
 
 # What `import *` imports from tf2's module, and nothing more: our own names could hide those of a program.
 __all__ = [
@@ -64,6 +64,4 @@ __all__ = [
     "transform_covariance",
 ]
 
-# Types that tf2's module lacks are added by name, outside __all__.
-globals().update(names_of(TYPES))
 register_messages(TYPES)

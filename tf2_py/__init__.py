@@ -25,15 +25,6 @@ from tf2_py._objects.listings import History as History
 from tf2_py._objects.listings import stored_name as stored_name
 from tf2_ros_cython._version import __version__ as __version__
 
-# Programs find this name in tf2_py because tf2 uses it there. It has an effect on Windows only.
-try:
-    from rpyutils import add_dll_directories_from_env  # type: ignore[import-untyped,unused-ignore]
-except ModuleNotFoundError as missing:
-    if missing.name != "rpyutils":
-        raise
-    from contextlib import nullcontext as add_dll_directories_from_env
-
-
 # What `import *` imports from tf2's package.
 __all__ = [
     "BufferCore",
@@ -43,7 +34,6 @@ __all__ = [
     "LookupException",
     "TimeoutException",
     "TransformException",
-    "add_dll_directories_from_env",
 ]
 
 # tf2's extension imports these two modules, and programs that import only rclpy use them as its attributes.

@@ -1,7 +1,7 @@
 """Register the functions that transform and convert each type."""
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from copy import deepcopy
 from typing import Any, TypeVar, cast
 
@@ -215,11 +215,6 @@ def register_messages(functions: TransformFunctions) -> None:
         _TRANSFORMS.setdefault(cls, function)
         _TO_MSG.setdefault(cls, to_msg_msg)
         _FROM_MSG.setdefault(cls, from_msg_msg)
-
-
-def names_of(functions: TransformFunctions) -> Mapping[str, Any]:
-    """The message classes and the functions, each by its own name."""
-    return {entry.__name__: entry for row in functions.items() for entry in row}
 
 
 def convert(a: Any, b_type: type[_New]) -> _New:

@@ -7,10 +7,10 @@ from contextlib import suppress
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import tf2_py as tf2
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of, seconds
 from tf2_py.typing import DurationLike, TimeLike
-from tf2_ros import _names
 from tf2_ros._arguments import require_callable
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, is_wanted, require_support
@@ -29,6 +29,8 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.exceptions import InvalidHandle
     from rclpy.node import Node
     from rclpy.service import Service
+    from rclpy.task import Future
+    from rclpy.time import Time
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._graph import clock_publishers
@@ -40,31 +42,21 @@ if TYPE_CHECKING or HAS_ROS:
         from tf2_ros._shared.attachment import Attachment
         from tf2_ros._shared.owner import Owner
 else:
-    from tf2_ros._without_ros import Changes, TransformFuture
+    from tf2_ros._without_ros import Changes, TransformFuture, names_that_need_ros
 
-__all__ = ["Buffer", "FrameGraphSrvRequest", "FrameGraphSrvResponse"]
-_names.offer(
-    globals(),
-    "Any",
-    "Callable",
+    __getattr__ = names_that_need_ros(__name__)
+
+__all__ = [
+    "Buffer",
     "Duration",
-    "FrameGraph",
+    "FrameGraphSrvRequest",
+    "FrameGraphSrvResponse",
     "Future",
-    "JumpThreshold",
-    "List",
     "Node",
-    "Optional",
     "Time",
-    "TimeJump",
     "TransformStamped",
-    "Tuple",
-    "TypeVar",
-    "rclpy",
-    "sleep",
     "tf2",
-    "tf2_ros",
-    "threading",
-)
+]
 
 FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
 FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")

@@ -18,14 +18,15 @@ from rclpy.action.client import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.time import Time
 
+import tf2_py as tf2
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, duration_ns, errors, frame_name
 from tf2_py.text import printable
 from tf2_py.typing import DurationLike, TimeLike
-from tf2_ros import _names
 from tf2_ros._forking import refuse_inherited
 from tf2_ros._graph import publisher_ids
 from tf2_ros._messages import time_msg
@@ -37,24 +38,18 @@ from tf2_ros._wait.runners import completions_of
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
 
-__all__ = ["BufferClient", "LookupTransformGoal", "LookupTransformResult"]
-_names.offer(
-    globals(),
+__all__ = [
     "ActionClient",
-    "Clock",
+    "BufferClient",
     "Duration",
     "LookupTransform",
+    "LookupTransformGoal",
+    "LookupTransformResult",
     "Node",
     "Time",
     "TransformStamped",
-    "TypeVar",
-    "builtin_interfaces",
-    "sleep",
     "tf2",
-    "tf2_ros",
-    "threading",
-    "warnings",
-)
+]
 
 LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")

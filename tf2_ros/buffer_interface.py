@@ -1,13 +1,12 @@
 """Transform objects with the lookups of any buffer."""
 
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, overload
 
+import tf2_py as tf2
 from tf2_py import TransformException
 from tf2_py.typing import DurationLike, TimeLike
-from tf2_ros import _names
 from tf2_ros._arguments import frame_of
-from tf2_ros._messages import Header, TransformStamped, time_msg
-from tf2_ros._messages import PoseStamped as PoseStamped
+from tf2_ros._messages import Header, PoseStamped, TransformStamped, time_msg
 from tf2_ros._registration import (
     ConvertRegistration,
     NotImplementedException,
@@ -18,51 +17,49 @@ from tf2_ros._registration import (
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING:
+    from sensor_msgs.msg import PointCloud2
     from typing_extensions import TypeVar as _TypeVarWithDefault
     from typing_extensions import Unpack
 
     from tf2_py.typing import LookupPolicy
 if TYPE_CHECKING or HAS_ROS:
+    from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
     from rclpy.duration import Duration
+    from rclpy.time import Time
+else:
+    from tf2_ros._without_ros import names_that_need_ros
+
+    __getattr__ = names_that_need_ros(__name__)
 
 __all__ = [
     "BufferInterface",
     "ConvertRegistration",
-    "NotImplementedException",
-    "PyKDLType",
-    "Stamped",
-    "TransformRegistration",
-    "TransformableObjectType",
-    "TypeException",
-    "convert",
-]
-_names.offer(
-    globals(),
-    "Any",
-    "Callable",
     "Duration",
     "Header",
     "MsgStamped",
-    "Optional",
-    "PointCloud2",
+    "NotImplementedException",
     "PointStamped",
     "PoseStamped",
     "PoseWithCovarianceStamped",
+    "PyKDLType",
+    "Stamped",
     "Time",
+    "TransformRegistration",
     "TransformStamped",
     "TransformableObject",
-    "Tuple",
-    "TypeVar",
-    "Union",
+    "TransformableObjectType",
+    "TypeException",
     "Vector3Stamped",
-    "deepcopy",
-    "rclpy",
+    "convert",
     "tf2",
-    "tf2_ros",
-)
+]
 
 PyKDLType = TypeVar("PyKDLType")
 TransformableObjectType = TypeVar("TransformableObjectType")
+if TYPE_CHECKING or HAS_ROS:
+    # sensor_msgs is in quotes, because it loads slowly.
+    MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, "PointCloud2"]
+    TransformableObject = Union[MsgStamped, PyKDLType]  # noqa: UP007  as in tf2
 
 _Object = TypeVar("_Object")
 if TYPE_CHECKING:

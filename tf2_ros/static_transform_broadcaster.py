@@ -8,26 +8,21 @@ from copy import deepcopy
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros import _names
 from tf2_ros._qos import transforms_qos
 from tf2_ros.transform_broadcaster import Broadcaster
 
-__all__ = ["StaticTransformBroadcaster"]
-_names.offer(
-    globals(),
+__all__ = [
     "DurabilityPolicy",
     "HistoryPolicy",
-    "List",
     "Node",
-    "Optional",
     "QoSProfile",
+    "StaticTransformBroadcaster",
     "TFMessage",
     "TransformStamped",
-    "Union",
-)
+]
 
 
 class StaticTransformBroadcaster(Broadcaster):

@@ -13,23 +13,18 @@ from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
 from tf2_py._internal import MalformedObjectError, refused, serialize_transforms
-from tf2_ros import _names
 from tf2_ros._arguments import kind_of
 from tf2_ros._forking import refuse_inherited
 from tf2_ros._nodes import require_node
 from tf2_ros._qos import transforms_qos
 
-__all__ = ["TransformBroadcaster"]
-_names.offer(
-    globals(),
-    "List",
+__all__ = [
     "Node",
-    "Optional",
     "QoSProfile",
     "TFMessage",
+    "TransformBroadcaster",
     "TransformStamped",
-    "Union",
-)
+]
 
 _publish = Publisher.publish
 

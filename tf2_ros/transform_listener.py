@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import Header
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import class_name
-from tf2_ros import _names
 from tf2_ros._arguments import valid_prefix, with_prefix
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._graph import name_unfit_publishers
@@ -47,22 +46,17 @@ from tf2_ros.records import Recording
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-__all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "TransformListener"]
-_names.offer(
-    globals(),
+__all__ = [
     "Buffer",
+    "DEFAULT_STATIC_TF_TOPIC",
+    "DEFAULT_TF_TOPIC",
     "DurabilityPolicy",
     "HistoryPolicy",
     "Node",
-    "Optional",
     "QoSProfile",
-    "ReentrantCallbackGroup",
-    "SingleThreadedExecutor",
     "TFMessage",
-    "Thread",
-    "Union",
-    "tf2_ros",
-)
+    "TransformListener",
+]
 
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"

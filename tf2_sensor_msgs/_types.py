@@ -5,7 +5,7 @@ from sensor_msgs import msg as sensor
 from tf2_ros._registration import TransformFunctions
 from tf2_sensor_msgs import _cloud, _imu
 
-# A line here registers a type, and adds its class and its function to the namespace of the package.
+# A line here registers a type.
 TYPES: TransformFunctions = {
     sensor.Imu: _imu.do_transform_imu,
     sensor.MagneticField: _imu.do_transform_magnetic_field,

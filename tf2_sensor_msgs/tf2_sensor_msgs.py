@@ -1,6 +1,6 @@
 """The names of tf2's module of this name; importing it registers the types of the table."""
 
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Union
 
 import numpy as np
 
@@ -12,12 +12,9 @@ from std_msgs.msg import Header
 
 import tf2_ros
 from tf2_geometry_msgs._affine import _get_mat_from_quat  # noqa: F401  used by programs
-from tf2_ros._registration import from_msg_msg, names_of, register_messages, to_msg_msg
+from tf2_ros._registration import from_msg_msg, register_messages, to_msg_msg
 from tf2_sensor_msgs._cloud import do_transform_cloud, transform_points
 from tf2_sensor_msgs._types import TYPES
-
-if TYPE_CHECKING:
-    from tf2_sensor_msgs._point_arrays import create_cloud, read_points
 
 # What `import *` imports from tf2's module, and nothing more: our own names could hide those of a program.
 __all__ = [
@@ -38,20 +35,21 @@ __all__ = [
     "unstructured_to_structured",
 ]
 
-# Types that tf2's module lacks are added by name, outside __all__.
-globals().update(names_of(TYPES))
 register_messages(TYPES)
 
+if TYPE_CHECKING:
+    from tf2_sensor_msgs._point_arrays import create_cloud, read_points
+else:
 
-def __getattr__(name: str) -> Any:
-    # Imported on demand, because sensor_msgs_py is slow to import.
-    if name not in ("create_cloud", "read_points"):
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    try:
-        from sensor_msgs_py import point_cloud2 as owner  # type: ignore[import-not-found,unused-ignore]
-    except ModuleNotFoundError as missing:
-        if missing.name != "sensor_msgs_py":
-            raise
-        from tf2_sensor_msgs import _point_arrays as owner
-    globals()[name] = getattr(owner, name)
-    return globals()[name]
+    def __getattr__(name):
+        # Imported on demand, because sensor_msgs_py is slow to import.
+        if name not in ("create_cloud", "read_points"):
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        try:
+            from sensor_msgs_py import point_cloud2 as owner
+        except ModuleNotFoundError as missing:
+            if missing.name != "sensor_msgs_py":
+                raise
+            from tf2_sensor_msgs import _point_arrays as owner
+        globals()[name] = getattr(owner, name)
+        return globals()[name]

@@ -10,6 +10,39 @@ ADDED = {
     "tf2_ros": {"DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC"},
     "tf2_ros.transform_listener": {"DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC"},
 }
+# What tf2's modules import for themselves, and what no published program that was found takes from them.
+_FROM_THE_PACKAGE = {
+    "Clock",
+    "FrameGraph",
+    "JumpThreshold",
+    "PointCloud2",
+    "ReentrantCallbackGroup",
+    "SingleThreadedExecutor",
+    "Thread",
+    "TimeJump",
+    "TypeVar",
+    "add_dll_directories_from_env",
+    "builtin_interfaces",
+    "deepcopy",
+    "sleep",
+    "warnings",
+}
+_FROM_ITS_MODULES = _FROM_THE_PACKAGE | {
+    "Any",
+    "Callable",
+    "List",
+    "Optional",
+    "Tuple",
+    "Union",
+    "rclpy",
+    "tf2_ros",
+    "threading",
+}
+LEFT_OUT = {
+    module: _FROM_ITS_MODULES if module.startswith("tf2_ros.") else _FROM_THE_PACKAGE
+    for module in NAMES
+    if module.startswith(("tf2_py", "tf2_ros"))
+}
 # What this project adds; imported by name, for `import *` must not hide what a program calls so.
 GEOMETRY = {
     "do_transform_accel_stamped",
@@ -29,8 +62,8 @@ GEOMETRY = {
 }
 SENSORS = {"do_transform_imu", "do_transform_magnetic_field", "from_msg_msg", "to_msg_msg", "PointCloud2"}
 OURS = {
-    "tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
-    "tf2_geometry_msgs.tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
+    "tf2_geometry_msgs": GEOMETRY
+    | {"Quaternion", "QuaternionStamped", "Transform", "Vector3", "WrenchStamped"},
     "tf2_py": {"FrameInfo", "History", "__version__", "stored_name"},
     "tf2_ros": {
         "BufferServer",
@@ -45,5 +78,4 @@ OURS = {
     },
     "tf2_ros.transform_listener": {"StaticTransformListener"},
     "tf2_sensor_msgs": SENSORS,
-    "tf2_sensor_msgs.tf2_sensor_msgs": SENSORS,
 }

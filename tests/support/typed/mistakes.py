@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 from sensor_msgs.msg import Imu
 
+import tf2_ros
 from tf2_geometry_msgs import do_transform_pose_stamped
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import (
@@ -94,5 +95,6 @@ def nodes(buffer: Buffer, node: Node, pose: PoseStamped) -> None:
     TransformListener(buffer, node, True)  # wrong: only by keyword
     TransformBroadcaster(node).sendTransform([pose])  # wrong for pyright
     BufferServer(node, buffer, "server")  # wrong
+    tf2_ros.Bufer()  # wrong
     BufferClient(node, "server", timeout_padding=Duration).destroy()  # wrong
     TransformRegistration().add(Imu, do_transform_pose_stamped)  # wrong for pyright

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from builtin_interfaces.msg import Time as TimeMsg
-from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, TransformStamped
+from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, TransformStamped, WrenchStamped
+from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
@@ -13,7 +14,9 @@ from sensor_msgs.msg import Imu, PointCloud2, PointField
 from std_msgs.msg import Header
 from typing_extensions import assert_type
 
-from tf2_geometry_msgs import do_transform_point
+import tf2_geometry_msgs
+import tf2_ros
+from tf2_geometry_msgs import do_transform_odometry, do_transform_point
 from tf2_py.typing import DurationLike, HasNanoseconds, HasSecNanosec, LookupPolicy, TimeLike
 from tf2_ros import (
     Buffer,
@@ -186,6 +189,7 @@ def geometry(transform: TransformStamped) -> None:
     assert_type(do_transform_point(PointStamped(), transform), PointStamped)
     assert_type(do_transform_point(Point(), transform), Point)
     assert_type(do_transform_imu(Imu(), transform), Imu)
+    assert_type(do_transform_odometry(Odometry(), transform), Odometry)
     swept = deskew(PointCloud2(), Buffer(), "a", "b", Time(), timeout=0.1, on_missing="nan", max_gap=1)
     assert_type(swept, PointCloud2)
     read = read_points(PointCloud2(), field_names=["x", "y", "z"], skip_nans=True)
@@ -197,3 +201,14 @@ def geometry(transform: TransformStamped) -> None:
     assert_type(from_matrix(matrix, header=transform.header, child_frame_id="b"), TransformStamped)
     assert_type(to_matrix(transform, dtype=np.float32), npt.NDArray[np.float32])
     assert_type(to_columns([transform]), dict[str, npt.NDArray[Any]])
+
+
+def names_of_others(node: Node) -> None:
+    """What programs take from tf2's packages, although these only import it."""
+    assert_type(tf2_ros.Time(), Time)
+    assert_type(tf2_ros.TransformStamped(), TransformStamped)
+    assert_type(tf2_ros.tf2.BufferCore(), BufferCore)
+    assert_type(tf2_ros.buffer_client.BufferClient(node, "server"), BufferClient)
+    assert_type(tf2_geometry_msgs.WrenchStamped(), WrenchStamped)
+    numbers: tf2_ros.Tuple[int, int] = (1, 2)
+    print(numbers)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 STUBS = (
     "tf2_py/_tf2_py.pyi",
+    "tf2_ros/_wait/endings.pyi",
     "tf2_ros/records.pyi",
     "tf2_geometry_msgs/_geometry.pyi",
     "tf2_geometry_msgs/_nav.pyi",
@@ -39,7 +40,7 @@ def with_docstrings(stubs):
     with tempfile.TemporaryDirectory() as folder:
         for stub in stubs:
             copy = Path(folder, stub)
-            copy.parent.mkdir(exist_ok=True)
+            copy.parent.mkdir(parents=True, exist_ok=True)
             copy.write_text(without_docstrings(Path(stub).read_text(encoding="utf-8")), encoding="utf-8")
         for command in (
             ("docify", "--quiet", "--workers", "1", "--in-place", folder),

@@ -70,6 +70,8 @@ async def coroutines(buffer: Buffer, pose: PoseStamped) -> None:
     print((await buffer.transform_async(pose, "map")).point)  # wrong for pyright
     print((await buffer.wait_for_transform_async("a", "b", Time())).translation)  # wrong for pyright
     print(buffer.lookup_transform_async("a", "b", Time()).transform)  # wrong: it was not awaited
+    buffer.wait_for_transform_async("a", "b", Time()).add_done_callback(1)  # wrong
+    buffer.on_change("a", "b", print).stop()  # wrong
 
 
 def takes_imu(message: Imu) -> None:

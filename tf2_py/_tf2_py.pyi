@@ -19,7 +19,7 @@ from tf2_py._objects.errors import (
     TransformException,
 )
 from tf2_py._objects.listings import FrameInfo, History
-from tf2_py.typing import DurationLike, DurationsLike, LookupPolicy, TimeLike, TimesLike
+from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, TimesLike
 
 __all__ = [
     "BufferCore",
@@ -843,18 +843,9 @@ def stamp_parts(time: Any, argument: str) -> tuple[int, int]:
 def frame_name(name: object, argument: str) -> str:
     """The name, if lookups accept it; otherwise raises the errors of a lookup."""
 
-def policy_of(
-    call: str,
-    waits: bool,
-    /,
-    tolerance: DurationsLike | None = None,
-    extrapolate: bool = False,
-    max_gap: DurationLike | None = None,
-    max_age: DurationsLike | None = None,
-    **unknown: Any,
-) -> Any:
+def policy_of(call: str, waits: bool, /, **policy: Unpack[LookupPolicy]) -> Any:
     """
-    The policy of these arguments, which are those of ``Buffer.lookup_transform``; None: all are defaults.
+    The policy of these arguments, those of :class:`tf2_py.typing.LookupPolicy`; None: all are defaults.
 
     :param call: the method that a program called with them.
     :param waits: whether it has a ``timeout``.

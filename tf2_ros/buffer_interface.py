@@ -248,9 +248,8 @@ class BufferInterface:
             is nanoseconds.
         :param timeout: how long to wait for an answer, in steady time. A number is seconds. Zero or negative:
             do not wait.
-        :param policy: what a :class:`tf2_ros.Buffer` accepts beyond tf2's: ``tolerance``, ``extrapolate``,
-            ``max_gap`` and ``max_age`` of :class:`tf2_py.typing.LookupPolicy`. A
-            :class:`tf2_ros.BufferClient` accepts none.
+        :param policy: what a :class:`tf2_ros.Buffer` accepts beyond tf2's, see
+            :class:`tf2_py.typing.LookupPolicy`. A :class:`tf2_ros.BufferClient` accepts none.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
         :raises LookupException: a frame is unknown, or the tree contains a loop.

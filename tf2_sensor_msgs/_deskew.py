@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from tf2_py._internal import MalformedObjectError, as_times_ns, duration_ns, errors, time_ns
+from tf2_py._internal import MalformedObjectError, as_times_ns, duration_ns, errors, policy_of, time_ns
 from tf2_py.text import printable
 from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, TransformException
 from tf2_ros._arguments import frame_of, kind_of
@@ -17,7 +17,9 @@ from tf2_sensor_msgs._cloud import move_points, read_times, sample_times
 from tf2_sensor_msgs._time_field import KNOWN, S, TimeField, Unit, find_time_field
 
 if TYPE_CHECKING:
-    from tf2_py.typing import DurationLike, DurationsLike, TimeLike, TimesLike
+    from typing_extensions import Unpack
+
+    from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, TimesLike
 
 # A ROS stamp holds no more seconds than these. So a larger number in a `timestamp` is nanoseconds.
 MOST_SECONDS = 2.0**31
@@ -53,7 +55,7 @@ class Motion(NamedTuple):
     target_frame: str
     source_frame: str
     fixed: dict[str, Any]  # fixed_frame and target_time, or nothing
-    policy: dict[str, Any]  # tolerance, extrapolate and max_gap
+    policy: "LookupPolicy"
 
     def matrices(self, times: NDArray[np.int64], **how: Any) -> NDArray[np.float64]:
         return BufferCore.lookup_matrices(
@@ -79,9 +81,7 @@ def deskew(
     timeout: "DurationLike" = 0,
     on_missing: Literal["raise", "nan"] = "raise",
     prefix: str = "",
-    tolerance: "DurationsLike | None" = None,
-    extrapolate: bool = False,
-    max_gap: "DurationLike | None" = None,
+    **policy: "Unpack[LookupPolicy]",
 ) -> PointCloud2:
     """
     Transform each point of a cloud from where the sensor was when it measured that point.
@@ -107,8 +107,8 @@ def deskew(
     :param on_missing: ``'raise'`` raises the error of the first point for whose time there is no transform,
         with its index; ``'nan'`` makes the coordinates of such points NaN.
     :param prefix: put before the frame of the cloud, as in ``buffer.transform``.
-    :param tolerance: what the lookups accept beyond tf2's, as ``extrapolate`` and ``max_gap``; see
-        :class:`tf2_py.typing.LookupPolicy`. There is no ``max_age``, because points have times.
+    :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`, but not
+        ``max_age``, because points have times.
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
         stays, but with ``fixed_frame`` the field from which the times were read, not another one, has the
         time of the new stamp for each point.
@@ -137,6 +137,9 @@ def deskew(
         raise TypeError("target_time needs a fixed_frame")
     if times is not None and time_unit is not None:
         raise TypeError("time_unit is the unit of a field: pass it or times")
+    accepted = policy_of("deskew", True, **policy)
+    if accepted is not None and accepted.judges_age:
+        raise ValueError("max_age is for the latest transform, but points have times: use tolerance")
     source_frame = frame_of(cloud.header, prefix)
     stamp_ns = new_ns = time_ns(cloud.header.stamp, "header.stamp")
     until_ns = time.monotonic_ns() + _timeout_ns(buffer, timeout)
@@ -144,7 +147,6 @@ def deskew(
     if fixed_frame is not None:
         new_ns = _target_ns(buffer, target_frame, fixed_frame, target_time, stamp_ns, until_ns)
         fixed = {"fixed_frame": fixed_frame, "target_time": new_ns or NOT_LATEST_NS}
-    policy = {"tolerance": tolerance, "extrapolate": extrapolate, "max_gap": max_gap}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
     sweep = _read_sweep(cloud, stamp_ns, times, time_unit)
     if sweep.first <= sweep.last:

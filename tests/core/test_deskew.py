@@ -12,6 +12,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 import tf2_sensor_msgs._deskew as inside
+from tf2_py.typing import LookupPolicy
 from tf2_ros import Buffer, BufferCore, ExtrapolationException, LookupException, TransformException
 from tf2_sensor_msgs import deskew, do_transform_cloud
 
@@ -848,13 +849,21 @@ def test_wrong_arguments_are_named(buffer):
         deskew(cloud, buffer, "odometry")
     with pytest.raises(ValueError, match="on_missing"):
         deskew(cloud, buffer, "odom", on_missing="skip")
-    with pytest.raises(TypeError, match="tolerence"):
+    with pytest.raises(TypeError, match=r"^deskew\(\) got .* 'tolerence'\. Did you mean 'tolerance'\?$"):
         deskew(cloud, buffer, "odom", tolerence=1)
+    with pytest.raises(ValueError, match=r"^max_age .* points have times: use tolerance$"):
+        deskew(cloud, buffer, "base", "odom", 0, max_age=1)
     with pytest.raises(TypeError, match=r"timeout: only a tf2_ros\.Buffer can wait, not a BufferCore"):
         deskew(cloud, driving(make=BufferCore), "odom", timeout=1)
     cloud.data = cloud.data[:100]
     with pytest.raises(ValueError, match="data has 100 bytes"):
         deskew(cloud, buffer, "odom")
+
+
+def test_each_argument_of_the_table_is_taken(buffer):
+    cloud, _, _ = measured("ouster")
+    given = dict.fromkeys(LookupPolicy.__annotations__)
+    assert deskew(cloud, buffer, "odom", **given) == deskew(cloud, buffer, "odom")
 
 
 def test_a_buffer_without_a_node_will_do():

@@ -5,6 +5,8 @@ import asyncio
 import pytest
 from making import S, at, at_ns, stamp_ns, transform, translation
 
+from tf2_py.typing import LookupPolicy
+
 pytestmark = pytest.mark.ours
 
 
@@ -64,6 +66,16 @@ def test_every_way_to_look_up_takes_a_policy(tf2_ros, way):
     answer = WAYS[way](buffer, tolerance=0.5, extrapolate=True)
     assert translation(answer) == (2.5, 1, 0)
     assert stamp_ns(answer) == LATE.nanoseconds
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_every_way_to_look_up_takes_each_argument_of_the_table(tf2_ros, way):
+    pytest.importorskip("tf2_geometry_msgs")
+    buffer = tf2_ros.Buffer()
+    for second in (2, 3):
+        buffer.set_transform(transform("map", "odom", second), "x")
+        buffer.set_transform(transform("odom", "base", second), "x")
+    assert WAYS[way](buffer, **dict.fromkeys(LookupPolicy.__annotations__)) == WAYS[way](buffer)
 
 
 def robot(tf2_ros):

@@ -5,8 +5,8 @@
 # be any of them, so the error also describes the one whose data is furthest away.
 
 cdef void lack_init(Lack* lack) noexcept nogil:
-    lack.first = lack.furthest = lack.torn = NULL
-    lack.furthest_frame = lack.torn_frame = NO_FRAME
+    lack.first = lack.furthest = lack.refused = NULL
+    lack.furthest_frame = lack.refused_frame = NO_FRAME
 
 
 cdef Gap _gap_and_edge(const History* history, int64_t time_ns, int64_t* edge_ns) noexcept nogil:
@@ -44,11 +44,12 @@ cdef void lack_check(Lack* lack, const History* history, FrameId frame, int64_t 
         gap = history_gap(history, time_ns)
     if gap == GAP_NONE:
         return
-    if gap != GAP_LONG:
+    if gap < GAP_LONG:
         _lack_add(lack, history, frame, time_ns)
-    elif lack.torn == NULL:
-        lack.torn = history
-        lack.torn_frame = frame
+    elif lack.refused == NULL:
+        lack.refused = history
+        lack.refused_frame = frame
+        lack.refusal = gap
 
 
 cdef Status _extrapolation(const Lack* source, const Lack* target, int64_t time_ns) noexcept nogil:
@@ -71,23 +72,23 @@ cdef Status _extrapolation(const Lack* source, const Lack* target, int64_t time_
     return status
 
 
-cdef Status _long_gap(const Lack* lack, int64_t time_ns) noexcept nogil:
+cdef Status _refused(const Lack* lack, int64_t time_ns) noexcept nogil:
     cdef Status status = status_of(STATUS_EXTRAPOLATION)
-    status.gap = GAP_LONG
-    status.child = lack.torn_frame
+    status.gap = lack.refusal
+    status.child = lack.refused_frame
     status.parent = NO_FRAME
     status.requested_ns = time_ns
-    history_stamps_around(lack.torn, time_ns, &status.edge_ns, &status.other_ns)
+    history_stamps_around(lack.refused, time_ns, &status.edge_ns, &status.other_ns)
     return status
 
 
 cdef Status lack_status(const Lack* source, const Lack* target, int64_t time_ns) noexcept nogil:
     if source.first != NULL or target.first != NULL:
         return _extrapolation(source, target, time_ns)
-    if target.torn != NULL:
-        return _long_gap(target, time_ns)
-    if source.torn != NULL:
-        return _long_gap(source, time_ns)
+    if target.refused != NULL:
+        return _refused(target, time_ns)
+    if source.refused != NULL:
+        return _refused(source, time_ns)
     return status_of(STATUS_OK)
 
 

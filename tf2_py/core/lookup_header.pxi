@@ -58,8 +58,9 @@ cdef struct Lack:
     const History* first        # of the first frame without an answer, on the way up
     const History* furthest     # of the one whose data is furthest from the time
     FrameId furthest_frame
-    const History* torn         # of the first one whose samples around it are too far apart for the policy
-    FrameId torn_frame
+    const History* refused      # of the first one that has an answer, which the policy refuses ...
+    FrameId refused_frame
+    Gap refusal                 # ... for this reason
 
 
 cdef void lack_init(Lack* lack) noexcept nogil

@@ -57,8 +57,9 @@ cdef enum Gap:
     GAP_SINGLE              # one sample, of another stamp
     GAP_FUTURE              # the time is later than the newest sample
     GAP_PAST                # the time is earlier than the oldest sample
-    GAP_LONG                # the samples around the time are further apart than a Policy allows
-    GAP_STALE               # the newest sample is older, by a clock, than a Policy allows
+    # It has one, which a Policy does not allow:
+    GAP_LONG                # the samples around the time are too far apart
+    GAP_STALE               # the newest sample is too old, by a clock
 
 
 cdef struct FrameLimit:

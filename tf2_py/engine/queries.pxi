@@ -86,9 +86,21 @@ cdef int64_t _not_negative(object duration, str argument) except -1:
     return INT64_MAX if found_ns >= FOR_EVER_NS else found_ns
 
 
-def policy_of(call, waits, /, tolerance=None, extrapolate=False, max_gap=None, max_age=None, **unknown):
+cdef str _unexpected(str name, str call, waits):
+    from tf2_py.typing import LookupPolicy      # needs NumPy
+
+    text = f"{call}() got an unexpected keyword argument {name!r}"
+    meant = errors.closest(name, ("timeout", *LookupPolicy.__annotations__))
+    if meant and meant[0] == "timeout" and not waits:
+        text += ". It does not wait: first call lookup_transform or can_transform with a timeout"
+    elif meant:
+        text += f". Did you mean {meant[0]!r}?"
+    return text
+
+
+def policy_of(call, waits, /, **policy):
     """
-    The policy of these arguments, which are those of ``Buffer.lookup_transform``; None: all are defaults.
+    The policy of these arguments, those of :class:`tf2_py.typing.LookupPolicy`; None: all are defaults.
 
     :param call: the method that a program called with them.
     :param waits: whether it has a ``timeout``.
@@ -97,14 +109,12 @@ def policy_of(call, waits, /, tolerance=None, extrapolate=False, max_gap=None, m
     """
     cdef PolicyObject made
     cdef FrameId* found
-    for name in unknown:
-        text = f"{call}() got an unexpected keyword argument {name!r}"
-        meant = errors.closest(name, ("timeout", "tolerance", "extrapolate", "max_gap", "max_age"))
-        if meant and meant[0] == "timeout" and not waits:
-            text += ". It does not wait: first call lookup_transform or can_transform with a timeout"
-        elif meant:
-            text += f". Did you mean {meant[0]!r}?"
-        raise TypeError(text)
+    tolerance = policy.pop("tolerance", None)
+    extrapolate = policy.pop("extrapolate", False)
+    max_gap = policy.pop("max_gap", None)
+    max_age = policy.pop("max_age", None)
+    for name in policy:
+        raise TypeError(_unexpected(name, call, waits))
     if tolerance is None and extrapolate:
         raise TypeError("extrapolate needs a tolerance: how far it may extrapolate")
     if tolerance is None and max_gap is None and max_age is None:

@@ -2,7 +2,9 @@
 End what waits once, in one step with its callbacks: a future, a subscription to changes.
 
 This is Cython because no signal handler and no other thread runs between two of its lines that run no code in
-Python. So nothing here needs a lock, and nothing has to be repeated after an interrupt.
+Python. So nothing here needs a lock, and nothing has to be repeated after an interrupt. Before Python 3.12,
+the collector, and so a finalizer or another thread, may run wherever a container is made, such as a list, a
+tuple or a bound method; not where one grows.
 """
 
 import weakref

@@ -1,4 +1,4 @@
-"""Write files that others find whole."""
+"""Replace files in one step, so that readers find either the old or the new one, whole."""
 
 import os
 import uuid

@@ -1,4 +1,4 @@
-"""What people get to see of names and numbers that anybody may have sent."""
+"""Show names that anybody may have sent, and numbers with their units."""
 
 __all__ = ["printable"]
 

@@ -35,7 +35,7 @@ def test_modules_import_known_libraries():
 
 
 def listed():
-    """The names that the reference of the core lists, and those of tf2."""
+    """The names that the reference of the core lists, those of tf2, and the modules that have them."""
     found = {f"{module}.{name}" for names in (ADDED, OURS) for module in names for name in names[module]}
     found |= {f"{module}.{name}" for module, content in NAMES.items() for name in content["names"]}
     for page in sorted((ROOT / "docs" / "api").glob("*.rst")):
@@ -51,7 +51,7 @@ def listed():
                 found.add(name)
             elif directive == "py:data":
                 found.add(f"{module}.{name}")
-    return found
+    return found | {name.rpartition(".")[0] for name in found}
 
 
 def used(tree, packages=sources.PACKAGES):
@@ -63,6 +63,7 @@ def used(tree, packages=sources.PACKAGES):
                 found |= {f"{module}.{one.name}" for one in aliases}
             case ast.Import(names=aliases):
                 for one in (one for one in aliases if one.name.partition(".")[0] in packages):
+                    found.add(one.name)
                     modules[one.asname or one.name] = one.name
     attributes = {
         f"{modules[of]}.{node.attr}"
@@ -81,7 +82,12 @@ def test_the_tools_use_names_of_the_core_that_its_reference_lists():
 
 
 @pytest.mark.parametrize(
-    "code", ["from tf2_py.text import counted as number", "import tf2_py.text as t\nt.counted(1, 'x')"]
+    "code",
+    [
+        "from tf2_py.text import counted as number",
+        "import tf2_py.text\ntf2_py.text.counted(1, 'x')",
+        "import tf2_py.text as t\nt.counted(1, 'x')",
+    ],
 )
 def test_an_unlisted_name_is_noticed(code):
     assert used(ast.parse(code)) - listed() == {"tf2_py.text.counted"}

@@ -57,9 +57,9 @@ __all__ = [
 PyKDLType = TypeVar("PyKDLType")
 TransformableObjectType = TypeVar("TransformableObjectType")
 if TYPE_CHECKING or HAS_ROS:
-    # sensor_msgs is in quotes, because it loads slowly.
+    # Unions of typing, as in tf2: programs use them as values. PointCloud2 is quoted because it loads slowly.
     MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, "PointCloud2"]
-    TransformableObject = Union[MsgStamped, PyKDLType]  # noqa: UP007  as in tf2
+    TransformableObject = Union[MsgStamped, PyKDLType]  # noqa: UP007
 
 _Object = TypeVar("_Object")
 if TYPE_CHECKING:

@@ -289,6 +289,8 @@ def local_workers(count: int) -> "Iterator[Client]":
     settings = {
         # If a recording kills its worker, Dask must not suspect recordings that wait for the same worker.
         "distributed.scheduler.worker-saturation": 1.0,
+        # Nor give a worker up that takes longer to start again on a busy machine: nothing would replace it.
+        "distributed.deploy.lost-worker-timeout": "1 day",
     }
     with (
         dask.config.set(settings),

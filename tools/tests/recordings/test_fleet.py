@@ -309,7 +309,10 @@ def test_the_workers_run_nothing_for_who_has_not_their_keys():
 
 
 def test_a_recording_that_kills_its_worker_stops_nobody(runs, out):
-    settings = {"distributed.scheduler.allowed-failures": 0}
+    settings = {
+        "distributed.scheduler.allowed-failures": 0,
+        "distributed.deploy.lost-worker-timeout": "1 ms",  # less than a worker takes to start again
+    }
     with dask.config.set(settings), local_workers(1) as client:
         client.register_plugin(Deadly("split"))
         result = mapped(runs, out, scheduler=client)

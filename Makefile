@@ -5,7 +5,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 PACKAGES := $(patsubst %/__init__.py,%,$(wildcard tf2_*/__init__.py))
 SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
-	$(wildcard tf2_*/*.p[xy][dxi] tf2_*/*/*.p[xy][dxi])
+	$(wildcard tf2_*/*.p[xy][dxi] tf2_*/*/*.p[xy][dxi] tf2_*/*.h)
 MESSAGES_SOURCES := $(wildcard messages/*.* messages/backend/*.py messages/src/tf2_msgs/*/*.msg messages/src/tf2_msgs/*/*.srv) \
 	$(wildcard messages/src/tf2_msgs/*/*.action)
 
@@ -45,7 +45,7 @@ Try it
   make demo        watch a robot being broadcast and looked up
   make test        run the tests: 4 minutes on 2 cores; TESTS=tests/ros/test_buffer.py: some of them
 Develop
-  make build       compile after a change to a .pyx, .pxd or .pxi file
+  make build       compile after a change to a .pyx, .pxd, .pxi or .h file
   make lint        check style and types
   make stubs       copy docstrings into the type stubs
   make test-all    run all tests: 8 minutes on 2 cores

@@ -39,7 +39,8 @@ def cython_extensions(root, platform=sys.platform):
         Extension(
             f"{package}.{path.stem}",
             [path.relative_to(root).as_posix()],
-            include_dirs=[numpy.get_include()],
+            include_dirs=[numpy.get_include(), str(root)],
+            depends=[header.relative_to(root).as_posix() for header in path.parent.glob("*.h")],
             define_macros=[("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION")],
             extra_compile_args=COMPILE_ARGS,
         )

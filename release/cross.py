@@ -171,7 +171,7 @@ def build(name, tools, *options):
     [of_numpy] = tools.site.glob("numpy/_core/include")
     command = [*tools.compiler, *extensions.COMPILE_ARGS, *extensions.NO_DEBUG_ARGS, "-DNDEBUG", "-fPIC"]
     command += ["-Werror=implicit-function-declaration", *TARGETS[name].link, *options]
-    command += [f"-I{folder}" for folder in (*tools.headers, of_numpy)]
+    command += [f"-I{folder}" for folder in (*tools.headers, of_numpy, checkout)]
 
     def compile_one(module):
         made = checkout / f"{module.replace('.', '/')}{tools.suffix}"

@@ -7,6 +7,7 @@ and may change at any time. They cimport nothing else from this package, so that
 from tf2_py._core cimport (
     NAME_NO_MEMORY,
     Batch,
+    Entry,
     Event,
     ForkedLock,
     Incoming,
@@ -17,6 +18,7 @@ from tf2_py._core cimport (
     add_seq_cst,
     batch_add_cdr,
     batch_begin,
+    batch_cdr,
     batch_error,
     batch_free,
     batch_prefix,

@@ -18,17 +18,20 @@ from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_CheckBuffer
 from cpython.long cimport PyLong_AsLongLongAndOverflow
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
+from libc.stdlib cimport calloc, free
 from libc.string cimport memset
 
 from tf2_py._internal cimport (
     NAME_NO_MEMORY,
     Batch,
     Engine,
+    Entry,
     Incoming,
     Name,
     Names,
     Transform,
     batch_add_cdr,
+    batch_cdr,
     batch_error,
     batch_free,
     batch_prefix,
@@ -55,7 +58,15 @@ import numpy as np
 
 from tf2_py._internal import log
 
-__all__ = ["RECORD", "MessageSource", "Recording", "insert_messages", "read_transforms", "refusal_text"]
+__all__ = [
+    "RECORD",
+    "MessageSource",
+    "Recording",
+    "insert_messages",
+    "read_transforms",
+    "refusal_text",
+    "serialize_arrays",
+]
 
 RECORD = np.dtype([
     ("received_ns", np.int64),
@@ -464,6 +475,51 @@ def read_transforms(raw, MessageSource source not None):
     finally:
         batch_free(&batch)
         PyBuffer_Release(&view)
+
+
+def serialize_arrays(frames, stamps_ns, transforms):
+    """
+    Serialise one TFMessage, as plain CDR.
+
+    :param frames: N pairs of names, parent and child.
+    :param stamps_ns: nanoseconds, shape (N,).
+    :param transforms: x y z in metres, and the quaternion x y z w, which is not changed: shape (N, 7).
+    :return: what a publisher sends, and a recording stores.
+    :raises TypeError: a name is not a str.
+    :raises ValueError: a name contains a NUL character, or there are not as many of one as of the others.
+
+    >>> from tf2_ros.records import MessageSource, read_transforms, serialize_arrays
+    >>> data = serialize_arrays([("map", "base")], [2_000_000_000], [[1, 0, 0, 0, 0, 0, 1]])
+    >>> read_transforms(data, MessageSource("/tf"))[0].transform.translation.x
+    1.0
+    """
+    cdef Batch batch
+    cdef Incoming* incoming
+    cdef Py_ssize_t parent_size, child_size
+    cdef size_t i
+    cdef list pairs = [(parent, child) for parent, child in frames]
+    cdef list stamps = np.asarray(stamps_ns, np.int64).tolist()
+    cdef list rows = np.asarray(transforms, np.float64).reshape(-1, 7).tolist()
+    if not len(pairs) == len(stamps) == len(rows):
+        raise ValueError(f"{len(pairs)} pairs of frames, {len(stamps)} stamps, {len(rows)} transforms")
+    memset(&batch, 0, sizeof(Batch))
+    batch.entries = <Entry*>calloc(len(pairs) + 1, sizeof(Entry))
+    if batch.entries == NULL:
+        raise MemoryError
+    try:
+        batch.count = len(pairs)
+        for i in range(batch.count):
+            incoming = &batch.entries[i].incoming
+            parent, child = pairs[i]
+            incoming.parent = name_utf8(parent, &parent_size)
+            incoming.child = name_utf8(child, &child_size)
+            incoming.parent_size, incoming.child_size = parent_size, child_size
+            incoming.stamp_ns = stamps[i]
+            x, y, z, qx, qy, qz, qw = rows[i]
+            incoming.transform = Transform(translation=[x, y, z], rotation=[qx, qy, qz, qw])
+        return batch_cdr(&batch)
+    finally:
+        free(batch.entries)
 
 
 def refusal_text(int refusals):

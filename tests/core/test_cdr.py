@@ -14,6 +14,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from tf2_msgs.msg import TFMessage
 from tf2_py._tf2_py import refused, serialize_transforms
+from tf2_ros.records import serialize_arrays
 
 pytestmark = pytest.mark.ours
 
@@ -109,8 +110,31 @@ def test_the_bytes_say_what_the_messages_say(rows):
     # What ROS's own bytes hold in the padding is arbitrary; so they are compared with those of an encoder by
     # the book, in length with ROS's, and by reading them back.
     assert data == encode(messages)
+    names, stamps_ns = [(p, c) for p, c, *_ in rows], [ns for _, _, ns, *_ in rows]
+    assert serialize_arrays(names, stamps_ns, [[*xyz, *xyzw] for *_, xyz, xyzw in rows]) == data
     assert len(data) == len(serialize_message(TFMessage(transforms=messages)))
     assert repr(deserialize_message(data, TFMessage)) == repr(TFMessage(transforms=messages))
+
+
+ROW = [0, 0, 0, 0, 0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("arrays", "error", "text"),
+    [
+        (([("a", "b")], [1, 2], [ROW]), ValueError, "1 pairs of frames, 2 stamps, 1 transforms"),
+        (([], [1], [ROW]), ValueError, "0 pairs of frames, 1 stamps, 1 transforms"),
+        (([("a", "b\0")], [1], [ROW]), ValueError, "NUL"),
+        (([("a", b"b")], [1], [ROW]), TypeError, "expected a str, got bytes"),
+        (([("a", "b")], [1], [ROW[1:]]), ValueError, "reshape"),
+        (([("a", "b")], [1], [["x", *ROW[1:]]]), ValueError, "'x'"),
+        (([("a", "b", "c")], [1], [ROW]), ValueError, "too many values"),
+    ],
+    ids=str,
+)
+def test_arrays_that_do_not_fit_are_refused(arrays, error, text):
+    with pytest.raises(error, match=text):
+        serialize_arrays(*arrays)
 
 
 @pytest.mark.parametrize("number", [3, True, np.int64(3), np.float32(1.5), np.array(2.5)], ids=repr)

@@ -7,8 +7,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tf2_ros.records import serialize_arrays
 from tf2_ros_tools.reading import RawMessage, typestore
-from tf2_ros_tools.serialised import EMPTY, tf_messages
 from tf2_ros_tools.urdf import Robot
 
 Frames: TypeAlias = tuple[str, str]  # parent and child
@@ -18,6 +18,7 @@ Row: TypeAlias = "Sequence[float] | NDArray[np.float64]"
 Moved: TypeAlias = "tuple[list[Frames], Floats, Floats]"
 
 S = 1_000_000_000
+EMPTY = serialize_arrays([], [], [])
 BATCH = 1000  # messages: some MB of transforms
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -108,6 +109,8 @@ class Poses(Source):
         if not all(frames):
             self.leave_out("frame_id is not set" if frames[1] else "child_frame_id is not set")
             return tuple(frames), []
+        if "\0" in "".join(frames):
+            raise ValueError("a frame name cannot hold a NUL character")
         self.named = True
         if self.msgtype == TRANSFORM:
             p, q = message.transform.translation, message.transform.rotation
@@ -152,7 +155,8 @@ def converted(
         for (topic, names), own in alike.items():
             places, stamps_ns, rows = zip(*own, strict=True)
             frames, translations, rotations = sources[topic].transforms(names, np.array(rows))
-            for i, text in zip(places, tf_messages(frames, stamps_ns, translations, rotations), strict=True):
-                made[i] = text
+            transforms = np.concatenate((translations, rotations), axis=-1)
+            for i, stamp_ns, one in zip(places, stamps_ns, transforms, strict=True):
+                made[i] = serialize_arrays(frames, [stamp_ns] * len(frames), one)
         for (connection, log_ns, _), text in zip(batch, made, strict=True):
             yield connection, log_ns, text

@@ -7,7 +7,7 @@ They are in JSON, or in protobuf, which the library mcap-protobuf-support decode
 import json
 from typing import Any, TypeAlias
 
-from tf2_ros_tools.serialised import EMPTY, tf_messages
+from tf2_ros.records import serialize_arrays
 
 TYPES = ("foxglove.FrameTransform", "foxglove.FrameTransforms")
 PROTOBUF, JSON = "protobuf", "json"
@@ -43,11 +43,8 @@ def tf_message(message: Any) -> bytes:
     else:
         found = message.transforms if hasattr(message, "transforms") else [message]
         parts = [_of_protobuf(part) for part in found]
-    if not parts:
-        return EMPTY
-    frames, stamps_ns, translations, rotations = zip(*parts, strict=True)
-    [made] = tf_messages(frames, [stamps_ns], [translations], [rotations])
-    return made
+    frames, stamps_ns = [part[0] for part in parts], [part[1] for part in parts]
+    return serialize_arrays(frames, stamps_ns, [[*xyz, *xyzw] for _, _, xyz, xyzw in parts])
 
 
 def stamp_ns(message: Any) -> int:

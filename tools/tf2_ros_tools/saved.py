@@ -19,8 +19,8 @@ from tf2_py import BufferCore
 from tf2_py.files import whole_file
 from tf2_py.text import printable
 from tf2_ros import Buffer
+from tf2_ros.records import serialize_arrays
 from tf2_ros_tools.output import require
-from tf2_ros_tools.serialised import tf_message
 
 _Kind = TypeVar("_Kind", bound=BufferCore)
 
@@ -187,7 +187,7 @@ def _messages(state: dict[str, Any]) -> Iterator[tuple[str, int, bytes]]:
     def serialised(rows: Any) -> bytes:
         pairs = zip(state["parents"][rows].tolist(), children[rows].tolist(), strict=True)
         frames = [(parent_names[parent], names[child]) for parent, child in pairs]
-        return tf_message(frames, stamps[rows], transforms[rows])
+        return serialize_arrays(frames, stamps[rows], transforms[rows])
 
     is_static = np.repeat(np.array([is_static for _, is_static, *_ in state["frames"]], bool), counts)
     static_rows = np.flatnonzero(is_static)

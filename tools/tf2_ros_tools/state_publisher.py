@@ -19,9 +19,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from tf2_py.text import printable
+from tf2_ros.records import serialize_arrays
 from tf2_ros_tools.output import counted, first_names
 from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.serialised import tf_messages
 from tf2_ros_tools.urdf import fixed, parse
 
 S = 1_000_000_000
@@ -150,12 +150,13 @@ class StatePublisher:
             self._warn_of_unknown(names)
             return
         # Every listener refuses other transforms, and those in C++ log each of them.
-        finite = np.isfinite(np.hstack((translations, rotations))).all(axis=1)
+        transforms = np.hstack((translations, rotations))
+        finite = np.isfinite(transforms).all(axis=1)
         self._warn_of_left_out([joints[k].name for k in np.flatnonzero(~finite)])
         frames = [(joints[k].parent, joints[k].child) for k in np.flatnonzero(finite)]
         if frames:
-            [message] = tf_messages(frames, [stamp_ns], [translations[finite]], [rotations[finite]])
-            self._transforms.publish(message)
+            stamps_ns = [stamp_ns] * len(frames)
+            self._transforms.publish(serialize_arrays(frames, stamps_ns, transforms[finite]))
 
     def _warn_of_unknown(self, names: Sequence[str]) -> None:
         """Say once that joint states are of another robot."""

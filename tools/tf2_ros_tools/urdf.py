@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from tf2_py import stored_name
 from tf2_py.text import printable
 from tf2_ros.numpy import to_matrix
+from tf2_ros.records import serialize_arrays
 from tf2_ros_tools.output import first_names
-from tf2_ros_tools.serialised import EMPTY, tf_messages
 
 __all__ = ["Joint", "Robot", "UrdfError", "load"]
 
@@ -165,12 +165,9 @@ def _rotated(q: ArrayLike, vectors: ArrayLike) -> Floats:
 def fixed(robot: Robot, without: Collection[str], stamp_ns: int = 0) -> bytes:
     """Make a TFMessage of the fixed joints, except those whose frames are in ``without``."""
     joints = [one for one in robot.joints if one.type == "fixed" and one.child not in without]
-    if not joints:
-        return EMPTY
-    translations, rotations = [one.translation for one in joints], [one.rotation for one in joints]
     frames = [(one.parent, one.child) for one in joints]
-    [made] = tf_messages(frames, [stamp_ns], [translations], [rotations])
-    return made
+    transforms = [[*one.translation, *one.rotation] for one in joints]
+    return serialize_arrays(frames, [stamp_ns] * len(joints), transforms)
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:

@@ -79,11 +79,13 @@ class TestPoses:
             ({"/odom": "gps"}, TypeError, r"poses must map topics to \(parent, child\) or None, not /odom"),
             ({"/odom": ("a",)}, TypeError, "poses must map topics to "),
             ({"/bad": None}, bag.BagError, "run.mcap, topic /bad, log time 5 ns: "),
+            ({"/nul": None}, bag.BagError, "topic /nul, log time .*a frame name cannot hold a NUL"),
         ],
     )
     def test_what_does_not_fit_is_told_in_one_sentence(self, poses, error, said, tmp_path):
         broken = Sent(5, "/bad", b"\0\1\0\0" + bytes(30), ODOMETRY)
-        path = write_mcap(tmp_path / "run.mcap", [broken, *drive(), *series("/pose", STAMPED)])
+        nul = series("/nul", ODOMETRY, frame="o\0m")
+        path = write_mcap(tmp_path / "run.mcap", [broken, *drive(), *series("/pose", STAMPED), *nul])
         with pytest.raises(error, match=said):
             bag.load(path, poses=poses)
 

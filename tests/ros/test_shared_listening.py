@@ -105,7 +105,7 @@ def test_threads_that_attach_listeners_of_a_buffer_attach_it_once(shared, node):
         buffer = Buffer()
         listeners = at_once(*[partial(TransformListener, buffer, node)] * 3)
         assert all(is_attached(one) for one in listeners)
-        assert ring_threads() == 1
+        until(lambda: ring_threads() == 1)
         buffer._tf2_attachment.close()
 
 

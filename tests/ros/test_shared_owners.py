@@ -166,7 +166,7 @@ def test_an_owner_that_ends_while_the_next_one_starts_is_followed_by_one_thread(
         check()
         second.set_transforms(links(1 * S, 0), "owner")
         assert reader.can_transform_core("map", "f4", 1 * S)[0]
-        assert ring_threads() == 1
+        until(lambda: ring_threads() == 1)
         reader._tf2_attachment.close()
         second._tf2_sharing.close()
 

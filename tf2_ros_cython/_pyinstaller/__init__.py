@@ -12,8 +12,8 @@ from tf2_ros_cython import _ros
 
 # What the .pyx files import from elsewhere; a test compares the two.
 IMPORTED = """
-array collections collections.abc contextlib ctypes datetime functools heapq numbers operator os stat struct
-sys threading traceback types warnings weakref
+array atexit collections collections.abc contextlib ctypes datetime functools heapq numbers operator os stat
+struct sys threading traceback types warnings weakref
 numpy geometry_msgs.msg nav_msgs.msg sensor_msgs.msg
 rclpy rclpy.executors rclpy.impl.implementation_singleton rclpy.time rclpy.waitable
 """.split()

@@ -6,13 +6,16 @@ from pathlib import Path
 import setuptools
 from setuptools import setup
 
-if int(setuptools.__version__.partition(".")[0]) < 61:
+try:
+    import setuptools.config.pyprojecttoml
+except ModuleNotFoundError:
+    # The number of the version does not tell: in a build by pip 26.2, setuptools has that of this project.
     # Not SystemExit, which colcon ignores.
     raise RuntimeError(
         f"tf2-ros-cython cannot be built with setuptools {setuptools.__version__}, which does not read"
         " [project] in pyproject.toml. The colcon of Ubuntu 22.04 uses that one: run pip install in a virtual"
         " environment instead, as docs/installing.md describes"
-    )
+    ) from None
 
 ROOT = Path(__file__).resolve().parent
 # setuptools runs this file without its folder on the path.

@@ -73,6 +73,7 @@ def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):
 
 def test_the_setuptools_of_ubuntu_22_is_refused_as_colcon_runs_it(monkeypatch):
     monkeypatch.setattr(setuptools, "__version__", "59.6.0")
+    monkeypatch.setitem(sys.modules, "setuptools.config.pyprojecttoml", None)
     with pytest.raises(RuntimeError, match="setuptools 59.6.0, .*: run pip install in a virtual environment"):
         run_setup(ROOT / "setup.py", stop_after="config")
 

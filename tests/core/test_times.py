@@ -1,4 +1,4 @@
-"""Times and durations as nanoseconds."""
+"""Times and durations as nanoseconds; rclpy's Time is read by the layout of its handle where that holds."""
 
 import datetime
 import math
@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rclpy.time
 from builtin_interfaces.msg import Time as TimeMsg
 from rclpy.duration import Duration
 from rclpy.time import Time
@@ -17,6 +18,32 @@ from tf2_py._internal import FOR_EVER_NS, duration_ns, stamp_parts, time_ns
 pytestmark = pytest.mark.ours
 
 DAY = 86400 * 10**9  # ns
+
+
+class HandlelessTime:
+    def __init__(self, *, nanoseconds=0):
+        self.nanoseconds = nanoseconds
+
+
+class OtherTime(HandlelessTime):
+    """Stands where rclpy's Time was, with a handle of another kind."""
+
+    _time_handle = SimpleNamespace()
+
+
+class TimeWithAnotherNumber(Time):
+    """The handle is rclpy's, but it does not hold the number that the class tells."""
+
+    nanoseconds = property(lambda self: 7)
+
+
+@pytest.mark.parametrize("cls", [OtherTime, HandlelessTime, TimeWithAnotherNumber])
+def test_a_class_whose_handle_lies_otherwise_is_asked_by_its_property(monkeypatch, cls):
+    with monkeypatch.context() as patch:
+        patch.setattr(rclpy.time, "Time", cls)
+        for _ in range(2):
+            assert time_ns(cls(nanoseconds=5), "time") == cls(nanoseconds=5).nanoseconds
+    assert time_ns(Time(nanoseconds=11), "time") == 11
 
 
 def test_the_parts_of_a_stamp_give_it_again():

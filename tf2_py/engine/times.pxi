@@ -1,4 +1,12 @@
-"""Convert times and durations to nanoseconds."""
+"""
+Convert times and durations to nanoseconds.
+
+rclpy's Time and Duration keep their number behind two properties, one in Python and one of pybind11. By them,
+a lookup takes 0.8 us instead of 0.45. Reading a Time faster relies on this: ``_time_handle`` is a pybind11
+object, which holds, directly after the object head, a pointer to rcl's ``rcl_time_point_t``, which begins
+with the nanoseconds. This is checked once, with Times of known numbers; if it does not hold, the property is
+called. Tested with rclpy of ROS 2 Jazzy (CPython 3.10 to 3.13) and Kilted (to 3.14).
+"""
 
 TIMES_TO_USE = (
     "Time(seconds=...), node.get_clock().now(), an int of nanoseconds, a datetime64, or Time() for the latest"
@@ -13,6 +21,8 @@ FOR_EVER_NS = 2**62     # 146 years; added to a steady time, it still fits into 
 cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
 
 cdef Layout time_layout = None
+cdef object _time_class = None      # rclpy's class that was looked at, or None
+cdef object _handle_class = None    # the class of its handles; None: not readable directly
 cdef bint _lacks_rclpy = False      # as the first search found; each takes 40 us, and a lock of imports
 
 
@@ -50,7 +60,32 @@ cdef str _times_to_use():
     return TIMES_WITHOUT_ROS if _rclpy_time() is None else TIMES_TO_USE
 
 
+cdef inline int64_t* _handle_ns(object handle):
+    return (<int64_t**>(<char*><PyObject*>handle + sizeof(PyObject)))[0]
+
+
+cdef int _look_at_time_class(cls) except -1:
+    global _time_class, _handle_class
+    cdef int64_t known_ns
+    _time_class = cls
+    _handle_class = None
+    for known_ns in (0x0123456789ABCDEF, 1):
+        ordinary = cls(nanoseconds=known_ns)
+        handle = getattr(ordinary, "_time_handle", None)
+        handle_class = type(handle)
+        if type(handle_class).__name__ != "pybind11_type" or _handle_ns(handle) == NULL:
+            return 0
+        if _handle_ns(handle)[0] != known_ns or ordinary.nanoseconds != known_ns:
+            return 0
+    _handle_class = handle_class
+    return 0
+
+
 cdef int64_t nanoseconds(object value, str argument) except? -1:
+    if type(value) is _time_class and _handle_class is not None:
+        handle = value._time_handle
+        if type(handle) is _handle_class and _handle_ns(handle) != NULL:
+            return _handle_ns(handle)[0]
     load_time()
     if type(value) is time_layout.message_class:
         return _from_parts(time_layout.get(value, TIME_SEC), time_layout.get(value, TIME_NANOSEC))
@@ -64,6 +99,8 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         _refuse_duration(value, found, argument)
+        if type(value) is not _time_class and type(value) is _rclpy_time():
+            _look_at_time_class(type(value))
         return _whole(found, "nanoseconds")
     if hasattr(value, "sec") and hasattr(value, "nanosec"):
         _refuse_duration(value, value.sec or value.nanosec, argument)

@@ -10,12 +10,14 @@ subscribes later gets the last message. Ends when nobody subscribes.
 import os
 import sys
 import threading
+from contextlib import suppress
 
 os.environ["RMW_FASTRTPS_PUBLICATION_MODE"] = "ASYNCHRONOUS"  # another thread sends them
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
 from processes import until
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
@@ -35,7 +37,8 @@ def main(topic, messages):
     # The subscriber may not have found this publisher when the first burst is sent.
     while publisher.get_subscription_count() > 0:
         for _ in range(messages):
-            publisher.publish(message)
+            with suppress(RCLError):  # on a busy machine, the queue is still full after 100 ms: one more lost
+                publisher.publish(message)
         pause.wait(PAUSE_S)
     rclpy.shutdown()
 

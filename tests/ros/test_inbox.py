@@ -131,6 +131,8 @@ class TestEventsExecutor:
             publisher.send(("map", "robot", 1 * S, 5))
             publisher.send(("map", "fixed", 0, 5), static=True)
             self.spin(events_executor, lambda: "robot" in buffer and "fixed" in buffer)
+        # The executor keeps a subscription until it has looked.
+        self.spin(events_executor, lambda: not any(map(node.count_subscribers, ("/tf", "/tf_static"))))
 
 
 def test_buffers_are_exchanged_while_threads_read_and_wait(tf2_ros, node, flood):

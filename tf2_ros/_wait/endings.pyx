@@ -12,9 +12,9 @@ from functools import partial
 
 from tf2_py import BufferCore, TimeoutException
 from tf2_py._internal import log
-from tf2_ros_cython._presence import HAS_ROS
+from tf2_ros_cython import _presence
 
-if HAS_ROS:     # else there are no futures, but subscriptions to changes
+if _presence.HAS_ROS:   # else there are no futures, but subscriptions to changes
     from tf2_ros._rclpy import wakes_executor
 
 cdef enum:

@@ -168,25 +168,30 @@ def long_gap(
 
 
 def stale(
-    child: str, parent: str, newest_ns: int, now_ns: int, max_age_ns: int, target: str, source: str
+    child: str,
+    parent: str,
+    newest_ns: int,
+    now_ns: int,
+    age_ns: int,
+    max_age_ns: int,
+    target: str,
+    source: str,
 ) -> ExtrapolationException:
-    """The error for a latest transform whose data is older than ``max_age`` allows, by the buffer's clock."""
+    """The error for a latest transform whose data is older than ``max_age`` allows."""
     child, parent, target, source = map(printable, (child, parent, target, source))
-    age_ns = now_ns - newest_ns
-    if now_ns > 0 and age_ns <= max_age_ns:
-        ahead = f"is {seconds(-age_ns)} s ahead of the clock of the buffer"
-        fact = f"{ahead}, at {seconds(now_ns)}, which was set back"
-    elif now_ns > 0:
+    if now_ns <= 0:
+        fact = "has no known age: the clock of the buffer is at 0, because simulated time has not begun"
+    elif age_ns == now_ns - newest_ns:
         fact = f"is {seconds(age_ns)} s old by the clock of the buffer, at {seconds(now_ns)}"
     else:
-        fact = "has no known age: the clock of the buffer is at 0, because simulated time has not begun"
+        fact = f"is {seconds(age_ns)} s old; the clock of the buffer, at {seconds(now_ns)}, was set back"
     text = (
         f"The latest transform from frame [{source}] to frame [{target}] is too old; the newest sample of "
         f"{child} in {parent}, at {seconds(newest_ns)}, {fact}; max_age allows {seconds(max_age_ns)} s"
     )
     if newest_ns > now_ns > 0:
         text += ". Clear the buffer if new samples are refused as too old"
-    if newest_ns < YEAR_NS and age_ns > 30 * YEAR_NS:
+    if newest_ns < YEAR_NS and now_ns - newest_ns > 30 * YEAR_NS:
         if newest_ns == 0:
             text += ". Its stamp is 0: was it never set?"
         else:

@@ -48,8 +48,9 @@ cdef struct History:
     # What the tree writes.
     uint32_t authority          # id of the sender of the last sample; NAME_UNKNOWN: there was none
     bint is_parent              # a sample of some frame has named this frame as its parent
-    int64_t overtaken_ns        # newest_ns when the clock was set back behind it; 0: it never was
-    int64_t overtaken_at_ns     # steady time from which the age of that sample counts
+    uint32_t arrived_after      # readings of the clock before the newest sample arrived
+    int64_t overtaken_ns        # newest_ns when the system's clock was set back; 0: it never was
+    int64_t overtaken_at_ns     # the steady time of that stamp, by the clock before it was set back
     bint is_hidden              # forgotten: the name counts as unknown until a transform uses it again
     bint was_unnormalised       # an unnormalised rotation of this frame has been reported
 
@@ -95,7 +96,7 @@ cdef inline bint history_is_overtaken(const History* history) noexcept nogil:
 
 
 cdef inline void history_overtake(History* history, int64_t at_ns) noexcept nogil:
-    # A second step does not make the same sample younger.
+    # After a second step, the age of the same sample counts on.
     if not history_is_overtaken(history):
         history.overtaken_ns, history.overtaken_at_ns = history.newest_ns, at_ns
 
@@ -104,8 +105,8 @@ cdef inline int64_t history_age(const History* history, int64_t now_ns) noexcept
     # Of the newest sample, in ns; INT64_MAX: the clock has not begun.
     if now_ns <= 0:
         return INT64_MAX
-    if history.newest_ns > now_ns and history_is_overtaken(history):
-        return monotonic_ns() - history.overtaken_at_ns
+    if history_is_overtaken(history):
+        return max(monotonic_ns() - history.overtaken_at_ns, now_ns - history.newest_ns)
     return now_ns - history.newest_ns
 
 

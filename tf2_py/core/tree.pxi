@@ -261,6 +261,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     # Only a frame that has children can close a loop.
     cdef bint may_loop = not tree.ever_looped and history.is_parent and not _has_parent(tree, history, parent)
     cdef uint32_t count = history.count
+    cdef int64_t newest_ns = history.newest_ns
     cdef size_t bytes_before = history_allocated(history)
     cdef size_t growth_limit = _bytes_left(tree)
     tree.is_frozen = False      # a repeated sample, too, has another authority, and prunes
@@ -274,6 +275,8 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
                                  &changed)
     tree.samples += history.count - <uint64_t>count
     tree.history_bytes += history_allocated(history) - bytes_before
+    if history.newest_ns != newest_ns:
+        history.arrived_after = tree.readings
     # In any case, the history may have been pruned.
     tree.parents[child] = history_newest_parent(history) | (MIXED_PARENTS if history.parent_changes else 0)
     if outcome == HISTORY_INSERTED or outcome == HISTORY_DUPLICATE:
@@ -326,11 +329,20 @@ cdef void tree_clear(Tree* tree) noexcept nogil:
             tree.parents[id] = NO_FRAME
 
 
-cdef void tree_overtake(Tree* tree, int64_t now_ns, int64_t at_ns) noexcept nogil:
+cdef void tree_overtake(Tree* tree, const ClockReading* last, const ClockReading* now) noexcept nogil:
+    cdef History* history
+    cdef int64_t at_ns
     cdef uint32_t id
     for id in range(tree.names.count):
-        if tree.histories[id].newest_ns > now_ns:
-            history_overtake(&tree.histories[id], at_ns)
+        history = &tree.histories[id]
+        at_ns = last.steady_ns + (history.newest_ns - last.now_ns)
+        if history.arrived_after == tree.readings:
+            # Since the last reading. What is not ahead of the clock may have its stamp since the step.
+            if history.newest_ns <= now.now_ns:
+                continue
+            at_ns = max(at_ns, last.steady_ns)
+        if history.newest_ns:
+            history_overtake(history, min(at_ns, now.steady_ns))
             tree.was_overtaken = True
 
 

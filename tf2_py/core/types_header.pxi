@@ -148,6 +148,7 @@ cdef struct Status:
     # The stamp that tf2's sentence quotes; for GAP_LONG, the stamp after edge_ns; for GAP_STALE, how old the
     # data may be.
     int64_t other_ns
+    int64_t age_ns          # of GAP_STALE
 
 
 cdef inline Status status_of(StatusCode code) noexcept nogil:

@@ -4,7 +4,7 @@
 
 cdef int64_t PERIOD_NS = 1000000000
 
-# By how much the system's clock is set back where data that it has shown counts as old; see history_age.
+# By how much the system's clock must be set back for ages to count on; see tree_overtake.
 cdef int64_t STEP_BACK_NS = 1000000000
 # What counts as the time of a clock that has not begun.
 cdef int64_t NOT_BEGUN_NS = 1
@@ -503,9 +503,9 @@ cdef class Engine:
             # At least this much time has passed between the readings, also if a thread stalled during one.
             step_ns = reading.now_ns - self._clock.now_ns - (before_ns - self._clock.steady_ns)
             if step_ns <= -STEP_BACK_NS:
-                # Data may have arrived right after the last reading.
-                tree_overtake(&self._tree, reading.now_ns, self._clock.steady_ns)
+                tree_overtake(&self._tree, &self._clock, reading)
         self._clock = reading[0]
+        self._tree.readings += 1
         # A clock that has not begun may begin at any time.
         self._clock.now_ns = max(reading.now_ns, NOT_BEGUN_NS)
         lock_release(&self._lock)

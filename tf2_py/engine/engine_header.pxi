@@ -9,7 +9,7 @@ cdef enum:
 
 
 cdef struct Overtaken:
-    # A frame behind whose newest sample the clock was set back, and History.overtaken_at_ns.
+    # A frame whose age counts on after the clock was set back, and History.overtaken_at_ns.
     FrameId frame
     int64_t at_ns
 
@@ -104,8 +104,8 @@ cdef class Engine:
     # If that raises, nothing has changed.
     cdef dict export(self)
     cdef int restore(self, dict state) except -1
-    # The ages in ns of the newest samples behind which the system's clock was set back, by their frames. And
-    # noting that for samples that were just restored.
+    # The ages in ns of the newest samples that the buffer had when the system's clock was set back, by their
+    # frames. And noting that for samples that were just restored.
     cdef dict overtaken(self)
     cdef int overtake(self, dict ages_ns) except -1
     # The same for a frozen file: writes the content, as write_frozen; and replaces it by that of a file, as

@@ -1,6 +1,6 @@
 """Wait for one lookup: its answer as a message, and the thread that blocks until it is available."""
 
-# How often a blocked thread checks whether its context has ended or the system's clock was set back ...
+# How often a blocked thread checks whether its context has ended or simulated time has begun ...
 cdef int64_t WAKE_CHECK_NS = 100 * <int64_t>1000000
 # ... and the main thread also checks for signals, which do not end its sleep. tf2's waits do so as often.
 cdef int64_t SIGNAL_CHECK_NS = 20 * <int64_t>1000000
@@ -114,11 +114,9 @@ cdef class Wait(WaiterOwner):
         """
         Whether :meth:`take` must be called regularly.
 
-        It must if it judges ages by the system's clock, or by a simulated one that has not begun: nothing
-        reports that the first is set back, or that the second begins.
+        It must if it judges ages by a simulated clock that has not begun: nothing reports that it begins.
         """
-        return (self._judges_age()
-                and (self._engine._clock.is_system or self._engine._clock.now_ns <= NOT_BEGUN_NS))
+        return self._judges_age() and self._engine._clock.now_ns <= NOT_BEGUN_NS
 
     def reason(self):
         """The exception that a lookup would raise now, or None."""

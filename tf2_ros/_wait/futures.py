@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task
 SHUTDOWN_CHECK_NS = 100_000_000  # how often to check the contexts of what asyncio awaits
-CLOCK_CHECK_NS = 100_000_000  # how often to check whether the system's clock was set back
+CLOCK_CHECK_NS = 100_000_000  # how often to check whether simulated time has begun
 
 
 _Result = TypeVar("_Result")
@@ -360,9 +360,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
 class _ClockCheck:
     """
-    Regularly retries a future that judges ages by the system's clock, as long as something else refers to it.
-
-    Data may become fresh when that clock is set back, and nothing reports this.
+    Regularly retries a future that judges ages, until simulated time begins, as long as something else refers
+    to it. Nothing reports that.
     """
 
     def __init__(self, future: TransformFuture) -> None:

@@ -27,55 +27,93 @@ def tell(what, outcome):
     print(json.dumps({"what": what, "outcome": outcome}), flush=True)
 
 
-def ahead():
-    """A buffer whose data is ten minutes old by a clock that is an hour ahead."""
+def buffer_with_data(seconds_old=0):
+    """A buffer that was asked how old its data is, by a clock that is an hour ahead."""
     buffer = Buffer()
     CLOCK.value = HOUR
-    buffer.set_transform(transform("map", "odom", ns=time.time_ns() - S * 600), "x")
-    assert not fresh(buffer)
+    insert(buffer, seconds_old)
+    assert fresh(buffer) == (seconds_old == 0)
     return buffer
+
+
+def insert(buffer, seconds_old=0):
+    buffer.set_transform(transform("map", "odom", ns=time.time_ns() - S * seconds_old), "x")
 
 
 def fresh(buffer):
     return buffer.can_transform("map", "odom", 0, max_age=MAX_AGE_S)
 
 
+def age_in(buffer):
+    [age] = buffer.ages("map", "odom").values()
+    return age
+
+
 def block(buffer):
-    return buffer.can_transform("map", "odom", 0, DEADLINE_S, max_age=MAX_AGE_S)
+    return buffer.lookup_transform("map", "odom", 0, DEADLINE_S, max_age=MAX_AGE_S)
 
 
 def future(buffer):
     pending = buffer.wait_for_transform_async("map", "odom", 0, max_age=MAX_AGE_S)
     until(pending.done)
-    return pending.result().header.frame_id == "map"
+    return pending.result()
 
 
 def awaiting(buffer):
-    found = asyncio.run(buffer.lookup_transform_async("map", "odom", 0, max_age=MAX_AGE_S))
-    return found.header.frame_id == "map"
+    return asyncio.run(buffer.lookup_transform_async("map", "odom", 0, max_age=MAX_AGE_S))
 
 
 def set_back_during(wait):
-    """What a wait says while which the clock is set back."""
-    buffer = ahead()
+    """Whether a wait during which the clock is set back goes on until there is new data."""
+    buffer = buffer_with_data(seconds_old=600)
 
     def set_back():
         until(lambda: buffer.statistics()["waiters"])
         CLOCK.value = 0
+        assert not fresh(buffer)
+        buffer.clear()  # which lets in samples that are older than what was there
+        insert(buffer)
 
     thread = threading.Thread(target=set_back)
     thread.start()
-    outcome = wait(buffer)
+    stamp = wait(buffer).header.stamp
     thread.join()
-    return outcome
+    return abs(stamp.sec - time.time()) < DEADLINE_S
+
+
+def stale_data_stays_stale():
+    """Also if the clock is ahead of the data by less than the limit after the step, or behind it."""
+    ages = []
+    for seconds_old, step_ns in ((600, HOUR), (3601, HOUR), (3600, HOUR + S // 2)):
+        buffer = buffer_with_data(seconds_old)
+        CLOCK.value = HOUR - step_ns
+        assert not fresh(buffer)
+        ages.append(age_in(buffer) - seconds_old)
+    return all(0 <= age < DEADLINE_S for age in ages)
+
+
+def clock_catches_up():
+    """Data does not become fresh when the clock reaches its stamp, whether or not it was judged meanwhile."""
+    ages = []
+    for is_judged in (False, True):
+        buffer = buffer_with_data()
+        began = time.monotonic()
+        CLOCK.value = HOUR - 3 * S
+        if is_judged:
+            age_in(buffer)
+        until(lambda begin=began: time.monotonic() - begin > 3.5)
+        assert not fresh(buffer)
+        ages.append(age_in(buffer))
+    return all(3.5 < age < DEADLINE_S for age in ages)
 
 
 def becomes_stale():
     """Whether the data that a clock was set back behind does not stay fresh; and what is said then."""
-    buffer = ahead()
+    buffer = buffer_with_data()
     CLOCK.value = 0
+    assert fresh(buffer)
     until(lambda: not fresh(buffer))
-    [age] = buffer.ages("map", "odom").values()
+    age = age_in(buffer)
     assert MAX_AGE_S < age < DEADLINE_S, age
     try:
         buffer.lookup_transform("map", "odom", 0, max_age=MAX_AGE_S)
@@ -93,8 +131,8 @@ def copies(buffer):
 
 
 def is_as_stale(copied, age):
-    """Whether a copy knows of the step, and of how long ago it was, until a new sample arrives."""
-    [found] = copied.ages("map", "odom").values()
+    """Whether a copy knows of the step, and how old the data is, until a new sample arrives."""
+    found = age_in(copied)
     assert age <= found < DEADLINE_S, (age, found)
     was_fresh = fresh(copied)
     copied.set_transform(transform("map", "odom", ns=time.time_ns() + S * 4000), "x")
@@ -105,7 +143,7 @@ def copies_of_a_file():
     """The same for a buffer whose copies are the path of its file."""
     CLOCK.value = 0
     with tempfile.TemporaryDirectory() as folder:
-        ahead().freeze(f"{folder}/frozen.tf2")
+        buffer_with_data().freeze(f"{folder}/frozen.tf2")
         buffer = Buffer.open(f"{folder}/frozen.tf2")
         fresh(buffer)
         CLOCK.value = 0
@@ -128,6 +166,8 @@ rclpy.init()
 CLOCK = ctypes.c_long.in_dll(ctypes.CDLL(None), "wall_offset_ns")
 for way in (block, future, awaiting):
     tell(way.__name__, set_back_during(way))
+tell("stale data", stale_data_stays_stale())
+tell("the clock catches up", clock_catches_up())
 tell("new data after stale data", becomes_stale())
 tell("copies of a file", copies_of_a_file())
 tell("never read before", never_read_before())

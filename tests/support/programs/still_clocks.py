@@ -1,0 +1,82 @@
+"""
+Sets both clocks while random buffers judge ages, and compares each answer with the model:
+`still_clocks.py RUNS SEED`, with `interposed/still_clocks.c`.
+"""
+
+import copy
+import ctypes
+import pickle
+import random
+import sys
+
+from making import S, transform
+from model import Model
+from model_pair import as_model_tells, of_buffer, of_model, same_answer, same_error
+from model_questions import arguments_of
+from model_terms import Policy
+
+from tf2_ros import Buffer
+
+STEPS = 40
+BEGIN_NS = 1_000_000 * S
+FRAMES = ("map", "odom", "base", "arm")  # each is below one that comes before it
+LIMITS_S = (0, 1, 2, 5, 100)
+
+
+class Run:
+    def __init__(self, seed):
+        self.dice = random.Random(seed)
+        WALL.value = STEADY.value = BEGIN_NS
+        self.homes = {child: self.dice.choice(FRAMES[:i]) for i, child in enumerate(FRAMES) if i}
+        self.model = Model()
+        self.model.begin_system_time(BEGIN_NS, BEGIN_NS)
+        self.buffer = Buffer()
+
+    def insert(self):
+        child = self.dice.choice(FRAMES[1:])
+        late_ns = self.dice.choice((0, 0, 0, 1, S // 2, S, 3 * S, 50 * S, -1, -S // 2, -3 * S))
+        link, xyz = (self.homes[child], child, WALL.value - late_ns), (self.dice.randrange(3), 0, 0)
+        self.buffer.set_transforms([transform(*link[:2], ns=link[2], xyz=xyz)], "x", False)
+        self.model.insert(*link, xyz, (0, 0, 0, 1), "x")
+
+    def go_on(self):
+        passed_ns = self.dice.choice((1, S // 5, S, 3 * S, 20 * S))
+        WALL.value += passed_ns
+        STEADY.value += passed_ns
+
+    def set_clock(self):
+        step_ns = self.dice.choice((S // 2, S - 1, S, S + 1, 4 * S, 60 * S))
+        WALL.value += self.dice.choice((-step_ns, -step_ns, step_ns))
+
+    def ask(self):
+        limit_ns = self.dice.choice(LIMITS_S) * S + self.dice.randrange(2)
+        for child in self.model.frames:
+            arguments = (self.homes[child], child)
+            self.model.read_system_clock(WALL.value, STEADY.value)
+            assert self.buffer.ages(*arguments) == self.model.ages(*arguments)
+            policy = Policy(max_age=limit_ns)
+            expected = of_model(self.model.lookup_under, policy, *arguments, 0)
+            found = of_buffer(self.buffer.lookup_transform, *arguments, 0, **arguments_of(policy))
+            if expected[0] == "answer" == found[0]:
+                assert same_answer(as_model_tells(found[1]), expected[1])
+            else:
+                assert same_error(found, expected), (found, expected)
+
+    def copy(self):
+        copied = self.dice.choice((copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))))
+        self.buffer = copied(self.buffer)
+        self.model.begin_system_time(WALL.value, STEADY.value)
+
+
+WALL, STEADY = (ctypes.c_long.in_dll(ctypes.CDLL(None), name) for name in ("wall_ns", "steady_ns"))
+runs, first_seed = map(int, sys.argv[1:])
+for seed in range(first_seed, first_seed + runs):
+    run = Run(seed)
+    for number in range(STEPS):
+        frequent = [run.insert] * 5 + [run.go_on] * 4 + [run.ask] * 4
+        step = run.dice.choice([*frequent, run.set_clock, run.set_clock, run.copy])
+        try:
+            step()
+        except AssertionError as error:
+            raise AssertionError(f"seed {seed}, step {number}") from error
+print("as the model", runs)

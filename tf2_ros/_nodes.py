@@ -167,7 +167,7 @@ class Spinner:
             self.thread.join(CALLBACK_END_WAIT_S)
 
     def _tf2_check(self) -> None:
-        """Wake the executor after a shutdown, see ``Completions._tf2_check``, and end with the node."""
+        """Wake the executor after a shutdown, see ``CallQueue._tf2_check``, and end with the node."""
         node = self._node()
         if context_was_shut_down(self.executor.context):
             wake(self.executor)
@@ -210,23 +210,23 @@ def _stop_spinning() -> None:
 class WaitContexts:
     """
     The contexts of everything that fills one buffer: that of its node, and those of its listeners, also of
-    ended ones; and the completions of the listeners' nodes.
+    ended ones; and the call queues of the listeners' nodes.
     """
 
     def __init__(self) -> None:
         # Replaced, never changed: read without a lock.
         self.known: tuple[Any, ...] = ()  # without those that had been shut down when the last was added
-        self.completions: tuple[weakref.ref[Any], ...] = ()  # of the latest listener last
+        self.call_queues: tuple[weakref.ref[Any], ...] = ()  # of the latest listener last
 
 
 _NOTHING_KNOWN = WaitContexts()
 
 
-def note_filler(node: Any, buffer: object, completions: object = None) -> None:
+def note_filler(node: Any, buffer: object, call_queue: object = None) -> None:
     """
     Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.
 
-    :param completions: those of a listener's node; not of anything else.
+    :param call_queue: of a listener's node; None for anything else.
     """
     contexts = getattr(buffer, "_tf2_wait_contexts", None)
     if is_node(node) and isinstance(contexts, WaitContexts):
@@ -234,9 +234,9 @@ def note_filler(node: Any, buffer: object, completions: object = None) -> None:
         with LOCK:
             others = (one for one in contexts.known if one is not context and not context_was_shut_down(one))
             contexts.known = (*others, context)
-            if completions is not None:
-                known = (one for one in contexts.completions if one() not in (None, completions))
-                contexts.completions = (*known, weakref.ref(completions))
+            if call_queue is not None:
+                known = (one for one in contexts.call_queues if one() not in (None, call_queue))
+                contexts.call_queues = (*known, weakref.ref(call_queue))
 
 
 class Shutdown:

@@ -14,8 +14,8 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._arguments import require_callable
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, is_wanted, require_support
-from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.endings import ChangeSubscription
+from tf2_ros._wait.lookups import Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
 

@@ -33,8 +33,8 @@ from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, companion_node, require_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import context_was_shut_down, handle_of_goal
+from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros._wait.futures import WakingFuture
-from tf2_ros._wait.runners import completions_of
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
 
@@ -156,7 +156,7 @@ class GoalSender:
         self.action_client = ActionClient(hidden, LookupTransform, self.name, **lookup_qos())
         # All else happens in the thread of the hidden node, because rclpy's action client loses a response
         # that arrives before the thread that sent the request has returned.
-        self._completions = completions_of(hidden)
+        self._call_queue = call_queue_of(hidden)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = hidden.create_timer(period_s, self._advance_all, clock=steady)
         self._timer.cancel()
@@ -172,7 +172,7 @@ class GoalSender:
         """
         pending = PendingGoal(goal, padding_ns)
         self._pending[pending] = self._steps(pending)
-        self._completions.put(partial(self._advance, pending))
+        self._call_queue.put(partial(self._advance, pending))
         if self._ended:
             self._fail_at_end(pending)
         return pending
@@ -180,7 +180,7 @@ class GoalSender:
     def abandon(self, pending: PendingGoal) -> None:
         """Cancel a goal, unless it has a result; from any thread."""
         if not pending.done():
-            self._completions.put(partial(self._forget, pending))
+            self._call_queue.put(partial(self._forget, pending))
 
     # All that follows happens in the thread.
 
@@ -188,7 +188,7 @@ class GoalSender:
         self._ended = True
         for pending in list(self._pending):
             self._fail_at_end(pending)
-        self._completions.close("the client has ended")
+        self._call_queue.close("the client has ended")
         self.action_client.destroy()
         self._node.destroy_node()
         del self._timer  # it refers to this, so only the collector would free both

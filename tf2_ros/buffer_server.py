@@ -28,10 +28,10 @@ from tf2_ros._nodes import Spinner, companion_node, node_has_ended, require_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import runs_in_loop
 from tf2_ros._threads import check_regularly
-from tf2_ros._wait.blocking import Lookup
-from tf2_ros._wait.completions import Completions
+from tf2_ros._wait.call_queue import CallQueue
+from tf2_ros._wait.call_runners import ExecutorRunner
 from tf2_ros._wait.futures import TransformFuture
-from tf2_ros._wait.runners import ExecutorRunner
+from tf2_ros._wait.lookups import Lookup
 
 __all__ = ["BufferServer"]
 
@@ -97,7 +97,7 @@ class BufferServer:
         if runs_in_loop(node):
             node, ns = self._hide(node, ns)
         runner = ExecutorRunner(node)
-        self._completions = Completions(node, runner)
+        self._call_queue = CallQueue(node, runner)
         self._server: ActionServer | None = ActionServer(
             node,
             LookupTransform,
@@ -129,7 +129,7 @@ class BufferServer:
         server, self._server = self._server, None
         if server is None or is_inherited(self._process):
             return
-        self._completions.close("the server has ended")
+        self._call_queue.close("the server has ended")
         for lookup in list(self._lookups.values()):
             lookup.cancel()
         self._lookups.clear()
@@ -146,7 +146,7 @@ class BufferServer:
     def _begin(self, handle: Any) -> None:
         lookup = self._lookups[bytes(handle.goal_id.uuid)] = self._look_up(handle.request)
         # The executor answers, not the thread that inserts the transform.
-        lookup.add_done_callback(lambda _: self._completions.put(handle.execute))
+        lookup.add_done_callback(lambda _: self._call_queue.put(handle.execute))
 
     def _look_up(self, goal: Any) -> Future:
         fixed = (goal.fixed_frame, goal.target_time) if goal.advanced else ()

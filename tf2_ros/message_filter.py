@@ -33,10 +33,10 @@ from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended, require_node
 from tf2_ros._rclpy import destroy_subscription
 from tf2_ros._threads import check_regularly
+from tf2_ros._wait.call_runners import ExecutorRunner, call_queue_of
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.filter_calls import FilterCalls, QueuedMessage
 from tf2_ros._wait.futures import WakingFuture
-from tf2_ros._wait.runners import ExecutorRunner, completions_of
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
@@ -179,7 +179,7 @@ class MessageFilter(Generic[_Message]):
         self.callbacks: dict[int, _Callback] = self._calls.callbacks
         self._connections = itertools.count()
         self._buffer, self._node = buffer, node
-        self._completions = completions_of(node)
+        self._call_queue = call_queue_of(node)
         self._subscription: Any = None
         self._closed = False
         self._process = os.getpid()
@@ -212,7 +212,7 @@ class MessageFilter(Generic[_Message]):
         frame = frame_of(header, self._prefix) if self._prefix else stored_name(header.frame_id)
         stamp_ns = time_ns(header.stamp, "header.stamp")
         queued = QueuedMessage(
-            self._calls, self._completions, message, frame, stamp_ns, self._outcome, self._warn_of_drops
+            self._calls, self._call_queue, message, frame, stamp_ns, self._outcome, self._warn_of_drops
         )
         try:
             self._calls.waiting[queued] = None
@@ -339,7 +339,7 @@ class MessageFilter(Generic[_Message]):
                     f"got {input!r}"
                 )
             # In the group of the calls, so that no two threads of an executor call back at the same time.
-            runner, options = self._completions.runner, {}
+            runner, options = self._call_queue.runner, {}
             if isinstance(runner, ExecutorRunner):
                 options["callback_group"] = runner.callback_group
             self._subscription = self._node.create_subscription(message_type, topic, self.add, qos, **options)

@@ -39,7 +39,7 @@ from tf2_ros._receive.receiver import (
     describe_topics,
     note_listener,
 )
-from tf2_ros._wait.runners import completions_of
+from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
 
@@ -185,7 +185,7 @@ class TransformListener:
         listening.buffer = buffer
         try:
             if is_node(self.node):
-                listening.completions = completions_of(self.node)
+                listening.call_queue = call_queue_of(self.node)
             given = [one for one in (qos, static_qos, recording) if one is not None]
             if not self.__is_received_elsewhere(bool(static_only or prefix or given)):
                 self._tf2_listen_itself()
@@ -316,9 +316,9 @@ class TransformListener:
     def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""
         listening = self._tf2_listening
-        completions = listening.completions
+        call_queue = listening.call_queue
         # An EventsExecutor has arrivals reported to itself.
-        can_receive = completions is not None and completions.runner.uses_wait_sets and problem() is None
+        can_receive = call_queue is not None and call_queue.runner.uses_wait_sets and problem() is None
         needs_executor = not can_receive or self.__direct_buffer() is None
         if listening.recording is not None and needs_executor:
             reason = problem() or "code of this program handles what is received"
@@ -330,8 +330,8 @@ class TransformListener:
                 self.__subscribe(topic, needs_executor)
             made = [topic.subscription for topic in listening.topics]
             if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
-                listening.receiver = Receiver(self, completions, self.__direct_buffer())
-                if not listening.completions.runner.uses_wait_sets:
+                listening.receiver = Receiver(self, call_queue, self.__direct_buffer())
+                if not listening.call_queue.runner.uses_wait_sets:
                     self.__subscribe_anew()
         finally:
             self.group.hides_all = False

@@ -162,7 +162,7 @@ async def test_reception_iterations_and_queued_futures_end_with_it(tf2_ros, buff
         await until(lambda: sender.count_subscribers("/tf") == 1)
         stream = aiter(tf2_ros.MessageFilter(None, buffer, "map", 10, node=node))
         step = asyncio.create_task(anext(stream))
-        queue = listener._tf2_listening.completions
+        queue = listener._tf2_listening.call_queue
         await asyncio.sleep(0)
     assert listener.receives == ()
     with pytest.raises(StopAsyncIteration):

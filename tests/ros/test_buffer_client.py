@@ -248,7 +248,7 @@ class TestWithoutServer:
 
     def test_a_shutdown_that_wakes_nobody_ends_its_thread(self, tf2_ros, node):
         client = tf2_ros.BufferClient(node, "lookup")
-        shut_down_at_sleep(client._tf2_goal_sender._completions)
+        shut_down_at_sleep(client._tf2_goal_sender._call_queue)
         until(lambda: client._tf2_goal_sender._ended)
 
     def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):
@@ -348,8 +348,8 @@ class TestServerThatEnds:
             coroutine.send(None)
             until(lambda: client.action_client._pending_result_requests)
         until(lambda: not client.action_client.server_is_ready())
-        sender._completions.put(sender._advance_all)
-        sender._completions.put(noticed.set)
+        sender._call_queue.put(sender._advance_all)
+        sender._call_queue.put(noticed.set)
         until(noticed.is_set)
         monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**8)
         with serving("taken_over") as server:

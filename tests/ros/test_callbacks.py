@@ -17,10 +17,10 @@ from sharing import new_name
 from spinning import EXECUTOR, spinning
 
 from tf2_ros import MessageFilter, TimeoutException
-from tf2_ros._wait import completions
-from tf2_ros._wait.completions import Completions
+from tf2_ros._wait import call_queue
+from tf2_ros._wait.call_queue import CallQueue
+from tf2_ros._wait.call_runners import ExecutorRunner, Runner, call_queue_of
 from tf2_ros._wait.futures import WakingFuture
-from tf2_ros._wait.runners import ExecutorRunner, Runner, completions_of
 
 pytestmark = pytest.mark.ours
 
@@ -29,7 +29,7 @@ HERE, DEADLINES = "MainThread", "tf2_ros deadlines"
 
 @pytest.fixture
 def queue(node):
-    return completions_of(node)
+    return call_queue_of(node)
 
 
 @pytest.fixture
@@ -163,7 +163,7 @@ class TestPlaces:
     def test_while_nobody_spins_they_wait_and_one_warning_says_so(
         self, buffer, listener, node, peer, names, note, monkeypatch, capfd
     ):
-        monkeypatch.setattr(completions, "WARN_S", 0.5)
+        monkeypatch.setattr(call_queue, "WARN_S", 0.5)
         future = wait(buffer, note)
         peer().send(("map", "robot", 10**9, 1))
         until(lambda: buffer.can_transform("map", "robot", Time(seconds=1)))
@@ -174,7 +174,7 @@ class TestPlaces:
         executor.add_node(node)
         until(lambda: names == [HERE], executor)
         assert future.result().child_frame_id == "robot"
-        completions_of(node)._tf2_check()
+        call_queue_of(node)._tf2_check()
         assert capfd.readouterr().err.count("nobody spins") == 1
         executor.shutdown()
 
@@ -229,7 +229,7 @@ class TestEndOfTheNode:
 
     def test_calls_that_are_put_afterwards_are_dropped(self, new_node, note, names):
         node = new_node("dropped")
-        queue = Completions(node, ExecutorRunner(node))
+        queue = CallQueue(node, ExecutorRunner(node))
         queue.put(note)
         queue.close("it has ended")
         queue.put(note)
@@ -252,7 +252,7 @@ def test_calls_are_dropped_also_if_their_runner_cannot_leave():
         def leave(self):
             raise RuntimeError("destroyed meanwhile")
 
-    queue, future = Completions(None, Stuck()), WakingFuture()
+    queue, future = CallQueue(None, Stuck()), WakingFuture()
     future.add_done_callback(print)
     queue.put(future.end_or_queue("an answer"))
     with pytest.raises(RuntimeError, match="destroyed meanwhile"):
@@ -364,7 +364,7 @@ class TestBadInput:
     def test_a_node_that_was_destroyed(self, tf2_ros, node, buffer):
         node.destroy_node()
         for use in (
-            lambda: completions_of(node),
+            lambda: call_queue_of(node),
             lambda: tf2_ros.MessageFilter(None, buffer, "map", 1, node=node),
             lambda: tf2_ros.BufferClient(node, "lookup"),
             lambda: tf2_ros.BufferServer(buffer, node, "lookup"),

@@ -12,7 +12,7 @@ from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning import EXECUTOR, Observer, knows, repeated, shut_down_at_sleep, spinning
 
-from tf2_ros._wait.runners import completions_of
+from tf2_ros._wait.call_runners import call_queue_of
 
 S = 10**9
 LATEST = Time()
@@ -151,7 +151,7 @@ class TestSpinOnce:
     ):
         """It falls asleep without what calls them, and must be woken when the call in the other returns."""
         server = tf2_ros.BufferServer(buffer, node, "lookup")
-        calls = server._completions if of_server else completions_of(node)
+        calls = server._call_queue if of_server else call_queue_of(node)
         begun, asleep, called = threading.Event(), threading.Event(), threading.Event()
         gathered = itertools.count(1)
 
@@ -198,7 +198,7 @@ class TestSpinOnce:
         executor = kind()
         executor.add_node(node)
         with spinning(executor):
-            shut_down_at_sleep(completions_of(node))
+            shut_down_at_sleep(call_queue_of(node))
 
     def test_a_task_that_polls_runs(self, buffer, listener, executor, peer):
         turns = itertools.count()

@@ -23,10 +23,10 @@ import tf2_py
 import tf2_ros
 from tf2_ros import _threads
 from tf2_ros._forking import LiveObjects
-from tf2_ros._wait.completions import Completions
+from tf2_ros._wait.call_queue import CallQueue
+from tf2_ros._wait.call_runners import Runner
 from tf2_ros._wait.deadlines import Deadlines
 from tf2_ros._wait.endings import Waker
-from tf2_ros._wait.runners import Runner
 
 pytestmark = pytest.mark.ours
 
@@ -240,12 +240,12 @@ def deadline_threads():
 
 
 def test_a_call_that_is_put_stays_although_a_signal_handler_raises(node):
-    completions = Completions(node, Runner())
-    completions.runner.wake = lambda: None
+    call_queue = CallQueue(node, Runner())
+    call_queue.runner.wake = lambda: None
     for line, interrupting in each_line():
         with interrupting():
-            completions.put(line)
-        assert completions.calls.pop() == line
+            call_queue.put(line)
+        assert call_queue.calls.pop() == line
 
 
 def test_calls_that_are_dropped_all_end_although_a_signal_handler_raises(tf2_ros, buffer, node):
@@ -253,14 +253,14 @@ def test_calls_that_are_dropped_all_end_although_a_signal_handler_raises(tf2_ros
         def __call__(self, _):
             raise Interrupt
 
-    completions = Completions(None, Runner())
+    call_queue = CallQueue(None, Runner())
     futures = [buffer.wait_for_transform_async("map", "robot", Time()) for _ in range(3)]
     for future in futures:
         future.add_done_callback(print)
         future.add_done_callback(Interrupted())
-        completions.calls.append(future.end_or_queue(None))
+        call_queue.calls.append(future.end_or_queue(None))
     with pytest.raises(Interrupt):
-        completions.drop("the test drops them")
+        call_queue.drop("the test drops them")
     assert all("the test drops them" in str(future.exception()) for future in futures)
 
 

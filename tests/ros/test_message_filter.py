@@ -21,7 +21,7 @@ from rclpy.time import Time
 from spinning import at_once, spinning
 from std_msgs.msg import Header
 
-from tf2_ros._wait.runners import completions_of
+from tf2_ros._wait.call_runners import call_queue_of
 
 pytestmark = pytest.mark.ours
 
@@ -339,7 +339,7 @@ class TestCallbacks:
         listener = tf2_ros.TransformListener(script.buffer)
         script.filter.add(point())
         sender.send(("map", "lidar", S, 1))
-        until(lambda: completions_of(node).calls)
+        until(lambda: call_queue_of(node).calls)
         script.filter.clear() if how == "clear" else node.destroy_node()
         until(lambda: script.filter.statistics()["cleared"] == 1)
         executor.spin_once(0.1)
@@ -401,7 +401,7 @@ class TestCallbacks:
         script, seen = make(buffer_timeout=0.01), []
         script.filter.registerFailureCallback(lambda *given: seen.append(given[2]), with_text=True)
         script.step("M1@lidr")
-        until(lambda: completions_of(node).calls)
+        until(lambda: call_queue_of(node).calls)
         script.step("T1:map>lidr")
         until(lambda: bool(seen), executor)
         assert 'Waited 0.01 s for the transform: "map" passed to' in seen[0]

@@ -254,7 +254,7 @@ def test_nothing_is_left_of_a_listener_whose_node_was_destroyed(node, new_node):
         left, staying = rclpy.create_node("left"), new_node("staying")
         listeners = [TransformListener(buffer, each) for each in (left, left, staying)]
         assert all(map(is_attached, listeners))
-        runners = [weakref.ref(each._tf2_completions.runner) for each in (left, staying)]
+        runners = [weakref.ref(each._tf2_call_queue.runner) for each in (left, staying)]
         left.destroy_node()
         until(lambda: not listeners[0].receives and not listeners[1].receives)
         assert listeners[2].receives == ("/tf", "/tf_static")

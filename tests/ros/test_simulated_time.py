@@ -51,7 +51,7 @@ def waiting(tf2_ros, node, executor):
             ended = type(error).__name__
         return ended, time.monotonic() - began
 
-    def complete(future):
+    def put_or_call(future):
         until(future.done)
         return future.result()
 
@@ -67,7 +67,7 @@ def waiting(tf2_ros, node, executor):
             "lookup": lambda: buffer.lookup_transform(*asked, timeout),
             "can": lambda: buffer.can_transform(*asked, timeout),
             "await": lambda: asyncio.run(buffer.lookup_transform_async(*asked, timeout=timeout)),
-            "future": lambda: complete(buffer.wait_for_transform_async(*asked, timeout=timeout)),
+            "future": lambda: put_or_call(buffer.wait_for_transform_async(*asked, timeout=timeout)),
         }
         with spinning(executor), ThreadPoolExecutor() as pool:
             pending = {kind: pool.submit(outcome, call) for kind, call in calls.items()}

@@ -18,7 +18,7 @@ from rclpy.time import Time
 from spinning import knows, shut_down_at_sleep
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros._wait.runners import completions_of
+from tf2_ros._wait.call_runners import call_queue_of
 
 pytestmark = pytest.mark.usefixtures("inserter")
 
@@ -177,7 +177,7 @@ class TestThread:
     def test_a_shutdown_that_wakes_nobody_ends_it(self, tf2_ros, buffer, ros, node, whose):
         """After a signal, rclpy wakes executors before it shuts down, and they may sleep again in between."""
         listener = tf2_ros.TransformListener(buffer, None if whose == "its own" else node, spin_thread=True)
-        shut_down_at_sleep(completions_of(listener.node))
+        shut_down_at_sleep(call_queue_of(listener.node))
         until(lambda: not listener.dedicated_listener_thread.is_alive())
 
     @pytest.mark.ours

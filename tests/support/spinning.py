@@ -101,7 +101,7 @@ def shut_down_at_sleep(queue):
     """
     Quietly shut down the context of a node, while the executor that spins it goes to sleep.
 
-    :param queue: the Completions of the node.
+    :param queue: the CallQueue of the node.
     """
     context, rounds, began = queue.node().context, itertools.count(), threading.Event()
 

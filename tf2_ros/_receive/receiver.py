@@ -168,7 +168,7 @@ class Receiver:
     Inserts what arrives on a listener's topics into a buffer when that is read: the owner of an inbox.
 
     :param listener: a TransformListener, which has found that no user code handles the messages.
-    :param completions: those of the node; an executor is informed of what arrives.
+    :param call_queue: of the node; an executor is informed of what arrives.
     :param buffer: to fill, see :meth:`redirect`.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked
@@ -177,10 +177,10 @@ class Receiver:
 
     kind = "listener"
 
-    def __init__(self, listener: Any, completions: Any, buffer: BufferCore | None) -> None:
+    def __init__(self, listener: Any, call_queue: Any, buffer: BufferCore | None) -> None:
         self._group: ListenerGroup = listener.group
         self._context = listener.node.context
-        self._runner = runner = completions.runner
+        self._runner = runner = call_queue.runner
         self._process = os.getpid()
         # The destroyed ones remain hidden: an executor that has just met the event handler of one, and may
         # wait for it, raises InvalidHandle.
@@ -190,7 +190,7 @@ class Receiver:
         handle = clock.handle if is_ros_clock(clock) else None
         recording = listener._tf2_listening.recording
         self._source = Subscriptions(recording is not None, handle)
-        self.inbox = Inbox(self._source, completions.receive, recording, listener._tf2_listening.prefix)
+        self.inbox = Inbox(self._source, call_queue.receive, recording, listener._tf2_listening.prefix)
         if isinstance(runner, Informed):
             self.inbox.inform(runner)
         try:
@@ -285,7 +285,7 @@ class Listening:
         self.process: int | None = None
         self.owns_node = False
         self.spinner: Any = None  # the thread that spins the node
-        self.completions: Any = None  # of the node; None: that is of a program's own kind
+        self.call_queue: Any = None  # of the node; None: that is of a program's own kind
         # A Receiver, or what the buffer has in place of one, with the methods that the listener calls.
         # Another thread may replace it.
         self.receiver: Any = None
@@ -305,7 +305,7 @@ def note_listener(listener: Any) -> None:
     buffer = listener.buffer
     _listeners.add(listener)
     # A subclass that does not call __init__ may not have a node yet.
-    note_filler(getattr(listener, "node", None), buffer, listener._tf2_listening.completions)
+    note_filler(getattr(listener, "node", None), buffer, listener._tf2_listening.call_queue)
     if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
         BufferCore._ask_for_silence(buffer, _silence)
     for watcher in _watchers:

@@ -23,7 +23,7 @@ from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import PolledInbox, RingReader
 from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged, start
-from tf2_ros._wait.runners import hand_over_for
+from tf2_ros._wait.call_runners import hand_over_for
 
 
 def open_ring(name: str) -> RingReader:
@@ -247,7 +247,7 @@ class AttachedListener:
 
 
 def _runner(listener: Any) -> Any:
-    return listener._tf2_listening.completions.runner
+    return listener._tf2_listening.call_queue.runner
 
 
 def attach_listener(listener: Any, unusual: str) -> bool:

@@ -15,7 +15,7 @@ cdef class Ending:
     cdef object _result, _error
     cdef public object wait     # for what it lacks, with the buffer; None: for nothing of a buffer
     cdef public object kept     # a dict: the owner's references to what nothing else may refer to
-    cdef readonly object completions    # that must call it; None: those of what received the transform
+    cdef readonly object call_queue     # that must call it; None: the queue of what received the transform
     cdef int _end(self, Life life, list errors) except -1
     # For subclasses. Whether ending it would run code of a program.
     cdef bint _runs_user_code(self) except -1

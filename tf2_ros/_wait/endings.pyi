@@ -24,7 +24,7 @@ class Ending:
     wait: Any
     kept: dict[Any, None]
     @property
-    def completions(self) -> Any: ...
+    def call_queue(self) -> Any: ...
     @property
     def state(self) -> str:
         """A word for its state."""

@@ -11,7 +11,7 @@ from tf2_ros._wait.endings cimport CANCELLED, PENDING, Ending, call_back
 import weakref
 from collections import OrderedDict
 
-from tf2_ros._wait.completions import complete
+from tf2_ros._wait.call_queue import put_or_call
 
 PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
 
@@ -108,11 +108,11 @@ cdef class QueuedMessage(Ending):
     cdef FilterCalls _calls
     cdef object _outcome, _warn
 
-    def __init__(self, FilterCalls calls not None, completions, message, str frame, int64_t stamp_ns, outcome,
+    def __init__(self, FilterCalls calls not None, call_queue, message, str frame, int64_t stamp_ns, outcome,
                  warn):
         self.message, self.frame, self.stamp_ns = message, frame, stamp_ns
         self._calls, self._outcome, self._warn = calls, outcome, warn
-        self.completions, self.kept = completions, calls.waiting
+        self.call_queue, self.kept = call_queue, calls.waiting
 
     def waits_for(self, wait):
         """Note what it waits for, unless it has an outcome."""
@@ -126,7 +126,7 @@ cdef class QueuedMessage(Ending):
 
     def expire(self):
         """At the timeout: drop the message; in the executor that has the node, if one does."""
-        complete(self.completions, self.end_or_queue(*self._outcome(self, self._calls._reasons.TIMEOUT)))
+        put_or_call(self.call_queue, self.end_or_queue(*self._outcome(self, self._calls._reasons.TIMEOUT)))
 
     cdef bint _runs_user_code(self) except -1:
         return bool(self._calls.callbacks) or bool(self._calls.failure_callbacks)

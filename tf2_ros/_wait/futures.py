@@ -28,10 +28,10 @@ from tf2_ros._rclpy import (
     spun_executor,
     task_executor,
 )
-from tf2_ros._wait.completions import complete, completions_for
+from tf2_ros._wait.call_queue import call_queue_for, put_or_call
+from tf2_ros._wait.call_runners import without_node
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.endings import FutureEnding, Waker, notify
-from tf2_ros._wait.runners import without_node
 
 if TYPE_CHECKING:
     import asyncio
@@ -347,7 +347,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
                 self.__end(answer, None)
 
     def __end(self, answer: TransformStamped | None, error: Exception | None) -> None:
-        complete(completions_for(self.__core()), self.end_or_queue(answer, error))
+        put_or_call(call_queue_for(self.__core()), self.end_or_queue(answer, error))
 
     def __unanswered(self, wait: Any) -> TimeoutException:
         waited_ns = time.monotonic_ns() - self.__begin_ns

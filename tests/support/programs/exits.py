@@ -14,7 +14,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from tf2_ros import Buffer, TransformListener, transform_listener
-from tf2_ros._wait.runners import completions_of
+from tf2_ros._wait.call_runners import call_queue_of
 
 printed = []
 
@@ -61,7 +61,7 @@ def main(how, inserter):
     elif how == "called back":
         TransformListener(buffer, node)
         rclpy.spin_once(node, timeout_sec=0)  # an executor has the queue, and runs nothing any more
-        completions_of(node).put(print)
+        call_queue_of(node).put(print)
     print("at the end", flush=True)
 
 

@@ -1,4 +1,4 @@
-"""What makes the calls of Completions: the executor or the event loop that runs a node, or a thread."""
+"""What makes the calls of a CallQueue: the executor or the event loop that runs a node, or a thread."""
 
 import atexit
 import os
@@ -19,8 +19,8 @@ from rclpy.waitable import Waitable
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, wake
 from tf2_ros._threads import call_logged, start_once
-from tf2_ros._wait.completions import Completions, completions_for
-from tf2_ros._wait.rounds import ExecutorRounds
+from tf2_ros._wait.call_queue import CallQueue, call_queue_for
+from tf2_ros._wait.executor_rounds import ExecutorRounds
 
 # How often rclpy's EventsExecutor looks for calls. It waits for no guard condition, and a thread that wakes
 # it in any other way hangs in some releases, with the GIL.
@@ -28,24 +28,24 @@ POLL_S = 0.02
 
 
 class Runner:
-    """What makes the calls of a :class:`~tf2_ros._wait.completions.Completions`."""
+    """What makes the calls of a :class:`~tf2_ros._wait.call_queue.CallQueue`."""
 
-    _completions: "weakref.ref[Completions]"  # which keeps this
+    _call_queue: "weakref.ref[CallQueue]"  # which keeps this
 
     @property
     def uses_wait_sets(self) -> bool:
         """Whether no ``EventsExecutor`` has had the node: it has arrivals reported to itself."""
         return True
 
-    def begin(self, completions: Completions) -> None:
+    def begin(self, call_queue: CallQueue) -> None:
         """Serve this, which is being made, from now on."""
-        self._completions = weakref.ref(completions)
+        self._call_queue = weakref.ref(call_queue)
 
     def run(self, count: int | None = None) -> None:
         """Make this many calls, or all that there are now."""
-        completions = self._completions()
-        if completions is not None:
-            completions.run(len(completions.calls) if count is None else count)
+        call_queue = self._call_queue()
+        if call_queue is not None:
+            call_queue.run(len(call_queue.calls) if count is None else count)
 
     def wake(self) -> None:
         """Have the calls made soon, from any thread."""
@@ -90,9 +90,9 @@ class ExecutorRunner(ExecutorRounds, Runner, Waitable):
         self._node = weakref.ref(node)
         self.set_up(GuardCondition(None, None, node.context).handle)  # of no node
 
-    def begin(self, completions: Completions) -> None:
-        Runner.begin(self, completions)
-        self.calls = completions.calls
+    def begin(self, call_queue: CallQueue) -> None:
+        Runner.begin(self, call_queue)
+        self.calls = call_queue.calls
         node = self._node()
         if node is not None:
             node.add_waitable(self)
@@ -142,14 +142,14 @@ class LoopRunner(Runner):
         try:
             self._loop.call_soon_threadsafe(self._run)
         except RuntimeError:
-            completions = self._completions()
-            if completions is not None:
-                completions.drop("the event loop of the node was closed")
+            call_queue = self._call_queue()
+            if call_queue is not None:
+                call_queue.drop("the event loop of the node was closed")
 
     def _run(self) -> None:
-        completions = self._completions()
-        if completions is not None and completions.has_ended():
-            completions.drop("the node was destroyed")
+        call_queue = self._call_queue()
+        if call_queue is not None and call_queue.has_ended():
+            call_queue.drop("the node was destroyed")
         else:
             self.run()
 
@@ -188,7 +188,7 @@ class ThreadRunner(Runner):
 
 # Of buffers without a node.
 _thread = ThreadRunner()
-without_node = Completions(None, _thread)
+without_node = CallQueue(None, _thread)
 atexit.register(_thread.stop)
 os.register_at_fork(after_in_child=_thread.begin_anew)
 os.register_at_fork(after_in_child=without_node.calls.clear)  # they are the parent's
@@ -201,18 +201,18 @@ def hand_over_for(buffer: Any) -> Callable[[Any], None]:
     :param buffer: not kept alive by what is returned, which an inbox calls with each call.
     """
     reference = weakref.ref(buffer)
-    return lambda ending: (completions_for(reference()) or without_node).receive(ending)
+    return lambda ending: (call_queue_for(reference()) or without_node).receive(ending)
 
 
-def completions_of(node: Any) -> Completions:
+def call_queue_of(node: Any) -> CallQueue:
     """
     Get the queue of a node.
 
     :raises RuntimeError: an event loop runs the node, but not the one that runs here.
     """
     with LOCK:
-        found: Completions | None = node.__dict__.get("_tf2_completions")
+        found: CallQueue | None = node.__dict__.get("_tf2_call_queue")
         if found is None:
-            found = Completions(node, LoopRunner(node) if runs_in_loop(node) else ExecutorRunner(node))
-            node.__dict__["_tf2_completions"] = found
+            found = CallQueue(node, LoopRunner(node) if runs_in_loop(node) else ExecutorRunner(node))
+            node.__dict__["_tf2_call_queue"] = found
     return found

@@ -24,7 +24,7 @@ from tf2_ros._wait.endings import call_all
 WARN_S = 10.0   # how long calls wait for what runs the node before a warning says so
 
 
-cdef class Completions:
+cdef class CallQueue:
     """
     The calls that run code of a program, of waits of a node that have ended: a queue, usually one for a node.
 
@@ -46,7 +46,7 @@ cdef class Completions:
     6. **Forks.** In a forked child it is dead: calls are dropped silently.
 
     :param node: keeps this alive, not the other way round. None: a thread makes the calls.
-    :param runner: a :class:`~tf2_ros._wait.runners.Runner`, only for this.
+    :param runner: a :class:`~tf2_ros._wait.call_runners.Runner`, only for this.
     """
 
     cdef object __weakref__
@@ -83,8 +83,8 @@ cdef class Completions:
             self.runner.wake()
 
     def receive(self, ending):
-        """Add what a listener's insert has ended, to those of its own node if it names any."""
-        (ending.completions or self).put(ending)
+        """Add what a listener's insert has ended, to its own queue if it has one."""
+        (ending.call_queue or self).put(ending)
 
     def run(self, Py_ssize_t count):
         """Make at most this many calls, the oldest first; for the runner."""
@@ -162,21 +162,21 @@ cdef class Completions:
                 log.logger("tf2_ros").warning(f"Callbacks of tf2 have been waiting for {WARN_S:g} s: {why}")
 
 
-def completions_for(buffer):
-    """Those of the node of a buffer's latest listener whose node has not ended, or None."""
+def call_queue_for(buffer):
+    """Find the queue for a buffer: of its latest listener whose node has not ended; None if there is none."""
     contexts = getattr(buffer, "_tf2_wait_contexts", None)
-    for reference in reversed(contexts.completions if isinstance(contexts, WaitContexts) else ()):
+    for reference in reversed(contexts.call_queues if isinstance(contexts, WaitContexts) else ()):
         found = reference()
         if found is not None and not found.has_ended():
             return found
     return None
 
 
-def complete(Completions completions, ending):
+def put_or_call(CallQueue call_queue, ending):
     """Have what runs a node end something; if nothing runs it now, or there is no node, do it here."""
     if ending is None:
         return
-    if completions is not None and completions.is_served():
-        completions.put(ending)
+    if call_queue is not None and call_queue.is_served():
+        call_queue.put(ending)
     else:
         call_all(ending)

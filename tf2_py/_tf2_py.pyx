@@ -45,7 +45,7 @@ from numbers import Integral, Real
 from stat import S_ISREG
 from threading import get_ident, main_thread
 
-from tf2_py._objects import errors, frozen_file, listings, log, pickles
+from tf2_py._objects import errors, frozen_origin, listings, log, pickles
 # Programs also import them from tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,
@@ -74,8 +74,8 @@ include "engine/times.pxi"
 include "engine/messages.pxi"
 include "engine/arrays.pxi"
 include "engine/queries.pxi"
-include "engine/state.pxi"
-include "engine/frozen.pxi"
+include "engine/pickled_state.pxi"
+include "engine/frozen_buffers.pxi"
 include "engine/engine.pxi"
 include "engine/wait.pxi"
 
@@ -349,7 +349,7 @@ cdef class BufferCore(Engine):
         try:
             overtaken = overtaken_of(state)
             if "frozen" in state:
-                path, is_copy, expected = frozen_file.from_state(state)
+                path, is_copy, expected = frozen_origin.from_state(state)
                 self.open_frozen(path, is_copy, expected)
             else:
                 self.restore(dict(state))
@@ -374,7 +374,7 @@ cdef class BufferCore(Engine):
         from tf2_py.files import whole_file
         with whole_file(path) as file:
             self.write_frozen(file)
-            frozen_file.protect(file)
+            frozen_origin.protect(file)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, copy: bool = False) -> BufferCore:
@@ -399,7 +399,7 @@ cdef class BufferCore(Engine):
             text names the file, and the frame and sample where possible.
         """
         opened = _without_init(cls)
-        opened.__setstate__(frozen_file.state_to_open(os.fspath(path), bool(copy)))
+        opened.__setstate__(frozen_origin.state_to_open(os.fspath(path), bool(copy)))
         return opened
 
     # Looking transforms up.

@@ -21,9 +21,9 @@ from tf2_py import History as History
 from tf2_py import __version__ as __version__
 from tf2_py import stored_name as stored_name
 from tf2_ros import buffer, buffer_interface
-from tf2_ros._messages import Header, PoseStamped, TransformStamped
-from tf2_ros._messages import format_transform as format_transform
 from tf2_ros._shared.naming import SharedBufferError as SharedBufferError
+from tf2_ros._transform_messages import Header, PoseStamped, TransformStamped
+from tf2_ros._transform_messages import format_transform as format_transform
 from tf2_ros.buffer import Buffer, FrameGraphSrvRequest, FrameGraphSrvResponse
 from tf2_ros.buffer_interface import (
     BufferInterface,

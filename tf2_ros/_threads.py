@@ -10,8 +10,8 @@ The background threads of a process.
 
 All are daemons, so that the interpreter does not wait for them before it runs the exit handlers, which end
 them. A forked child has none of them, and starts its own at their first use; what its parent's inboxes were
-doing is lost there. The threads that spin nodes are in ``_nodes``; one that polls the source of an inbox is
-the owner's.
+doing is lost there. The threads that spin nodes are in ``_node_lifetimes``; a thread that polls the source of
+an inbox is the owner's.
 """
 
 import atexit

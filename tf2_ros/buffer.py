@@ -12,8 +12,8 @@ from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of, seconds
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._arguments import require_callable
-from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, is_wanted, require_support
+from tf2_ros._transform_messages import TransformStamped
 from tf2_ros._wait.endings import ChangeSubscription
 from tf2_ros._wait.lookups import Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
@@ -33,8 +33,8 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.time import Time
 
     from tf2_msgs.srv import FrameGraph
-    from tf2_ros._graph import clock_publishers
-    from tf2_ros._nodes import WaitContexts, note_filler, require_node
+    from tf2_ros._node_lifetimes import WaitContexts, note_filler, require_node
+    from tf2_ros._publishers import clock_publishers
     from tf2_ros._rclpy import is_simulated
     from tf2_ros._wait.futures import Changes, TransformFuture, WakingFuture
 

@@ -28,11 +28,11 @@ from tf2_py._internal import class_name, duration_ns, errors, frame_name
 from tf2_py.text import printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._forking import refuse_inherited
-from tf2_ros._graph import publisher_ids
-from tf2_ros._messages import time_msg
-from tf2_ros._nodes import Spinner, companion_node, require_node
+from tf2_ros._node_lifetimes import Spinner, companion_node, require_node
+from tf2_ros._publishers import publisher_ids
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import context_was_shut_down, handle_of_goal
+from tf2_ros._transform_messages import time_msg
 from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface

@@ -24,7 +24,7 @@ from tf2_py import (
 )
 from tf2_py._internal import duration_ns
 from tf2_ros._forking import is_inherited
-from tf2_ros._nodes import Spinner, companion_node, node_has_ended, require_node
+from tf2_ros._node_lifetimes import Spinner, companion_node, node_has_ended, require_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import runs_in_loop
 from tf2_ros._threads import check_regularly

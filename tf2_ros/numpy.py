@@ -18,7 +18,7 @@ from tf2_py._internal import (
     rotations_from_matrices,
     time_ns,
 )
-from tf2_ros._messages import (
+from tf2_ros._transform_messages import (
     Header,
     Pose,
     PoseStamped,

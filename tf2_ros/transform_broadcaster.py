@@ -15,7 +15,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_py._internal import MalformedObjectError, refused, serialize_transforms
 from tf2_ros._arguments import kind_of
 from tf2_ros._forking import refuse_inherited
-from tf2_ros._nodes import require_node
+from tf2_ros._node_lifetimes import require_node
 from tf2_ros._qos import transforms_qos
 
 __all__ = [

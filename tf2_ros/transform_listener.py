@@ -18,8 +18,8 @@ from tf2_py import BufferCore
 from tf2_py._internal import class_name
 from tf2_ros._arguments import valid_prefix, with_prefix
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
-from tf2_ros._graph import name_unfit_publishers
-from tf2_ros._nodes import Spinner, hidden_node, require_node
+from tf2_ros._node_lifetimes import Spinner, hidden_node, require_node
+from tf2_ros._publishers import name_unfit_publishers
 from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (

@@ -14,7 +14,7 @@ cdef enum HistoryKind:
 
 
 cdef struct FileMapping:
-    # The bytes of a frozen file in memory, read-only. See frozen_header.pxi.
+    # The bytes of a frozen file in memory, read-only. See frozen_format_header.pxi.
     void* start                 # at a page
     size_t size                 # bytes
     uint32_t owners             # histories with samples there, and who opens it; read and written atomically

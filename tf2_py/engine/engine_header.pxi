@@ -1,6 +1,6 @@
 """The tree behind its lock, with the waiters for it."""
 
-# Uses: times, messages, queries, state, frozen.
+# Uses: times, messages, queries, pickled_state, frozen_buffers.
 
 cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds
@@ -63,7 +63,7 @@ cdef class Engine:
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
-    cdef object _frozen                 # the frozen_file.FrozenFile that was opened; valid if _tree.is_frozen
+    cdef object _frozen                 # the FrozenFile that was opened; valid if _tree.is_frozen
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef uint64_t _removals             # of inboxes
     cdef Tap _tap                       # or None

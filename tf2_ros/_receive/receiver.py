@@ -17,7 +17,7 @@ from tf2_py import BufferCore
 from tf2_py._internal import log
 from tf2_py.text import counted
 from tf2_ros._forking import LiveObjects, is_inherited
-from tf2_ros._nodes import note_filler
+from tf2_ros._node_lifetimes import note_filler
 from tf2_ros._qos import is_latched
 from tf2_ros._rclpy import (
     context_was_shut_down,

@@ -14,7 +14,7 @@ from rclpy.logging import get_logger
 from tf2_py._internal import log
 from tf2_py.text import counted
 from tf2_ros._forking import LOCK, is_inherited
-from tf2_ros._nodes import node_has_ended
+from tf2_ros._node_lifetimes import node_has_ended
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import is_node, is_simulated
 from tf2_ros._receive.inbox import Informed

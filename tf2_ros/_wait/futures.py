@@ -15,7 +15,7 @@ from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited
-from tf2_ros._nodes import Shutdown
+from tf2_ros._node_lifetimes import Shutdown
 from tf2_ros._rclpy import (
     HEEDS_FUTURES,
     RESUMES_TASKS,

@@ -9,7 +9,7 @@ from tf2_py._internal import errors, time_ns
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
-    from tf2_ros._nodes import Shutdown
+    from tf2_ros._node_lifetimes import Shutdown
 else:
     from tf2_ros._without_ros import Shutdown
 

@@ -291,7 +291,7 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
         with nogil:
             problem = frozen_check_index(mapping, _is_interrupted)
         _require_sound(name, mapping, problem)
-        found = frozen_file.FrozenFile(
+        found = frozen_origin.FrozenFile(
             name, (<const FrozenHeader*>mapping.start).checksum, facts.st_size, facts.st_mtime_ns,
             facts.st_dev, facts.st_ino,
         )

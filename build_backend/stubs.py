@@ -14,6 +14,7 @@ STUBS = (
     "tf2_py/_tf2_py.pyi",
     "tf2_ros/_wait/endings.pyi",
     "tf2_ros/records.pyi",
+    "tf2_ros/serialization.pyi",
     "tf2_geometry_msgs/_geometry.pyi",
     "tf2_geometry_msgs/_nav.pyi",
     "tf2_sensor_msgs/_cloud.pyi",

@@ -23,6 +23,7 @@ from tf2_py._core cimport (
     batch_free,
     batch_prefix,
     batch_read_cdr,
+    batch_reserve,
     batch_write_cdr,
     event_clear,
     event_init,
@@ -82,6 +83,8 @@ from tf2_py._tf2_py cimport (
     new_transform_stamped,
     read_any_rotation,
     read_transform,
+    read_transform_stamped,
+    stamp_nanoseconds,
     transform_layout,
     transform_stamped_layout,
 )

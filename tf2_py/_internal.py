@@ -19,7 +19,7 @@ from tf2_py._tf2_py import (
     policy_of,
     refused,
     rotations_from_matrices,
-    serialize_transforms,
+    serialize_as_ros,
     stamp_parts,
     time_ns,
 )
@@ -44,7 +44,7 @@ __all__ = [
     "refused",
     "rotations_from_matrices",
     "seconds",
-    "serialize_transforms",
+    "serialize_as_ros",
     "stamp_parts",
     "time_ns",
 ]

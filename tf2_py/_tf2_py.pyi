@@ -860,7 +860,7 @@ def refused(transforms: list[TransformStamped]) -> list[tuple[str, str]]:
     :return: a list of pairs: the ``child_frame_id``, and why.
     """
 
-def serialize_transforms(
+def serialize_as_ros(
     transforms: list[TransformStamped],
 ) -> tuple[bytes, list[tuple[str, str]]] | None:
     """

@@ -12,7 +12,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._internal import MalformedObjectError, refused, serialize_transforms
+from tf2_py._internal import MalformedObjectError, refused, serialize_as_ros
 from tf2_ros._arguments import kind_of
 from tf2_ros._forking import refuse_inherited
 from tf2_ros._node_lifetimes import require_node
@@ -65,7 +65,7 @@ class Broadcaster:
         """Publish one TFMessage, serialised by tf2_py if that gives the same bytes as ROS."""
         # A program's replacement for the publisher or its method, such as a mock, expects messages.
         takes_bytes = getattr(self.pub_tf.publish, "__func__", None) is _publish
-        serialized = serialize_transforms(transforms) if takes_bytes else None
+        serialized = serialize_as_ros(transforms) if takes_bytes else None
         if serialized is None:
             self.pub_tf.publish(TFMessage(transforms=transforms))
             unwanted = refused(transforms)

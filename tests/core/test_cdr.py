@@ -13,8 +13,8 @@ from making import transform
 from rclpy.serialization import deserialize_message, serialize_message
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._tf2_py import refused, serialize_transforms
-from tf2_ros.records import serialize_arrays
+from tf2_py._tf2_py import refused, serialize_as_ros
+from tf2_ros.serialization import serialize_arrays, serialize_transforms
 
 pytestmark = pytest.mark.ours
 
@@ -105,11 +105,11 @@ nanoseconds = st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1)
 )
 def test_the_bytes_say_what_the_messages_say(rows):
     messages = [transform(p, c, ns=ns, xyz=xyz, xyzw=xyzw) for p, c, ns, xyz, xyzw in rows]
-    data, bad = serialize_transforms(messages)
+    data, bad = serialize_as_ros(messages)
     assert bad == refused(messages)
     # What ROS's own bytes hold in the padding is arbitrary; so they are compared with those of an encoder by
     # the book, in length with ROS's, and by reading them back.
-    assert data == encode(messages)
+    assert data == encode(messages) == serialize_transforms(messages)
     names, stamps_ns = [(p, c) for p, c, *_ in rows], [ns for _, _, ns, *_ in rows]
     assert serialize_arrays(names, stamps_ns, [[*xyz, *xyzw] for *_, xyz, xyzw in rows]) == data
     assert len(data) == len(serialize_message(TFMessage(transforms=messages)))
@@ -142,8 +142,14 @@ def test_a_number_of_any_type_is_sent_as_a_float(number):
     """ROS would send what the first bytes of the object happen to say."""
     message = transform("map", "odom", 1.5)
     message.transform.rotation._w = message.transform.translation._x = number
-    [read] = deserialize_message(serialize_transforms([message])[0], TFMessage).transforms
+    [read] = deserialize_message(serialize_as_ros([message])[0], TFMessage).transforms
     assert read.transform.rotation.w == read.transform.translation.x == float(number)
+
+
+def test_transforms_are_serialized_one_by_one_or_several_at_once():
+    assert serialize_transforms(MESSAGES[0]) == encode(MESSAGES[:1])
+    assert serialize_transforms(iter(MESSAGES)) == encode(MESSAGES)
+    assert serialize_transforms([]) == encode([])
 
 
 class Subclass(TransformStamped):
@@ -166,4 +172,27 @@ def test_what_ros_must_decide_is_left_to_ros(change):
     odd = transform("map", "odom", 1.5, (1, 2, 3))
     change(odd)
     for other in (odd, None, Subclass(), odd.header):
-        assert serialize_transforms([MESSAGES[0], other]) is None
+        assert serialize_as_ros([MESSAGES[0], other]) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "text"),
+    [
+        ("text for a float", TypeError, "must be real number, not str"),
+        ("seconds beyond 32 bits", OverflowError, "does not fit into the stamp of a message"),
+        ("NUL in a name", ValueError, "NUL"),
+        ("bytes for a name", TypeError, "expected a str, got bytes"),
+        ("lone surrogate", ValueError, "surrogate"),
+    ],
+)
+def test_what_no_message_can_hold_is_not_serialized(change, error, text):
+    odd = transform("map", "odom", 1.5, (1, 2, 3))
+    ODD[change](odd)
+    with pytest.raises(error, match=text):
+        serialize_transforms([MESSAGES[0], odd])
+
+
+@pytest.mark.parametrize("other", [None, 3, "map", [MESSAGES[0].header], TransformStamped], ids=str)
+def test_what_is_no_transform_is_not_serialized(other):
+    with pytest.raises(TypeError, match="expected a geometry_msgs/TransformStamped"):
+        serialize_transforms(other)

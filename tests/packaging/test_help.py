@@ -12,6 +12,8 @@ from tf2_ros_cython import _path
 pytestmark = pytest.mark.ours
 
 OF_ARRAYS = importlib.import_module("tf2_ros.numpy")
+# The texts of these modules and of their functions have examples.
+WHOLE = [importlib.import_module(name) for name in ("tf2_ros.records", "tf2_ros.serialization")]
 
 
 def public():
@@ -76,8 +78,20 @@ def test_an_example_runs_and_prints_what_it_says(name):
     if name in OF_SCIPY:
         pytest.importorskip("scipy")
     with spun_node("example") as node:
-        test = doctest.DocTest(examples(PUBLIC[name]), {"node": node}, name, None, None, None)
-        said = []
-        # Otherwise it would follow the -v of pytest.
-        doctest.DocTestRunner(verbose=False).run(test, out=said.append)
-    assert said == []
+        assert faults(examples(PUBLIC[name]), {"node": node}) == []
+
+
+@pytest.mark.parametrize("module", WHOLE, ids=lambda module: module.__name__)
+def test_the_examples_of_a_module_run_and_print_what_they_say(module):
+    assert examples(module)
+    for thing in (module, *(getattr(module, name) for name in module.__all__)):
+        assert faults(examples(thing), {}) == []
+
+
+def faults(lines, variables):
+    """What these lines of examples print that they do not say."""
+    said = []
+    # Otherwise it would follow the -v of pytest.
+    runner = doctest.DocTestRunner(verbose=False)
+    runner.run(doctest.DocTest(lines, variables, "example", None, None, None), out=said.append)
+    return said

@@ -15,7 +15,7 @@ PROGRAM = """
 import sys
 from tf2_ros import Buffer, TransformException
 from tf2_ros._transform_messages import TransformStamped
-import tf2_ros.numpy, tf2_ros.records
+import tf2_ros.numpy, tf2_ros.records, tf2_ros.serialization
 transform = TransformStamped()
 transform.header.frame_id, transform.child_frame_id = "map", "robot"
 transform.transform.translation.x, transform.transform.rotation.w = 2.0, 1.0

@@ -43,7 +43,7 @@ def test_what_needs_ros_says_so_and_what_to_install(world, code):
 def test_what_needs_no_ros_loads(world):
     world.does("""
 import sys
-import tf2_ros.numpy, tf2_ros.records
+import tf2_ros.numpy, tf2_ros.records, tf2_ros.serialization
 assert not {"rclpy", "geometry_msgs", "tf2_msgs"} & {*sys.modules}
 """)
 

@@ -202,7 +202,7 @@ def refused(list transforms):
 
 # Serialise the messages that broadcasters send.
 
-def serialize_transforms(list transforms):
+def serialize_as_ros(list transforms):
     """
     The ``tf2_msgs/TFMessage`` of these transforms as plain CDR, ready for a publisher.
 

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_ros.records import serialize_arrays
+from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.reading import RawMessage, typestore
 from tf2_ros_tools.urdf import Robot
 

@@ -7,7 +7,7 @@ They are in JSON, or in protobuf, which the library mcap-protobuf-support decode
 import json
 from typing import Any, TypeAlias
 
-from tf2_ros.records import serialize_arrays
+from tf2_ros.serialization import serialize_arrays
 
 TYPES = ("foxglove.FrameTransform", "foxglove.FrameTransforms")
 PROTOBUF, JSON = "protobuf", "json"

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from tf2_py.text import printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros.numpy import to_nanoseconds
-from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
+from tf2_ros.records import Recording
+from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
 from tf2_ros_tools import foxglove
 from tf2_ros_tools.caching import Cached
 from tf2_ros_tools.converting import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
@@ -234,7 +235,7 @@ def fill_buffer(
     """
     Insert the wanted transforms of a recording into a buffer.
 
-    :param recording: records each transform; see :func:`tf2_ros.records.insert_messages`.
+    :param recording: records each transform; see :func:`tf2_ros.serialization.insert_messages`.
     :param records: see the same function.
     :return: a sentence for each topic of which messages are left out.
     """

@@ -19,7 +19,7 @@ from tf2_py import BufferCore
 from tf2_py.files import whole_file
 from tf2_py.text import printable
 from tf2_ros import Buffer
-from tf2_ros.records import serialize_arrays
+from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.output import require
 
 _Kind = TypeVar("_Kind", bound=BufferCore)

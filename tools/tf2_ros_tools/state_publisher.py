@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from tf2_py.text import printable
-from tf2_ros.records import serialize_arrays
+from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.output import counted, first_names
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.urdf import fixed, parse

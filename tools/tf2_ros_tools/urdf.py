@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from tf2_py import stored_name
 from tf2_py.text import printable
 from tf2_ros.numpy import to_matrix
-from tf2_ros.records import serialize_arrays
+from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.output import first_names
 
 __all__ = ["Joint", "Robot", "UrdfError", "load"]

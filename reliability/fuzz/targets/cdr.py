@@ -11,8 +11,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from reliability.fuzz.faults import Fault, holds_the_same
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
-from tf2_py._tf2_py import serialize_transforms
-from tf2_ros.records import MessageSource, insert_messages, read_transforms
+from tf2_py._tf2_py import serialize_as_ros
+from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
 from tf2_ros_cython._ros import running_release
 
 _TF = MessageSource("/tf", False)
@@ -87,7 +87,7 @@ def _check_prefix(exact: NDArray[Any], ours: list[Any]) -> None:
 def _check_written(ours: list[Any]) -> None:
     if not all(-(2**31) <= one.header.stamp.sec < 2**31 for one in ours):
         return  # nanoseconds of more than a second were carried
-    written = serialize_transforms(ours)
+    written = serialize_as_ros(ours)
     # Byte by byte they need not be the same: ROS leaves in the padding what its memory held before.
     theirs = serialize_message(TFMessage(transforms=ours))
     if written is None or len(written[0]) != len(theirs):

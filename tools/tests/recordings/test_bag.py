@@ -36,7 +36,8 @@ from rosbags import rosbag2
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer
-from tf2_ros.records import MessageSource, Recording, insert_messages
+from tf2_ros.records import Recording
+from tf2_ros.serialization import MessageSource, insert_messages
 from tf2_ros_tools import bag
 from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import hear, wanted

@@ -9,7 +9,7 @@ import numpy
 from setuptools import Extension, find_packages
 from setuptools.command.build_ext import build_ext
 
-from . import environment, layout, record
+from . import built_version, environment, layout
 
 # No -ffast-math, because comparisons with NaN and infinity decide what is refused. No contraction into fused
 # multiply-adds, because the last bits would depend on the machine.
@@ -75,7 +75,7 @@ class BuildExtensions(build_ext):
             # Two builds of one checkout would overwrite each other's files. The lock ends with the process.
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
-        self._made = record.write(Path(self.build_lib), self.distribution.get_version())
+        self._made = built_version.write(Path(self.build_lib), self.distribution.get_version())
         refused = self._cythonize()
         super().run()
         if refused:

@@ -40,7 +40,7 @@ if TYPE_CHECKING or HAS_ROS:
 
     if TYPE_CHECKING:
         from tf2_ros._shared.attachment import Attachment
-        from tf2_ros._shared.owner import Owner
+        from tf2_ros._shared.owner import SharedBufferOwner
 else:
     from tf2_ros._without_ros import Changes, TransformFuture, names_that_need_ros
 
@@ -125,7 +125,7 @@ class Buffer(BufferCore, BufferInterface):
     """
 
     _tf2_node: "weakref.ref[Node] | None" = None  # whose clock it follows
-    _tf2_sharing: "Owner | None" = None  # shares it with other processes
+    _tf2_sharing: "SharedBufferOwner | None" = None  # shares it with other processes
     _tf2_attachment: "Attachment | None" = None  # fills it from another process
     _tf2_standstill = 0, 0.0  # what simulated time showed last, and since when, in seconds of steady time
 
@@ -161,9 +161,9 @@ class Buffer(BufferCore, BufferInterface):
 
             Attachment(self, name, ring)
         if share is not None:
-            from tf2_ros._shared.owner import Owner
+            from tf2_ros._shared.owner import SharedBufferOwner
 
-            self._tf2_sharing = Owner(self, buffer_name(share, node))
+            self._tf2_sharing = SharedBufferOwner(self, buffer_name(share, node))
         self.__connect(node)
 
     @classmethod

@@ -172,17 +172,17 @@ cdef int _require_times(const Grid* grid, cnp.ndarray times) except -1:
     return 0
 
 
-cdef struct Motion:
+cdef struct PointPoses:
     # The pose for each point: from `times_ns`, or else from its field.
     TimeSource field
     const int64_t* times_ns     # of each point; NULL: in the field
     int64_t base_ns             # the time of the first knot
     const double* matrices      # 4x4, row by row: one pose for each point; NULL: poses at knots
-    Knots poses                 # else
+    Knots knots                 # else
     bint is_complete            # no point has coordinates, but no time between the knots
 
 
-cdef void _pose_of(Motion* motion, const char* point, const Triples* triples, Py_ssize_t i,
+cdef void _pose_of(PointPoses* poses, const char* point, const Triples* triples, Py_ssize_t i,
                    Rigid* out) noexcept nogil:
     cdef const double* column
     cdef const double* slope
@@ -190,24 +190,24 @@ cdef void _pose_of(Motion* motion, const char* point, const Triples* triples, Py
     cdef double ns
     cdef size_t knot
     cdef int row, k
-    if motion.matrices != NULL:
+    if poses.matrices != NULL:
         for row in range(3):
-            memcpy(out.matrix + 3 * row, motion.matrices + 16 * i + 4 * row, 3 * sizeof(double))
-            out.translation[row] = motion.matrices[16 * i + 4 * row + 3]
+            memcpy(out.matrix + 3 * row, poses.matrices + 16 * i + 4 * row, 3 * sizeof(double))
+            out.translation[row] = poses.matrices[16 * i + 4 * row + 3]
         return
-    if motion.times_ns != NULL:
+    if poses.times_ns != NULL:
         # Unsigned, because the difference may not fit.
-        ns = <double><int64_t>(<uint64_t>motion.times_ns[i] - <uint64_t>motion.base_ns)
+        ns = <double><int64_t>(<uint64_t>poses.times_ns[i] - <uint64_t>poses.base_ns)
     else:
-        ns = number_load(point + motion.field.offset, motion.field.number)
-        ns = fma(ns - motion.field.minus, motion.field.times, motion.field.plus)
-    if not knots_include(&motion.poses, ns):
-        motion.is_complete = motion.is_complete and _has_nan(point, triples)
+        ns = number_load(point + poses.field.offset, poses.field.number)
+        ns = fma(ns - poses.field.minus, poses.field.times, poses.field.plus)
+    if not knots_include(&poses.knots, ns):
+        poses.is_complete = poses.is_complete and _has_nan(point, triples)
         ns = 0.0
-    knot = knot_before(&motion.poses, ns)
-    ns = max(ns - motion.poses.ns[knot], 0.0)
-    column = motion.poses.columns + 16 * knot
-    slope = motion.poses.slopes + 16 * knot
+    knot = knot_before(&poses.knots, ns)
+    ns = max(ns - poses.knots.ns[knot], 0.0)
+    column = poses.knots.columns + 16 * knot
+    slope = poses.knots.slopes + 16 * knot
     for k in range(16):
         pose[k] = fma(ns, slope[k], column[k])
     for row in range(3):
@@ -216,14 +216,14 @@ cdef void _pose_of(Motion* motion, const char* point, const Triples* triples, Py
         out.translation[row] = pose[12 + row]
 
 
-cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, Motion* motion) noexcept nogil:
+cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, PointPoses* poses) noexcept nogil:
     # In double precision, with the fused operations of the quick way.
     cdef Rigid pose
     cdef const Triples* triples
     cdef double[3] old
     cdef double moved
     cdef int row, k
-    _pose_of(motion, point, &grid.triples[0], i, &pose)
+    _pose_of(poses, point, &grid.triples[0], i, &pose)
     for k in range(grid.triple_count):
         triples = &grid.triples[k]
         for row in range(3):
@@ -237,25 +237,25 @@ cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, Motion* motion)
 
 
 cdef void _move_batch(char* points, Py_ssize_t count, Py_ssize_t begin, const Grid* grid,
-                      Motion* motion) noexcept nogil:
+                      PointPoses* poses) noexcept nogil:
     # In place; the first of the points has the index `begin`.
     cdef Py_ssize_t step = grid.point_step
     cdef Py_ssize_t done = 0
     cdef const Triples* triples = &grid.triples[0]
     # The quick way writes 4 bytes behind z, as they were; those behind the last point may lie outside.
     cdef Py_ssize_t quick = count if step - triples.offsets[2] >= 8 else count - 1
-    if grid.triple_count > 1 or motion.matrices != NULL or motion.times_ns != NULL:
+    if grid.triple_count > 1 or poses.matrices != NULL or poses.times_ns != NULL:
         quick = 0
     if _wide_size(triples) != 4:
         quick = 0
     while done < count:
         if done < quick:
             done += wide_move_floats(points + done * step, step, quick - done, triples.offsets[0],
-                                     &motion.field, &motion.poses)
+                                     &poses.field, &poses.knots)
             if done == quick:
                 continue
         # What is left, or the whole batch, or a point whose time is not between the knots.
-        _move_one(points + done * step, begin + done, grid, motion)
+        _move_one(points + done * step, begin + done, grid, poses)
         done += 1
 
 
@@ -274,7 +274,7 @@ cdef void _store_number(char* points, Py_ssize_t count, Py_ssize_t step, const T
             memcpy(points + i * step + field.offset, number, size)
 
 
-cdef void _move_points(const char* source, char* target, const Grid* grid, Motion* motion, bint store,
+cdef void _move_points(const char* source, char* target, const Grid* grid, PointPoses* poses, bint store,
                        double stored) noexcept nogil:
     cdef Py_ssize_t step = grid.point_step
     cdef Py_ssize_t used = grid.columns * step
@@ -287,9 +287,9 @@ cdef void _move_points(const char* source, char* target, const Grid* grid, Motio
             batch = min(grid.columns - done, max(COPY_BYTES // step, 1))
             new_end = row * grid.new_row_step + done * step
             memcpy(target + new_end, source + row * grid.row_step + done * step, batch * step)
-            _move_batch(target + new_end, batch, row * grid.columns + done, grid, motion)
+            _move_batch(target + new_end, batch, row * grid.columns + done, grid, poses)
             if store:
-                _store_number(target + new_end, batch, step, &motion.field, stored)
+                _store_number(target + new_end, batch, step, &poses.field, stored)
             done += batch
         end = row * grid.row_step + used
         new_end = row * grid.new_row_step + used
@@ -342,7 +342,7 @@ def move_points(
     """
     cdef Grid grid
     cdef Py_buffer source
-    cdef Motion motion
+    cdef PointPoses poses
     cdef Transform identity
     cdef array.array data
     cdef int64_t whole
@@ -355,43 +355,43 @@ def move_points(
     memset(&identity, 0, sizeof(Transform))
     identity.rotation[3] = 1.0
     header = new_header(new_stamp_ns, frame_id)
-    motion.is_complete = True
-    motion.times_ns = NULL if times is None else <const int64_t*>cnp.PyArray_DATA(times)
-    motion.matrices = <const double*>cnp.PyArray_DATA(matrices)
-    motion.base_ns = 0
+    poses.is_complete = True
+    poses.times_ns = NULL if times is None else <const int64_t*>cnp.PyArray_DATA(times)
+    poses.matrices = <const double*>cnp.PyArray_DATA(matrices)
+    poses.base_ns = 0
     if knots_ns is not None:
-        motion.base_ns = (<const int64_t*>cnp.PyArray_DATA(knots_ns))[0]
+        poses.base_ns = (<const int64_t*>cnp.PyArray_DATA(knots_ns))[0]
         knots = np.empty(33 * count)
         numbers = <double*>cnp.PyArray_DATA(knots)
-        _fill_knots(<const int64_t*>cnp.PyArray_DATA(knots_ns), motion.matrices, count, numbers,
+        _fill_knots(<const int64_t*>cnp.PyArray_DATA(knots_ns), poses.matrices, count, numbers,
                     numbers + 16 * count, numbers + 32 * count)
-        motion.matrices = NULL
-        motion.poses.columns = numbers
-        motion.poses.slopes = numbers + 16 * count
-        motion.poses.ns = numbers + 32 * count
-        motion.poses.last = count - 1
+        poses.matrices = NULL
+        poses.knots.columns = numbers
+        poses.knots.slopes = numbers + 16 * count
+        poses.knots.ns = numbers + 32 * count
+        poses.knots.last = count - 1
     _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
     try:
         _read_points(cloud, source.len, &grid)
         if times is not None:
             _require_times(&grid, times)
-        if motion.matrices != NULL:
+        if poses.matrices != NULL:
             _require_times(&grid, matrices)
-        _read_time_field(cloud, field, grid.point_step, &motion.field)
+        _read_time_field(cloud, field, grid.point_step, &poses.field)
         if field is not None:
-            if motion.field.number & ~<int>OTHER_ORDER == FLOAT64:
+            if poses.field.number & ~<int>OTHER_ORDER == FLOAT64:
                 # Exact, also for a time since 1970: the digits before the first knot are not multiplied.
-                motion.field.minus = <double>((motion.base_ns - motion.field.base_ns) // motion.field.unit_ns)
-            motion.field.times = <double>motion.field.unit_ns
-            whole = <int64_t>motion.field.minus * motion.field.unit_ns
-            motion.field.plus = <double>(motion.field.base_ns + whole - motion.base_ns)
+                poses.field.minus = <double>((poses.base_ns - poses.field.base_ns) // poses.field.unit_ns)
+            poses.field.times = <double>poses.field.unit_ns
+            whole = <int64_t>poses.field.minus * poses.field.unit_ns
+            poses.field.plus = <double>(poses.field.base_ns + whole - poses.base_ns)
         _add_directions(cloud, _fields_by_name(cloud), &identity, &grid)
         for i in range(grid.triple_count):
             grid.triples[i].step = grid.point_step
         data = array.clone(NO_BYTES, grid.new_size, False)
         if grid.new_size > 0:
             with nogil:
-                _move_points(<const char*>source.buf, data.data.as_chars, &grid, &motion, store, value)
+                _move_points(<const char*>source.buf, data.data.as_chars, &grid, &poses, store, value)
     finally:
         PyBuffer_Release(&source)
-    return _new_cloud(cloud, header, &grid, data, is_dense), motion.is_complete
+    return _new_cloud(cloud, header, &grid, data, is_dense), poses.is_complete

@@ -36,7 +36,7 @@ LOCK_WAIT_S = 1.0  # for a lock on the file of a dead owner
 TEXT_AT, TEXT_BYTES = 4096, 4096  # place of the description in the file, behind the page that is mapped
 
 
-class Owner:
+class SharedBufferOwner:
     """
     Shares what a buffer receives with all processes of this user.
 

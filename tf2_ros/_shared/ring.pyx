@@ -110,7 +110,7 @@ cdef struct Head:
     uint64_t wanted_until_ns    # steady time until which a reader wants each message at once
 
 
-cdef struct Record:
+cdef struct RingRecord:
     # Padded to a multiple of UNIT with what follows.
     uint64_t position           # its own
     uint64_t previous           # where it was written before; `position` unless it was written again
@@ -121,9 +121,9 @@ cdef struct Record:
     uint32_t authority_size     # bytes of the authority, which follows that
 
 
-cdef inline uint64_t record_length(const Record* record) noexcept nogil:
+cdef inline uint64_t record_length(const RingRecord* record) noexcept nogil:
     # Bytes, with what follows and padding.
-    return (sizeof(Record) + <uint64_t>record.size + record.authority_size + UNIT - 1) // UNIT * UNIT
+    return (sizeof(RingRecord) + <uint64_t>record.size + record.authority_size + UNIT - 1) // UNIT * UNIT
 
 
 cdef inline int64_t place_of(uint64_t position, uint64_t capacity) noexcept nogil:

@@ -64,8 +64,8 @@ cdef Found _copy_chunk(Reading* reading, uint64_t size, uint64_t end) noexcept n
     return FOUND_RECORD
 
 
-cdef const Record* _at_tail(const Reading* reading) noexcept nogil:
-    return <const Record*>(reading.chunk + (reading.tail - reading.chunk_from))
+cdef const RingRecord* _at_tail(const Reading* reading) noexcept nogil:
+    return <const RingRecord*>(reading.chunk + (reading.tail - reading.chunk_from))
 
 
 cdef Found _find_record(Reading* reading) noexcept nogil:
@@ -83,12 +83,12 @@ cdef Found _find_record(Reading* reading) noexcept nogil:
     return _copy_chunk(reading, record_length(_at_tail(reading)), end)
 
 
-cdef bint _fill(Reading* reading, const Record* record, Parcel* parcel) noexcept nogil:
+cdef bint _fill(Reading* reading, const RingRecord* record, Parcel* parcel) noexcept nogil:
     # Copies a record; False: there is no memory.
     cdef unsigned char* content = parcel_reserve(parcel, <size_t>record.size + record.authority_size)
     if content == NULL:
         return False
-    memcpy(content, <const char*>record + sizeof(Record), parcel.size)
+    memcpy(content, <const char*>record + sizeof(RingRecord), parcel.size)
     parcel.size, parcel.authority_size, parcel.has_authority = record.size, record.authority_size, True
     parcel.is_static = record.kind == KIND_STATIC
     parcel.kind = PARCEL_REMOVAL if record.kind == KIND_REMOVAL else PARCEL_MESSAGE
@@ -117,7 +117,7 @@ cdef void _skip_damage(Reading* reading, Parcel* parcel) noexcept nogil:
 
 
 cdef bint _next(Reading* reading, Parcel* parcel) noexcept nogil:
-    cdef const Record* record
+    cdef const RingRecord* record
     cdef Found found
     # Only now: a thread that finds no new record relies on all of them being inserted.
     store64_release(&reading.tail, reading.following)

@@ -29,14 +29,14 @@ cdef struct Writing:
     int64_t keep_ns             # for how long records are kept
     int64_t room_ns             # for how long some were, at last, for lack of room; 0: always for `keep_ns`
     uint64_t too_long           # transforms whose names fit no record
-    Record* record              # with what follows it; MOST_RECORD bytes
+    RingRecord* record          # with what follows it; MOST_RECORD bytes
 
 
 cdef void _write(Writing* writing, uint32_t kind, uint32_t child, size_t size, size_t authority_size,
                  uint64_t previous, int64_t now_ns) noexcept nogil:
     # Adds a record, for which there is room. What follows it is behind `record`. `previous`: 0 if it is new.
-    cdef Record* record = writing.record
-    cdef size_t written = sizeof(Record) + size + authority_size
+    cdef RingRecord* record = writing.record
+    cdef size_t written = sizeof(RingRecord) + size + authority_size
     record.position = writing.next
     record.previous = previous if previous else writing.next
     record.written_ns = now_ns
@@ -52,14 +52,15 @@ cdef void _write(Writing* writing, uint32_t kind, uint32_t child, size_t size, s
         writing.statics[child] = record.position
 
 
-cdef bint _read_oldest(Writing* writing, Record* record) noexcept nogil:
+cdef bint _read_oldest(Writing* writing, RingRecord* record) noexcept nogil:
     # False: another process has written over it.
-    return (read_file(writing.descriptor, record, sizeof(Record), place_of(writing.oldest, writing.capacity))
+    cdef int64_t place = place_of(writing.oldest, writing.capacity)
+    return (read_file(writing.descriptor, record, sizeof(RingRecord), place)
             and record.position == writing.oldest
             and record_length(record) <= min(writing.next - writing.oldest, <uint64_t>MOST_RECORD))
 
 
-cdef void _write_again(Writing* writing, const Record* oldest, int64_t now_ns) noexcept nogil:
+cdef void _write_again(Writing* writing, const RingRecord* oldest, int64_t now_ns) noexcept nogil:
     # The oldest record is the newest static transform of its child.
     if read_file(writing.descriptor, writing.record, record_length(oldest),
                  place_of(oldest.position, writing.capacity)):
@@ -80,7 +81,7 @@ cdef void _drop_until(Writing* writing, uint64_t position) noexcept nogil:
 
 cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept nogil:
     # Drops what is too old, and more until a record fits behind the newest one. False: it cannot.
-    cdef Record oldest
+    cdef RingRecord oldest
     cdef uint64_t until = writing.next      # by then, only static transforms that were written again are left
     cdef bint fits
     if length > MOST_RECORD:
@@ -135,8 +136,8 @@ cdef void _append(
     Writing* writing, const Batch* batch, size_t start, size_t end, int64_t now_ns
 ) noexcept nogil:
     # Adds some transforms of a batch as one record, or as several if they are too large for one.
-    cdef unsigned char* content = <unsigned char*>writing.record + sizeof(Record)
-    cdef uint64_t most = sizeof(Record) + <uint64_t>batch.authority_size
+    cdef unsigned char* content = <unsigned char*>writing.record + sizeof(RingRecord)
+    cdef uint64_t most = sizeof(RingRecord) + <uint64_t>batch.authority_size
     cdef Incoming clean
     cdef uint32_t child = NO_CHILD
     cdef size_t size, i
@@ -185,10 +186,10 @@ cdef void _copy_removal(Writing* writing, const char* name, size_t size, int64_t
     # With a name, of one frame; otherwise of all dynamic transforms.
     if name != NULL:
         _forget_static(writing, name, size)
-    if not _make_room(writing, sizeof(Record) + <uint64_t>size + UNIT, now_ns):
+    if not _make_room(writing, sizeof(RingRecord) + <uint64_t>size + UNIT, now_ns):
         return
     if name != NULL:
-        memcpy(<char*>writing.record + sizeof(Record), name, size)
+        memcpy(<char*>writing.record + sizeof(RingRecord), name, size)
     _write(writing, KIND_REMOVAL, NO_CHILD, size, 0, 0, now_ns)
     if name == NULL:
         store64_release(&writing.head.cleared, writing.next)
@@ -239,7 +240,7 @@ cdef class RingWriter(Tap):
 
     def __cinit__(self, *_, **__):
         self._writing.descriptor = -1
-        self._writing.record = <Record*>malloc(MOST_RECORD)
+        self._writing.record = <RingRecord*>malloc(MOST_RECORD)
         if self._writing.record == NULL or lock_init(
                 &self._writing.lock) != 0 or names_init(&self._writing.children) != 0:
             raise MemoryError

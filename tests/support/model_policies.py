@@ -91,7 +91,8 @@ class Policies:
                 if stamp <= now_ns:
                     continue
                 begun = max(begun, self.steady_ns)
-            self._begun_ns.setdefault((name, stamp), min(begun, steady_ns))
+            before = self._begun_ns.get((name, stamp), steady_ns)
+            self._begun_ns[name, stamp] = min(begun, before, steady_ns)
         self.now_ns, self.steady_ns, self._seen = now_ns, steady_ns, newest
 
     def _judge_ages(self, target, source, hops, max_age):

@@ -96,9 +96,10 @@ cdef inline bint history_is_overtaken(const History* history) noexcept nogil:
 
 
 cdef inline void history_overtake(History* history, int64_t at_ns) noexcept nogil:
-    # After a second step, the age of the same sample counts on.
-    if not history_is_overtaken(history):
-        history.overtaken_ns, history.overtaken_at_ns = history.newest_ns, at_ns
+    # Of several steps, the one by which the sample is oldest counts.
+    if history_is_overtaken(history):
+        at_ns = min(at_ns, history.overtaken_at_ns)
+    history.overtaken_ns, history.overtaken_at_ns = history.newest_ns, at_ns
 
 
 cdef inline int64_t history_age(const History* history, int64_t now_ns) noexcept nogil:

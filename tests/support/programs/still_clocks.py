@@ -31,6 +31,8 @@ class Run:
         self.model = Model()
         self.model.begin_system_time(BEGIN_NS, BEGIN_NS)
         self.buffer = Buffer()
+        self.ahead_ns = 0  # of the steady clock, when it was read last
+        self.oldest = {}  # the ages that samples had, by frame and stamp
 
     def insert(self):
         child = self.dice.choice(FRAMES[1:])
@@ -47,13 +49,20 @@ class Run:
     def set_clock(self):
         step_ns = self.dice.choice((S // 2, S - 1, S, S + 1, 4 * S, 60 * S))
         WALL.value += self.dice.choice((-step_ns, -step_ns, step_ns))
+        if -S < WALL.value - STEADY.value - self.ahead_ns < 0:
+            self.oldest.clear()  # by so little, data may become younger
 
     def ask(self):
+        self.ahead_ns = WALL.value - STEADY.value
         limit_ns = self.dice.choice(LIMITS_S) * S + self.dice.randrange(2)
         for child in self.model.frames:
             arguments = (self.homes[child], child)
             self.model.read_system_clock(WALL.value, STEADY.value)
-            assert self.buffer.ages(*arguments) == self.model.ages(*arguments)
+            ages = self.buffer.ages(*arguments)
+            assert ages == self.model.ages(*arguments)
+            sample = (child, self.model.frames[child].newest_ns())
+            assert ages[child] >= self.oldest.get(sample, ages[child])
+            self.oldest[sample] = ages[child]
             policy = Policy(max_age=limit_ns)
             expected = of_model(self.model.lookup_under, policy, *arguments, 0)
             found = of_buffer(self.buffer.lookup_transform, *arguments, 0, **arguments_of(policy))
@@ -63,6 +72,7 @@ class Run:
                 assert same_error(found, expected), (found, expected)
 
     def copy(self):
+        self.oldest.clear()  # a step before the first reading of the copy is not noticed
         copied = self.dice.choice((copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))))
         self.buffer = copied(self.buffer)
         self.model.begin_system_time(WALL.value, STEADY.value)

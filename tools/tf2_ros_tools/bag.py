@@ -1,10 +1,10 @@
 """Load recordings into buffers, and save buffers as recordings, with or without ROS."""
 
+from tf2_ros_tools.bag_loader import load, stamps, transforms
+from tf2_ros_tools.bag_reader import BagError
 from tf2_ros_tools.datasets import Dataset, dataset
 from tf2_ros_tools.fleet import MappedRecordings, map_recordings
-from tf2_ros_tools.loading import load, stamps, transforms
-from tf2_ros_tools.reading import BagError
-from tf2_ros_tools.saved import load_saved, save
+from tf2_ros_tools.saved_buffers import load_saved, save
 
 __all__ = [
     "BagError",

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import LookupException
 from tf2_py.text import printable
+from tf2_ros_tools.bag_loader import TOPICS, PoseTopics, Topics, Urdfs
+from tf2_ros_tools.bag_reader import BagError
 from tf2_ros_tools.fleet import Recordings, map_recordings
-from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs
 from tf2_ros_tools.output import counted, require, write_whole
-from tf2_ros_tools.reading import BagError
 from tf2_ros_tools.tables import POSE, STAMP_NS
 
 if TYPE_CHECKING:

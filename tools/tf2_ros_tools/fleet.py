@@ -18,9 +18,8 @@ import numpy as np
 
 from tf2_py import BufferCore, LookupException, TransformException
 from tf2_py.text import printable
-from tf2_ros_tools.caching import Cached, state_of
-from tf2_ros_tools.findings import report
-from tf2_ros_tools.loading import (
+from tf2_ros_tools.bag_cache import Cached, state_of
+from tf2_ros_tools.bag_loader import (
     TOPICS,
     PoseTopics,
     Topics,
@@ -31,8 +30,9 @@ from tf2_ros_tools.loading import (
     progress_bar,
     wanted,
 )
+from tf2_ros_tools.bag_reader import SUFFIXES, BagError
+from tf2_ros_tools.findings import report
 from tf2_ros_tools.output import counted, require, write_whole
-from tf2_ros_tools.reading import SUFFIXES, BagError
 from tf2_ros_tools.tables import as_parquet, look_up_frames, times_when
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ buffer: it chooses transforms, thins them out, and names them anew. ``Relaying``
 node: it subscribes and publishes.
 """
 
-from tf2_ros_tools.listening import Pace, filled_buffer
+from tf2_ros_tools.listening_node import Pace, filled_buffer
 
 import math
 import re

@@ -1,6 +1,6 @@
 """The full-screen table of tf2_monitor: sorted, filtered and scrolled by keys, below the problems."""
 
-from tf2_ros_tools.listening import Report
+from tf2_ros_tools.listening_node import Report
 
 import asyncio
 import os

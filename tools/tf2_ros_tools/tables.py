@@ -16,7 +16,7 @@ from tf2_ros_tools.streams import moving_on, stamps_on, taken
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
-    from tf2_ros_tools.loading import Heard
+    from tf2_ros_tools.bag_loader import Heard
 
 S = 1_000_000_000
 # A stamp in 1970 beside current ones is a mistake, and must not make the table fill the memory.

@@ -28,7 +28,7 @@ IMPORTS = {
 
 
 def test_modules_import_known_libraries():
-    assert "tf2_ros_tools.loading" in IMPORTS
+    assert "tf2_ros_tools.bag_loader" in IMPORTS
     known = {*PACKAGES, *sources.PACKAGES, *LIBRARIES, *sys.stdlib_module_names}
     imported = {(name, one) for name, found in IMPORTS.items() for one in found}
     assert {(name, one) for name, one in imported if one.partition(".")[0] not in known} == set()

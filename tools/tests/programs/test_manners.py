@@ -1,6 +1,6 @@
 """The manners that all programs share: help, wrong usage, Ctrl-C, readers who leave, disks that are full."""
 
-from tf2_ros_tools.listening import Pace
+from tf2_ros_tools.listening_node import Pace
 
 import fcntl
 import json

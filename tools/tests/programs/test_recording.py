@@ -1,6 +1,6 @@
 """What a receiver notes of each transform, if it is asked to."""
 
-from tf2_ros_tools.listening import listening
+from tf2_ros_tools.listening_node import listening
 
 import numpy as np
 import pytest

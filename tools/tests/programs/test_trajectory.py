@@ -5,8 +5,8 @@ import pytest
 from making_bags import S, Sent, Tf, drive, write_mcap
 from test_pictures import texts_of
 
+from tf2_ros_tools.bag_loader import hear
 from tf2_ros_tools.findings import report
-from tf2_ros_tools.loading import hear
 from tf2_ros_tools.pictures import file_of
 from tf2_ros_tools.trajectory import path_picture, trajectory_figure
 

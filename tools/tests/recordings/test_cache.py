@@ -38,7 +38,7 @@ def files(folder):
 def test_the_next_call_maps_the_file_of_the_first(path, cache, monkeypatch):
     loaded, first = bag.load(path), bag.load(path, cache=cache)
     [made] = files(cache)
-    monkeypatch.setattr("tf2_ros_tools.loading.fill_buffer", None)  # which would read the recording
+    monkeypatch.setattr("tf2_ros_tools.bag_loader.fill_buffer", None)  # which would read the recording
     second = bag.load(path, cache=str(cache))
     for one in (first, second):
         assert held(one) == held(loaded)
@@ -116,7 +116,7 @@ def test_the_folder_of_a_recording_may_be_that_of_its_file(storage, tmp_path, mo
     folder = write_folder(tmp_path / "run", drive(20), storage)
     first = bag.load(folder, cache=folder)
     listed = files(folder)
-    monkeypatch.setattr("tf2_ros_tools.loading.fill_buffer", None)
+    monkeypatch.setattr("tf2_ros_tools.bag_loader.fill_buffer", None)
     with whole_file(folder / "of another thread"):
         assert held(bag.load(folder, cache=folder)) == held(first)
         assert len(files(folder)) == len(listed) + 1

@@ -25,8 +25,8 @@ from making_bags import (
 from robots import ARM
 
 from tf2_ros_tools import bag
+from tf2_ros_tools.bag_loader import hear, wanted
 from tf2_ros_tools.findings import line_of, report
-from tf2_ros_tools.loading import hear, wanted
 from tf2_ros_tools.program import RunError
 from tf2_ros_tools.programs.tf2_bag import PARSER
 from tf2_ros_tools.programs.tf2_bag import bag as tf2_bag

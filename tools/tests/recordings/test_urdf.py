@@ -9,8 +9,8 @@ from robots import ARM, FIXED, JOINT_STATE, NAMES, description, expected, joint_
 
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf
+from tf2_ros_tools.bag_loader import hear, wanted
 from tf2_ros_tools.findings import line_of, report
-from tf2_ros_tools.loading import hear, wanted
 
 pytestmark = pytest.mark.ours
 
@@ -330,7 +330,7 @@ class TestRecordings:
         assert "broadcaster: '/joint_states'" in buffer.all_frames_as_yaml()
 
     def test_more_states_than_a_batch_holds_are_in_order(self, tmp_path, monkeypatch):
-        monkeypatch.setattr("tf2_ros_tools.converting.BATCH", 7)
+        monkeypatch.setattr("tf2_ros_tools.bag_converters.BATCH", 7)
         messages, stamps, values = states(100)
         path = write_mcap(tmp_path / "run.mcap", messages)
         check(bag.load(path, urdf=ARM), stamps, values)

@@ -34,9 +34,9 @@ from tf2_ros_tools.program import (
 if TYPE_CHECKING:
     from argparse import _MutuallyExclusiveGroup
 
+    from tf2_ros_tools.bag_loader import Heard, Topics, Urdf
+    from tf2_ros_tools.bag_reader import RecordedTopic
     from tf2_ros_tools.findings import Report
-    from tf2_ros_tools.loading import Heard, Topics, Urdf
-    from tf2_ros_tools.reading import Topic
     from tf2_ros_tools.streams import Stream
 
 DESCRIPTION = """\
@@ -64,14 +64,14 @@ JSON = "print one JSON object"  # the help of an option
 
 def _topics_of(options: Namespace) -> Topics:
     """Get the topics to read."""
-    from tf2_ros_tools.loading import TOPICS
+    from tf2_ros_tools.bag_loader import TOPICS
 
     return TOPICS if options.topics is None else dict(options.topics)
 
 
 def _robots_of(options: Namespace) -> dict[str, Urdf]:
     """Get the robots whose transforms are computed from joint states, by the topics with these."""
-    from tf2_ros_tools.loading import JOINT_STATES
+    from tf2_ros_tools.bag_loader import JOINT_STATES
     from tf2_ros_tools.urdf import load
 
     robots: dict[str, Urdf] = {}
@@ -91,7 +91,7 @@ def _heard_of(options: Namespace, at: str | None = None) -> Heard:
 
     :param at: a topic whose stamps are read, too.
     """
-    from tf2_ros_tools.loading import without_stamps
+    from tf2_ros_tools.bag_loader import without_stamps
 
     heard = _judged_of(options, at)
     for text in (*heard.left_out, *without_stamps(heard.buffer)):
@@ -101,7 +101,7 @@ def _heard_of(options: Namespace, at: str | None = None) -> Heard:
 
 def _judged_of(options: Namespace, at: str | None = None) -> Heard:
     """Read the transforms of the recording; the findings say what is left out."""
-    from tf2_ros_tools.loading import hear, wanted
+    from tf2_ros_tools.bag_loader import hear, wanted
 
     what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
     return hear(options.file, what, at=at)
@@ -112,8 +112,8 @@ def _judged_of(options: Namespace, at: str | None = None) -> Heard:
 
 def info(options: Namespace) -> int:
     """Print the contents of a recording; return the exit status."""
+    from tf2_ros_tools.bag_reader import open_recording
     from tf2_ros_tools.findings import lines_of, report, stream_line
-    from tf2_ros_tools.reading import open_recording
 
     with open_recording(options.file) as recorded:
         topics = sorted(recorded.topics.values(), key=lambda topic: topic.name)
@@ -153,7 +153,7 @@ def _what(said: Report) -> str:
     return f"{counted(said.transforms, 'transform')} and {three_digits(said.seconds)} s"
 
 
-def _contents(topics: Sequence[Topic], start_ns: int | None, end_ns: int | None) -> Iterator[str]:
+def _contents(topics: Sequence[RecordedTopic], start_ns: int | None, end_ns: int | None) -> Iterator[str]:
     if start_ns is not None and end_ns is not None:
         begin, end = start_ns / S, end_ns / S
         date = datetime.fromtimestamp(begin, timezone.utc)
@@ -244,7 +244,7 @@ def batch(options: Namespace) -> int:
 
 def freeze(options: Namespace) -> int:
     """Write the transforms to a file that processes map; return the exit status."""
-    from tf2_ros_tools.loading import load
+    from tf2_ros_tools.bag_loader import load
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)

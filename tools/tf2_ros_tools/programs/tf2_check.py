@@ -28,7 +28,7 @@ PARSER.add_argument("--json", action="store_true", help="print the result as one
 
 def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
-    from tf2_ros_tools.listening import listening, spun_node
+    from tf2_ros_tools.listening_node import listening, spun_node
 
     from rclpy.logging import LoggingSeverity, set_logger_level
 

@@ -127,7 +127,7 @@ PARSER.add_argument(
 
 def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
-    from tf2_ros_tools.listening import Pace, filled_buffer, spun_node
+    from tf2_ros_tools.listening_node import Pace, filled_buffer, spun_node
 
     from tf2_py import TransformException
 

@@ -16,7 +16,7 @@ from tf2_ros_tools.output import counted, show, show_json
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, positive_number, run
 
 if TYPE_CHECKING:
-    from tf2_ros_tools.listening import Listening, Report
+    from tf2_ros_tools.listening_node import Listening, Report
 
     from tf2_ros_tools.streams import Stream
 
@@ -46,7 +46,7 @@ PARSER.add_argument("--json", action="store_true", help="print each report as on
 
 def monitor(options: Namespace) -> int:
     """Report until interrupted; return the exit status."""
-    from tf2_ros_tools.listening import listening, spun_node
+    from tf2_ros_tools.listening_node import listening, spun_node
 
     from tf2_ros_tools.findings import Limits
 
@@ -61,7 +61,7 @@ def monitor(options: Namespace) -> int:
 
 
 def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> NoReturn:
-    from tf2_ros_tools.listening import Pace
+    from tf2_ros_tools.listening_node import Pace
 
     interval_s = INTERVAL_S if options.interval is None else options.interval
     if not options.json:

@@ -35,7 +35,7 @@ PARSER.add_argument(
 
 def plot(options: Namespace) -> int:
     """Listen and plot; return the exit status."""
-    from tf2_ros_tools.listening import listening, spun_node
+    from tf2_ros_tools.listening_node import listening, spun_node
 
     from tf2_ros_tools.findings import Limits
     from tf2_ros_tools.pictures import heard_picture, refuse_plot, write_plot

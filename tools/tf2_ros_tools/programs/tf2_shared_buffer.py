@@ -37,7 +37,7 @@ PARSER.add_argument(
 
 def share(options: Namespace) -> NoReturn:
     """Share what is received until interrupted."""
-    from tf2_ros_tools.listening import TOPICS, spun_node, wait
+    from tf2_ros_tools.listening_node import TOPICS, spun_node, wait
 
     from tf2_ros import Buffer, SharedBufferError, TransformListener
 

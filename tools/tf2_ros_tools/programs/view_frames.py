@@ -56,7 +56,7 @@ def output_files(name: str) -> tuple[str, str, str]:
 
 def view(options: Namespace) -> int:
     """Listen, and print or draw the tree; return the exit status."""
-    from tf2_ros_tools.listening import listening, spun_node
+    from tf2_ros_tools.listening_node import listening, spun_node
 
     from tf2_ros_tools.findings import Limits, line_of
     from tf2_ros_tools.pictures import drawn, tree_dot

@@ -6,7 +6,7 @@ texts of all `findings`.
 """
 
 # First, as in the programs of the project.
-from tf2_ros_tools.listening import Listening
+from tf2_ros_tools.listening_node import Listening
 
 import sys
 from importlib import import_module

@@ -5,7 +5,7 @@ Prints a line of JSON: when the transforms were received, and what a report says
 """
 
 # First, as in the programs of the project.
-from tf2_ros_tools.listening import listening
+from tf2_ros_tools.listening_node import listening
 
 import json
 import sys

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py.text import printable
-from tf2_ros_tools import foxglove
+from tf2_ros_tools import foxglove_messages
 from tf2_ros_tools.output import require
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 @dataclass(frozen=True)
-class Topic:
+class RecordedTopic:
     """
     A recorded topic.
 
@@ -106,9 +106,9 @@ class Recorded:
     """
     An open recording.
 
-    ``path`` is its path, ``topics`` maps the names to a :class:`Topic` each, ``start_ns`` and ``end_ns`` are
-    the log times of its first and last message of any topic; None if it has no messages. ``saved``: a buffer
-    has saved it, so its log times are stamps.
+    ``path`` is its path, ``topics`` maps the names to a :class:`RecordedTopic` each, ``start_ns`` and
+    ``end_ns`` are the log times of its first and last message of any topic; None if it has no messages.
+    ``saved``: a buffer has saved it, so its log times are stamps.
     """
 
     def __init__(self, path: str, reader: Reader, parts: list[Path]) -> None:
@@ -116,11 +116,13 @@ class Recorded:
         self.saved = bool(parts) and all(map(_is_saved, parts))
         self._reader = reader
         self._tool = _tool_of(parts[0]) if parts else REINDEX
-        self.topics: dict[str, Topic] = {}
+        self.topics: dict[str, RecordedTopic] = {}
         for name in dict.fromkeys(one.topic for one in reader.connections):
             own = self.connections([name])
             types = " and ".join(dict.fromkeys(one.msgtype for one in own))
-            self.topics[name] = Topic(name, types, sum(one.msgcount for one in own), _encoding(own[0]))
+            self.topics[name] = RecordedTopic(
+                name, types, sum(one.msgcount for one in own), _encoding(own[0])
+            )
         # A damaged file may contain any time.
         self.start_ns: int | None = int(np.int64(reader.start_time)) if reader.message_count else None
         self.end_ns: int | None = int(np.int64(reader.end_time - 1)) if reader.message_count else None
@@ -160,8 +162,8 @@ class Recorded:
         store = typestore()
         for connection, log_ns, raw in messages:
             msgtype, encoding = connection.msgtype, _encoding(connection)
-            if msgtype in foxglove.TYPES:
-                raw = self.of_foxglove(connection, log_ns, raw, foxglove.tf_message)
+            if msgtype in foxglove_messages.TYPES:
+                raw = self.of_foxglove(connection, log_ns, raw, foxglove_messages.tf_message)
             elif encoding == "ros1":
                 raw = store.ros1_to_cdr(raw, TF_TYPES[0] if msgtype in TF_TYPES else msgtype)
             yield connection, log_ns, raw
@@ -446,13 +448,13 @@ class ForeignMcap:
 
     def decoder(self, connection: "Connection") -> Callable[[bytes], Any]:
         """Get the function that decodes the messages of a connection of Foxglove."""
-        if _encoding(connection) == foxglove.JSON:
-            return foxglove.from_json
+        if _encoding(connection) == foxglove_messages.JSON:
+            return foxglove_messages.from_json
         if connection.id not in self._decoders:
             require("mcap_protobuf", "bag")
             from mcap_protobuf.decoder import DecoderFactory
 
-            decode = DecoderFactory().decoder_for(foxglove.PROTOBUF, self._schemas[connection.id])
+            decode = DecoderFactory().decoder_for(foxglove_messages.PROTOBUF, self._schemas[connection.id])
             if decode is None:
                 raise ValueError("the definition of its type is not one of protobuf")
             self._decoders[connection.id] = decode
@@ -495,7 +497,7 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     if topic not in recorded.topics:
         raise BagError(f"{name}: this topic does not exist; the topics are {listed(recorded.topics)}")
     about = recorded.topics[topic]
-    is_foxglove = foxglove.is_stamped(about.msgtype, about.encoding)
+    is_foxglove = foxglove_messages.is_stamped(about.msgtype, about.encoding)
     if not is_foxglove:
         try:
             stamped = all(map(_begins_with_header, recorded.connections([topic])))
@@ -507,7 +509,7 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     stamps: list[int] = []
     for connection, log_ns, raw in recorded.checked(recorded.raw([topic], convert=False)):
         if is_foxglove:
-            stamps.append(recorded.of_foxglove(connection, log_ns, raw, foxglove.stamp_ns))
+            stamps.append(recorded.of_foxglove(connection, log_ns, raw, foxglove_messages.stamp_ns))
             continue
         try:
             stamps.append(_stamp_ns(about, raw))
@@ -516,7 +518,7 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     return np.array(stamps, np.int64)
 
 
-def _stamp_ns(about: Topic, raw: Raw) -> int:
+def _stamp_ns(about: RecordedTopic, raw: Raw) -> int:
     # Four bytes come first: the encapsulation, whose second byte is odd for little-endian numbers; in ROS 1,
     # the `seq` of the header.
     order = "<" if about.encoding == "ros1" or raw[1] & 1 else ">"

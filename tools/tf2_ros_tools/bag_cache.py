@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import __version__
-from tf2_ros_tools.reading import FROZEN, LOGS, SUFFIXES, require_existing
+from tf2_ros_tools.bag_reader import FROZEN, LOGS, SUFFIXES, require_existing
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer

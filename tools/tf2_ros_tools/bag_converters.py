@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros.serialization import serialize_arrays
-from tf2_ros_tools.reading import RawMessage, typestore
+from tf2_ros_tools.bag_reader import RawMessage, typestore
 from tf2_ros_tools.urdf import Robot
 
 Frames: TypeAlias = tuple[str, str]  # parent and child

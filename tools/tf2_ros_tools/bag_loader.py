@@ -18,11 +18,10 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
-from tf2_ros_tools import foxglove
-from tf2_ros_tools.caching import Cached
-from tf2_ros_tools.converting import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
-from tf2_ros_tools.output import counted, first_names, require
-from tf2_ros_tools.reading import (
+from tf2_ros_tools import foxglove_messages
+from tf2_ros_tools.bag_cache import Cached
+from tf2_ros_tools.bag_converters import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
+from tf2_ros_tools.bag_reader import (
     TF_TYPES,
     BagError,
     RawMessage,
@@ -33,6 +32,7 @@ from tf2_ros_tools.reading import (
     stamps_of,
     typestore,
 )
+from tf2_ros_tools.output import counted, first_names, require
 from tf2_ros_tools.urdf import Robot, fixed, parse
 from tf2_ros_tools.urdf import load as load_urdf
 
@@ -319,7 +319,7 @@ def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
     name = printable(recorded.path)
     found = [topic for topic in what.prefixes if topic in recorded.topics]
     for topic in found:
-        _check_type(recorded, topic, *TF_TYPES, *foxglove.TYPES)
+        _check_type(recorded, topic, *TF_TYPES, *foxglove_messages.TYPES)
     for topic, frames in what.poses.items():
         if topic in recorded.topics:
             _check_type(recorded, topic, *NAMED, *POSES)
@@ -332,7 +332,7 @@ def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
         if topic in recorded.topics:
             _check_type(recorded, topic, JOINT_STATE)
     if not found and not any(topic in recorded.topics for topic in what.others):
-        others = _topics_of(recorded, *TF_TYPES, *foxglove.TYPES)
+        others = _topics_of(recorded, *TF_TYPES, *foxglove_messages.TYPES)
         joints, posed = _topics_of(recorded, JOINT_STATE), _topics_of(recorded, *NAMED, *POSES)
         advice = ": choose from these with `topics` or `--topic`" if others else ""
         if joints and not others:
@@ -359,7 +359,7 @@ def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
         options = {JOINT_STATE: WITH_URDF, **dict.fromkeys((*NAMED, *POSES), WITH_POSES)}
         advice = f"; {options[one.msgtype]} reads it" if one.msgtype in options else ""
         raise BagError(f"{where}: its type is {printable(one.msgtype)}, not {types[0]}{advice}")
-    encodings = foxglove.ENCODINGS if one.msgtype in foxglove.TYPES else ("cdr", "ros1")
+    encodings = foxglove_messages.ENCODINGS if one.msgtype in foxglove_messages.TYPES else ("cdr", "ros1")
     if one.encoding not in encodings:
         wanted = " or ".join(encodings)
         raise BagError(f"{where}: its encoding is {printable(one.encoding)}, not {wanted}")
@@ -504,7 +504,7 @@ def _absent(recorded: Recorded, what: Wanted) -> Iterator[str]:
             yield f"there is no topic {printable(topic)}; the topics of its type are {others}"
         elif not recorded.topics[topic].count:
             yield f"topic {printable(topic)} has no messages"
-    transforms = _topics_of(recorded, *TF_TYPES, *foxglove.TYPES)
+    transforms = _topics_of(recorded, *TF_TYPES, *foxglove_messages.TYPES)
     filled = [name for name in transforms if recorded.topics[name].count]
     static, wanted = {*filter(is_static, filled)}, {*what.prefixes}.intersection(filled)
     if not recorded.saved and wanted and static.isdisjoint(wanted):

@@ -21,6 +21,7 @@ from tf2_py import History as History
 from tf2_py import __version__ as __version__
 from tf2_py import stored_name as stored_name
 from tf2_ros import buffer, buffer_interface
+from tf2_ros._fillers import BufferSource as BufferSource
 from tf2_ros._shared.naming import SharedBufferError as SharedBufferError
 from tf2_ros._transform_messages import Header, PoseStamped, TransformStamped
 from tf2_ros._transform_messages import format_transform as format_transform

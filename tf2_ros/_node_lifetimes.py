@@ -1,7 +1,4 @@
-"""
-Make hidden nodes, spin nodes in threads, and keep forked children from destroying nodes; find out which
-contexts the waits of a buffer depend on, and whether they were shut down.
-"""
+"""Make hidden nodes, spin nodes in threads, and keep forked children from destroying nodes."""
 
 import atexit
 import os
@@ -16,11 +13,10 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions, get_current_signal_handlers_options, uninstall_signal_handlers
-from rclpy.utilities import get_default_context
 
 from tf2_py._internal import MalformedObjectError, keep_for_ever
 from tf2_ros._arguments import kind_of
-from tf2_ros._forking import LOCK, LiveObjects, is_inherited
+from tf2_ros._forking import LiveObjects, is_inherited
 from tf2_ros._rclpy import (
     context_was_shut_down,
     handle_exists,
@@ -202,79 +198,6 @@ def _stop_spinning() -> None:
         uninstall_signal_handlers()
     for spinner in _running:
         spinner.stop()
-
-
-# What ends waits.
-
-
-class WaitContexts:
-    """
-    The contexts of everything that fills one buffer: that of its node, and those of its listeners, also of
-    ended ones; and the call queues of the listeners' nodes.
-    """
-
-    def __init__(self) -> None:
-        # Replaced, never changed: read without a lock.
-        self.known: tuple[Any, ...] = ()  # without those that had been shut down when the last was added
-        self.call_queues: tuple[weakref.ref[Any], ...] = ()  # of the latest listener last
-
-
-_NOTHING_KNOWN = WaitContexts()
-
-
-def note_filler(node: Any, buffer: object, call_queue: object = None) -> None:
-    """
-    Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.
-
-    :param call_queue: of a listener's node; None for anything else.
-    """
-    contexts = getattr(buffer, "_tf2_wait_contexts", None)
-    if is_node(node) and isinstance(contexts, WaitContexts):
-        context = node.context
-        with LOCK:
-            others = (one for one in contexts.known if one is not context and not context_was_shut_down(one))
-            contexts.known = (*others, context)
-            if call_queue is not None:
-                known = (one for one in contexts.call_queues if one() not in (None, call_queue))
-                contexts.call_queues = (*known, weakref.ref(call_queue))
-
-
-class Shutdown:
-    """
-    The shutdown that ends one wait, which begins when this is made.
-
-    Two of them are equal if the same shutdown ends their waits.
-
-    :param core: the buffer; this does not keep it alive.
-
-    Nothing is inserted any more when every context of what fills the buffer was shut down. If no such context
-    is known, the program inserts transforms itself. Then only a shutdown of the default context during the
-    wait ends it, so that Ctrl-C does.
-    """
-
-    __slots__ = ("_contexts", "_default")
-
-    def __init__(self, core: object) -> None:
-        self._contexts: WaitContexts = getattr(core, "_tf2_wait_contexts", _NOTHING_KNOWN)
-        self._default = None
-        if not self._contexts.known:
-            default = get_default_context()
-            if not context_was_shut_down(default):
-                self._default = default
-
-    def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, Shutdown)
-            and self._contexts is other._contexts
-            and self._default is other._default
-        )
-
-    def __hash__(self) -> int:
-        return hash((id(self._contexts), id(self._default)))
-
-    def __call__(self) -> bool:
-        """Whether there was a shutdown, also before the wait."""
-        return all(context_was_shut_down(one) for one in self._contexts.known or (self._default,))
 
 
 def node_has_ended(node: Any) -> bool:

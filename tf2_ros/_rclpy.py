@@ -25,6 +25,8 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.task import Future, Task
 
+from tf2_ros._loops import running_loop
+
 if TYPE_CHECKING:
     import asyncio
 
@@ -114,6 +116,11 @@ def is_simulated(clock: Any) -> bool:
     Clocks of other types lack the attribute, or raise (since rclpy 10).
     """
     return is_ros_clock(clock) and bool(clock.ros_time_is_active)
+
+
+def is_steady(clock: Any) -> bool:
+    """Whether a clock shows steady time."""
+    return bool(clock.clock_type == ClockType.STEADY_TIME)
 
 
 def is_ros_clock(clock: Any) -> bool:
@@ -319,14 +326,6 @@ def watch_losses(node: Any, subscription: Any, callback: Callable[[Any], None]) 
 
 
 # Tasks, futures and event loops.
-
-
-def running_loop() -> "asyncio.AbstractEventLoop | None":
-    """The event loop that runs in this thread, if any."""
-    # If one runs, asyncio is loaded. It is not imported here: that takes a tenth of the time of importing
-    # tf2_ros, and in a forked child it could wait forever for a thread of the parent that was importing it.
-    get_running_loop = getattr(sys.modules.get("asyncio"), "_get_running_loop", None)
-    return None if get_running_loop is None else get_running_loop()
 
 
 _COROUTINES = CO_COROUTINE | CO_GENERATOR | CO_ITERABLE_COROUTINE | CO_ASYNC_GENERATOR

@@ -1,29 +1,49 @@
 """What replaces the parts of ROS that a buffer uses, by the same names, if there is no ROS."""
 
 import sys
+import time
 from collections.abc import Callable
 from typing import NoReturn
 
+from tf2_ros._wait.endings import FutureEnding, call_all
 from tf2_ros_cython._presence import absence
 
-
-class Shutdown:
-    """The shutdown that ends a wait. Without ROS, only Ctrl-C ends one."""
-
-    def __init__(self, core: object) -> None:
-        pass
-
-    def __call__(self) -> bool:
-        """Return False, because there is no shutdown."""
-        return False
+BaseFuture = FutureEnding
 
 
-def TransformFuture(*arguments: object) -> NoReturn:
-    """Refuse to make a future, which is a class of rclpy."""
-    raise absence("a future of a transform")
+class InvalidHandle(Exception):
+    """Never raised."""
 
 
-Changes = TransformFuture  # which takes such a future
+class Clock:
+    """The system's clock."""
+
+    def now(self) -> int:
+        """Return the time in nanoseconds since 1970."""
+        return time.time_ns()
+
+
+def is_simulated(clock: object) -> bool:
+    """Return False, because nothing simulates time."""
+    return False
+
+
+def is_steady(clock: object) -> bool:
+    """Return False, because this is asked of the system's clock only."""
+    return False
+
+
+class SleepingTask:
+    """Never made."""
+
+
+def running_task(is_direct: bool) -> None:
+    """Return None, because there are no tasks but those of asyncio."""
+
+
+def end_for(buffer: object, ending: Callable[[], object] | None) -> None:
+    """End something in this thread, because there are no executors."""
+    call_all(ending)
 
 
 def names_that_need_ros(module: str, *others: str) -> Callable[[str], NoReturn]:

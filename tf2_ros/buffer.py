@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import tf2_py as tf2
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import duration_ns, log, policy_of, seconds
+from tf2_py._internal import duration_ns, log, policy_of, seconds, time_ns
 from tf2_py.typing import DurationLike, TimeLike
-from tf2_ros._arguments import require_callable
+from tf2_ros._arguments import kind_of, require_callable
+from tf2_ros._fillers import BufferSource, Fillers, add_source, note_filler
 from tf2_ros._shared.naming import buffer_name, is_wanted, require_support
 from tf2_ros._transform_messages import TransformStamped
 from tf2_ros._wait.endings import ChangeSubscription
+from tf2_ros._wait.futures import Changes, TransformFuture, WakingFuture
 from tf2_ros._wait.lookups import Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
     from tf2_py.typing import LookupPolicy
 if TYPE_CHECKING or HAS_ROS:
-    from rclpy.clock import Clock, ClockChange, ClockType, JumpHandle, JumpThreshold, TimeJump
+    from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
     from rclpy.duration import Duration
     from rclpy.exceptions import InvalidHandle
     from rclpy.node import Node
@@ -33,16 +35,15 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.time import Time
 
     from tf2_msgs.srv import FrameGraph
-    from tf2_ros._node_lifetimes import WaitContexts, note_filler, require_node
+    from tf2_ros._node_lifetimes import require_node
     from tf2_ros._publishers import clock_publishers
-    from tf2_ros._rclpy import is_simulated
-    from tf2_ros._wait.futures import Changes, TransformFuture, WakingFuture
+    from tf2_ros._rclpy import is_simulated, is_steady
 
     if TYPE_CHECKING:
         from tf2_ros._shared.attachment import Attachment
         from tf2_ros._shared.owner import SharedBufferOwner
 else:
-    from tf2_ros._without_ros import Changes, TransformFuture, names_that_need_ros
+    from tf2_ros._without_ros import Clock, InvalidHandle, is_simulated, is_steady, names_that_need_ros
 
     __getattr__ = names_that_need_ros(__name__)
 
@@ -71,8 +72,8 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 # What belongs to one buffer; a copy has its own.
 _OF_INIT = frozenset(
     (
-        "registration _tf2_kept _tf2_wait_contexts srv clock jump_handle _tf2_node _tf2_sharing"
-        " _tf2_attachment _tf2_standstill"
+        "registration _tf2_kept _tf2_fillers srv clock jump_handle _tf2_node _tf2_sharing"
+        " _tf2_attachment _tf2_standstill _tf2_shown_ns"
     ).split()
 )
 
@@ -127,6 +128,7 @@ class Buffer(BufferCore, BufferInterface):
     _tf2_node: "weakref.ref[Node] | None" = None  # whose clock it follows
     _tf2_sharing: "SharedBufferOwner | None" = None  # shares it with other processes
     _tf2_attachment: "Attachment | None" = None  # fills it from another process
+    _tf2_shown_ns = 0  # what a program's own clock showed last
     _tf2_standstill = 0, 0.0  # what simulated time showed last, and since when, in seconds of steady time
 
     def __init__(
@@ -196,12 +198,12 @@ class Buffer(BufferCore, BufferInterface):
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)
         self._tf2_follow_clock(Buffer.__show_time)
+        self._tf2_fillers = Fillers()
+        self.clock: Clock = Clock() if node is None else node.get_clock()
         if not HAS_ROS:
             return
-        self._tf2_wait_contexts = WaitContexts()
         note_filler(node, self)
         self.srv: Service | None = None
-        self.clock: Clock = Clock() if node is None else node.get_clock()
         self._tf2_node = None if node is None else weakref.ref(node)
         if node is not None:
             self.srv = node.create_service(FrameGraph, "tf2_frames", self.__get_frames)
@@ -406,6 +408,33 @@ class Buffer(BufferCore, BufferInterface):
         require_callable("on_change", callback)
         return ChangeSubscription(self, target_frame, source_frame, callback)
 
+    def add_source(self, name: str, silence: "Callable[[bool], str] | None" = None) -> "BufferSource":
+        """
+        Say that something other than a listener fills this buffer, such as a connection of the program's own.
+
+        :param name: what errors call it.
+        :param silence: called when an error is made, with whether static transforms matter for it, too.
+            Returns a clause about what has not been received, such as ``nothing has been received on /tf for
+            3 s``, which the error then contains; or ``""``.
+        :return: a source, whose ``end(reason)`` ends lookups and awaits that still wait, once nothing else
+            fills the buffer. The iteration of :meth:`changes` ends, too.
+        :raises TypeError: ``name`` is not a str, or ``silence`` cannot be called.
+
+        >>> from tf2_ros import Buffer, TransformException
+        >>> buffer = Buffer()
+        >>> buffer.add_source("the simulator").end("it was closed")
+        >>> try:
+        ...     buffer.lookup_transform("map", "base_link", 0, timeout=10.0)
+        ... except TransformException as error:
+        ...     print(error)
+        the simulator has ended (it was closed), which ended the wait for the transform after 0 s
+        """
+        if type(name) is not str:
+            raise TypeError(f"name must be a str, got {kind_of(name)}")
+        if silence is not None:
+            require_callable("add_source", silence)
+        return add_source(self, name, silence)
+
     def time_jump_callback(self, time_jump: "TimeJump | None") -> None:
         """
         Clear the buffer, and log a warning.
@@ -414,7 +443,8 @@ class Buffer(BufferCore, BufferInterface):
         """
         self.clear()  # first, because a log line takes time, in which old data would be used
         log.logger("tf2_buffer").warning("Detected jump back in time. Clearing TF buffer.")
-        names = clock_publishers(None if self._tf2_node is None else self._tf2_node())
+        node = None if self._tf2_node is None else self._tf2_node()
+        names = [] if node is None else clock_publishers(node)
         if len(names) > 1:
             text = f"/clock has {len(names)} publishers, {' and '.join(names)}"
             log.logger("tf2_buffer").warning(f"{text}: the time jumps between theirs, and clears the buffer")
@@ -434,20 +464,23 @@ class Buffer(BufferCore, BufferInterface):
                 # It has become too old before this ran.
 
     def __show_time(self) -> tuple[int, bool] | None:
-        if not HAS_ROS and "clock" not in self.__dict__:
-            return time.time_ns(), True
         clock: Any = self.clock  # a program may have set another one
         if clock is None:
             return None
         try:
-            now_ns = clock.now().nanoseconds
+            now_ns = time_ns(clock.now(), "the time of the buffer's clock")
             if is_simulated(clock):
                 self.__warn_of_standstill(now_ns)
                 return now_ns, False
-            # A program's own clock may say anything.
-            return now_ns, clock.clock_type != ClockType.STEADY_TIME and type(clock).now is Clock.now
         except InvalidHandle:  # an AsyncNode has ended, and its clock with it
             return time.time_ns(), True
+        if type(clock).now is Clock.now:
+            return now_ns, not is_steady(clock)
+        # A program's own clock may say anything, and reports no jumps.
+        shown_ns, self._tf2_shown_ns = self._tf2_shown_ns, now_ns
+        if shown_ns - now_ns >= JUMP_BACK_S * 10**9:
+            self.time_jump_callback(None)
+        return now_ns, False
 
     def __warn_of_standstill(self, now_ns: int) -> None:
         """Warn once of each: while simulated time stands still, no data becomes older."""

@@ -27,6 +27,7 @@ from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, duration_ns, errors, frame_name
 from tf2_py.text import printable
 from tf2_py.typing import DurationLike, TimeLike
+from tf2_ros._fillers import SHUT_DOWN
 from tf2_ros._forking import refuse_inherited
 from tf2_ros._node_lifetimes import Spinner, companion_node, require_node
 from tf2_ros._publishers import publisher_ids
@@ -195,7 +196,7 @@ class GoalSender:
 
     def _fail_at_end(self, pending: PendingGoal) -> None:
         if context_was_shut_down(self._node.context):
-            error = TimeoutException(errors.shut_down(time.monotonic_ns() - pending.begin_ns))
+            error = TimeoutException(errors.in_vain(SHUT_DOWN, time.monotonic_ns() - pending.begin_ns))
         else:
             error = pending.error("The buffer client was destroyed.")
         self._forget(pending)

@@ -157,7 +157,10 @@ def _install_messages(name: str | None) -> str:
 
 
 def _without_rclpy(what: str) -> str:
-    return (
+    text = (
         f"{what} needs ROS 2, and no rclpy is found by {sys.executable}: source a ROS 2, or, in a"
         " clone of tf2-ros-cython, pip install ./messages '.[ros]'"
     )
+    if "listener" in what.lower() or "broadcaster" in what.lower():
+        text += ". Without ROS 2, tf2_ros_tools.live receives and sends the transforms of a robot"
+    return text

@@ -38,6 +38,7 @@ CHANGES = {
     "set_transform_static",
     "set_transforms",
     "set_transforms_cdr",
+    "add_source",  # see test_plain_waits.py
     "clear",
     "forget",
     "freeze",

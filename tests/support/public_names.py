@@ -67,6 +67,7 @@ OURS = {
     "tf2_py": {"FrameInfo", "History", "__version__", "stored_name"},
     "tf2_ros": {
         "BufferServer",
+        "BufferSource",
         "FilterFailureReason",
         "FrameInfo",
         "History",

@@ -250,9 +250,9 @@ def timed_out(reason: object, waited_ns: int) -> str:
     return f"Waited {_duration(waited_ns)} s for the transform: {reason}"
 
 
-def shut_down(waited_ns: int) -> str:
-    """The error text of a wait that the shutdown ended, even if the wait began afterwards."""
-    return f"The context was shut down, which ended the wait for the transform after {_duration(waited_ns)} s"
+def in_vain(why: str, waited_ns: int) -> str:
+    """The error text of a wait after the end of what fills the buffer, even if the wait began afterwards."""
+    return f"{why}, which ended the wait for the transform after {_duration(waited_ns)} s"
 
 
 def _at(time_ns: int) -> str:

@@ -16,8 +16,8 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from tf2_py import BufferCore
 from tf2_py._internal import log
 from tf2_py.text import counted
+from tf2_ros._fillers import ask_for_silence, note_filler
 from tf2_ros._forking import LiveObjects, is_inherited
-from tf2_ros._node_lifetimes import note_filler
 from tf2_ros._qos import is_latched
 from tf2_ros._rclpy import (
     context_was_shut_down,
@@ -307,7 +307,7 @@ def note_listener(listener: Any) -> None:
     # A subclass that does not call __init__ may not have a node yet.
     note_filler(getattr(listener, "node", None), buffer, listener._tf2_listening.call_queue)
     if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
-        BufferCore._ask_for_silence(buffer, _silence)
+        ask_for_silence(buffer, _silence)
     for watcher in _watchers:
         watcher._tf2_check()
 

@@ -16,7 +16,8 @@ from threading import get_ident, main_thread
 
 from tf2_py._internal import log
 from tf2_ros._forking import is_inherited
-from tf2_ros._node_lifetimes import WaitContexts, keep_in_children, node_has_ended
+from tf2_ros._fillers import Fillers
+from tf2_ros._node_lifetimes import keep_in_children, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._threads import check_regularly
 from tf2_ros._wait.endings import call_all
@@ -164,12 +165,17 @@ cdef class CallQueue:
 
 def call_queue_for(buffer):
     """Find the queue for a buffer: of its latest listener whose node has not ended; None if there is none."""
-    contexts = getattr(buffer, "_tf2_wait_contexts", None)
-    for reference in reversed(contexts.call_queues if isinstance(contexts, WaitContexts) else ()):
+    fillers = getattr(buffer, "_tf2_fillers", None)
+    for reference in reversed(fillers.call_queues if isinstance(fillers, Fillers) else ()):
         found = reference()
         if found is not None and not found.has_ended():
             return found
     return None
+
+
+def end_for(buffer, ending):
+    """Have what runs the node of a buffer's latest listener end something, as `put_or_call`."""
+    put_or_call(call_queue_for(buffer), ending)
 
 
 def put_or_call(CallQueue call_queue, ending):

@@ -7,36 +7,27 @@ from collections.abc import Callable, Generator
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from geometry_msgs.msg import TransformStamped
-from rclpy.executors import Executor
-from rclpy.task import Future, Task
-
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
+from tf2_ros._fillers import Shutdown
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited
-from tf2_ros._node_lifetimes import Shutdown
-from tf2_ros._rclpy import (
-    HEEDS_FUTURES,
-    RESUMES_TASKS,
-    end_round,
-    has_locked_tasks,
-    is_in_step,
-    resume,
-    running_loop,
-    running_task,
-    spun_executor,
-    task_executor,
-)
-from tf2_ros._wait.call_queue import call_queue_for, put_or_call
-from tf2_ros._wait.call_runners import without_node
+from tf2_ros._loops import running_loop
+from tf2_ros._transform_messages import TransformStamped
 from tf2_ros._wait.deadlines import deadlines
-from tf2_ros._wait.endings import FutureEnding, Waker, notify
+from tf2_ros._wait.endings import Waker, notify
+from tf2_ros_cython._presence import HAS_ROS
+
+if TYPE_CHECKING or HAS_ROS:
+    from tf2_ros._rclpy import running_task
+    from tf2_ros._wait.call_queue import end_for
+    from tf2_ros._wait.tasks import BaseFuture, SleepingTask
+else:
+    from tf2_ros._without_ros import BaseFuture, SleepingTask, end_for, running_task
 
 if TYPE_CHECKING:
     import asyncio
 
-STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task
 SHUTDOWN_CHECK_NS = 100_000_000  # how often to check the contexts of what asyncio awaits
 CLOCK_CHECK_NS = 100_000_000  # how often to check whether simulated time has begun
 
@@ -44,7 +35,7 @@ CLOCK_CHECK_NS = 100_000_000  # how often to check whether simulated time has be
 _Result = TypeVar("_Result")
 
 
-class WakingFuture(FutureEnding, Future, Generic[_Result]):
+class WakingFuture(BaseFuture, Generic[_Result]):
     """
     A future that may be completed in any thread, and wakes whatever runs the tasks that await it.
 
@@ -104,87 +95,23 @@ class WakingFuture(FutureEnding, Future, Generic[_Result]):
                     self.exception()  # of a cancelled coroutine, nobody else fetches it
         return self.result()
 
-    if not HEEDS_FUTURES:
-
-        def add_done_callback(self, callback: Callable[[Any], object]) -> None:
-            """Add a callback; for that of an executor that spins until this has ended, what ends the spin."""
-            executor = spun_executor(callback)
-            if executor is None:
-                super().add_done_callback(callback)
-            elif not any(getattr(waker, "spun", None) is executor for waker in self.wakers):
-                super().add_done_callback(_SpunExecutor(executor))
-
     def expire(self) -> None:
         """End the wait after a shutdown: with None, unless a subclass does more. Called in any thread."""
         self.end()
 
 
-class _SpunExecutor(Waker):
-    """What ends the spin of an executor until a future, in releases where waking it is not enough."""
+class _SleepingCoroutine(Waker):
+    """What sleeps where nothing can be woken: the coroutine must be resumed until it ends."""
 
-    def __init__(self, executor: Executor) -> None:
-        self.spun = executor
+    awake = False
 
-    def __call__(self, _: object) -> None:
-        call = partial(end_round, self.spun)
-        if has_locked_tasks(self.spun):
-            without_node.put(call)  # a thread waits for the lock, which a signal handler must not
-        else:
-            call()
-
-
-class _SleepingTask(Waker):
-    """
-    What wakes a task of an executor, to which it refers weakly, because the task refers to the future.
-
-    :param task: None: something else awaits, which must resume the coroutine until it ends.
-    """
-
-    def __init__(self, task: Task | None) -> None:
-        self.awake = False
-        self._task = None if task is None else weakref.ref(task)
-        self._yielded: weakref.ref[Future] | None = None  # it refers to the task, and the task to it
-
-    def sleep(self, future: WakingFuture[Any]) -> Generator[Any, Any, None]:
+    def sleep(self, future: WakingFuture[Any]) -> Generator[None, Any, None]:
         """Sleep until the future has ended."""
         while not future.has_ended():
-            # Where tasks are resumed, one that yields None is stepped again in the next round, at once.
-            yielded: Future | None = Future() if RESUMES_TASKS and self._has_executor() else None
-            self._yielded = None if yielded is None else weakref.ref(yielded)
-            yield yielded
+            yield
 
-    def __call__(self, _: object = None) -> None:
-        """Have the executor step the task, once none of its threads does."""
-        task = None if self._task is None or self.awake else self._task()
-        executor = None if task is None else task_executor(task)
-        if task is None or executor is None:
-            return
-        # An executor skips a task while another of its threads runs a step of it. That step may have decided
-        # to sleep and not returned yet, and nothing reports its return.
-        #   in a step  tasks locked  now     later, too
-        #   no         no            resume  no
-        #   unknown    no            resume  yes, because it may have been skipped
-        #   yes        any           no      yes
-        #   any        yes           no      yes, because a signal handler must not wait for the lock
-        in_step, is_locked = is_in_step(task), has_locked_tasks(executor)
-        if not in_step and not is_locked:
-            resume(task, executor, None if self._yielded is None else self._yielded())
-        if in_step is not False or is_locked:
-            deadlines.add(time.monotonic_ns() + STEP_CHECK_NS, self)  # last: there may be no thread for it
-
-    def _has_executor(self) -> bool:
-        task = None if self._task is None else self._task()
-        return task is not None and task_executor(task) is not None
-
-    # The protocol of what has a deadline.
-
-    def over(self) -> bool:
-        """Whether the task is awake."""
-        return self.awake
-
-    def expire(self) -> None:
-        """Try again, because the step may be done."""
-        self()
+    def __call__(self, _: object) -> None:
+        """Do nothing."""
 
 
 class _SleepingLoop(Waker):
@@ -268,12 +195,14 @@ class _ShutdownCheck:
 os.register_at_fork(after_in_child=_ShutdownCheck._known.clear)
 
 
-def _sleeper(future: WakingFuture[Any]) -> _SleepingTask | _SleepingLoop:
+def _sleeper(future: WakingFuture[Any]) -> "SleepingTask | _SleepingLoop | _SleepingCoroutine":
     """What wakes whatever runs in this thread."""
     loop = running_loop()
     # A callback that an executor runs may run a loop, and a task of a loop may spin an executor.
     task = running_task(is_direct=loop is not None)
-    return _SleepingTask(task) if task is not None or loop is None else _SleepingLoop(loop, future)
+    if task is not None:
+        return SleepingTask(task)
+    return _SleepingCoroutine() if loop is None else _SleepingLoop(loop, future)
 
 
 class TransformFuture(WakingFuture[TransformStamped]):
@@ -303,7 +232,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
         timeout: Any = None,
         begin_ns: int | None = None,
     ) -> None:
-        super().__init__(Shutdown(core), getattr(core, "_tf2_kept", None))
+        self.__shutdown = Shutdown(core)
+        super().__init__(self.__shutdown, getattr(core, "_tf2_kept", None))
         self.__core = weakref.ref(core)  # which the wait keeps
         self.__begin_ns = time.monotonic_ns() if begin_ns is None else begin_ns
         self.__timeout_ns = optional_timeout_ns(timeout)
@@ -347,14 +277,14 @@ class TransformFuture(WakingFuture[TransformStamped]):
                 self.__end(answer, None)
 
     def __end(self, answer: TransformStamped | None, error: Exception | None) -> None:
-        put_or_call(call_queue_for(self.__core()), self.end_or_queue(answer, error))
+        end_for(self.__core(), self.end_or_queue(answer, error))
 
     def __unanswered(self, wait: Any) -> TimeoutException:
         waited_ns = time.monotonic_ns() - self.__begin_ns
         if self.__timeout_ns is not None:
             waited_ns = min(waited_ns, self.__timeout_ns)
-        if self.is_in_vain():
-            return TimeoutException(errors.shut_down(waited_ns))
+        if self.__shutdown():
+            return TimeoutException(self.__shutdown.text(waited_ns))
         return TimeoutException(errors.timed_out(wait.reason(), waited_ns))
 
 

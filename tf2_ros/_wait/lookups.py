@@ -2,16 +2,11 @@
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import errors, time_ns
-from tf2_ros_cython._presence import HAS_ROS
-
-if TYPE_CHECKING or HAS_ROS:
-    from tf2_ros._node_lifetimes import Shutdown
-else:
-    from tf2_ros._without_ros import Shutdown
+from tf2_ros._fillers import Shutdown
 
 
 class Lookup(NamedTuple):
@@ -51,7 +46,7 @@ class Lookup(NamedTuple):
 
         :param timeout_ns: nanoseconds of steady time, at most FOR_EVER_NS. 0 or less: do not wait.
         :raises TransformException: what the lookup raises. After a wait, its text also says how long that
-            took, or that the :class:`Shutdown` of the buffer ended it.
+            took, or which :class:`Shutdown` ended it.
         """
         if timeout_ns <= 0:
             return self.now(core)
@@ -65,7 +60,7 @@ class Lookup(NamedTuple):
             return self.now(core)  # something may have arrived right at the end
         except (TransformException, ValueError) as reason:
             waited_ns = min(time.monotonic_ns() - begin_ns, timeout_ns)
-            text = errors.shut_down(waited_ns) if is_in_vain() else errors.after_wait(str(reason), waited_ns)
+            text = is_in_vain.text(waited_ns) if is_in_vain() else errors.after_wait(str(reason), waited_ns)
             raise type(reason)(text) from None
 
     @property

@@ -1,0 +1,188 @@
+"""Know what fills a buffer, listeners or sources of a program, and end waits when all of it has ended."""
+
+import weakref
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from tf2_py import BufferCore
+from tf2_py._internal import errors
+from tf2_py.text import printable
+from tf2_ros._forking import LOCK
+from tf2_ros_cython._presence import HAS_ROS
+
+if TYPE_CHECKING or HAS_ROS:
+    from rclpy.utilities import get_default_context
+
+    from tf2_ros._rclpy import context_was_shut_down, is_node
+
+
+SHUT_DOWN = "The context was shut down"
+
+
+class Filler(Protocol):
+    """Something that fills a buffer."""
+
+    def why_ended(self) -> str:
+        """Say why it fills the buffer no more; ``""`` while it does."""
+        ...
+
+
+class _Context(NamedTuple):
+    """The context of something that fills a buffer."""
+
+    context: Any
+
+    def why_ended(self) -> str:
+        return SHUT_DOWN if context_was_shut_down(self.context) else ""
+
+
+class BufferSource:
+    """
+    What fills a buffer besides listeners, such as a connection to a robot: see :meth:`Buffer.add_source`.
+
+    :param name: what errors call it.
+    :param silence: see :meth:`Buffer.add_source`.
+
+    >>> from tf2_ros import Buffer
+    >>> source = Buffer().add_source("the simulator")
+    >>> source.end("it was closed")
+    >>> source
+    <BufferSource 'the simulator': the simulator has ended (it was closed)>
+    """
+
+    def __init__(self, name: str, silence: "Callable[[bool], str] | None" = None) -> None:
+        self.name = name
+        self._silence = silence
+        self._why_ended = ""
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name!r}{': ' if self._why_ended else ''}{self._why_ended}>"
+
+    def end(self, reason: str = "") -> None:
+        """
+        Say that this fills the buffer no more, from any thread; without effect if it has ended.
+
+        Lookups and awaits in the buffer end within 0.1 s, unless something else fills it, too. Their errors
+        contain the reason. What the buffer holds remains.
+        """
+        if not self._why_ended:
+            self._why_ended = f"{printable(self.name)} has ended" + (f" ({reason})" if reason else "")
+
+    def why_ended(self) -> str:
+        """Say why it has ended, for errors; ``""`` while it fills the buffer."""
+        return self._why_ended
+
+    def silence(self, with_static: bool) -> str:
+        """Say what this has not received, see :meth:`Buffer.add_source`."""
+        return "" if self._silence is None or self._why_ended else self._silence(with_static)
+
+
+class Fillers:
+    """
+    Everything that fills one buffer: the contexts of its node and its listeners, also of ended ones, and its
+    sources; and the call queues of the listeners' nodes.
+    """
+
+    def __init__(self) -> None:
+        # Replaced, never changed: read without a lock.
+        self.known: tuple[Filler, ...] = ()  # without those that had ended when the last was added
+        self.call_queues: tuple[weakref.ref[Any], ...] = ()  # of the latest listener last
+        self.find_silence: Callable[[object], tuple[str, str]] | None = None  # on the listeners' topics
+
+    def add(self, filler: Filler, call_queue: object = None) -> None:
+        """Note that something fills the buffer from now on; see :func:`note_filler`."""
+        with LOCK:
+            others = (one for one in self.known if one != filler and not one.why_ended())
+            self.known = (*others, filler)
+            if call_queue is not None:
+                known = (one for one in self.call_queues if one() not in (None, call_queue))
+                self.call_queues = (*known, weakref.ref(call_queue))
+
+
+_NOTHING_KNOWN = Fillers()
+
+
+def note_filler(node: Any, buffer: object, call_queue: object = None) -> None:
+    """
+    Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.
+
+    :param call_queue: of a listener's node; None for anything else.
+    """
+    fillers = getattr(buffer, "_tf2_fillers", None)
+    if is_node(node) and isinstance(fillers, Fillers):
+        fillers.add(_Context(node.context), call_queue)
+
+
+def add_source(buffer: Any, name: str, silence: "Callable[[bool], str] | None") -> BufferSource:
+    """See :meth:`Buffer.add_source`."""
+    source = BufferSource(name, silence)
+    buffer._tf2_fillers.add(source)
+    BufferCore._ask_for_silence(buffer, _silence_of)
+    return source
+
+
+def ask_for_silence(buffer: BufferCore, find_silence: Callable[[object], tuple[str, str]]) -> None:
+    """
+    Have the errors of a buffer say which topics of its listeners are silent.
+
+    :param find_silence: see ``BufferCore._ask_for_silence``.
+    """
+    fillers = getattr(buffer, "_tf2_fillers", None)
+    if isinstance(fillers, Fillers):
+        fillers.find_silence, find_silence = find_silence, _silence_of
+    BufferCore._ask_for_silence(buffer, find_silence)
+
+
+def _silence_of(buffer: Any) -> tuple[str, str]:
+    fillers: Fillers = buffer._tf2_fillers
+    found = [("", "") if fillers.find_silence is None else fillers.find_silence(buffer)]
+    for one in fillers.known:
+        if isinstance(one, BufferSource):
+            found.append((one.silence(True), one.silence(False)))
+    with_static, without = (" and ".join(filter(None, clauses)) for clauses in zip(*found, strict=True))
+    return with_static, without
+
+
+class Shutdown:
+    """
+    The end of everything that fills a buffer, which ends one wait; the wait begins when this is made.
+
+    Two of them are equal if the same ends their waits.
+
+    :param core: the buffer; this does not keep it alive.
+
+    If nothing is known that fills the buffer, the program inserts transforms itself. Then only a shutdown of
+    the default context during the wait ends it, so that Ctrl-C does.
+    """
+
+    __slots__ = ("_default", "_fillers")
+
+    def __init__(self, core: object) -> None:
+        self._fillers: Fillers = getattr(core, "_tf2_fillers", _NOTHING_KNOWN)
+        self._default: tuple[_Context, ...] = ()
+        if HAS_ROS and not self._fillers.known:
+            default = _Context(get_default_context())
+            if not default.why_ended():
+                self._default = (default,)
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Shutdown)
+            and self._fillers is other._fillers
+            and self._default == other._default
+        )
+
+    def __hash__(self) -> int:
+        return hash((id(self._fillers), bool(self._default)))
+
+    def __call__(self) -> bool:
+        """Whether nothing fills the buffer any more, also since before the wait."""
+        return self._why() != ""
+
+    def text(self, waited_ns: int) -> str:
+        """The error of the wait that this has ended."""
+        return errors.in_vain(self._why(), waited_ns)
+
+    def _why(self) -> str:
+        reasons = [one.why_ended() for one in self._fillers.known or self._default]
+        return reasons[-1] if reasons and all(reasons) else ""

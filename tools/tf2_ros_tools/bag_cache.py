@@ -95,12 +95,15 @@ class Cached:
             return None
 
     def write(self, buffer: Buffer) -> None:
-        """Write the file, and delete those of earlier states of the recording; who uses these keeps them."""
+        """
+        Write the file, and delete those of earlier states of the recording, if this user may; who uses these
+        keeps them.
+        """
         os.makedirs(self._folder, exist_ok=True)
         buffer.freeze(self.path)
         for one in os.listdir(self._folder):
             if one.startswith(self._begin) and one != os.path.basename(self.path):
-                with suppress(FileNotFoundError):
+                with suppress(OSError):
                     os.unlink(os.path.join(self._folder, one))
 
 

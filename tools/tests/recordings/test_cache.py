@@ -59,6 +59,17 @@ def test_a_changed_recording_is_read_again_and_its_old_file_deleted(path, cache)
     assert old.frames()["base"].count < new.frames()["base"].count
 
 
+def test_an_old_file_that_cannot_be_deleted_remains(path, cache):
+    """Another user may have made it, in a folder in which only owners delete."""
+    bag.load(path, cache=cache)
+    [before] = files(cache)
+    before.unlink()
+    before.mkdir()  # which nobody can unlink
+    write_mcap(path, drive(30))
+    assert held(bag.load(path, cache=cache)) == held(bag.load(path))
+    assert before in files(cache)
+
+
 def replaced_by_one_of_equal_size_and_time(path, sizes):
     other = write_db3(path.with_name("other.db3"), drive(20, speed=2.0))
     assert other.stat().st_size == sizes

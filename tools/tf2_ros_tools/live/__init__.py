@@ -1,0 +1,49 @@
+"""
+A robot's transforms on a machine without ROS 2, over DDS, Zenoh or foxglove_bridge, in both directions.
+
+>>> from tf2_ros_tools.live import connect
+>>> def follow(where):
+...     with connect(where) as robot:
+...         robot.wait_until_heard(5.0)
+...         return robot.buffer.lookup_transform("map", "base_link", 0, timeout=1.0)
+"""
+
+from tf2_ros import Buffer
+from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
+from tf2_ros_tools.live.feed import Feed, Heard
+from tf2_ros_tools.live.wire import EXAMPLES, Address, Publisher, Wire, parse
+
+__all__ = ["Broadcaster", "Feed", "Heard", "Publisher", "StaticBroadcaster", "connect"]
+
+
+def connect(
+    where: str,
+    *,
+    domain: int | None = None,
+    buffer: Buffer | None = None,
+    topic: str = "/tf",
+    static_topic: str = "/tf_static",
+    prefix: str = "",
+) -> Feed:
+    """
+    Receive the transforms of a robot.
+
+    :param where: ``dds://``, ``dds://?peers=192.168.0.7`` (or several, with commas), ``zenoh://robot:7447``
+        or ``ws://robot:8765``.
+    :param domain: of ROS. None: the environment variable ROS_DOMAIN_ID, or 0.
+    :param buffer: what is filled. None: a new ``Buffer``.
+    :param topic: of dynamic transforms.
+    :param static_topic: of static transforms.
+    :param prefix: is put in front of the names of all frames that arrive, as in ``"robot1/"``.
+    :return: a feed, which receives until it is closed; its attribute ``buffer`` is the buffer.
+    :raises ValueError: an argument is not what it must be.
+    :raises ConnectionError: the robot cannot be reached; the text says what to do.
+    :raises MissingLibraryError: the library of this wire is not installed; the text says how to install it.
+        This is a ``ModuleNotFoundError``.
+    """
+    address = parse(where, domain, (topic, static_topic))
+    return Feed(buffer, name=where, topics=address.topics, prefix=prefix, wire=_wire_of(address))
+
+
+def _wire_of(address: Address) -> Wire:
+    raise ValueError(f"expected an address such as {EXAMPLES}, got {address.where!r}")

@@ -1,0 +1,80 @@
+"""Send transforms to a robot, without ROS 2."""
+
+import threading
+from collections.abc import Iterable
+from copy import deepcopy
+
+from tf2_py._internal import refused, serialize_transforms
+from tf2_ros import TransformStamped
+from tf2_ros_tools.live.wire import Sender
+
+
+class Broadcaster:
+    """
+    Sends transforms on ``/tf``; made by :meth:`Feed.broadcaster`. Several threads may send.
+
+    ``close()`` ends it, and so does the end of its feed.
+    """
+
+    def __init__(self, sender: Sender) -> None:
+        self._sender = sender
+
+    def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
+        """
+        Send one transform, or several in one message.
+
+        :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
+            unit quaternions.
+        :raises TypeError: ``transform`` is neither.
+        :raises ValueError: every listener would refuse one of them; nothing is sent.
+        :raises ConnectionError: the feed has ended.
+        """
+        self._sender.send(_serialized(_listed(transform)))
+
+    def close(self) -> None:
+        """End the publisher; also a second time."""
+        self._sender.close()
+
+
+class StaticBroadcaster(Broadcaster):
+    """
+    Sends transforms on ``/tf_static``, where late listeners also receive them; made by
+    :meth:`Feed.static_broadcaster`.
+
+    Every message contains all transforms sent so far, one for each child frame. Several threads may send.
+    """
+
+    def __init__(self, sender: Sender) -> None:
+        super().__init__(sender)
+        self._lock = threading.Lock()  # the last message must contain all transforms
+        self._sent: dict[str, TransformStamped] = {}  # by child frame
+
+    def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
+        """
+        Send one transform, or several; each replaces what was sent before for its child frame.
+
+        It raises what :meth:`Broadcaster.sendTransform` raises, and then neither sends nor keeps anything.
+        """
+        new = _listed(transform)
+        with self._lock:
+            merged = self._sent | {one.child_frame_id: deepcopy(one) for one in new}
+            self._sender.send(_serialized(list(merged.values())))
+            self._sent = merged
+
+
+def _listed(transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:
+    transforms = list(transform) if isinstance(transform, Iterable) else [transform]
+    for one in transforms:
+        if not isinstance(one, TransformStamped):
+            kind = type(one).__name__
+            raise TypeError(f"sendTransform: expected a TransformStamped, or several, got {kind}")
+    return transforms
+
+
+def _serialized(transforms: list[TransformStamped]) -> bytes:
+    serialized = serialize_transforms(transforms)
+    for _, why in refused(transforms) if serialized is None else serialized[1]:
+        raise ValueError(why)
+    if serialized is None:
+        raise TypeError("sendTransform: a part of a transform is an instance of a subclass")
+    return serialized[0]

@@ -1,0 +1,297 @@
+"""Fill a buffer with what arrives from a robot, over any wire."""
+
+import logging
+import os
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+
+from tf2_ros import Buffer
+from tf2_ros.records import MessageSource, insert_messages
+from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
+from tf2_ros_tools.live.wire import Publisher, Sender, Wire
+from tf2_ros_tools.output import counted, three_digits
+
+S = 1_000_000_000
+PERIOD_NS = 10 * S  # of the smallest delays that are kept, for the offset of the clocks
+PERIODS = 6
+AHEAD_S, BEHIND_S = 0.01, 1.0  # from these offsets of the clocks on, a feed warns
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What a feed has received on a topic."""
+
+    count: int  # of messages, without those that were malformed
+    lost: int  # messages that the wire knows to be lost
+    malformed: int
+    last: float | None  # seconds since the last message; None: there was none
+
+
+class _Topic:
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.count = self.lost = self.malformed = 0
+        self.last_ns: int | None = None  # of the monotonic clock
+
+    def heard(self) -> Heard:
+        last = None if self.last_ns is None else (time.monotonic_ns() - self.last_ns) / S
+        return Heard(self.count, self.lost, self.malformed, last)
+
+
+class Feed:
+    """
+    Fills a buffer with the transforms of a robot. :func:`connect` makes one with a wire; a program that
+    receives messages in its own way makes one without, and calls :meth:`take` for each.
+
+    :param buffer: what it fills. None: a new ``Buffer``.
+    :param name: of the source of the data, in errors.
+    :param topics: the topic of dynamic transforms and the topic of static transforms.
+    :param prefix: is put in front of the names of all frames that arrive.
+    :param wire: receives messages and publishes them.
+    :raises ConnectionError: the wire receives nothing; the text says what to do.
+
+    The attribute ``buffer`` is the buffer. In a ``with`` statement the feed closes at the end.
+    """
+
+    def __init__(
+        self,
+        buffer: Buffer | None = None,
+        *,
+        name: str = "the feed",
+        topics: tuple[str, str] = ("/tf", "/tf_static"),
+        prefix: str = "",
+        wire: Wire | None = None,
+    ) -> None:
+        self.buffer = Buffer() if buffer is None else buffer
+        self._name = name
+        self._topics = tuple(map(_Topic, topics))
+        self._prefix = prefix
+        self._sources: dict[tuple[str, bool], MessageSource] = {}  # by publisher, and whether it is static
+        self._changed = threading.Condition()  # a topic was heard for the first time, or the feed has ended
+        self._ended: str | None = None  # why
+        self._delays: deque[tuple[int, int]] = deque(maxlen=PERIODS)  # the number of a period, and ns
+        self._warned_of_clock = False
+        self._senders: list[Sender] = []
+        self._process = os.getpid()
+        self._wire = wire
+        if wire is not None:
+            try:
+                wire.open(self._take_of_wire, self._end)
+            except BaseException:
+                wire.close()
+                raise
+
+    def __enter__(self) -> "Feed":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def take(
+        self,
+        data: bytes | memoryview,
+        is_static: bool,
+        publisher: str = "",
+        sent_ns: int = 0,
+        lost: int = 0,
+    ) -> None:
+        """
+        Insert the transforms of a message. Any thread may call it; after :meth:`close` it does nothing.
+
+        :param data: a serialized TFMessage: CDR of either byte order, with its encapsulation header.
+        :param is_static: whether its transforms are valid at all times.
+        :param publisher: the name of whoever sent it; listings and log lines show it. ``""``: not known.
+        :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
+        :param lost: how many messages of this publisher were lost since its last one.
+        :raises TypeError: ``data`` is not bytes-like.
+        :raises RuntimeError: this is a forked child of the process that made the feed.
+
+        A malformed message is counted, and the first of each topic is logged. Transforms that every buffer
+        refuses are logged and counted by the buffer.
+        """
+        self._refuse_fork()
+        if self._ended is not None:
+            return
+        source = self._sources.get((publisher, is_static))
+        if source is None:
+            source = MessageSource(publisher or self._name, is_static, self._prefix)
+            self._sources[publisher, is_static] = source
+        received_ns = time.time_ns()
+        malformed = None
+        try:
+            insert_messages(self.buffer, [(source.topic, received_ns, data)], [source])
+        except ValueError as error:
+            malformed = error
+        with self._changed:
+            topic = self._topics[is_static]
+            topic.lost += lost
+            if malformed is None:
+                topic.count += 1
+                topic.last_ns = time.monotonic_ns()
+                if topic.count == 1:
+                    self._changed.notify_all()
+            else:
+                topic.malformed += 1
+            # A latched message was sent at any time.
+            warning = self._note_delay(received_ns - sent_ns) if sent_ns and not is_static else ""
+        if malformed is not None and topic.malformed == 1:
+            _log().error(f"Ignoring a malformed message on {topic.name} from {source.topic}: {malformed}")
+        if warning:
+            _log().warning(warning)
+
+    @property
+    def topics(self) -> dict[str, Heard]:
+        """What was received on each topic, by its name."""
+        with self._changed:
+            return {topic.name: topic.heard() for topic in self._topics}
+
+    @property
+    def clock_offset(self) -> float | None:
+        """
+        The clock of this machine minus the clock of the robot, in seconds: the smallest time from sending to
+        receiving in the last minute, with the delay of the network. None: not known.
+
+        Ages are wrong by as much: those of ``max_age``, which compare stamps of the robot with the clock of
+        this machine.
+        """
+        oldest = time.monotonic_ns() // PERIOD_NS - PERIODS
+        with self._changed:
+            delays = [delay_ns for period, delay_ns in self._delays if period > oldest]
+        return min(delays) / S if delays else None
+
+    def publishers(self) -> list[Publisher]:
+        """Who publishes on the topics. Without a wire, the list is empty."""
+        self._refuse_fork()
+        return [] if self._wire is None else self._wire.publishers()
+
+    def wait_until_heard(self, seconds: float) -> None:
+        """
+        Wait until a message was received on each of the two topics.
+
+        :raises TimeoutError: this took too long; the text says on which topic nothing was received, and, as
+            far as the wire knows, why.
+        :raises ConnectionError: the feed has ended.
+        :raises RuntimeError: this is a forked child of the process that made the feed.
+        """
+        self._refuse_fork()
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended is not None or not self._missing(), seconds)
+            self._refuse_end()
+            missing = self._missing()
+        if missing:
+            raise TimeoutError(self._silence(missing, seconds))
+
+    def broadcaster(self) -> Broadcaster:
+        """
+        Make a broadcaster of transforms, for the topic of this feed.
+
+        :raises ConnectionError: the wire cannot send, or the feed has no wire or has ended.
+        """
+        return Broadcaster(self._sender(is_static=False))
+
+    def static_broadcaster(self) -> StaticBroadcaster:
+        """
+        Make a broadcaster of static transforms, for the static topic of this feed.
+
+        :raises ConnectionError: the wire cannot send, or the feed has no wire or has ended.
+        """
+        return StaticBroadcaster(self._sender(is_static=True))
+
+    def close(self, reason: str = "it was closed") -> None:
+        """
+        End the feed and its broadcasters. The buffer keeps what it holds.
+
+        It may be called several times, and in any thread.
+
+        :param reason: why it ends, for errors.
+        """
+        if self._process != os.getpid():
+            return  # the wire belongs to the parent
+        self._end(reason)
+        for sender in self._senders:
+            sender.close()
+        if self._wire is not None:
+            self._wire.close()
+
+    def _end(self, reason: str) -> None:
+        """Receive no more. It may be called in a thread of the wire, which cannot close the wire."""
+        with self._changed:
+            if self._ended is None:
+                self._ended = reason
+                self._changed.notify_all()
+
+    def _take_of_wire(
+        self,
+        data: bytes | memoryview,
+        is_static: bool,
+        publisher: str = "",
+        sent_ns: int = 0,
+        lost: int = 0,
+    ) -> None:
+        # A library would lose an exception, or end its thread.
+        try:
+            self.take(data, is_static, publisher, sent_ns, lost)
+        except Exception:
+            _log().exception(f"{self._name}: a message could not be inserted")
+
+    def _note_delay(self, delay_ns: int) -> str:
+        """Note the time from sending to receiving; return a warning, once, if the clocks differ."""
+        period = time.monotonic_ns() // PERIOD_NS
+        is_new = not self._delays or self._delays[-1][0] != period
+        is_behind = bool(self._delays) and is_new and self._delays[-1][1] > BEHIND_S * S
+        if is_new:
+            self._delays.append((period, delay_ns))
+        elif delay_ns < self._delays[-1][1]:
+            self._delays[-1] = period, delay_ns
+        if self._warned_of_clock or not (is_behind or delay_ns < -AHEAD_S * S):
+            return ""
+        self._warned_of_clock = True
+        offset_s = min(delay for _, delay in self._delays) / S
+        differs = f"the clock of the robot is {three_digits(-offset_s)} s ahead of the clock of this machine"
+        if offset_s > 0:
+            differs = f"messages arrive {three_digits(offset_s)} s after the robot sent them"
+        return (
+            f"{self._name}: {differs}, and max_age is wrong by as much, because it compares the stamps of "
+            "the robot with the clock of this machine. Synchronize the clocks, for example with chrony"
+        )
+
+    def _missing(self) -> list[_Topic]:
+        return [topic for topic in self._topics if topic.last_ns is None]
+
+    def _silence(self, missing: list[_Topic], seconds: float) -> str:
+        names = " and ".join(topic.name for topic in missing)
+        text = f"nothing has been received on {names} in {three_digits(seconds)} s"
+        heard = [topic for topic in self._topics if topic not in missing]
+        if heard:
+            messages = counted(heard[0].count, "message")
+            received = f"{heard[0].name} is received ({messages})"
+            text = f"{received}, but nothing on {names} in {three_digits(seconds)} s"
+        reasons = [f"{topic.malformed} were malformed" for topic in missing if topic.malformed]
+        if self._wire is not None:
+            reasons += [self._wire.why_silent(topic.name, seconds) for topic in missing]
+        found = "; ".join(filter(None, dict.fromkeys(reasons)))
+        return f"{text}: {found}" if found else text
+
+    def _sender(self, is_static: bool) -> Sender:
+        self._refuse_fork()
+        if self._wire is None:
+            raise ConnectionError(f"{self._name} only receives: it was made without a wire")
+        self._refuse_end()
+        sender = self._wire.sender(self._topics[is_static].name, is_static)
+        self._senders.append(sender)
+        return sender
+
+    def _refuse_end(self) -> None:
+        if self._ended is not None:
+            raise ConnectionError(f"{self._name} has ended: {self._ended}")
+
+    def _refuse_fork(self) -> None:
+        if self._process != os.getpid():
+            text = "this feed is dead in this forked process: make another one in the process that uses it"
+            raise RuntimeError(text)
+
+
+def _log() -> logging.Logger:
+    return logging.getLogger("tf2_ros_tools.live")

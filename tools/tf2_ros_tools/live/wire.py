@@ -1,0 +1,147 @@
+"""What a feed and its wire, a transport such as DDS or Zenoh, promise each other."""
+
+import os
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+from urllib.parse import parse_qsl, urlsplit
+
+EXAMPLES = "zenoh://robot:7447, dds://, dds://?peers=192.168.0.7 or ws://robot:8765"
+TYPE = "tf2_msgs::msg::dds_::TFMessage_"  # as ROS 2 calls tf2_msgs/TFMessage on DDS and on Zenoh
+
+
+class Address(NamedTuple):
+    """Where a robot is: what ``connect`` was given, in parts."""
+
+    where: str  # as a whole
+    scheme: str
+    host: str  # "" if there is none
+    port: int | None
+    options: dict[str, str]  # what follows the question mark
+    domain: int  # of ROS
+    topics: tuple[str, str]  # of dynamic and of static transforms, with their slashes
+
+
+class Publisher(NamedTuple):
+    """Who publishes on a topic."""
+
+    topic: str
+    node: str  # with its namespace; "" if it is not known
+    detail: str  # what else the wire knows of it, such as the hash of its type
+
+
+class Take(Protocol):
+    """Hands a serialized TFMessage to a feed, in any thread. It raises no exception: the feed logs them."""
+
+    def __call__(
+        self,
+        data: bytes | memoryview,
+        is_static: bool,
+        publisher: str = "",
+        sent_ns: int = 0,
+        lost: int = 0,
+    ) -> None:
+        """
+        Hand over a message.
+
+        :param data: CDR with its encapsulation header.
+        :param is_static: whether the topic is that of static transforms.
+        :param publisher: the name of its node, or what else tells publishers apart.
+        :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
+        :param lost: how many messages of this publisher were lost since its last one. 0 also where a wire
+            cannot know.
+        """
+
+
+# Ends a feed from a thread of the wire, for example if the robot uses simulated time; the text is the reason.
+End = Callable[[str], None]
+
+
+class Sender(Protocol):
+    """Publishes serialized TFMessages on one topic."""
+
+    def send(self, data: bytes) -> None:
+        """Publish CDR with its encapsulation header."""
+
+    def close(self) -> None:
+        """End the publisher; also a second time."""
+
+
+class Wire(Protocol):
+    """A transport. Methods may be called by several threads at once."""
+
+    def open(self, take: Take, end: End) -> None:
+        """
+        Begin to receive, and to call ``take`` in threads of the wire.
+
+        :raises ConnectionError: nothing can be received; the text says what to do.
+        """
+
+    def close(self) -> None:
+        """
+        End. Afterwards ``take`` is not called again, but for a call of it that closes the wire itself.
+
+        It may be called several times, in any thread, also in those of the wire.
+        """
+
+    def publishers(self) -> list[Publisher]:
+        """Who publishes on the two topics."""
+
+    def why_silent(self, topic: str, seconds: float) -> str:
+        """Why nothing was received on a topic for this time, as a clause; ``""`` if it is not known."""
+
+    def sender(self, topic: str, is_static: bool) -> Sender:
+        """
+        Make a publisher; that of static transforms keeps the last message for late listeners.
+
+        :raises ConnectionError: this wire only listens.
+        """
+
+
+def parse(where: str, domain: int | None, topics: tuple[str, str]) -> Address:
+    """
+    Take apart what ``connect`` was given.
+
+    :raises ValueError: a part is not what it must be.
+    """
+    try:
+        parts = urlsplit(where)
+        port = parts.port
+    except ValueError as error:
+        raise ValueError(f"expected an address such as {EXAMPLES}, got {where!r}: {error}") from None
+    names = tuple(_topic(name) for name in topics)
+    if names[0] == names[1]:
+        raise ValueError(f"topic and static_topic are both {names[0]}")
+    return Address(
+        where,
+        parts.scheme,
+        parts.hostname or "",
+        port,
+        dict(parse_qsl(parts.query, keep_blank_values=True)),
+        _domain(domain),
+        (names[0], names[1]),
+    )
+
+
+def refuse_options(address: Address, *known: str) -> None:
+    """Raise a ValueError if an address has options other than these."""
+    if unknown := [name for name in address.options if name not in known]:
+        accepted = " and ".join(known) or "none"
+        text = f"unknown option {unknown[0]!r}; {address.scheme}:// has {accepted}"
+        raise ValueError(f"{address.where}: {text}")
+
+
+def _topic(name: str) -> str:
+    if not isinstance(name, str) or not name.strip("/"):
+        raise ValueError(f"expected the name of a topic, such as /tf, got {name!r}")
+    return f"/{name.strip('/')}"
+
+
+def _domain(domain: int | None) -> int:
+    if domain is None:
+        text = os.environ.get("ROS_DOMAIN_ID") or "0"
+        if not text.isdecimal():
+            raise ValueError(f"ROS_DOMAIN_ID: expected a number, got {text!r}")
+        domain = int(text)
+    if not isinstance(domain, int) or not 0 <= domain <= 232:
+        raise ValueError(f"domain: expected a number from 0 to 232, got {domain!r}")
+    return domain

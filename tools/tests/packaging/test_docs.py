@@ -58,6 +58,8 @@ def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
     if page.name == "recordings.md":
         for library in ("pyarrow", "distributed", "rerun"):
             pytest.importorskip(library)
+    if page.name == "live.md":
+        pytest.importorskip("cyclonedds")
     if page.name == "datasets.md":
         pytest.importorskip("pyarrow")
         provide_torch(tmp_path)

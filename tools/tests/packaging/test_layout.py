@@ -19,6 +19,7 @@ LIBRARIES = {
     *("yaml", "rich", "textual", "graphviz", "matplotlib"),
     *("rosbags", "mcap", "mcap_protobuf", "zstandard", "tqdm"),
     *("pyarrow", "dask", "distributed", "cryptography", "rerun"),
+    *("cyclonedds", "zenoh", "xxhash", "websockets"),
 }
 MODULES = sources.modules(TOOLS, PACKAGES)
 IMPORTS = {

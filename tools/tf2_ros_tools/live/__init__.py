@@ -12,6 +12,7 @@ from tf2_ros import Buffer
 from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.feed import Feed, Heard
 from tf2_ros_tools.live.wire import EXAMPLES, Address, Publisher, Wire, parse
+from tf2_ros_tools.output import require
 
 __all__ = ["Broadcaster", "Feed", "Heard", "Publisher", "StaticBroadcaster", "connect"]
 
@@ -46,4 +47,10 @@ def connect(
 
 
 def _wire_of(address: Address) -> Wire:
+    # A program needs the library of its wire only.
+    if address.scheme == "dds":
+        require("cyclonedds", "dds")
+        from tf2_ros_tools.live.dds import DdsWire
+
+        return DdsWire(address)
     raise ValueError(f"expected an address such as {EXAMPLES}, got {address.where!r}")

@@ -16,6 +16,7 @@ from tf2_ros_tools.output import counted, three_digits
 S = 1_000_000_000
 PERIOD_NS = 10 * S  # of the smallest delays that are kept, for the offset of the clocks
 PERIODS = 6
+OWN = "this program"  # the authority of what broadcasters of a feed send
 AHEAD_S, BEHIND_S = 0.01, 1.0  # from these offsets of the clocks on, a feed warns
 
 
@@ -50,6 +51,7 @@ class Feed:
     :param topics: the topic of dynamic transforms and the topic of static transforms.
     :param prefix: is put in front of the names of all frames that arrive.
     :param wire: receives messages and publishes them.
+    :raises TypeError: ``prefix`` is not a str.
     :raises ConnectionError: the wire receives nothing; the text says what to do.
 
     The attribute ``buffer`` is the buffer. In a ``with`` statement the feed closes at the end.
@@ -67,8 +69,10 @@ class Feed:
         self.buffer = Buffer() if buffer is None else buffer
         self._name = name
         self._topics = tuple(map(_Topic, topics))
+        if not isinstance(prefix, str):
+            raise TypeError(f"prefix: expected a str, got {type(prefix).__name__}")
         self._prefix = prefix
-        self._sources: dict[tuple[str, bool], MessageSource] = {}  # by publisher, and whether it is static
+        self._sources: dict[tuple[str, bool], MessageSource] = {}  # by authority, and whether it is static
         self._changed = threading.Condition()  # a topic was heard for the first time, or the feed has ended
         self._ended: str | None = None  # why
         self._delays: deque[tuple[int, int]] = deque(maxlen=PERIODS)  # the number of a period, and ns
@@ -105,23 +109,21 @@ class Feed:
         :param publisher: the name of whoever sent it; listings and log lines show it. ``""``: not known.
         :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
         :param lost: how many messages of this publisher were lost since its last one.
-        :raises TypeError: ``data`` is not bytes-like.
+        :raises TypeError: ``data`` is neither bytes nor a memoryview.
         :raises RuntimeError: this is a forked child of the process that made the feed.
 
         A malformed message is counted, and the first of each topic is logged. Transforms that every buffer
         refuses are logged and counted by the buffer.
         """
         self._refuse_fork()
+        if not isinstance(data, bytes | bytearray | memoryview):
+            raise TypeError(f"data: expected bytes or a memoryview, got {type(data).__name__}")
         if self._ended is not None:
             return
-        source = self._sources.get((publisher, is_static))
-        if source is None:
-            source = MessageSource(publisher or self._name, is_static, self._prefix)
-            self._sources[publisher, is_static] = source
         received_ns = time.time_ns()
         malformed = None
         try:
-            insert_messages(self.buffer, [(source.topic, received_ns, data)], [source])
+            self._insert(data, is_static, publisher or self._name, received_ns)
         except ValueError as error:
             malformed = error
         with self._changed:
@@ -137,7 +139,9 @@ class Feed:
             # A latched message was sent at any time.
             warning = self._note_delay(received_ns - sent_ns) if sent_ns and not is_static else ""
         if malformed is not None and topic.malformed == 1:
-            _log().error(f"Ignoring a malformed message on {topic.name} from {source.topic}: {malformed}")
+            _log().error(
+                f"Ignoring a malformed message on {topic.name} from {publisher or self._name}: {malformed}"
+            )
         if warning:
             _log().warning(warning)
 
@@ -236,6 +240,13 @@ class Feed:
         except Exception:
             _log().exception(f"{self._name}: a message could not be inserted")
 
+    def _insert(self, data: bytes | memoryview, is_static: bool, authority: str, received_ns: int) -> None:
+        source = self._sources.get((authority, is_static))
+        if source is None:
+            source = MessageSource(authority, is_static, self._prefix)
+            self._sources[authority, is_static] = source
+        insert_messages(self.buffer, [(authority, received_ns, data)], [source])
+
     def _note_delay(self, delay_ns: int) -> str:
         """Note the time from sending to receiving; return a warning, once, if the clocks differ."""
         period = time.monotonic_ns() // PERIOD_NS
@@ -268,7 +279,9 @@ class Feed:
             messages = counted(heard[0].count, "message")
             received = f"{heard[0].name} is received ({messages})"
             text = f"{received}, but nothing on {names} in {three_digits(seconds)} s"
-        reasons = [f"{topic.malformed} were malformed" for topic in missing if topic.malformed]
+        reasons = [
+            f"{counted(topic.malformed, 'message')} could not be read" for topic in missing if topic.malformed
+        ]
         if self._wire is not None:
             reasons += [self._wire.why_silent(topic.name, seconds) for topic in missing]
         found = "; ".join(filter(None, dict.fromkeys(reasons)))
@@ -279,7 +292,7 @@ class Feed:
         if self._wire is None:
             raise ConnectionError(f"{self._name} only receives: it was made without a wire")
         self._refuse_end()
-        sender = self._wire.sender(self._topics[is_static].name, is_static)
+        sender = _Echo(self, self._wire.sender(self._topics[is_static].name, is_static), is_static)
         self._senders.append(sender)
         return sender
 
@@ -291,6 +304,22 @@ class Feed:
         if self._process != os.getpid():
             text = "this feed is dead in this forked process: make another one in the process that uses it"
             raise RuntimeError(text)
+
+
+class _Echo:
+    """Inserts what it sends into the buffer, too; the wire does not receive it again."""
+
+    def __init__(self, feed: Feed, sender: Sender, is_static: bool) -> None:
+        self._feed, self._sender, self._is_static = feed, sender, is_static
+
+    def send(self, data: bytes) -> None:
+        self._feed._refuse_fork()
+        self._feed._refuse_end()
+        self._sender.send(data)
+        self._feed._insert(data, self._is_static, OWN, time.time_ns())
+
+    def close(self) -> None:
+        self._sender.close()
 
 
 def _log() -> logging.Logger:

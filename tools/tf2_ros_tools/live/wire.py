@@ -60,7 +60,11 @@ class Sender(Protocol):
     """Publishes serialized TFMessages on one topic."""
 
     def send(self, data: bytes) -> None:
-        """Publish CDR with its encapsulation header."""
+        """
+        Publish CDR with its encapsulation header. The wire must not hand it to ``take``: the feed inserts it.
+
+        :raises ConnectionError: it cannot be sent.
+        """
 
     def close(self) -> None:
         """End the publisher; also a second time."""

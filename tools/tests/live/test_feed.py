@@ -1,0 +1,407 @@
+"""A feed that a program fills: from a pipe, a thread, or a wire of the test."""
+
+import logging
+import os
+import struct
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from making import S, transform, translation
+from processes import DEADLINE_S, until
+
+from tf2_ros import Buffer
+from tf2_ros.records import serialize_arrays
+from tf2_ros_tools.live import Feed, Heard, Publisher, connect
+
+pytestmark = pytest.mark.ours
+
+
+def message(parent="map", child="base", x=1.0, seconds=1.0, count=1):
+    """A serialized TFMessage."""
+    frames = [(parent, child if n == 0 else f"{child}{n}") for n in range(count)]
+    numbers = np.tile([x, 0, 0, 0, 0, 0, 1], (count, 1))
+    return serialize_arrays(frames, np.full(count, round(seconds * S)), numbers)
+
+
+def seen(feed, parent="map", child="base"):
+    return translation(feed.buffer.lookup_transform(parent, child, 0))[0]
+
+
+class Wire:
+    """A wire that notes what it is asked for."""
+
+    def __init__(self, refusal=None, reasons=None):
+        self.refusal, self.reasons = refusal, reasons or {}
+        self.take = self.end = None
+        self.closed = 0
+        self.sent = []
+
+    def open(self, take, end):
+        if self.refusal is not None:
+            raise self.refusal
+        self.take, self.end = take, end
+
+    def close(self):
+        self.closed += 1
+
+    def publishers(self):
+        return [Publisher("/tf", "/robot", "")]
+
+    def why_silent(self, topic, seconds):
+        return self.reasons.get(topic, "")
+
+    def sender(self, topic, is_static):
+        return Sender(self, topic)
+
+
+class Sender:
+    def __init__(self, wire, topic):
+        self.wire, self.topic, self.closed = wire, topic, False
+
+    def send(self, data):
+        self.wire.sent.append((self.topic, data))
+
+    def close(self):
+        self.closed = True
+
+
+PIPE = """
+import struct, sys
+from test_feed import message
+for n in range(100):
+    data = message(x=n, seconds=1 + n)
+    sys.stdout.buffer.write(struct.pack("<I", len(data)) + data)
+"""
+
+
+def test_a_feed_of_a_pipe():
+    def read(stream):
+        while header := stream.read(4):
+            feed.take(stream.read(*struct.unpack("<I", header)), False, "the pipe")
+        feed.close("the pipe has ended")
+
+    here = os.path.dirname(__file__)
+    path = os.pathsep.join([here, os.environ["PYTHONPATH"]])
+    writing = subprocess.Popen(
+        [sys.executable, "-c", PIPE], stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": path}
+    )
+    with Feed() as feed, writing:
+        threading.Thread(target=read, args=(writing.stdout,)).start()
+        got = feed.buffer.lookup_transform("map", "base", 100 * S, timeout=DEADLINE_S)
+        assert translation(got)[0] == 99
+        assert "broadcaster: 'the pipe'" in feed.buffer.all_frames_as_yaml()
+        with pytest.raises(ConnectionError, match="^the feed has ended: the pipe has ended$"):
+            feed.wait_until_heard(DEADLINE_S)
+    assert feed.topics["/tf"].count == 100
+
+
+def test_counts_losses_and_arrivals_by_topic():
+    feed = Feed(topics=("/a", "/b"))
+    assert feed.topics == {"/a": Heard(0, 0, 0, None), "/b": Heard(0, 0, 0, None)}
+    feed.take(message(), False, lost=3)
+    feed.take(memoryview(message()), False, lost=2)
+    feed.take(message("base", "camera"), True)
+    heard = feed.topics
+    assert [(one.count, one.lost, one.malformed) for one in heard.values()] == [(2, 5, 0), (1, 0, 0)]
+    assert all(0 <= one.last < DEADLINE_S for one in heard.values())
+    assert feed.buffer.frames()["camera"].static and not feed.buffer.frames()["base"].static
+
+
+def test_it_fills_a_given_buffer_and_prefixes_frames():
+    buffer = Buffer()
+    one, other = Feed(buffer, prefix="a/"), Feed(buffer, prefix="b/")
+    one.take(message(), False)
+    other.take(message(x=2.0), True)
+    assert one.buffer is buffer
+    assert sorted(buffer.frames()) == ["a/base", "a/map", "b/base", "b/map"]
+    with pytest.raises(TypeError, match="prefix"):
+        Feed(prefix=1)
+
+
+MALFORMED = {
+    "nothing": b"",
+    "a part of the header": b"\0",
+    "only the header": b"\0\1\0\0",
+    "cut off": message()[:-1],
+    "another encoding": b"\0\7" + message()[2:],
+    "too long": message() + message(),
+}
+
+
+@pytest.mark.parametrize("data", MALFORMED.values(), ids=MALFORMED.keys())
+def test_a_malformed_message_is_counted_and_the_first_of_a_topic_logged(caplog, data):
+    feed = Feed()
+    for is_static in (False, False, True):
+        feed.take(data, is_static, "/robot")
+    feed.take(message(), False)
+    assert [(one.count, one.malformed) for one in feed.topics.values()] == [(1, 2), (0, 1)]
+    texts = [one.getMessage() for one in caplog.records]
+    assert [text.partition(": ")[0] for text in texts] == [
+        "Ignoring a malformed message on /tf from /robot",
+        "Ignoring a malformed message on /tf_static from /robot",
+    ]
+    assert all("malformed TFMessage: " in text for text in texts)
+    assert seen(feed) == 1
+    with pytest.raises(TimeoutError, match="nothing on /tf_static in 0.01 s: 1 message could not be read$"):
+        feed.wait_until_heard(0.01)
+
+
+def test_what_is_not_a_message_is_refused():
+    feed = Feed()
+    for data in (None, "text", 5, [1]):
+        with pytest.raises(TypeError):
+            feed.take(data, False)
+    assert feed.topics["/tf"] == Heard(0, 0, 0, None)
+
+
+def test_waiting_until_heard():
+    with Feed() as feed:
+        feed.take(message(), False)
+        thread = threading.Thread(target=lambda: feed.take(message("base", "camera"), True))
+        thread.start()
+        feed.wait_until_heard(DEADLINE_S)
+        thread.join()
+        feed.wait_until_heard(0)
+
+
+def test_a_wait_says_which_topic_is_silent_and_why():
+    wire = Wire(reasons={"/tf": "the domain is wrong", "/tf_static": "no node publishes it"})
+    with Feed(name="x://robot", wire=wire) as feed:
+        with pytest.raises(TimeoutError) as raised:
+            feed.wait_until_heard(0.01)
+        assert str(raised.value) == (
+            "nothing has been received on /tf and /tf_static in 0.01 s: the domain is wrong; "
+            "no node publishes it"
+        )
+        wire.reasons["/tf_static"] = "the domain is wrong"
+        with pytest.raises(TimeoutError, match=" in 0.01 s: the domain is wrong$"):
+            feed.wait_until_heard(0.01)
+        wire.take(message(), False)
+        wire.reasons.clear()
+        with pytest.raises(TimeoutError) as raised:
+            feed.wait_until_heard(0.01)
+        assert str(raised.value) == "/tf is received (1 message), but nothing on /tf_static in 0.01 s"
+        assert feed.publishers() == [Publisher("/tf", "/robot", "")]
+
+
+def test_a_wire_ends_a_feed():
+    with Feed(name="x://robot", wire=(wire := Wire())) as feed:
+        wire.take(message(), False)
+        threading.Thread(target=wire.end, args=("the robot has gone",)).start()
+        with pytest.raises(ConnectionError, match="^x://robot has ended: the robot has gone$"):
+            feed.wait_until_heard(DEADLINE_S)
+        wire.take(message(x=2.0), False)
+        assert seen(feed) == 1 and wire.closed == 0
+    assert wire.closed == 1
+    with pytest.raises(ConnectionError, match="the robot has gone"):
+        feed.broadcaster()
+
+
+def test_a_wire_that_does_not_open_is_closed():
+    wire = Wire(refusal=ConnectionError("nothing answers"))
+    with pytest.raises(ConnectionError, match="^nothing answers$"):
+        Feed(wire=wire)
+    assert wire.closed == 1
+
+
+def test_what_goes_wrong_in_a_message_of_a_wire_is_logged(caplog):
+    with Feed(name="x://robot", wire=(wire := Wire())) as feed:
+        wire.take(None, False)
+        wire.take(message(), False)
+        assert seen(feed) == 1
+    [record] = caplog.records
+    assert record.getMessage() == "x://robot: a message could not be inserted" and record.exc_info
+
+
+@pytest.mark.parametrize("_", range(20))
+def test_closing_in_the_midst_of_messages(_):
+    feed = Feed(wire=(wire := Wire()))
+    data, ending = message(count=20), threading.Event()
+
+    def take():
+        while not ending.is_set():
+            wire.take(data, False)
+
+    taking = [threading.Thread(target=take) for _ in range(2)]
+    closing = [threading.Thread(target=feed.close) for _ in range(2)]
+    for thread in taking:
+        thread.start()
+    until(lambda: feed.topics["/tf"].count > 2)
+    for thread in closing:
+        thread.start()
+    for thread in closing:
+        thread.join()
+    ending.set()
+    for thread in taking:
+        thread.join()
+    assert seen(feed) == 1
+
+
+def test_a_callback_of_a_message_closes_the_feed():
+    feed = Feed(wire=(wire := Wire()))
+    feed.buffer.on_change("map", "base", lambda transform: feed.close("enough"))
+    wire.take(message(), False)
+    wire.take(message(x=2.0, seconds=2.0), False)
+    assert seen(feed) == 1 and wire.closed >= 1
+
+
+def test_the_offset_of_clocks():
+    feed = Feed()
+    assert feed.clock_offset is None
+    now_ns = time.time_ns()
+    feed.take(message(), False, sent_ns=now_ns - 2 * S)
+    feed.take(message(), False, sent_ns=now_ns - S)
+    feed.take(message(), False, sent_ns=now_ns - 3 * S)
+    # Latched, before this program began.
+    feed.take(message(), True, sent_ns=now_ns - 100 * S)
+    assert 1 <= feed.clock_offset < DEADLINE_S
+
+
+def test_a_clock_that_is_ahead_is_warned_of_once(caplog):
+    feed = Feed(name="x://robot")
+    feed.take(message(), False, sent_ns=time.time_ns() + 1000 * S)
+    feed.take(message(), False, sent_ns=time.time_ns() + 2000 * S)
+    [record] = caplog.records
+    assert record.levelno == logging.WARNING
+    text = record.getMessage()
+    assert text.startswith("x://robot: the clock of the robot is 1000 s ahead of the clock of this machine")
+    assert -1000 - DEADLINE_S < feed.clock_offset + 1000 < 0 and "max_age" in text
+
+
+@pytest.fixture
+def broadcasting():
+    with Feed(name="x://robot", wire=Wire()) as feed:
+        yield feed
+
+
+def test_broadcasters_send_and_the_buffer_has_it(broadcasting):
+    feed = broadcasting
+    feed.broadcaster().sendTransform(transform("map", "base", 1.0, (1, 0, 0)))
+    moving = feed.broadcaster()
+    moving.sendTransform([transform("map", "a", 1.0), transform("map", "b", 1.0)])
+    assert [topic for topic, _ in feed._wire.sent] == ["/tf", "/tf"]
+    again = Feed()
+    for _, data in feed._wire.sent:
+        again.take(data, False)
+    assert sorted(again.buffer.frames()) == sorted(feed.buffer.frames()) == ["a", "b", "base", "map"]
+    assert "broadcaster: 'this program'" in feed.buffer.all_frames_as_yaml()
+    assert feed.topics["/tf"].count == 0  # nothing was heard from the robot
+
+
+def test_a_static_broadcaster_sends_the_last_of_each_child_again(broadcasting):
+    feed = broadcasting
+    fixed = feed.static_broadcaster()
+    mount = transform("base", "camera", xyz=(1, 0, 0))
+    fixed.sendTransform(mount)
+    mount.transform.translation.x = 5.0  # a program may use its message again
+    fixed.sendTransform(transform("base", "lidar", xyz=(2, 0, 0)))
+    fixed.sendTransform(iter([transform("base", "lidar", xyz=(3, 0, 0))]))
+    again = Feed()
+    again.take(feed._wire.sent[-1][1], True)
+    assert (seen(again, "base", "camera"), seen(again, "base", "lidar")) == (1, 3)
+    with pytest.raises(ValueError):
+        fixed.sendTransform(transform("base", "base"))
+    fixed.sendTransform(transform("base", "imu"))
+    assert len(feed._wire.sent) == 4
+    again.take(feed._wire.sent[-1][1], True)
+    assert sorted(again.buffer.frames()) == ["base", "camera", "imu", "lidar"]
+
+
+def bad(**numbers):
+    one = transform("map", "base")
+    for name, value in numbers.items():
+        setattr(one.transform.translation, name, value)
+    return one
+
+
+@pytest.mark.parametrize(
+    ("what", "error", "text"),
+    [
+        (None, TypeError, "expected a TransformStamped, or several, got NoneType"),
+        ("text", TypeError, "got str"),
+        ([transform("map", "base"), 5], TypeError, "got int"),
+        (transform("", "base"), ValueError, "frame_id is not set"),
+        (transform("map", "map"), ValueError, "TF_SELF_TRANSFORM"),
+        (bad(x=float("nan")), ValueError, "a number is NaN"),
+        (bad(x=float("inf")), ValueError, "infinite"),
+        (transform("map", "base", xyzw=(0, 0, 0, 0)), ValueError, "the rotation is too short"),
+        ([transform("map", "base"), transform("map", "a\0b")], ValueError, "NUL"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["broadcaster", "static_broadcaster"])
+def test_bad_input_is_refused_and_nothing_sent(broadcasting, kind, what, error, text):
+    with pytest.raises(error, match=text):
+        getattr(broadcasting, kind)().sendTransform(what)
+    assert broadcasting._wire.sent == []
+
+
+def test_broadcasters_end(broadcasting):
+    feed = broadcasting
+    one = feed.broadcaster()
+    feed.close()
+    with pytest.raises(ConnectionError, match="x://robot has ended: it was closed"):
+        one.sendTransform(transform("map", "base"))
+    with pytest.raises(ConnectionError, match="^the feed only receives: it was made without a wire$"):
+        Feed().broadcaster()
+
+
+FORKED = """
+import os, sys
+from test_feed import Feed, Wire, message, transform
+feed = Feed(wire=Wire())
+feed.take(message(), False)
+sender = feed.broadcaster()
+if (child := os.fork()) == 0:
+    for call in (
+        lambda: feed.take(message(), False),
+        lambda: feed.wait_until_heard(1),
+        lambda: feed.broadcaster(),
+        lambda: feed.publishers(),
+        lambda: sender.sendTransform(transform("map", "base")),
+    ):
+        try:
+            call()
+        except RuntimeError as error:
+            assert str(error).startswith("this feed is dead in this forked process"), error
+        else:
+            os._exit(1)
+    feed.close()
+    os._exit(feed._wire.closed)
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+feed.take(message(), False)
+"""
+
+
+def test_a_forked_child_refuses_the_feed_of_its_parent():
+    here = os.path.dirname(__file__)
+    path = os.pathsep.join([here, os.environ["PYTHONPATH"]])
+    done = subprocess.run([sys.executable, "-c", FORKED], env=os.environ | {"PYTHONPATH": path})
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"where": "robot"}, "expected an address such as zenoh://robot:7447"),
+        ({"where": "dds://robot"}, "name the address of a robot as in dds://.peers=192.168.0.7"),
+        ({"where": "dds://?peer=x"}, "unknown option 'peer'; dds:// has peers"),
+        ({"where": "dds://robot:seven"}, "expected an address such as"),
+        ({"where": "dds://", "domain": -1}, "domain: expected a number from 0 to 232, got -1"),
+        ({"where": "dds://", "domain": "1"}, "domain: expected a number from 0 to 232, got '1'"),
+        ({"where": "dds://", "topic": ""}, "expected the name of a topic, such as /tf, got ''"),
+        ({"where": "dds://", "topic": "tf_static"}, "topic and static_topic are both /tf_static"),
+    ],
+)
+def test_arguments_of_connect(arguments, text):
+    with pytest.raises(ValueError, match=text):
+        connect(**arguments)
+
+
+def test_a_domain_of_the_environment_must_be_a_number(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "seven")
+    with pytest.raises(ValueError, match="^ROS_DOMAIN_ID: expected a number, got 'seven'$"):
+        connect("dds://")

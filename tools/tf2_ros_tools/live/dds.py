@@ -1,0 +1,374 @@
+"""Receive transforms from a robot over DDS, and send some, with Cyclone DDS."""
+
+import ctypes
+import logging
+import os
+import socket
+import struct
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from itertools import count
+from typing import Any
+
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsParticipant, BuiltinTopicDcpsPublication
+from cyclonedds.builtin_types import DcpsEndpoint
+from cyclonedds.core import (
+    DDSException,
+    GuardCondition,
+    InstanceState,
+    ReadCondition,
+    SampleState,
+    ViewState,
+    WaitSet,
+)
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import make_idl_struct
+from cyclonedds.idl.types import array, float64, int32, sequence, uint8, uint32
+from cyclonedds.internal import c_call, dds_c_t
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from tf2_ros_tools.live.wire import TYPE, Address, End, Publisher, Sender, Take, refuse_options
+from tf2_ros_tools.output import first_names
+
+log = logging.getLogger("tf2_ros_tools.live")
+
+DEPTH = 1000  # messages that wait while Python or the network is busy: 5 s of 200 Hz
+TAKEN = 100  # messages, at most, between two looks at whether the wire is closed
+FOR_EVER = duration(weeks=1000)
+_LOST: Any = ctypes.POINTER(dds_c_t.sample_lost_status)
+# Type checkers see no generic types there.
+_sequence: Any = sequence
+_array: Any = array
+ANY = ViewState.Any | SampleState.Any | InstanceState.Any
+RELIABLE = Policy.Reliability.Reliable(max_blocking_time=duration(seconds=1))
+CLOCK = "rt/clock"
+NODES = "ros_discovery_info"
+GUID_BYTES = 16
+GID_BYTES = 16, 24
+CDR_HEADER = 4  # bytes
+EPROSIMA = "1.15"  # Fast DDS 3, of Kilted, describes types in a way that Cyclone DDS refuses, silently
+# The number of a domain within this process. Each wire has its own, because a process can configure each only
+# once, and the program may use Cyclone DDS, too. On the network counts what the configuration says.
+_numbers = count(100_000)
+
+
+def _struct(package: str, name: str, **fields: Any) -> Any:
+    return make_idl_struct(name, f"{package}::msg::dds_::{name}_", fields)
+
+
+def _serialized(struct: Any) -> Any:
+    """Make a type whose samples are what is on the network: bytes, as ``data``. Its fields are announced."""
+
+    def __init__(self: Any, data: bytes) -> None:
+        self.data = data
+
+    struct.__init__ = __init__
+    struct.serialize = lambda self, **_: self.data
+    struct.deserialize = struct.deserialize_key = classmethod(lambda cls, data, **_: cls(data))
+    return struct
+
+
+_TIME = _struct("builtin_interfaces", "Time", sec=int32, nanosec=uint32)
+_HEADER = _struct("std_msgs", "Header", stamp=_TIME, frame_id=str)
+_VECTOR = _struct("geometry_msgs", "Vector3", x=float64, y=float64, z=float64)
+_QUATERNION = _struct("geometry_msgs", "Quaternion", x=float64, y=float64, z=float64, w=float64)
+_TRANSFORM = _struct("geometry_msgs", "Transform", translation=_VECTOR, rotation=_QUATERNION)
+_STAMPED = _struct(
+    "geometry_msgs", "TransformStamped", header=_HEADER, child_frame_id=str, transform=_TRANSFORM
+)
+TFMessage = _serialized(_struct("tf2_msgs", "TFMessage", transforms=_sequence[_STAMPED]))
+_GID = _struct("rmw_dds_common", "Gid", data=_array[uint8, GUID_BYTES])
+_NODE = _struct(
+    "rmw_dds_common",
+    "NodeEntitiesInfo",
+    node_namespace=str,
+    node_name=str,
+    reader_gid_seq=_sequence[_GID],
+    writer_gid_seq=_sequence[_GID],
+)
+# Says which node has which publisher, by their gids: GUIDs, which Humble fills up with zeros.
+ParticipantEntities = _serialized(
+    _struct("rmw_dds_common", "ParticipantEntitiesInfo", gid=_GID, node_entities_info_seq=_sequence[_NODE])
+)
+
+
+class _Reader(DataReader[Any]):
+    """Receives serialized TFMessages, and counts those that it knows to be lost."""
+
+    # Cyclone DDS for Python tells this to listeners only, and these can lock up with the GIL.
+    @c_call("dds_get_sample_lost_status")  # type: ignore[no-untyped-call, untyped-decorator]
+    def _get_lost(self, reader: dds_c_t.entity, status: _LOST) -> dds_c_t.returnv:  # type: ignore[valid-type]
+        pass
+
+    def newly_lost(self) -> int:
+        """How many messages were lost since the last call."""
+        status = dds_c_t.sample_lost_status()
+        self._get_lost(self._ref, ctypes.byref(status))
+        return int(status.total_count_change)
+
+
+class DdsWire:
+    """Receives from every middleware of ROS 2 that speaks DDS. A thread waits for messages and takes them."""
+
+    def __init__(self, address: Address) -> None:
+        if address.host or address.port:
+            raise ValueError(f"{address.where}: name the address of a robot as in dds://?peers=192.168.0.7")
+        refuse_options(address, "peers")
+        self._address = address
+        self._domain: Domain | None = None  # all else in it ends with it
+        self._thread: threading.Thread | None = None
+        self._is_closing = False
+        self._participants: set[int] = set()  # handles, without ours
+        self._publishers: dict[int, DcpsEndpoint] = {}  # by handle, without ours
+        self._nodes: dict[bytes, str] = {}  # their names, by the GUIDs of their publishers
+
+    def open(self, take: Take, end: End) -> None:
+        number = next(_numbers)
+        try:
+            self._domain = Domain(number, _configuration(self._address))
+            self._participant = participant = DomainParticipant(number)
+            self._closed = GuardCondition(participant)
+            self._readers = [
+                # What this program sends is inserted by the feed.
+                _Reader(
+                    participant,
+                    Topic(participant, _dds_name(topic), TFMessage),
+                    _qos(is_static, DEPTH, Policy.IgnoreLocal.Participant),
+                )
+                for topic, is_static in zip(self._address.topics, (False, True), strict=True)
+            ]
+            self._found = BuiltinDataReader(participant, BuiltinTopicDcpsParticipant)
+            self._offered = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
+            latched = Qos(RELIABLE, Policy.Durability.TransientLocal, Policy.History.KeepAll)
+            self._named = DataReader(participant, Topic(participant, NODES, ParticipantEntities), latched)
+            self._waits = WaitSet(participant)
+            self._waits.attach(self._closed)
+            for reader in (self._found, self._offered, self._named, *self._readers):
+                self._waits.attach(ReadCondition(reader, ANY))
+        except DDSException as error:
+            is_set = "; CYCLONEDDS_URI is set" if "CYCLONEDDS_URI" in os.environ else ""
+            text = f"Cyclone DDS cannot start, and has printed why{is_set}: {error}"
+            raise ConnectionError(f"{self._address.where}: {text}") from None
+        self._thread = threading.Thread(
+            target=self._run, args=(take, end), name=self._address.where, daemon=True
+        )
+        self._thread.start()
+
+    def close(self) -> None:
+        self._is_closing = True
+        if self._thread is None:
+            self._domain = None
+        elif self._thread is not threading.current_thread():
+            with suppress(DDSException):  # the thread has ended already, and all entities with it
+                self._closed.set(True)
+            self._thread.join()
+
+    def publishers(self) -> list[Publisher]:
+        return [
+            Publisher(topic, self._node_of(one), _described(one))
+            for topic in self._address.topics
+            for one in self._publishers_of(topic)
+        ]
+
+    def why_silent(self, topic: str, seconds: float) -> str:
+        domain = self._address.domain
+        if not self._participants:
+            return (
+                f"no robot was found in domain {domain}: check ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE "
+                f"on the robot, the firewall (UDP from port {7400 + 250 * domain} on), and multicast; where "
+                "there is none, give the address of the robot, as in dds://?peers=192.168.0.7"
+            )
+        publishers = self._publishers_of(topic)
+        is_static = topic == self._address.topics[1]
+        reasons = [f"{self._node_of(one) or one.key} {_misfit(one, is_static)}" for one in publishers]
+        return first_names(reasons) or f"no node publishes {topic} in domain {domain}"
+
+    def sender(self, topic: str, is_static: bool) -> Sender:
+        # A late listener needs only the last message of static transforms, because it contains all of them.
+        qos = _qos(is_static, 1 if is_static else DEPTH)
+        return _DdsSender(self._participant, topic, qos, self._address.where)
+
+    def _run(self, take: Take, end: End) -> None:
+        try:
+            while not self._is_closing:
+                self._waits.wait(FOR_EVER)
+                # First who is there, because messages name their publishers by handles.
+                self._note_participants()
+                self._note_publishers(end)
+                self._note_nodes()
+                for is_static, reader in enumerate(self._readers):
+                    self._take(reader, bool(is_static), take)
+        except Exception as error:
+            log.exception(f"{self._address.where}: receiving failed")
+            end(f"receiving failed: {error}")
+        finally:
+            self._domain = None
+
+    def _take(self, reader: "_Reader", is_static: bool, take: Take) -> None:
+        lost = reader.newly_lost()
+        for sample in reader.take(TAKEN):
+            if self._is_closing:
+                return
+            info = sample.sample_info
+            if info.valid_data:  # not the news that a publisher has ended
+                publisher = self._publishers.get(info.publication_handle)
+                name = "" if publisher is None else self._node_of(publisher)
+                take(sample.data, is_static, name, info.source_timestamp, lost)
+                lost = 0
+
+    def _note_participants(self) -> None:
+        for found in self._found.take(TAKEN):
+            handle = found.sample_info.instance_handle
+            if found.sample_info.instance_state != InstanceState.Alive:
+                self._participants.discard(handle)
+            elif found.key != self._participant.guid:
+                self._participants.add(handle)
+
+    def _note_publishers(self, end: End) -> None:
+        for found in self._offered.take(TAKEN):
+            handle = found.sample_info.instance_handle
+            if found.sample_info.instance_state != InstanceState.Alive:
+                self._publishers.pop(handle, None)
+            elif found.participant_key != self._participant.guid:
+                if found.topic_name in map(_dds_name, self._address.topics):
+                    self._publishers[handle] = found
+                elif found.topic_name == CLOCK:
+                    end("/clock is published, and simulated time is not supported")
+
+    def _note_nodes(self) -> None:
+        for sample in self._named.take(TAKEN):
+            if sample.sample_info.valid_data:
+                self._nodes.update(_read_nodes(sample.data))
+
+    def _publishers_of(self, topic: str) -> list[DcpsEndpoint]:
+        return [one for one in list(self._publishers.values()) if one.topic_name == _dds_name(topic)]
+
+    def _node_of(self, publisher: DcpsEndpoint) -> str:
+        return self._nodes.get(publisher.key.bytes, "")
+
+
+class _DdsSender:
+    def __init__(self, participant: DomainParticipant, topic: str, qos: Qos, where: str) -> None:
+        self._where = where
+        self._writer: DataWriter[Any] | None = None
+        with self._errors():
+            self._writer = DataWriter(participant, Topic(participant, _dds_name(topic), TFMessage), qos)
+
+    def send(self, data: bytes) -> None:
+        writer = self._writer
+        if writer is None:
+            raise ConnectionError(f"{self._where}: this broadcaster has ended")
+        with self._errors():
+            writer.write(TFMessage(data))
+
+    def close(self) -> None:
+        self._writer = None
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        try:
+            yield
+        except DDSException as error:
+            raise ConnectionError(f"{self._where}: sending failed: {error.msg}") from None
+
+
+def _dds_name(topic: str) -> str:
+    return f"rt{topic}"
+
+
+def _qos(is_static: bool, depth: int, *others: Any) -> Qos:
+    durability = Policy.Durability.TransientLocal if is_static else Policy.Durability.Volatile
+    return Qos(RELIABLE, durability, Policy.History.KeepLast(depth), *others)
+
+
+def _described(publisher: DcpsEndpoint) -> str:
+    qos = publisher.qos
+    reliability = "best effort" if Policy.Reliability.BestEffort in qos else "reliable"
+    durability = "volatile" if Policy.Durability.Volatile in qos else "transient local"
+    return f"{reliability}, {durability}"
+
+
+def _misfit(publisher: DcpsEndpoint, is_static: bool) -> str:
+    """Why nothing is received from a publisher, as what follows its name."""
+    if publisher.type_name != TYPE:
+        return f"publishes it as {publisher.type_name}"
+    if Policy.Reliability.BestEffort in publisher.qos:
+        return "publishes it best effort, and listeners require reliable"
+    if is_static and Policy.Durability.Volatile in publisher.qos:
+        return "publishes it volatile, so it is not latched, and listeners require transient local"
+    return "publishes it, but has sent nothing"
+
+
+def _configuration(address: Address) -> str:
+    """The configuration of Cyclone DDS, as the middlewares of ROS 2 understand the environment."""
+    peers = [one for one in address.options.get("peers", "").split(",") if one]
+    is_local = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
+    if is_local:
+        peers.append("127.0.0.1")
+    else:
+        peers += filter(None, os.environ.get("ROS_STATIC_PEERS", "").split(";"))
+    addresses = [_resolved(peer, address.where) for peer in peers]
+    # A robot that begins later learns of this program by being asked.
+    asking = "<SPDPInterval>1s</SPDPInterval><InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"
+    listed = "".join(f'<Peer Address="{one}"/>' for one in addresses)
+    own = f"""<CycloneDDS><Domain Id="any">
+        {"<General><AllowMulticast>false</AllowMulticast></General>" if is_local else ""}
+        <Discovery>
+            <ExternalDomainId>{address.domain}</ExternalDomainId>
+            {f"{asking}<Peers>{listed}</Peers>" if addresses else ""}
+        </Discovery>
+        <Compatibility><IgnoreTypeInformation>{EPROSIMA}</IgnoreTypeInformation></Compatibility>
+    </Domain></CycloneDDS>"""
+    # Later ones add to earlier ones.
+    return ",".join(filter(None, (os.environ.get("CYCLONEDDS_URI"), own)))
+
+
+def _resolved(peer: str, where: str) -> str:
+    """The address of a host. Cyclone DDS aborts the process if it finds none."""
+    try:
+        return str(socket.getaddrinfo(peer.strip(), None, socket.AF_INET)[0][4][0])
+    except (OSError, UnicodeError):
+        raise ConnectionError(f"{where}: the peer {peer!r} has no IPv4 address") from None
+
+
+def _read_nodes(data: bytes) -> dict[bytes, str]:
+    """The names of the nodes in a message of NODES, by the GUIDs of their publishers; empty if malformed."""
+    for gid_bytes in GID_BYTES:
+        try:
+            return dict(_nodes(data, gid_bytes))
+        except (struct.error, UnicodeDecodeError):
+            continue
+    return {}
+
+
+def _nodes(data: bytes, gid_bytes: int) -> Iterator[tuple[bytes, str]]:
+    order = "<" if data[1] & 1 else ">"
+    at = CDR_HEADER + gid_bytes
+
+    def number() -> int:
+        nonlocal at
+        at += -at % 4
+        (value,) = struct.unpack_from(f"{order}I", data, at)
+        at += 4
+        return int(value)
+
+    def text() -> str:
+        nonlocal at
+        size = number()
+        at += size
+        return data[at - size : at - 1].decode()
+
+    for _ in range(number()):
+        namespace, name = text(), text()
+        at_readers = number()
+        at += at_readers * gid_bytes
+        for _ in range(number()):
+            yield data[at : at + GUID_BYTES], f"{namespace.rstrip('/')}/{name}"
+            at += gid_bytes
+    if at != len(data):
+        raise struct.error("the data does not end here")

@@ -1,10 +1,17 @@
 """A robot over DDS: rclpy in one process, and in another one a program without ROS 2."""
 
 import os
+import sys
 
+import installing
 import pytest
 from domains import claim_domain
 from obeying import Obeying, OrderError
+from paths import ROOT
+from places import SUPPORT
+from processes import run, until
+
+from tf2_ros.records import serialize_arrays
 
 pytestmark = pytest.mark.ours
 
@@ -38,8 +45,8 @@ def processes():
 
 @pytest.fixture
 def new_robot(processes):
-    def make():
-        one = Obeying()
+    def make(**how):
+        one = Obeying(**how)
         processes.append(one)
         one.do("from robot_side import *; start()")
         return one
@@ -183,6 +190,107 @@ def test_what_a_laptop_sends_arrives_also_at_a_late_listener(new_robot, laptop):
     assert laptop.do("(seen('map', 'last'), seen('base', 'imu'))") == [499, 3]
     assert laptop.do("[one.count for one in robot.topics.values()]") == [0, 0]
     assert laptop.do("robot.publishers()") == []
+
+
+def test_malformed_messages_are_counted_and_others_arrive(robot, laptop):
+    matched(robot, laptop)
+    good = serialize_arrays([("map", "base")], [5], [[1, 0, 0, 0, 0, 0, 1]])
+    dropped_by_dds = good[:-4], b"\0\7" + good[2:], b"\0\1\0\0\xff\xff\xff\xff", b"", b"\0"
+    dropped_by_us = good + bytes(8), good.replace(b"base", b"b\xff\xfee")
+    for data in (*dropped_by_dds, *dropped_by_us, good):
+        robot.do(f"send_bytes(out, {data.hex()!r})")
+    laptop.until("robot.topics['/tf'].count")
+    assert laptop.do("(robot.topics['/tf'].count, robot.topics['/tf'].malformed)") == [1, 2]
+    assert laptop.do("seen('map', 'base')") == 1
+    until(lambda: "Ignoring a malformed message on /tf from /out: malformed TFMessage: " in laptop.errors())
+    assert laptop.errors().count("Ignoring a malformed message") == 1
+
+
+def test_a_callback_closes_the_feed_in_its_thread(robot, laptop):
+    matched(robot, laptop)
+    laptop.do(
+        "called = []\n"
+        "def close(transform):\n"
+        "    called.append(transform.transform.translation.x)\n"
+        "    robot.close('the goal is reached')\n"
+        "watch = robot.buffer.on_change('map', 'f49', close)"
+    )
+    robot.do("sending = flood(out, 1000, 50, 500)")
+    laptop.until("called")
+    with pytest.raises(OrderError, match="dds:// has ended: the goal is reached"):
+        laptop.do("robot.wait_until_heard(0)")
+    laptop.do("robot._wire._thread.join()")
+    assert len(laptop.do("called")) == 1
+    laptop.do("robot.close()")
+    assert laptop.errors() == ""
+
+
+def test_closing_while_messages_arrive_and_connecting_again(robot, laptop):
+    matched(robot, laptop)
+    robot.do("sending = flood(out, 2000, 50, 20_000)")
+    laptop.do("robot.close()")
+    for _ in range(5):
+        laptop.do("robot = connect('dds://')")
+        laptop.until("robot.topics['/tf'].count > 2")
+        laptop.do("before = robot.topics['/tf'].count; robot.close(); after = robot.topics['/tf'].count")
+        laptop.do("time.sleep(0.05)")
+        assert laptop.do("robot.topics['/tf'].count == after")
+    # Nothing of them is left.
+    assert laptop.do("import threading\nassert threading.active_count() == 1, threading.enumerate()") is None
+    assert laptop.errors() == ""
+
+
+def test_several_feeds_in_one_process(robot, new_laptop):
+    robot.do("latched('mounts', ('base', 'camera', 1))")
+    laptop = new_laptop()
+    laptop.do("other = connect('dds://', prefix='other/', buffer=robot.buffer)")
+    laptop.until("robot.buffer.can_transform('other/base', 'other/camera', 0)")
+    laptop.until("robot.buffer.can_transform('base', 'camera', 0)")
+    laptop.do("other.close(); robot.close()")
+
+
+@pytest.mark.parametrize("end", ["", "robot.close()", "raise SystemExit(0)", "import os; os.fork()"])
+def test_a_program_that_does_not_close_its_feed_ends(robot, end):
+    robot.do("latched('mounts', ('base', 'camera', 1))")
+    code = (
+        "from tf2_ros_tools.live import connect\nrobot = connect('dds://')\n"
+        f"robot.buffer.lookup_transform('base', 'camera', 0, timeout={SECONDS})\n"
+        f"sender = robot.static_broadcaster()\n{end}"
+    )
+    ended = run(sys.executable, "-c", code, timeout=SECONDS)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+
+
+@pytest.fixture
+def kilted(new_robot):
+    """A robot with ROS 2 Kilted, whose Fast DDS describes types in another way."""
+    found = sorted((ROOT / "build" / "wheels").glob("overlays-*-kilted/bin/python"))
+    if not found:
+        pytest.skip("ROS 2 Kilted is not there: `python -m release.overlays --only kilted` installs it")
+    environment = installing.unsourced() | {"PYTHONPATH": str(SUPPORT)}
+    # The wheels of ROS set these once, for their own libraries.
+    for name in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH"):
+        environment.pop(name, None)
+    # The name that Fast DDS 3 reads.
+    environment["FASTDDS_DEFAULT_PROFILES_FILE"] = environment.pop("FASTRTPS_DEFAULT_PROFILES_FILE")
+    return new_robot(python=found[-1], environment=environment)
+
+
+def test_a_robot_with_kilted(kilted, laptop):
+    assert kilted.do("__import__('importlib.metadata').metadata.version('rclpy')").startswith("9.")
+    kilted.do("latched('mounts', ('base', 'camera', 1))")
+    matched(kilted, laptop)
+    kilted.do("sending = flood(out, 200, 50, 400)")
+    laptop.do(f"robot.wait_until_heard({SECONDS})")
+    laptop.until("robot.topics['/tf'].count >= 400")
+    assert laptop.do("[(one.count, one.lost, one.malformed) for one in robot.topics.values()]") == [
+        [400, 0, 0],
+        [1, 0, 0],
+    ]
+    assert laptop.do("(seen('map', 'f49'), seen('base', 'camera'))") == [399, 1]
+    kilted.do("listen()")
+    laptop.do("fixed = robot.static_broadcaster(); fixed.sendTransform(made('base', 'lidar', 2))")
+    kilted.until("heard.get(('/tf_static', 'lidar')) == 2")
 
 
 def test_nobody_is_there(new_laptop):

@@ -11,7 +11,7 @@ from paths import ROOT
 from places import SUPPORT
 from processes import run, until
 
-from tf2_ros.records import serialize_arrays
+from tf2_ros.serialization import serialize_arrays
 
 pytestmark = pytest.mark.ours
 

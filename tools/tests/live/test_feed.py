@@ -1,5 +1,6 @@
 """A feed that a program fills: from a pipe, a thread, or a wire of the test."""
 
+import asyncio
 import logging
 import os
 import struct
@@ -13,8 +14,8 @@ import pytest
 from making import S, transform, translation
 from processes import DEADLINE_S, until
 
-from tf2_ros import Buffer
-from tf2_ros.records import serialize_arrays
+from tf2_ros import Buffer, TransformException
+from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.live import Feed, Heard, Publisher, connect
 
 pytestmark = pytest.mark.ours
@@ -188,6 +189,46 @@ def test_a_wait_says_which_topic_is_silent_and_why():
         assert feed.publishers() == [Publisher("/tf", "/robot", "")]
 
 
+ENDED = r"^x://robot has ended \(it was closed\), which ended the wait for the transform after \d+(\.\d+)? s$"
+
+
+@pytest.mark.parametrize("how", ["blocked", "awaited"])
+def test_what_waits_in_the_buffer_ends_with_the_feed(how):
+    feed = Feed(name="x://robot", wire=Wire())
+    threading.Thread(
+        target=lambda: (until(lambda: feed.buffer.statistics()["waiters"]), feed.close())
+    ).start()
+    with pytest.raises(TransformException, match=ENDED):
+        if how == "blocked":
+            feed.buffer.lookup_transform("map", "base", 0, timeout=DEADLINE_S)
+        else:
+            asyncio.run(feed.buffer.lookup_transform_async("map", "base", 0))
+
+
+def test_what_waits_goes_on_while_another_feed_fills_the_buffer():
+    buffer = Buffer()
+    with Feed(buffer) as one:
+        Feed(buffer).close()
+        thread = threading.Thread(
+            target=lambda: (until(lambda: buffer.statistics()["waiters"]), one.take(message(), False))
+        )
+        thread.start()
+        assert buffer.lookup_transform("map", "base", 0, timeout=DEADLINE_S).child_frame_id == "base"
+        thread.join()
+
+
+def test_errors_of_the_buffer_name_silent_topics():
+    with Feed() as feed:
+        with pytest.raises(TransformException, match="nothing has been received on /tf and on /tf_static$"):
+            feed.buffer.lookup_transform("map", "base", 0)
+        feed.take(message(), False)
+        with pytest.raises(TransformException, match=r"s away$"):
+            feed.buffer.lookup_transform("map", "base", 5 * S)
+        until(lambda: feed.topics["/tf"].last > 3)
+        with pytest.raises(TransformException, match="; nothing has been received on /tf for [3-9] s$"):
+            feed.buffer.lookup_transform("map", "base", 5 * S)
+
+
 def test_a_wire_ends_a_feed():
     with Feed(name="x://robot", wire=(wire := Wire())) as feed:
         wire.take(message(), False)
@@ -323,7 +364,7 @@ def named(child):
 )
 @pytest.mark.parametrize("kind", ["broadcaster", "static_broadcaster"])
 def test_what_is_not_a_transform_is_refused_and_nothing_sent(broadcasting, kind, what):
-    with pytest.raises(TypeError, match="sendTransform: "):
+    with pytest.raises(TypeError, match="expected a (geometry_msgs/TransformStamped|str)"):
         getattr(broadcasting, kind)().sendTransform(what)
     assert broadcasting._wire.sent == []
 

@@ -4,8 +4,8 @@ import threading
 from collections.abc import Iterable
 from copy import deepcopy
 
-from tf2_py._internal import serialize_transforms
 from tf2_ros import TransformStamped
+from tf2_ros.serialization import serialize_transforms
 from tf2_ros_tools.live.wire import Sender
 
 
@@ -26,10 +26,11 @@ class Broadcaster:
         :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
             unit quaternions. What every buffer refuses is sent anyway, as in tf2, and the buffer of the feed
             logs it.
-        :raises TypeError: ``transform`` is neither, or a part of one has the wrong type; nothing is sent.
+        :raises TypeError, ValueError, OverflowError: a message cannot hold it, see
+            :func:`~tf2_ros.serialization.serialize_transforms`; nothing is sent.
         :raises ConnectionError: the feed has ended.
         """
-        self._sender.send(_serialized(_listed(transform)))
+        self._sender.send(serialize_transforms(transform))
 
     def close(self) -> None:
         """End the publisher; also a second time."""
@@ -55,24 +56,9 @@ class StaticBroadcaster(Broadcaster):
 
         It raises what :meth:`Broadcaster.sendTransform` raises, and then neither sends nor keeps anything.
         """
-        new = _listed(transform)
+        new = list(transform) if isinstance(transform, Iterable) else [transform]
+        serialize_transforms(new)  # refuses what is no transform
         with self._lock:
             merged = self._sent | {one.child_frame_id: deepcopy(one) for one in new}
-            self._sender.send(_serialized(list(merged.values())))
+            self._sender.send(serialize_transforms(merged.values()))
             self._sent = merged
-
-
-def _listed(transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:
-    transforms = list(transform) if isinstance(transform, Iterable) else [transform]
-    for one in transforms:
-        if not isinstance(one, TransformStamped):
-            kind = type(one).__name__
-            raise TypeError(f"sendTransform: expected a TransformStamped, or several, got {kind}")
-    return transforms
-
-
-def _serialized(transforms: list[TransformStamped]) -> bytes:
-    serialized = serialize_transforms(transforms)
-    if serialized is None:
-        raise TypeError("sendTransform: a name is not a str without NUL, or a number is not a number")
-    return serialized[0]

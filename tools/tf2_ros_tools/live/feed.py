@@ -8,7 +8,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from tf2_ros import Buffer
-from tf2_ros.records import MessageSource, insert_messages
+from tf2_ros.serialization import MessageSource, insert_messages
 from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.wire import Publisher, Sender, Wire
 from tf2_ros_tools.output import counted, three_digits
@@ -17,6 +17,7 @@ S = 1_000_000_000
 PERIOD_NS = 10 * S  # of the smallest delays that are kept, for the offset of the clocks
 PERIODS = 6
 OWN = "this program"  # the authority of what broadcasters of a feed send
+SILENT_S = 2  # from here on, errors say that nothing is received on a topic
 AHEAD_S, BEHIND_S = 0.01, 1.0  # from these offsets of the clocks on, a feed warns
 
 
@@ -80,10 +81,12 @@ class Feed:
         self._senders: list[Sender] = []
         self._process = os.getpid()
         self._wire = wire
+        self._source = self.buffer.add_source(name, self._silent)
         if wire is not None:
             try:
                 wire.open(self._take_of_wire, self._end)
             except BaseException:
+                self._source.end()
                 wire.close()
                 raise
 
@@ -205,7 +208,8 @@ class Feed:
 
     def close(self, reason: str = "it was closed") -> None:
         """
-        End the feed and its broadcasters. The buffer keeps what it holds.
+        End the feed and its broadcasters. Lookups and awaits in the buffer that still wait end with an error
+        that contains the reason, unless something else fills the buffer, too. The buffer keeps what it holds.
 
         It may be called several times, and in any thread.
 
@@ -224,6 +228,7 @@ class Feed:
         with self._changed:
             if self._ended is None:
                 self._ended = reason
+                self._source.end(reason)
                 self._changed.notify_all()
 
     def _take_of_wire(
@@ -270,6 +275,17 @@ class Feed:
 
     def _missing(self) -> list[_Topic]:
         return [topic for topic in self._topics if topic.last_ns is None]
+
+    def _silent(self, with_static: bool) -> str:
+        """What the errors of the buffer say of silent topics; static transforms are sent once."""
+        clauses = []
+        for topic, heard in self.topics.items():
+            is_static = topic == self._topics[True].name
+            if heard.last is None and (with_static or not is_static):
+                clauses.append(f"on {topic}")
+            elif heard.last is not None and heard.last >= SILENT_S and not is_static:
+                clauses.append(f"on {topic} for {int(heard.last)} s")
+        return f"nothing has been received {' and '.join(clauses)}" if clauses else ""
 
     def _silence(self, missing: list[_Topic], seconds: float) -> str:
         names = " and ".join(topic.name for topic in missing)

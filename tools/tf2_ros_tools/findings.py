@@ -587,7 +587,7 @@ def conclude(options: Namespace, report: Any, of_what: str, head: Mapping[str, A
     """
     Print the findings of a report that are not ignored, as the options of a check say; return the status.
 
-    :param report: of this module, or of :mod:`tf2_ros_tools.listening_node`.
+    :param report: of this module, or of :mod:`tf2_ros_tools.listening`.
     :param of_what: see :func:`lines_of`.
     :param head: what a JSON object begins with, after the verdict.
     """

@@ -129,8 +129,9 @@ class Parser(ArgumentParser):
         Read a command line.
 
         :param arguments: including the name of the program and the arguments for ROS.
-        :return: the options, with ``ros_arguments`` for ``rclpy.init``, the ``parser`` that has read them,
-            and the name of the ``command``, if the program has any.
+        :return: the options, with ``ros_arguments`` for ``rclpy.init``, ``has_ros_arguments`` if the user
+            gave any, the ``parser`` that has read them, and the name of the ``command``, if the program has
+            any.
         """
         if self._node:
             # ROS gets all of them; its bindings raise for others, even for the name of a file.
@@ -144,7 +145,7 @@ class Parser(ArgumentParser):
         read, unknown = parse(own)
         if unknown:
             read.parser.refuse(unknown)
-        read.ros_arguments = [*arguments]
+        read.ros_arguments, read.has_ros_arguments = [*arguments], _ROS_ARGS in arguments
         if self._node and read.namespace is not None:
             remaps = (f"__ns:={read.namespace}", "/tf:=tf", "/tf_static:=tf_static")
             # Behind the user's own, the first of which is taken.
@@ -169,6 +170,15 @@ class Parser(ArgumentParser):
         except RuntimeError as refusal:  # the base of what rclpy raises for them
             self.error(f"{_ROS_ARGS}: {refusal}")
         return removed
+
+
+def add_live_option(parser: Parser) -> None:
+    """Add ``--live`` to a program that listens, see :func:`tf2_ros_tools.listening.session`."""
+    parser.add_argument(
+        "--live",
+        metavar="WHERE",
+        help="listen to a robot without ROS 2 on this machine, at dds://, zenoh://HOST:7447 or ws://HOST:8765",
+    )
 
 
 def _namespace(text: str) -> str:

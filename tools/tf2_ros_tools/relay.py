@@ -6,7 +6,7 @@ buffer: it chooses transforms, thins them out, and names them anew. ``Relaying``
 node: it subscribes and publishes.
 """
 
-from tf2_ros_tools.listening_node import Pace, filled_buffer
+from tf2_ros_tools.listening_node import filled_buffer
 
 import math
 import re
@@ -27,6 +27,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, FrameInfo, TransformException, stored_name
 from tf2_py.text import printable
 from tf2_ros import TransformBroadcaster
+from tf2_ros_tools.listening import Pace
 from tf2_ros_tools.output import not_known
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import path_to_root

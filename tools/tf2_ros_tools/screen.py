@@ -1,7 +1,5 @@
 """The full-screen table of tf2_monitor: sorted, filtered and scrolled by keys, below the problems."""
 
-from tf2_ros_tools.listening_node import Report
-
 import asyncio
 import os
 import signal
@@ -18,6 +16,7 @@ from textual.widgets import DataTable, Footer, Input, Static
 
 from tf2_py.text import printable
 from tf2_ros_tools.findings import milliseconds, rate_text
+from tf2_ros_tools.listening import Report
 from tf2_ros_tools.output import counted
 from tf2_ros_tools.streams import Stream
 

@@ -23,7 +23,7 @@ def world(tmp_path_factory):
 
 def test_what_is_about_recordings_loads(world):
     names = [*modules(TOOLS, PACKAGES)]
-    for of_nodes in ("listening_node", "relay", "screen", "state_publisher"):
+    for of_nodes in ("listening_node", "relay", "state_publisher"):
         names.remove(f"tf2_ros_tools.{of_nodes}")
     assert "tf2_ros_tools.streams" in names and "tf2_ros_tools.programs.tf2_bag" in names
     world.does(f"""

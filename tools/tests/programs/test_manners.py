@@ -1,7 +1,5 @@
 """The manners that all programs share: help, wrong usage, Ctrl-C, readers who leave, disks that are full."""
 
-from tf2_ros_tools.listening_node import Pace
-
 import fcntl
 import json
 import os
@@ -26,6 +24,8 @@ from sharing import new_name
 from starting import ROBOT, broadcasting, ended, heard, needs_dot, running
 from tool_sources import PYPROJECT
 
+from tf2_ros_tools.listening import Pace
+
 pytestmark = pytest.mark.ours
 
 # By program: a valid command line, the exit status after Ctrl-C, and what it writes before it waits.
@@ -35,6 +35,7 @@ PROGRAMS = {
     "tf2_buffer_server": ("", 0),
     "tf2_check": ("-t 3600", 130),
     "tf2_echo": ("map robot", 130),
+    "tf2_live": ("dds:// -t 3600", 130),
     "tf2_monitor": ("", 0),
     "tf2_plot": ("-t 3600", 130),
     "tf2_relay": ("relay.yaml", 0),
@@ -43,7 +44,7 @@ PROGRAMS = {
     "tf2_view": ("-o live.rrd", 0),
     "view_frames": ("-t 3600 --text", 130),
 }
-NODES = [name for name in PROGRAMS if name != "tf2_bag"]
+NODES = [name for name in PROGRAMS if name not in ("tf2_bag", "tf2_live")]
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """What a receiver notes of each transform, if it is asked to."""
 
-from tf2_ros_tools.listening_node import listening
+from tf2_ros_tools.listening_node import NodeSession, filled_buffer
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from processes import errors_so_far, until
 from tf2_msgs.msg import TFMessage
 from tf2_ros.records import RECORD, Recording
 from tf2_ros_tools.findings import Limits
+from tf2_ros_tools.listening import TOPICS, Listening
 
 pytestmark = pytest.mark.ours
 
@@ -131,7 +132,9 @@ def test_a_listener_of_an_attached_buffer_that_records_subscribes(tf2_ros, node,
 
 
 def test_a_publisher_keeps_its_name_when_it_has_ended(node, peer):
-    with listening(node) as heard:
+    recording = Recording()
+    with filled_buffer(node, recording) as buffer:
+        heard = Listening(NodeSession(node, buffer, TOPICS), recording, None)
         talker = peer("-r", "__node:=short_lived")
 
         def known():

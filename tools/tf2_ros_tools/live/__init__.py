@@ -9,6 +9,7 @@ A robot's transforms on a machine without ROS 2, over DDS, Zenoh or foxglove_bri
 """
 
 from tf2_ros import Buffer
+from tf2_ros.records import Recording
 from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.feed import Feed, Heard
 from tf2_ros_tools.live.wire import EXAMPLES, Address, Publisher, Wire, parse
@@ -25,6 +26,7 @@ def connect(
     topic: str = "/tf",
     static_topic: str = "/tf_static",
     prefix: str = "",
+    recording: Recording | None = None,
 ) -> Feed:
     """
     Receive the transforms of a robot.
@@ -36,6 +38,7 @@ def connect(
     :param topic: of dynamic transforms.
     :param static_topic: of static transforms.
     :param prefix: is put in front of the names of all frames that arrive, as in ``"robot1/"``.
+    :param recording: records who sent which transform when.
     :return: a feed, which receives until it is closed; its attribute ``buffer`` is the buffer.
     :raises ValueError: an argument is not what it must be.
     :raises ConnectionError: the robot cannot be reached; the text says what to do.
@@ -43,7 +46,8 @@ def connect(
         This is a ``ModuleNotFoundError``.
     """
     address = parse(where, domain, (topic, static_topic))
-    return Feed(buffer, name=where, topics=address.topics, prefix=prefix, wire=_wire_of(address))
+    wire = _wire_of(address)
+    return Feed(buffer, name=where, topics=address.topics, prefix=prefix, wire=wire, recording=recording)
 
 
 def _wire_of(address: Address) -> Wire:

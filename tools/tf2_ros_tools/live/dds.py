@@ -170,7 +170,7 @@ class DdsWire:
 
     def publishers(self) -> list[Publisher]:
         return [
-            Publisher(topic, self._node_of(one), _described(one))
+            Publisher(topic, self._node_of(one), _described(one), one.key.hex)
             for topic in self._address.topics
             for one in self._publishers_of(topic)
         ]
@@ -217,7 +217,7 @@ class DdsWire:
             info = sample.sample_info
             if info.valid_data:  # not the news that a publisher has ended
                 publisher = self._publishers.get(info.publication_handle)
-                name = "" if publisher is None else self._node_of(publisher)
+                name = "" if publisher is None else self._node_of(publisher) or publisher.key.hex
                 take(sample.data, is_static, name, info.source_timestamp, lost)
                 lost = 0
 

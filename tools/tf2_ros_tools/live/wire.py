@@ -27,6 +27,7 @@ class Publisher(NamedTuple):
     topic: str
     node: str  # with its namespace; "" if it is not known
     detail: str  # what else the wire knows of it, such as the hash of its type
+    id: str = ""  # what `take` calls it while its node is not known
 
 
 class Take(Protocol):
@@ -45,7 +46,7 @@ class Take(Protocol):
 
         :param data: CDR with its encapsulation header.
         :param is_static: whether the topic is that of static transforms.
-        :param publisher: the name of its node, or what else tells publishers apart.
+        :param publisher: the name of its node, or else the ``id`` of the :class:`Publisher`.
         :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
         :param lost: how many messages of this publisher were lost since its last one. 0 also where a wire
             cannot know.

@@ -116,9 +116,10 @@ def _period_of_ros1(values: list[str]) -> str | None:
 
 def publish(options: Namespace) -> NoReturn:
     """Publish until interrupted."""
-    from tf2_ros_tools.listening_node import spun_node, wait
+    from tf2_ros_tools.listening_node import spun_node
 
     from tf2_ros import StaticTransformBroadcaster
+    from tf2_ros_tools.listening import wait
 
     transforms = transforms_of(options)
     # Many of them run on one robot.

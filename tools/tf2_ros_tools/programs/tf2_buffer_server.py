@@ -21,11 +21,12 @@ PARSER = Parser(
 
 def serve(options: Namespace) -> NoReturn:
     """Serve until interrupted."""
-    from tf2_ros_tools.listening_node import spun_node, wait
+    from tf2_ros_tools.listening_node import spun_node
 
     from rcl_interfaces.msg import ParameterDescriptor
 
     from tf2_ros import Buffer, BufferServer, TransformListener
+    from tf2_ros_tools.listening import wait
 
     summary = "how far each frame's history reaches back, in seconds"
     with spun_node("tf_buffer", options) as node:

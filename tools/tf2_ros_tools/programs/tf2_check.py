@@ -5,7 +5,7 @@ from argparse import Namespace
 from functools import partial
 
 from tf2_ros_tools.output import counted
-from tf2_ros_tools.program import Parser, add_check_options, positive_number, run
+from tf2_ros_tools.program import Parser, add_check_options, add_live_option, positive_number, run
 
 PARSER = Parser(
     "tf2_check",
@@ -24,21 +24,18 @@ PARSER.add_argument(
 )
 add_check_options(PARSER)
 PARSER.add_argument("--json", action="store_true", help="print the result as one line of JSON")
+add_live_option(PARSER)
 
 
 def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
-    from tf2_ros_tools.listening_node import listening, spun_node
-
-    from rclpy.logging import LoggingSeverity, set_logger_level
-
     from tf2_ros_tools.findings import Limits, conclude, expected_by
+    from tf2_ros_tools.listening import listening
 
-    # The findings count what is refused, and name the publishers.
-    set_logger_level("tf2_py", LoggingSeverity.FATAL)
     expected = expected_by(options.expect)
     limits = Limits(min_rate=options.min_rate, max_delay=options.max_delay)
-    with spun_node("tf2_check", options) as node, listening(node) as heard:
+    with listening("tf2_check", options) as heard:
+        heard.session.log_no_refusals()  # the findings count them, and name the publishers
         heard.listen(options.t)
         report = heard.report(limits, expected)
     of_what = f"{counted(report.messages, 'message')} and {options.t:g} s"

@@ -17,6 +17,7 @@ from tf2_ros_tools.program import (
     SUCCESS,
     Parser,
     UsageError,
+    add_live_option,
     nanoseconds,
     non_negative_number,
     positive_number,
@@ -25,11 +26,10 @@ from tf2_ros_tools.program import (
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
-    from rclpy.node import Node
     from rclpy.qos import QoSProfile
 
     from tf2_py import TransformException
-    from tf2_ros import Buffer
+    from tf2_ros_tools.listening import Session
 
 S = 1_000_000_000  # ns
 LATEST = 0  # the time that asks for the latest transform
@@ -123,21 +123,22 @@ PARSER.add_argument(
     type=_depth,
     help=f"messages in the queue of the subscription to /tf; {QUEUE_DEPTH} by default",
 )
+add_live_option(PARSER)
 
 
 def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
-    from tf2_ros_tools.listening_node import Pace, filled_buffer, spun_node
-
     from tf2_py import TransformException
+    from tf2_ros_tools.listening import Pace, session
 
     if None not in (options.rate, options.old_rate):
         raise UsageError("the rate was given twice")
     rate = options.rate or options.old_rate or RATE
     show_transform = _show_json if options.json else _show_text
     qos = _profile(options)
-    with spun_node("tf2_echo", options) as node, filled_buffer(node, qos=qos) as buffer:
-        transform = _first(node, buffer, options)
+    with session("tf2_echo", options, qos=qos) as heard:
+        buffer = heard.buffer
+        transform = _first(heard, options)
         if transform is None:
             return FAILURE
         pace = Pace(1.0 / rate)
@@ -149,17 +150,17 @@ def echo(options: Namespace) -> int:
                     transform = buffer.lookup_transform(options.target, options.source, options.time_ns)
                     show_transform(transform, options)
                 except TransformException as reason:
-                    _print_failure(node, buffer, options, reason)
+                    _print_failure(heard, options, reason)
         return SUCCESS
 
 
 def _profile(options: Namespace) -> QoSProfile | None:
     """The profile for dynamic transforms; None: the options say nothing about it."""
-    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
     reliability, durability = options.qos_reliability, options.qos_durability
     if reliability is durability is options.qos_depth is None:
         return None
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
     return QoSProfile(
         depth=options.qos_depth or QUEUE_DEPTH,
         reliability=ReliabilityPolicy[(reliability or "reliable").upper()],
@@ -167,7 +168,7 @@ def _profile(options: Namespace) -> QoSProfile | None:
     )
 
 
-def _first(node: Node, buffer: Buffer, options: Namespace) -> TransformStamped | None:
+def _first(heard: Session, options: Namespace) -> TransformStamped | None:
     """Wait for the first transform; None: there is none after the time that the options say."""
     from tf2_py import InvalidArgumentException, TransformException
 
@@ -176,33 +177,33 @@ def _first(node: Node, buffer: Buffer, options: Namespace) -> TransformStamped |
         waited_s = time.monotonic() - begin_s
         timeout_s = REPORT_S if options.wait is None else min(REPORT_S, max(0.0, options.wait - waited_s))
         try:
-            return buffer.lookup_transform(options.target, options.source, options.time_ns, timeout_s)
+            return heard.buffer.lookup_transform(options.target, options.source, options.time_ns, timeout_s)
         except InvalidArgumentException as refusal:
             raise UsageError(str(refusal)) from None
         except TransformException as reason:
             waited_s = time.monotonic() - begin_s
-            node.get_logger().info(
+            heard.info(
                 printable(f"Waiting for transform {options.target} ->  {options.source}: {reason}") + "\n"
-                f"Waited {waited_s:.1f} s in ROS domain {node.context.get_domain_id()}\n"
-                f"Known frames: {first_names(sorted(buffer.frames())) or 'none'}"
+                f"Waited {waited_s:.1f} s {heard.where}\n"
+                f"Known frames: {first_names(sorted(heard.buffer.frames())) or 'none'}"
             )
             if options.wait is not None and waited_s >= options.wait:
                 return None
 
 
-def _print_failure(node: Node, buffer: Buffer, options: Namespace, reason: TransformException) -> None:
-    now = node.get_clock().now()
+def _print_failure(heard: Session, options: Namespace, reason: TransformException) -> None:
+    sec, nanosec = divmod(heard.now_ns(), S)
     if options.json:
         content = {
-            "header": _header(now.to_msg(), options.target),
+            "header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": options.target},
             "child_frame_id": options.source,
             "error": {"type": type(reason).__name__, "text": str(reason)},
         }
         show_json(content)
         return
-    show(f"Failure at {now.nanoseconds / S:.3f}", f"Exception thrown:{reason}")
+    show(f"Failure at {sec + nanosec / S:.3f}", f"Exception thrown:{reason}")
     # The listing ends with a line break, and tf2's own program adds another one.
-    show("The current list of frames is:", *buffer.all_frames_as_string().split("\n"))
+    show("The current list of frames is:", *heard.buffer.all_frames_as_string().split("\n"))
 
 
 # What is printed of a transform: as tf2's own program does, or as JSON.
@@ -235,10 +236,10 @@ def _show_text(transform: TransformStamped, options: Namespace) -> None:
 def _show_json(transform: TransformStamped, _: Namespace) -> None:
     from tf2_ros.numpy import to_matrix
 
-    moved = transform.transform
+    moved, header = transform.transform, transform.header
     rpy = rpy_from_matrices(to_matrix(transform)).tolist()
     content = {
-        "header": _header(transform.header.stamp, transform.header.frame_id),
+        "header": {"stamp": _fields(header.stamp), "frame_id": header.frame_id},
         "child_frame_id": transform.child_frame_id,
         "transform": {"translation": _fields(moved.translation), "rotation": _fields(moved.rotation)},
         "rpy": dict(zip(("roll", "pitch", "yaw"), rpy, strict=True)),
@@ -246,12 +247,10 @@ def _show_json(transform: TransformStamped, _: Namespace) -> None:
     show_json(content)
 
 
-def _header(stamp: Any, frame: str) -> dict[str, Any]:
-    return {"stamp": _fields(stamp), "frame_id": frame}
-
-
 def _fields(message: Any) -> dict[str, float]:
-    return {name: getattr(message, name) for name in message.get_fields_and_field_types()}
+    """The numbers of a message of ROS, or of what stands in for one."""
+    names = ("sec", "nanosec") if hasattr(message, "sec") else ("x", "y", "z", "w")
+    return {name: getattr(message, name) for name in names if hasattr(message, name)}
 
 
 main = partial(run, PARSER, echo)

@@ -13,11 +13,10 @@ from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
 from tf2_ros_tools.output import counted, show, show_json
-from tf2_ros_tools.program import SUCCESS, Parser, UsageError, positive_number, run
+from tf2_ros_tools.program import SUCCESS, Parser, UsageError, add_live_option, positive_number, run
 
 if TYPE_CHECKING:
-    from tf2_ros_tools.listening_node import Listening, Report
-
+    from tf2_ros_tools.listening import Listening, Report
     from tf2_ros_tools.streams import Stream
 
 INTERVAL_S = 10.0  # as in tf2's program
@@ -42,16 +41,16 @@ PARSER.add_argument(
     help="print a report every S seconds instead of the table",
 )
 PARSER.add_argument("--json", action="store_true", help="print each report as one line of JSON")
+add_live_option(PARSER)
 
 
 def monitor(options: Namespace) -> int:
     """Report until interrupted; return the exit status."""
-    from tf2_ros_tools.listening_node import listening, spun_node
-
     from tf2_ros_tools.findings import Limits
+    from tf2_ros_tools.listening import listening
 
     ends = _ends(options.frames)
-    with spun_node("tf2_monitor", options) as node, listening(node, WINDOW_S) as heard:
+    with listening("tf2_monitor", options, WINDOW_S) as heard:
         look = partial(heard.report, Limits(), ends=ends)
         if not options.json and options.interval is None and _has_screen():
             from tf2_ros_tools.screen import show_screen
@@ -61,7 +60,7 @@ def monitor(options: Namespace) -> int:
 
 
 def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> NoReturn:
-    from tf2_ros_tools.listening_node import Pace
+    from tf2_ros_tools.listening import Pace
 
     interval_s = INTERVAL_S if options.interval is None else options.interval
     if not options.json:

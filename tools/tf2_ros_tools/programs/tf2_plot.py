@@ -6,7 +6,15 @@ from argparse import Namespace
 from functools import partial
 
 from tf2_ros_tools.output import counted, show
-from tf2_ros_tools.program import SUCCESS, Parser, RunError, add_plot_options, positive_number, run
+from tf2_ros_tools.program import (
+    SUCCESS,
+    Parser,
+    RunError,
+    add_live_option,
+    add_plot_options,
+    positive_number,
+    run,
+)
 
 S = 1_000_000_000
 
@@ -31,20 +39,20 @@ add_plot_options(PARSER, "tf2_plot_DATE.png")
 PARSER.add_argument(
     "-t", type=positive_number, metavar="S", default=SECONDS, help=f"plot S seconds; {SECONDS:g} by default"
 )
+add_live_option(PARSER)
 
 
 def plot(options: Namespace) -> int:
     """Listen and plot; return the exit status."""
-    from tf2_ros_tools.listening_node import listening, spun_node
-
     from tf2_ros_tools.findings import Limits
+    from tf2_ros_tools.listening import listening
     from tf2_ros_tools.pictures import heard_picture, refuse_plot, write_plot
     from tf2_ros_tools.trajectory import path_picture
 
     refuse_plot(options)
     heard_s = options.t + LEAD_S
-    with spun_node("tf2_plot", options) as node, listening(node, options.t, cache_time=2 * heard_s) as heard:
-        node.get_logger().info(f"Listening to tf data for {counted(heard_s, 'second')}...")
+    with listening("tf2_plot", options, options.t, cache_time=2 * heard_s) as heard:
+        heard.session.info(f"Listening to tf data for {counted(heard_s, 'second')}...")
         heard.listen(heard_s)
         records = heard.records()
         if not len(records):

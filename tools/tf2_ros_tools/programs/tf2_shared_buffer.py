@@ -37,9 +37,10 @@ PARSER.add_argument(
 
 def share(options: Namespace) -> NoReturn:
     """Share what is received until interrupted."""
-    from tf2_ros_tools.listening_node import TOPICS, spun_node, wait
+    from tf2_ros_tools.listening_node import spun_node
 
     from tf2_ros import Buffer, SharedBufferError, TransformListener
+    from tf2_ros_tools.listening import TOPICS, wait
 
     with spun_node("tf2_shared_buffer", options) as node:
         domain = node.context.get_domain_id()

@@ -14,8 +14,7 @@ from tf2_ros_tools.output import not_known, write_whole
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, run
 
 if TYPE_CHECKING:
-    from tf2_ros_tools.listening_node import Pace
-
+    from tf2_ros_tools.listening import Pace
     from tf2_ros_tools.rerun import Live
 
 PERIOD_S = 0.1  # from one batch to the next
@@ -59,9 +58,10 @@ PARSER.add_argument(
 
 def view(options: Namespace) -> int:
     """Listen, and send what arrives; return the exit status."""
-    from tf2_ros_tools.listening_node import TOPICS, Pace, filled_buffer, spun_node
+    from tf2_ros_tools.listening_node import filled_buffer, spun_node
 
     from tf2_py import stored_name
+    from tf2_ros_tools.listening import TOPICS, Pace
     from tf2_ros_tools.rerun import Live, ViewerError, open_viewer
 
     trails = [*map(stored_name, options.trail)]

@@ -7,7 +7,15 @@ from functools import partial
 from os.path import splitext
 
 from tf2_ros_tools.output import counted, require, show, write_whole
-from tf2_ros_tools.program import SUCCESS, Parser, RunError, format_of, non_negative_number, run
+from tf2_ros_tools.program import (
+    SUCCESS,
+    Parser,
+    RunError,
+    add_live_option,
+    format_of,
+    non_negative_number,
+    run,
+)
 
 FORMATS = ("pdf", "svg", "png")
 WAIT_S = 5.0
@@ -47,6 +55,9 @@ PARSER.add_argument(
 )
 
 
+add_live_option(PARSER)
+
+
 def output_files(name: str) -> tuple[str, str, str]:
     """Return the file for Graphviz, the picture, and the picture's format."""
     if format_of(name) in FORMATS:
@@ -56,17 +67,16 @@ def output_files(name: str) -> tuple[str, str, str]:
 
 def view(options: Namespace) -> int:
     """Listen, and print or draw the tree; return the exit status."""
-    from tf2_ros_tools.listening_node import listening, spun_node
-
     from tf2_ros_tools.findings import Limits, line_of
+    from tf2_ros_tools.listening import listening
     from tf2_ros_tools.pictures import drawn, tree_dot
 
     is_drawn = options.output is not None or not options.text
     if is_drawn:
         require("graphviz", "cli")
     topics = (options.tf_topic, options.tf_static_topic)
-    with spun_node("view_frames", options) as node, listening(node, topics=topics) as heard:
-        node.get_logger().info(f"Listening to tf data for {counted(options.wait_time, 'second')}...")
+    with listening("view_frames", options, topics=topics) as heard:
+        heard.session.info(f"Listening to tf data for {counted(options.wait_time, 'second')}...")
         heard.listen(options.wait_time)
         report = heard.report(Limits())
         if not heard.frames():

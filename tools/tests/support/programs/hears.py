@@ -2,18 +2,21 @@
 Runs a program of the tools that listens until it has heard what a test needs, however long its options say.
 
 `hears.py CONDITION PROGRAM ARGUMENT ...`: an expression over `streams`, by the names of their frames, and the
-texts of all `findings`.
+texts of all `findings`. With the environment variable HEARS_WITHOUT_ROS, there is no rclpy.
 """
 
-# First, as in the programs of the project.
-from tf2_ros_tools.listening_node import Listening
-
+import os
 import sys
+
+if "HEARS_WITHOUT_ROS" in os.environ:
+    sys.modules.update(dict.fromkeys(("rclpy", "geometry_msgs", "tf2_msgs")))
+
 from importlib import import_module
 
 from processes import until
 
 from tf2_ros_tools.findings import Limits
+from tf2_ros_tools.listening import Listening
 
 
 def main(condition, name, *arguments):

@@ -5,7 +5,7 @@ Prints a line of JSON: when the transforms were received, and what a report says
 """
 
 # First, as in the programs of the project.
-from tf2_ros_tools.listening_node import listening
+from tf2_ros_tools.listening_node import NodeSession, filled_buffer
 
 import json
 import sys
@@ -13,12 +13,16 @@ import sys
 import rclpy
 from processes import until
 
+from tf2_ros.records import Recording
 from tf2_ros_tools.findings import Limits
+from tf2_ros_tools.listening import TOPICS, Listening
 from tf2_ros_tools.program import UsageError
 
 
 def record(node, messages):
-    with listening(node) as heard:
+    recording = Recording()
+    with filled_buffer(node, recording) as buffer:
+        heard = Listening(NodeSession(node, buffer, TOPICS), recording, None)
         until(lambda: heard._recording.messages >= messages)
         report = heard.report(Limits())
         return {

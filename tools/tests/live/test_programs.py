@@ -1,0 +1,91 @@
+"""Programs that listen to a robot without ROS 2 on the machine: tf2_live, and `--live` of the others."""
+
+import json
+import os
+import re
+
+import pytest
+from starting import ROBOT, broadcasting, ended
+
+from tf2_ros_tools import bag
+
+pytestmark = pytest.mark.ours
+
+pytest.importorskip("cyclonedds")
+
+WITHOUT_ROS = os.environ | {"HEARS_WITHOUT_ROS": "1"}
+NOWHERE = WITHOUT_ROS | {"ROS_DOMAIN_ID": "231"}
+
+
+def on_laptop(name, *arguments, hears=ROBOT, env=WITHOUT_ROS):
+    return ended(name, *arguments, hears=hears, env=env)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with broadcasting() as process:
+        yield process
+
+
+def test_tf2_live_shows_who_publishes_what(robot, tmp_path):
+    saved = tmp_path / "saved.mcap"
+    status, out, err = on_laptop("tf2_live", "dds://", "-o", str(saved))
+    assert (status, err) == (0, "")
+    lines = out.splitlines()
+    assert re.fullmatch(r"/tf: \d+ messages, [\d.]+ a second; 0 lost, 0 malformed", lines[0])
+    assert re.fullmatch(r"/tf_static: 1 message; 0 lost, 0 malformed", lines[1])
+    assert re.fullmatch(r"clock: messages arrive [\d.e-]+ s after they were sent, at least", lines[-1])
+    text = "\n".join(lines[2:-1])
+    assert "camera (static)" in text and re.search(r"odom \(\d+\.\d Hz\)", text)
+    assert {"camera", "odom", "base_link"} <= {*bag.load(saved).frames()}
+
+
+def test_tf2_live_says_why_nothing_arrives(robot):
+    status, out, err = ended("tf2_live", "dds://", "-t", "0.1", env=NOWHERE)
+    assert (status, err) == (1, "")
+    assert "nothing has been received on /tf and /tf_static in 0.1 s: no robot was found in domain 231" in out
+    status, out, _ = ended("tf2_live", "dds://", "-t", "0.1", "--json", env=NOWHERE)
+    told = json.loads(out)
+    assert (status, told["topics"]["/tf"]["count"], told["streams"]) == (1, 0, [])
+    assert "domain 231" in told["silence"]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("tf2_check --live dds://", r"^ok: no findings in "),
+        ("view_frames --text --live dds://", r"(?m)^ +camera \(static\)"),
+    ],
+)
+def test_others_listen_as_from_a_node(robot, line, said):
+    name, *arguments = line.split()
+    status, out, _ = on_laptop(name, *arguments)
+    assert status == 0, out
+    assert re.search(said, out), out
+
+
+def test_tf2_echo_prints_the_transform(robot):
+    status, out, _ = on_laptop("tf2_echo", "odom", "base_link", "--once", "--json", "--live", "dds://")
+    told = json.loads(out)
+    assert (status, told["header"]["frame_id"], told["child_frame_id"]) == (0, "odom", "base_link")
+    assert told["transform"]["rotation"].keys() == {"x", "y", "z", "w"}
+
+
+@pytest.mark.parametrize(
+    ("line", "status", "said"),
+    [
+        (
+            "tf2_echo a b --live dds:// --namespace robot1",
+            2,
+            "--live is for a machine without ROS: it excludes",
+        ),
+        ("tf2_echo a b --live dds:// --qos-depth 5", 2, "--live is for a machine without ROS: it excludes"),
+        ("tf2_check --live robot:7447", 2, "expected an address such as zenoh://robot:7447"),
+        ("tf2_live dds://?peer=robot", 2, "dds://?peer=robot: unknown option 'peer'"),
+    ],
+)
+def test_what_is_wrong_is_said(line, status, said):
+    name, *arguments = line.split()
+    found, out, err = ended(name, *arguments)
+    assert (found, out, err.count("\n")) == (status, "", 1)
+    assert err.startswith(f"{name}: {said}"), err

@@ -1,0 +1,279 @@
+"""Listen to the transforms of a robot: which arrive, who publishes them, and what is wrong."""
+
+import time
+from argparse import Namespace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NoReturn, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_py import TransformException
+from tf2_ros import Buffer
+from tf2_ros.records import Recording
+from tf2_ros_tools.findings import Expectation, Finding, Limits, Received, find, milliseconds
+from tf2_ros_tools.output import counted, three_digits
+from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.streams import Refused, Stream, Streams, moving_on
+
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
+
+S = 1_000_000_000
+LONGEST_PERIOD_S = 1e9  # about what time.sleep accepts, in seconds
+TOPICS = ("/tf", "/tf_static")  # of dynamic and of static transforms
+DRAIN_S = 1.0  # the longest time between two calls of `drain`
+
+
+def wait() -> NoReturn:
+    """Wait in the main thread until Ctrl-C or SIGTERM."""
+    while True:
+        time.sleep(1.0)
+
+
+class Pace:
+    """
+    The ticks of a loop, at a constant rate from now on.
+
+    Missed ticks are skipped, whether the process was stopped, its output had to wait for a reader, or the
+    loop is slower than the rate. The others keep their times.
+
+    :param period_s: from one tick to the next, in seconds.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_ns = max(round(min(period_s, LONGEST_PERIOD_S) * S), 1)
+        self.due_ns = time.monotonic_ns()  # when the next tick is due
+
+    def advance(self, now_ns: int) -> None:
+        """If the next tick is due at this time of the monotonic clock, go on to the first one after it."""
+        missed = max(now_ns - self.due_ns, -1) // self._period_ns + 1
+        self.due_ns += missed * self._period_ns
+
+    def next_s(self) -> float:
+        """Go on to the next tick; return how long to wait for it, in seconds, which is above 0."""
+        now_ns = time.monotonic_ns()
+        self.advance(now_ns)
+        return (self.due_ns - now_ns) / S
+
+
+class Session(Protocol):
+    """
+    What fills the buffer of a program, and what the program asks of it. ``where`` is a phrase that names the
+    topics and the robot. ``names`` are the known names of publishers, by their ids in a recording.
+    """
+
+    buffer: Buffer
+    where: str
+    names: dict[bytes, str]
+
+    def now_ns(self) -> int:
+        """Return the time on the clock of the buffer, in ns."""
+
+    def info(self, text: str) -> None:
+        """Log a line."""
+
+    def look_up_publishers(self) -> Collection[bytes]:
+        """Note the names of publishers; return the ids of the present ones, or none if it knows no ids."""
+
+    def log_no_refusals(self) -> None:
+        """Have the buffer not log which transforms it refuses."""
+
+    def clock_publishers(self) -> list[str]:
+        """Return the names of those who publish /clock."""
+
+    def findings(self) -> Iterator[Finding]:
+        """Find what else is wrong with the reception."""
+
+
+def session(
+    name: str,
+    options: Namespace,
+    recording: Recording | None = None,
+    *,
+    topics: tuple[str, str] = TOPICS,
+    cache_time: float | None = None,
+    qos: "QoSProfile | None" = None,
+) -> AbstractContextManager[Session]:
+    """
+    A session for a ``with`` statement: of a node, or of what ``--live`` names.
+
+    :param name: of the node.
+    :param options: of the command line.
+    :param recording: records what arrives.
+    :param topics: the topic of dynamic transforms and the topic of static transforms.
+    :param cache_time: how far each frame's history reaches back, in seconds. None: the default of buffers.
+    :param qos: of dynamic transforms, for a node. None: the default of listeners.
+    :raises UsageError: the command line contains a name or a parameter that ROS refuses, or recording needs a
+        receiver that does not support this release of ROS 2 or its middleware.
+    """
+    if getattr(options, "live", None) is None:
+        from tf2_ros_tools.listening_node import node_session
+
+        return node_session(name, options, recording, topics=topics, cache_time=cache_time, qos=qos)
+    if qos is not None or options.namespace is not None or options.has_ros_arguments:
+        raise UsageError("--live is for a machine without ROS: it excludes --namespace and what is of ROS")
+    from tf2_ros_tools.live.session import live_session
+
+    return live_session(options.live, recording, topics=topics, cache_time=cache_time)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """What connects two frames."""
+
+    ends: tuple[str, str]
+    frames: list[str] | None  # None: they are not connected
+    delay: tuple[float, float] | None  # mean and maximum, in seconds; None: nothing dynamic has arrived
+    text: str  # all of that, in words
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that is known at one moment; if it has a chain, of the frames on it."""
+
+    time: float  # of the node's clock, in seconds
+    streams: list[Stream]
+    refused: list[Refused]
+    findings: list[Finding]
+    chain: Chain | None
+    messages: int
+
+
+class Listening:
+    """
+    Listens to transforms; made by :func:`listening`.
+
+    :meth:`drain` must be called every few seconds, as :meth:`listen` does. ``buffer`` and ``where`` are those
+    of the session.
+    """
+
+    def __init__(self, session: Session, recording: Recording, window_s: float | None) -> None:
+        self.session = session
+        self.buffer, self.where = session.buffer, session.where
+        self._recording = recording
+        self._streams = Streams(window_s)
+        self._window_ns = None if window_s is None else round(window_s * S)
+
+    def listen(self, seconds: float) -> None:
+        """Listen in the main thread for this time, or until a signal."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            time.sleep(min(left, DRAIN_S))
+            self.drain()
+
+    def drain(self) -> None:
+        """
+        Account for everything that has arrived since the last call.
+
+        Except for dynamic transforms before the first message on /clock: until then, simulated time is 0.
+        """
+        records: NDArray[np.void] = self._recording.take()
+        self._streams.add(records[(records["received_ns"] > 0) | (records["static"] != 0)])
+        if not self.session.names.keys() >= {*self._recording.publishers()}:
+            self.session.look_up_publishers()  # now, because one may exit before the report
+
+    def records(self) -> NDArray[np.void]:
+        """The records of the window, and some before it."""
+        return self._streams.kept(self.session.now_ns())
+
+    def frames(self) -> list[str]:
+        """The names of the frames, indexed by the numbers in the records."""
+        return self._recording.frames()
+
+    def report(
+        self,
+        limits: Limits,
+        expectations: Mapping[str, Expectation] = {},
+        ends: tuple[str, str] | None = None,
+    ) -> Report:
+        """Report the present state; ``ends``: two frames, to report what connects them."""
+        self.drain()
+        now_ns = self.session.now_ns()
+        gids = self._recording.publishers()
+        alive = self.session.look_up_publishers()
+        publishers = [self._name_of(gid) for gid in gids]
+        streams, refused = self._streams.report(now_ns, self.frames(), publishers)
+        if now_ns <= 0:
+            text = "use_sim_time is set, and no time was received on /clock, so nothing is judged"
+            findings = [Finding("clock", "", text)]
+        else:
+            alive_ids = None
+            # With some middlewares, messages have no gids, or others than those of the graph.
+            if alive and not {*alive, *self.session.names}.isdisjoint(gids):
+                alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
+            also, where = [*self._of_reception(now_ns), *self.session.findings()], self.where
+            also += self._of_records(now_ns, publishers, alive_ids)
+            findings = find(streams, limits, expectations, alive_ids, refused=refused, where=where, also=also)
+        chain = None if ends is None else self._chain(ends, now_ns)
+        if chain is not None and chain.frames is not None:
+            streams = [one for one in streams if one.frame in chain.frames]
+            findings = [one for one in findings if one.frame in ("", *chain.frames)]
+        return Report(now_ns / S, streams, refused, findings, chain, self._recording.messages)
+
+    def _of_reception(self, now_ns: int) -> Iterator[Finding]:
+        """Find what is wrong with the clock and with what could not be accounted for."""
+        clocks = self.session.clock_publishers()
+        several = f"/clock has {len(clocks)} publishers, {' and '.join(sorted(clocks))}"
+        jump = self._streams.jump_back(now_ns)
+        if jump is not None:
+            text = f"the clock jumped back by {three_digits(jump)} s{f': {several}' * (len(clocks) > 1)}"
+            yield Finding("clock", "", f"{text}; only what was received after that is judged")
+        elif len(clocks) > 1:
+            yield Finding("clock", "", f"{several}: a jump from one time to the other clears buffers")
+        if count := self._recording.malformed:
+            yield Finding("malformed", "", f"{counted(count, 'message')} could not be read")
+        if count := self._recording.lost:
+            yield Finding("lost", "", f"{counted(count, 'transform')} arrived too fast to be recorded")
+
+    def _of_records(
+        self, now_ns: int, publishers: Sequence[str], alive: Collection[int] | None
+    ) -> list[Finding]:
+        def ago(time_ns: int) -> str:
+            return f"{three_digits((now_ns - time_ns) / S)} s ago"
+
+        values = self._recording.values()
+        received = Received(self._streams.kept(now_ns), self.frames(), publishers, values, ago)
+        begin_ns = None if self._window_ns is None else now_ns - self._window_ns
+        return received.findings(alive, begin_ns)
+
+    def _name_of(self, gid: bytes) -> str:
+        """The name of a publisher; until it is known, a part of its gid, if it has any."""
+        unknown = f"{gid.hex()[:12]}..{gid.hex()[-8:]}" if any(gid) else "an unknown publisher"
+        return self.session.names.get(gid) or unknown
+
+    def _chain(self, ends: tuple[str, str], now_ns: int) -> Chain:
+        try:
+            frames = self.buffer.path(ends[1], ends[0])  # as printed, from the first to the second
+        except TransformException as reason:
+            return Chain(ends, None, None, str(reason))
+        children = [self.frames().index(name) for name in moving_on(self.buffer.frames(), frames)]
+        delay = self._streams.net_delay(children, now_ns)
+        text = "no net delay"
+        if delay is not None:
+            mean, most = map(milliseconds, delay)
+            text = f"net delay {mean} ms, max {most} ms"
+        return Chain(ends, frames, delay, f"{' -> '.join(frames)}: {text}")
+
+
+@contextmanager
+def listening(
+    name: str,
+    options: Namespace,
+    window_s: float | None = None,
+    *,
+    topics: tuple[str, str] = TOPICS,
+    cache_time: float | None = None,
+) -> Iterator[Listening]:
+    """
+    Listen in a ``with`` statement.
+
+    :param window_s: the period over which figures are computed. None: all time.
+
+    For the other parameters, see :func:`session`.
+    """
+    recording = Recording()
+    with session(name, options, recording, topics=topics, cache_time=cache_time) as heard:
+        yield Listening(heard, recording, window_s)

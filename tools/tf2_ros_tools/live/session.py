@@ -1,0 +1,76 @@
+"""Let programs listen to a robot without ROS 2: what ``--live`` names."""
+
+import logging
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from tf2_ros import Buffer
+from tf2_ros.records import Recording
+from tf2_ros_tools.findings import Finding
+from tf2_ros_tools.live import connect
+from tf2_ros_tools.live.feed import Feed
+from tf2_ros_tools.output import counted
+from tf2_ros_tools.program import RunError, UsageError
+
+
+class FeedSession:
+    """A :class:`~tf2_ros_tools.listening.Session` of a feed."""
+
+    def __init__(self, feed: Feed, where: str, recording: Recording | None) -> None:
+        self.feed, self.buffer = feed, feed.buffer
+        self.where = f"on {' and '.join(feed.topics)} at {where}"
+        self.names: dict[bytes, str] = {}
+        self._recording = recording
+
+    def now_ns(self) -> int:
+        return time.time_ns()
+
+    def info(self, text: str) -> None:
+        sys.stderr.write(f"[INFO] {text}\n")
+
+    def log_no_refusals(self) -> None:
+        logging.getLogger("tf2_py").setLevel(logging.CRITICAL + 1)
+
+    def look_up_publishers(self) -> tuple[()]:
+        # Messages are recorded with the name of their publisher, or with its id until the name was known.
+        known = {one.id: one.node for one in self.feed.publishers() if one.node}
+        for one in [] if self._recording is None else self._recording.publishers():
+            text = one.decode(errors="replace")
+            self.names[one] = known.get(text) or self.names.get(one) or text
+        return ()
+
+    def clock_publishers(self) -> list[str]:
+        return []
+
+    def findings(self) -> Iterator[Finding]:
+        """Find what the wire has lost."""
+        for topic, heard in self.feed.topics.items():
+            if heard.lost:
+                yield Finding("lost", "", f"{counted(heard.lost, 'message')} on {topic} were lost on the way")
+
+
+@contextmanager
+def live_session(
+    where: str,
+    recording: Recording | None = None,
+    *,
+    topics: tuple[str, str],
+    cache_time: float | None = None,
+) -> Iterator[FeedSession]:
+    """A session of a robot, see :func:`tf2_ros_tools.listening.session`."""
+    try:
+        feed = connect(
+            where,
+            buffer=Buffer(cache_time),
+            topic=topics[0],
+            static_topic=topics[1],
+            recording=recording,
+        )
+    except ValueError as refusal:
+        raise UsageError(str(refusal)) from None
+    except ConnectionError as failure:
+        raise RunError(str(failure)) from None
+    with feed:
+        yield FeedSession(feed, where, recording)

@@ -1,0 +1,109 @@
+"""Show what a robot sends to a machine without ROS 2."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from tf2_ros_tools.output import counted, show, show_json, three_digits
+from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, positive_number, run
+
+if TYPE_CHECKING:
+    from tf2_ros_tools.live.feed import Feed
+    from tf2_ros_tools.streams import Stream
+
+LISTEN_S = 5.0  # after which DDS has found all publishers
+
+PARSER = Parser(
+    "tf2_live",
+    "Listen to a robot for a while, without ROS 2 on this machine. Show who publishes which frames how "
+    "often, which messages were lost, and by how much the clocks differ. If nothing arrives on a topic, say "
+    "why.\n\n"
+    "Exit status: 0 if transforms arrived on both topics, otherwise 1.",
+    """\
+  tf2_live dds://                      robots in the ROS domain ROS_DOMAIN_ID, found by multicast
+  tf2_live dds://?peers=192.168.0.7    this robot, on a network without multicast
+  tf2_live zenoh://robot:7447          the Zenoh router of a robot
+  tf2_live ws://robot:8765 -o tf.mcap  the foxglove_bridge of a robot; save what arrives""",
+    node=False,
+)
+PARSER.add_argument(
+    "where", metavar="WHERE", help="the robot: dds://, dds://?peers=HOST, zenoh://HOST:7447 or ws://HOST:8765"
+)
+PARSER.add_argument(
+    "-t",
+    type=positive_number,
+    metavar="S",
+    default=LISTEN_S,
+    help=f"listen for S seconds; {LISTEN_S:g} by default",
+)
+PARSER.add_argument("-o", "--output", metavar="FILE", help="save what has arrived as a recording in mcap")
+PARSER.add_argument("--json", action="store_true", help="print the result as one line of JSON")
+
+
+def live(options: Namespace) -> int:
+    """Listen, and print what has arrived; return the exit status."""
+    from tf2_ros.records import Recording
+    from tf2_ros_tools.findings import Limits
+    from tf2_ros_tools.listening import TOPICS, Listening
+    from tf2_ros_tools.live.session import live_session
+
+    recording = Recording()
+    with live_session(options.where, recording, topics=TOPICS) as session:
+        heard = Listening(session, recording, None)
+        heard.listen(options.t)
+        feed = session.feed
+        streams = heard.report(Limits()).streams
+        silence = feed.why_silent(options.t)
+        if options.json:
+            show_json(_facts(feed, streams, options.t, silence))
+        else:
+            show(*_lines(feed, streams, options.t), *([silence] if silence else []))
+        if options.output is not None:
+            from tf2_ros_tools.bag import save
+
+            save(session.buffer, options.output)
+    return FAILURE if silence else SUCCESS
+
+
+def _lines(feed: Feed, streams: Sequence[Stream], seconds: float) -> Iterator[str]:
+    for topic, heard in feed.topics.items():
+        rate = f", {heard.count / seconds:.1f} a second" if heard.count > 1 else ""
+        wrong = f"{heard.lost} lost, {heard.malformed} malformed"
+        yield f"{topic}: {counted(heard.count, 'message')}{rate}; {wrong}"
+    for publisher, frames in sorted(_frames_of(streams).items()):
+        yield f"{publisher}: {', '.join(frames)}"
+    quiet = {one.node or "unknown" for one in feed.publishers()} - {one.publisher for one in streams}
+    yield from (f"{name}: nothing has arrived" for name in sorted(quiet))
+    if feed.clock_offset is not None:
+        yield f"clock: messages arrive {three_digits(feed.clock_offset)} s after they were sent, at least"
+
+
+def _frames_of(streams: Sequence[Stream]) -> dict[str, list[str]]:
+    frames: dict[str, list[str]] = {}
+    for one in streams:
+        rate = "static" if one.static or one.rate is None else f"{one.rate:.1f} Hz"
+        frames.setdefault(one.publisher, []).append(f"{one.frame} ({rate})")
+    return frames
+
+
+def _facts(feed: Feed, streams: Sequence[Stream], seconds: float, silence: str) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        "seconds": seconds,
+        "topics": {name: asdict(heard) for name, heard in feed.topics.items()},
+        "streams": [asdict(one) for one in streams],
+        "publishers": [one._asdict() for one in feed.publishers()],
+        "clock_offset": feed.clock_offset,
+        "silence": silence or None,
+    }
+
+
+main = partial(run, PARSER, live)
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -146,12 +146,12 @@ def waits(rows, sizes, _, variant):
             times = _wake(listening.buffer, sizes.wakes)
         else:
             first = publisher.start(WAKE_RATE, 1, sizes.wakes)
-            times = _look(listening.buffer, range(first, first + sizes.wakes), variant)
+            times = look(listening.buffer, range(first, first + sizes.wakes), variant)
             publisher.finish()
         rows.add(variant, {"Hz": WAKE_RATE}, times)
 
 
-def _look(buffer, numbers, variant):
+def look(buffer, numbers, variant=""):
     """ns from the sending of each message until a lookup of its transform, which began before, returns."""
     answers = []
     for number in numbers:

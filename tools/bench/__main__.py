@@ -18,10 +18,14 @@ HERE = Path(__file__).resolve().parent
 SECTIONS = {
     "recordings": Section("recordings.recordings", (OURS,), rounds=5),
     "recordings:several": Section("recordings.several", (OURS,), rounds=1),
+    "live:cpu": Section("live.cpu", (OURS,), ["listener", "dds://"]),
+    "live:waits": Section("live.waits", (OURS,), ["listener", "dds://"]),
 }
 TITLES = {
     "recordings": "Recordings, µs per transform, per lookup, per pickle and back",
     "recordings:several": "Recordings per second, by workers",
+    "live:cpu": "CPU of a process per message it receives from a robot while nothing waits, µs",
+    "live:waits": "How soon a waiting lookup returns after another process has sent, µs",
 }
 FULL_SIZES = FULL | {
     "recording_transforms": 1_000_000,
@@ -33,8 +37,9 @@ QUICK_SIZES = FULL_SIZES | QUICK | {"recording_transforms": 100_000, "recording_
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="make -C tools bench", description="Measure recordings.")
+    parser = argparse.ArgumentParser(prog="make -C tools bench", description="Measure recordings and feeds.")
     parser.add_argument("--quick", action="store_true", help="fewer rounds and sizes")
+    parser.add_argument("--only", choices=SECTIONS, nargs="+", metavar="SECTION", help="and write no files")
     options = parser.parse_args()
     load = [os.getloadavg()[0]]
     library = ours()
@@ -42,11 +47,13 @@ def main() -> int:
     library.environment["PYTHONPATH"] = os.pathsep.join([str(HERE), str(HERE.parent), path])
     with tempfile.TemporaryDirectory() as folder:
         run = Run({OURS: library}, QUICK_SIZES if options.quick else FULL_SIZES, Path(folder))
-        for name, section in SECTIONS.items():
-            run.measure(name, section)
+        for name in options.only or SECTIONS:
+            run.measure(name, SECTIONS[name])
     load.append(os.getloadavg()[0])
     text = redacted(report.page(run.rows, run.libraries, list(machine()), load, run.remarks, TITLES))
     print(text)
+    if options.only:
+        return 0
     write(text, (FETCHED if options.quick else HERE) / "results")
     return 0
 

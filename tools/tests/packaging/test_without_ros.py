@@ -10,7 +10,7 @@ from without_ros import make_world
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
 
-EXTRAS = ("bag", "fleet", "rerun", "cli", "plot")
+EXTRAS = ("bag", "fleet", "rerun", "cli", "plot", "zenoh", "dds", "foxglove")
 
 
 @pytest.fixture(scope="module")

@@ -39,6 +39,7 @@ log = logging.getLogger("tf2_ros_tools.live")
 
 DEPTH = 1000  # messages that wait while Python or the network is busy: 5 s of 200 Hz
 TAKEN = 100  # messages, at most, between two looks at whether the wire is closed
+TURNS = 100  # messages, at most, between two looks at anything else
 FOR_EVER = duration(weeks=1000)
 _LOST: Any = ctypes.POINTER(dds_c_t.sample_lost_status)
 # Type checkers see no generic types there.
@@ -126,6 +127,7 @@ class DdsWire:
         self._participants: set[int] = set()  # handles, without ours
         self._publishers: dict[int, DcpsEndpoint] = {}  # by handle, without ours
         self._nodes: dict[bytes, str] = {}  # their names, by the GUIDs of their publishers
+        self._lost = [0, 0]  # dynamic and static messages, which were not reported yet
 
     def open(self, take: Take, end: End) -> None:
         number = next(_numbers)
@@ -195,31 +197,44 @@ class DdsWire:
 
     def _run(self, take: Take, end: End) -> None:
         try:
-            while not self._is_closing:
+            for turn in count():
                 self._waits.wait(FOR_EVER)
-                # First who is there, because messages name their publishers by handles.
-                self._note_participants()
-                self._note_publishers(end)
-                self._note_nodes()
-                for is_static, reader in enumerate(self._readers):
-                    self._take(reader, bool(is_static), take)
+                if self._is_closing:
+                    return
+                # At hundreds of messages a second, further calls would cost as much as a message.
+                if not self._take(False, take, end) or turn % TURNS == 0:
+                    self._look_around(end)
+                    self._take(True, take, end)
         except Exception as error:
             log.exception(f"{self._address.where}: receiving failed")
             end(f"receiving failed: {error}")
         finally:
             self._domain = None
 
-    def _take(self, reader: "_Reader", is_static: bool, take: Take) -> None:
-        lost = reader.newly_lost()
-        for sample in reader.take(TAKEN):
+    def _take(self, is_static: bool, take: Take, end: End) -> bool:
+        """Hand over messages; return whether there was anything."""
+        samples = self._readers[is_static].take(TAKEN)
+        for sample in samples:
             if self._is_closing:
-                return
+                break
             info = sample.sample_info
-            if info.valid_data:  # not the news that a publisher has ended
-                publisher = self._publishers.get(info.publication_handle)
-                name = "" if publisher is None else self._node_of(publisher) or publisher.key.hex
-                take(sample.data, is_static, name, info.source_timestamp, lost)
-                lost = 0
+            if not info.valid_data:  # the news that a publisher has ended
+                continue
+            if info.publication_handle not in self._publishers:
+                self._look_around(end)
+            publisher = self._publishers.get(info.publication_handle)
+            name = "" if publisher is None else self._node_of(publisher) or publisher.key.hex
+            lost, self._lost[is_static] = self._lost[is_static], 0
+            take(sample.data, is_static, name, info.source_timestamp, lost)
+        return bool(samples)
+
+    def _look_around(self, end: End) -> None:
+        """Note who is there, and what was lost."""
+        self._note_participants()
+        self._note_publishers(end)
+        self._note_nodes()
+        for is_static, reader in enumerate(self._readers):
+            self._lost[is_static] += reader.newly_lost()
 
     def _note_participants(self) -> None:
         for found in self._found.take(TAKEN):

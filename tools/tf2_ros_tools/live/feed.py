@@ -17,6 +17,7 @@ from tf2_ros_tools.output import counted, three_digits
 S = 1_000_000_000
 PERIOD_NS = 10 * S  # of the smallest delays that are kept, for the offset of the clocks
 PERIODS = 6
+BYTES = (bytes, bytearray, memoryview)
 OWN = "this program"  # the authority of what broadcasters of a feed send
 SILENT_S = 2  # from here on, errors say that nothing is received on a topic
 AHEAD_S, BEHIND_S = 0.01, 1.0  # from these offsets of the clocks on, a feed warns
@@ -77,7 +78,9 @@ class Feed:
             raise TypeError(f"prefix: expected a str, got {type(prefix).__name__}")
         self._prefix = prefix
         self._sources: dict[tuple[str, bool], MessageSource] = {}  # by authority, and whether it is static
-        self._changed = threading.Condition()  # a topic was heard for the first time, or the feed has ended
+        self._lock = threading.RLock()  # on the counts
+        # A topic was heard for the first time, or the feed has ended.
+        self._changed = threading.Condition(self._lock)
         self._ended: str | None = None  # why
         self._delays: deque[tuple[int, int]] = deque(maxlen=PERIODS)  # the number of a period, and ns
         self._warned_of_clock = False
@@ -123,7 +126,7 @@ class Feed:
         refuses are logged and counted by the buffer.
         """
         self._refuse_fork()
-        if not isinstance(data, bytes | bytearray | memoryview):
+        if not isinstance(data, BYTES):
             raise TypeError(f"data: expected bytes or a memoryview, got {type(data).__name__}")
         if self._ended is not None:
             return
@@ -133,7 +136,7 @@ class Feed:
             self._insert(data, is_static, publisher or self._name, received_ns)
         except ValueError as error:
             malformed = error
-        with self._changed:
+        with self._lock:
             topic = self._topics[is_static]
             topic.lost += lost
             if malformed is None:
@@ -155,7 +158,7 @@ class Feed:
     @property
     def topics(self) -> dict[str, Heard]:
         """What was received on each topic, by its name."""
-        with self._changed:
+        with self._lock:
             return {topic.name: topic.heard() for topic in self._topics}
 
     @property
@@ -168,7 +171,7 @@ class Feed:
         this machine.
         """
         oldest = time.monotonic_ns() // PERIOD_NS - PERIODS
-        with self._changed:
+        with self._lock:
             delays = [delay_ns for period, delay_ns in self._delays if period > oldest]
         return min(delays) / S if delays else None
 

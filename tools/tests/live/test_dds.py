@@ -1,6 +1,7 @@
 """A robot over DDS: rclpy in one process, and in another one a program without ROS 2."""
 
 import os
+import struct
 import sys
 
 import installing
@@ -15,7 +16,7 @@ from tf2_ros.serialization import serialize_arrays
 
 pytestmark = pytest.mark.ours
 
-pytest.importorskip("cyclonedds")
+dds = pytest.importorskip("tf2_ros_tools.live.dds", reason="cyclonedds is not installed")
 
 LAPTOP = """
 import logging, time
@@ -369,9 +370,90 @@ def test_simulated_time_is_refused(robot, laptop):
     )
 
 
-def test_the_library_is_missing(new_laptop):
-    laptop = new_laptop(None, "import sys; sys.modules['cyclonedds'] = None")
+@pytest.mark.parametrize(
+    ("platform", "advice"),
+    [
+        ("", ": pip install 'tf2-ros-tools[dds]'"),
+        (
+            "import platform; platform.machine = lambda: 'aarch64'",
+            ", and PyPI has no wheel of it for Linux on aarch64: use another wire",
+        ),
+        ("sys.version_info = (3, 14)", ", and PyPI has no wheel of it for Python 3.14: use another wire"),
+    ],
+)
+def test_the_library_is_missing(new_laptop, platform, advice):
+    laptop = new_laptop(None, f"import sys; sys.modules['cyclonedds'] = None; {platform}")
     with pytest.raises(OrderError) as raised:
         laptop.do("connect('dds://')")
-    text = "MissingLibraryError: cyclonedds is not installed: pip install 'tf2-ros-tools[dds]'"
-    assert str(raised.value) == text
+    assert str(raised.value) == f"MissingLibraryError: cyclonedds is not installed{advice}"
+
+
+# Multicast would leave this machine. Cyclone DDS must not add this machine to the peers by itself.
+WITHOUT_MULTICAST = (
+    "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast></General>"
+    "<Discovery><Peers AddLocalhost='false'/></Discovery></Domain></CycloneDDS>"
+)
+
+
+@pytest.mark.parametrize(
+    ("where", "peers"),
+    [("dds://?peers=localhost", ""), ("dds://?peers=127.0.0.2,%20127.0.0.1", ""), ("dds://", "127.0.0.1")],
+)
+def test_a_robot_is_named_where_there_is_no_multicast(robot, new_laptop, where, peers):
+    robot.do("latched('mounts', ('base', 'camera', 1))")
+    laptop = new_laptop(
+        repr(where),
+        ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET",
+        ROS_STATIC_PEERS=peers,
+        CYCLONEDDS_URI=WITHOUT_MULTICAST,
+    )
+    laptop.until("robot.topics['/tf_static'].count")
+
+
+@pytest.mark.parametrize(
+    ("where", "configuration", "text"),
+    [
+        ("dds://", "<X/>", "Cyclone DDS cannot start, and has printed why; CYCLONEDDS_URI is set: "),
+        ("dds://?peers=127.0.0.1:7400", "", "the peer '127.0.0.1:7400' has no IPv4 address"),
+    ],
+)
+def test_a_configuration_that_does_not_work(new_laptop, where, configuration, text):
+    laptop = new_laptop(None, CYCLONEDDS_URI=configuration)
+    with pytest.raises(OrderError) as raised:
+        laptop.do(f"connect({where!r})")
+    assert str(raised.value).startswith(f"ConnectionError: {where}: {text}")
+
+
+def nodes_message(nodes, gid_bytes, order):
+    """A message about nodes: namespace, name, number of subscriptions, and GUIDs of publishers."""
+    data = bytearray([0, order == "<", 0, 0]) + bytes(gid_bytes)
+
+    def number(value):
+        data.extend(bytes(-len(data) % 4) + struct.pack(f"{order}I", value))
+
+    number(len(nodes))
+    for namespace, name, subscriptions, publishers in nodes:
+        for text in (namespace, name):
+            number(len(text) + 1)
+            data.extend(text.encode() + b"\0")
+        number(subscriptions)
+        data.extend(bytes(subscriptions * gid_bytes))
+        number(len(publishers))
+        for guid in publishers:
+            data.extend(guid.ljust(gid_bytes, b"\0"))
+    return bytes(data)
+
+
+GUIDS = [bytes([n]) * 16 for n in range(1, 4)]
+NODES = [("/", "one", 2, GUIDS[:2]), ("/robot", "two", 0, GUIDS[2:]), ("/", "three", 1, [])]
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("gid_bytes", [16, 24])  # the second is Humble's
+def test_names_of_nodes(gid_bytes, order):
+    data = nodes_message(NODES, gid_bytes, order)
+    assert dds.nodes_of_publishers(data) == dict(zip(GUIDS, ("/one", "/one", "/robot/two"), strict=True))
+    for at in range(len(data)):
+        assert dds.nodes_of_publishers(data[:at]) == {}
+        for value in (0, 1, 127, 255):
+            dds.nodes_of_publishers(data[:at] + bytes([value]) + data[at + 1 :])  # ends, without an error

@@ -48,10 +48,11 @@ _array: Any = array
 ANY = ViewState.Any | SampleState.Any | InstanceState.Any
 RELIABLE = Policy.Reliability.Reliable(max_blocking_time=duration(seconds=1))
 CLOCK = "rt/clock"
+# Says which node has which publisher, by their gids: GUIDs, which Humble fills up with zeros.
 NODES = "ros_discovery_info"
 GUID_BYTES = 16
 GID_BYTES = 16, 24
-CDR_HEADER = 4  # bytes
+CDR_HEADER = ALIGNMENT = 4  # bytes
 EPROSIMA = "1.15"  # Fast DDS 3, of Kilted, describes types in a way that Cyclone DDS refuses, silently
 # The number of a domain within this process. Each wire has its own, because a process can configure each only
 # once, and the program may use Cyclone DDS, too. On the network counts what the configuration says.
@@ -83,18 +84,9 @@ _STAMPED = _struct(
     "geometry_msgs", "TransformStamped", header=_HEADER, child_frame_id=str, transform=_TRANSFORM
 )
 TFMessage = _serialized(_struct("tf2_msgs", "TFMessage", transforms=_sequence[_STAMPED]))
-_GID = _struct("rmw_dds_common", "Gid", data=_array[uint8, GUID_BYTES])
-_NODE = _struct(
-    "rmw_dds_common",
-    "NodeEntitiesInfo",
-    node_namespace=str,
-    node_name=str,
-    reader_gid_seq=_sequence[_GID],
-    writer_gid_seq=_sequence[_GID],
-)
-# Says which node has which publisher, by their gids: GUIDs, which Humble fills up with zeros.
+# Only its first bytes, because Cyclone DDS checks what it knows, and Humble's gids are longer.
 ParticipantEntities = _serialized(
-    _struct("rmw_dds_common", "ParticipantEntitiesInfo", gid=_GID, node_entities_info_seq=_sequence[_NODE])
+    _struct("rmw_dds_common", "ParticipantEntitiesInfo", gid=_array[uint8, GUID_BYTES])
 )
 
 
@@ -258,7 +250,7 @@ class DdsWire:
     def _note_nodes(self) -> None:
         for sample in self._named.take(TAKEN):
             if sample.sample_info.valid_data:
-                self._nodes.update(_read_nodes(sample.data))
+                self._nodes.update(nodes_of_publishers(sample.data))
 
     def _publishers_of(self, topic: str) -> list[DcpsEndpoint]:
         return [one for one in list(self._publishers.values()) if one.topic_name == _dds_name(topic)]
@@ -351,39 +343,36 @@ def _resolved(peer: str, where: str) -> str:
         raise ConnectionError(f"{where}: the peer {peer!r} has no IPv4 address") from None
 
 
-def _read_nodes(data: bytes) -> dict[bytes, str]:
+def nodes_of_publishers(data: bytes) -> dict[bytes, str]:
     """The names of the nodes in a message of NODES, by the GUIDs of their publishers; empty if malformed."""
     for gid_bytes in GID_BYTES:
-        try:
-            return dict(_nodes(data, gid_bytes))
-        except (struct.error, UnicodeDecodeError):
-            continue
+        with suppress(struct.error, UnicodeDecodeError):
+            return dict(_read_nodes(data, gid_bytes))
     return {}
 
 
-def _nodes(data: bytes, gid_bytes: int) -> Iterator[tuple[bytes, str]]:
-    order = "<" if data[1] & 1 else ">"
-    at = CDR_HEADER + gid_bytes
+def _read_nodes(data: bytes, gid_bytes: int) -> Iterator[tuple[bytes, str]]:
+    order = "<" if data[1:2] == b"\1" else ">"
+    at = CDR_HEADER + gid_bytes  # of the participant
+
+    def read(layout: str) -> Any:
+        nonlocal at
+        (value,) = struct.unpack_from(layout, data, at)
+        at += struct.calcsize(layout)
+        return value
 
     def number() -> int:
         nonlocal at
-        at += -at % 4
-        (value,) = struct.unpack_from(f"{order}I", data, at)
-        at += 4
-        return int(value)
+        at += -at % ALIGNMENT
+        return int(read(f"{order}I"))
 
     def text() -> str:
-        nonlocal at
-        size = number()
-        at += size
-        return data[at - size : at - 1].decode()
+        return str(read(f"{number()}s")[:-1].decode())  # without the NUL
 
     for _ in range(number()):
-        namespace, name = text(), text()
-        at_readers = number()
-        at += at_readers * gid_bytes
+        node = f"{text().rstrip('/')}/{text()}"
+        read(f"{number() * gid_bytes}s")  # its subscriptions
         for _ in range(number()):
-            yield data[at : at + GUID_BYTES], f"{namespace.rstrip('/')}/{name}"
-            at += gid_bytes
+            yield read(f"{gid_bytes}s")[:GUID_BYTES], node
     if at != len(data):
-        raise struct.error("the data does not end here")
+        raise struct.error("bytes are left")

@@ -1,6 +1,5 @@
 """Receive transforms from a robot over DDS, and send some, with Cyclone DDS."""
 
-import ctypes
 import logging
 import os
 import socket
@@ -25,7 +24,6 @@ from cyclonedds.core import (
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl.types import array, float64, int32, sequence, uint8, uint32
-from cyclonedds.internal import c_call, dds_c_t
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
@@ -41,7 +39,6 @@ DEPTH = 1000  # messages that wait while Python or the network is busy: 5 s of 2
 TAKEN = 100  # messages, at most, between two looks at whether the wire is closed
 TURNS = 100  # messages, at most, between two looks at anything else
 FOR_EVER = duration(weeks=1000)
-_LOST: Any = ctypes.POINTER(dds_c_t.sample_lost_status)
 # Type checkers see no generic types there.
 _sequence: Any = sequence
 _array: Any = array
@@ -54,8 +51,8 @@ GUID_BYTES = 16
 GID_BYTES = 16, 24
 CDR_HEADER = ALIGNMENT = 4  # bytes
 EPROSIMA = "1.15"  # Fast DDS 3, of Kilted, describes types in a way that Cyclone DDS refuses, silently
-# The number of a domain within this process. Each wire has its own, because a process can configure each only
-# once, and the program may use Cyclone DDS, too. On the network counts what the configuration says.
+# The number of a domain within this process. Each wire has another one, because a process can configure each
+# only once, and the program may use Cyclone DDS, too. ExternalDomainId is what counts on the network.
 _numbers = count(100_000)
 
 
@@ -90,21 +87,6 @@ ParticipantEntities = _serialized(
 )
 
 
-class _Reader(DataReader[Any]):
-    """Receives serialized TFMessages, and counts those that it knows to be lost."""
-
-    # Cyclone DDS for Python tells this to listeners only, and these can lock up with the GIL.
-    @c_call("dds_get_sample_lost_status")  # type: ignore[no-untyped-call, untyped-decorator]
-    def _get_lost(self, reader: dds_c_t.entity, status: _LOST) -> dds_c_t.returnv:  # type: ignore[valid-type]
-        pass
-
-    def newly_lost(self) -> int:
-        """How many messages were lost since the last call."""
-        status = dds_c_t.sample_lost_status()
-        self._get_lost(self._ref, ctypes.byref(status))
-        return int(status.total_count_change)
-
-
 class DdsWire:
     """Receives from every middleware of ROS 2 that speaks DDS. A thread waits for messages and takes them."""
 
@@ -119,7 +101,6 @@ class DdsWire:
         self._participants: set[int] = set()  # handles, without ours
         self._publishers: dict[int, DcpsEndpoint] = {}  # by handle, without ours
         self._nodes: dict[bytes, str] = {}  # their names, by the GUIDs of their publishers
-        self._lost = [0, 0]  # dynamic and static messages, which were not reported yet
 
     def open(self, take: Take, end: End) -> None:
         number = next(_numbers)
@@ -129,7 +110,7 @@ class DdsWire:
             self._closed = GuardCondition(participant)
             self._readers = [
                 # What this program sends is inserted by the feed.
-                _Reader(
+                DataReader(
                     participant,
                     Topic(participant, _dds_name(topic), TFMessage),
                     _qos(is_static, DEPTH, Policy.IgnoreLocal.Participant),
@@ -216,17 +197,16 @@ class DdsWire:
                 self._look_around(end)
             publisher = self._publishers.get(info.publication_handle)
             name = "" if publisher is None else self._node_of(publisher) or publisher.key.hex
-            lost, self._lost[is_static] = self._lost[is_static], 0
-            take(sample.data, is_static, name, info.source_timestamp, lost)
+            take(sample.data, is_static, name, info.source_timestamp)
         return bool(samples)
 
     def _look_around(self, end: End) -> None:
-        """Note who is there, and what was lost."""
+        """Note who is there."""
         self._note_participants()
         self._note_publishers(end)
-        self._note_nodes()
-        for is_static, reader in enumerate(self._readers):
-            self._lost[is_static] += reader.newly_lost()
+        for sample in self._named.take(TAKEN):
+            if sample.sample_info.valid_data:
+                self._nodes.update(nodes_of_publishers(sample.data))
 
     def _note_participants(self) -> None:
         for found in self._found.take(TAKEN):
@@ -246,11 +226,6 @@ class DdsWire:
                     self._publishers[handle] = found
                 elif found.topic_name == CLOCK:
                     end("/clock is published, and simulated time is not supported")
-
-    def _note_nodes(self) -> None:
-        for sample in self._named.take(TAKEN):
-            if sample.sample_info.valid_data:
-                self._nodes.update(nodes_of_publishers(sample.data))
 
     def _publishers_of(self, topic: str) -> list[DcpsEndpoint]:
         return [one for one in list(self._publishers.values()) if one.topic_name == _dds_name(topic)]

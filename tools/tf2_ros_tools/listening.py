@@ -1,25 +1,23 @@
 """Listen to the transforms of a robot: which arrive, who publishes them, and what is wrong."""
 
+# First, because its errors say in one line that another tf2_ros is imported.
+from tf2_ros.records import Recording
+
+# isort: split
+
 import time
-from argparse import Namespace
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NoReturn, Protocol
+from typing import NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import TransformException
 from tf2_ros import Buffer
-from tf2_ros.records import Recording
 from tf2_ros_tools.findings import Expectation, Finding, Limits, Received, find, milliseconds
 from tf2_ros_tools.output import counted, three_digits
-from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import Refused, Stream, Streams, moving_on
-
-if TYPE_CHECKING:
-    from rclpy.qos import QoSProfile
 
 S = 1_000_000_000
 LONGEST_PERIOD_S = 1e9  # about what time.sleep accepts, in seconds
@@ -59,6 +57,28 @@ class Pace:
         return (self.due_ns - now_ns) / S
 
 
+@dataclass(frozen=True)
+class Chain:
+    """What connects two frames."""
+
+    ends: tuple[str, str]
+    frames: list[str] | None  # None: they are not connected
+    delay: tuple[float, float] | None  # mean and maximum, in seconds; None: nothing dynamic has arrived
+    text: str  # all of that, in words
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that is known at one moment; if it has a chain, of the frames on it."""
+
+    time: float  # of the node's clock, in seconds
+    streams: list[Stream]
+    refused: list[Refused]
+    findings: list[Finding]
+    chain: Chain | None
+    messages: int
+
+
 class Session(Protocol):
     """
     What fills the buffer of a program, and what the program asks of it. ``where`` is a phrase that names the
@@ -86,60 +106,6 @@ class Session(Protocol):
 
     def findings(self) -> Iterator[Finding]:
         """Find what else is wrong with the reception."""
-
-
-def session(
-    name: str,
-    options: Namespace,
-    recording: Recording | None = None,
-    *,
-    topics: tuple[str, str] = TOPICS,
-    cache_time: float | None = None,
-    qos: "QoSProfile | None" = None,
-) -> AbstractContextManager[Session]:
-    """
-    A session for a ``with`` statement: of a node, or of what ``--live`` names.
-
-    :param name: of the node.
-    :param options: of the command line.
-    :param recording: records what arrives.
-    :param topics: the topic of dynamic transforms and the topic of static transforms.
-    :param cache_time: how far each frame's history reaches back, in seconds. None: the default of buffers.
-    :param qos: of dynamic transforms, for a node. None: the default of listeners.
-    :raises UsageError: the command line contains a name or a parameter that ROS refuses, or recording needs a
-        receiver that does not support this release of ROS 2 or its middleware.
-    """
-    if getattr(options, "live", None) is None:
-        from tf2_ros_tools.listening_node import node_session
-
-        return node_session(name, options, recording, topics=topics, cache_time=cache_time, qos=qos)
-    if qos is not None or options.namespace is not None or options.has_ros_arguments:
-        raise UsageError("--live is for a machine without ROS: it excludes --namespace and what is of ROS")
-    from tf2_ros_tools.live.session import live_session
-
-    return live_session(options.live, recording, topics=topics, cache_time=cache_time)
-
-
-@dataclass(frozen=True)
-class Chain:
-    """What connects two frames."""
-
-    ends: tuple[str, str]
-    frames: list[str] | None  # None: they are not connected
-    delay: tuple[float, float] | None  # mean and maximum, in seconds; None: nothing dynamic has arrived
-    text: str  # all of that, in words
-
-
-@dataclass(frozen=True)
-class Report:
-    """All that is known at one moment; if it has a chain, of the frames on it."""
-
-    time: float  # of the node's clock, in seconds
-    streams: list[Stream]
-    refused: list[Refused]
-    findings: list[Finding]
-    chain: Chain | None
-    messages: int
 
 
 class Listening:
@@ -256,24 +222,3 @@ class Listening:
             mean, most = map(milliseconds, delay)
             text = f"net delay {mean} ms, max {most} ms"
         return Chain(ends, frames, delay, f"{' -> '.join(frames)}: {text}")
-
-
-@contextmanager
-def listening(
-    name: str,
-    options: Namespace,
-    window_s: float | None = None,
-    *,
-    topics: tuple[str, str] = TOPICS,
-    cache_time: float | None = None,
-) -> Iterator[Listening]:
-    """
-    Listen in a ``with`` statement.
-
-    :param window_s: the period over which figures are computed. None: all time.
-
-    For the other parameters, see :func:`session`.
-    """
-    recording = Recording()
-    with session(name, options, recording, topics=topics, cache_time=cache_time) as heard:
-        yield Listening(heard, recording, window_s)

@@ -170,7 +170,7 @@ def node_session(
     cache_time: float | None = None,
     qos: QoSProfile | None = None,
 ) -> Iterator[NodeSession]:
-    """A session of a new node, see :func:`tf2_ros_tools.listening.session`."""
+    """A session of a new node, see :func:`tf2_ros_tools.sessions.session`."""
     with (
         spun_node(name, options) as node,
         filled_buffer(node, recording, topics=topics, cache_time=cache_time, qos=qos) as buffer,

@@ -173,7 +173,7 @@ class Parser(ArgumentParser):
 
 
 def add_live_option(parser: Parser) -> None:
-    """Add ``--live`` to a program that listens, see :func:`tf2_ros_tools.listening.session`."""
+    """Add ``--live`` to a program that listens, see :func:`tf2_ros_tools.sessions.session`."""
     parser.add_argument(
         "--live",
         metavar="WHERE",

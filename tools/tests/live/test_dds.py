@@ -103,7 +103,7 @@ def test_a_late_joiner_has_the_static_transforms_of_five_nodes_in_two_processes(
     heard = laptop.do("[(one.count, one.lost, one.malformed) for one in robot.topics.values()]")
     assert heard == [[1, 0, 0], [5, 0, 0]]
     laptop.until("all(one.node for one in robot.publishers())")
-    assert sorted(laptop.do("robot.publishers()")) == [
+    assert sorted(laptop.do("[one[:3] for one in robot.publishers()]")) == [
         ["/tf", "/out", "reliable, volatile"],
         *(["/tf_static", f"/{name}", "reliable, transient local"] for name in "abcde"),
     ]

@@ -142,7 +142,7 @@ def test_a_publisher_keeps_its_name_when_it_has_ended(node, peer):
             talker.send(("map", "odom", S, 0.0))
             heard.drain()
             publishers = set(heard._recording.publishers())
-            return publishers and heard._names.keys() >= publishers
+            return publishers and heard.session.names.keys() >= publishers
 
         until(known)
         talker.end()

@@ -59,7 +59,7 @@ def live_session(
     topics: tuple[str, str],
     cache_time: float | None = None,
 ) -> Iterator[FeedSession]:
-    """A session of a robot, see :func:`tf2_ros_tools.listening.session`."""
+    """A session of a robot, see :func:`tf2_ros_tools.sessions.session`."""
     try:
         feed = connect(
             where,

@@ -129,7 +129,8 @@ add_live_option(PARSER)
 def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
     from tf2_py import TransformException
-    from tf2_ros_tools.listening import Pace, session
+    from tf2_ros_tools.listening import Pace
+    from tf2_ros_tools.sessions import session
 
     if None not in (options.rate, options.old_rate):
         raise UsageError("the rate was given twice")

@@ -47,7 +47,7 @@ add_live_option(PARSER)
 def monitor(options: Namespace) -> int:
     """Report until interrupted; return the exit status."""
     from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.listening import listening
+    from tf2_ros_tools.sessions import listening
 
     ends = _ends(options.frames)
     with listening("tf2_monitor", options, WINDOW_S) as heard:

@@ -45,8 +45,8 @@ add_live_option(PARSER)
 def plot(options: Namespace) -> int:
     """Listen and plot; return the exit status."""
     from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.listening import listening
     from tf2_ros_tools.pictures import heard_picture, refuse_plot, write_plot
+    from tf2_ros_tools.sessions import listening
     from tf2_ros_tools.trajectory import path_picture
 
     refuse_plot(options)

@@ -68,8 +68,8 @@ def output_files(name: str) -> tuple[str, str, str]:
 def view(options: Namespace) -> int:
     """Listen, and print or draw the tree; return the exit status."""
     from tf2_ros_tools.findings import Limits, line_of
-    from tf2_ros_tools.listening import listening
     from tf2_ros_tools.pictures import drawn, tree_dot
+    from tf2_ros_tools.sessions import listening
 
     is_drawn = options.output is not None or not options.text
     if is_drawn:

@@ -1,0 +1,70 @@
+"""Choose what a program listens to, by its command line: a node of ROS, or a robot without ROS."""
+
+# First, as in listening.py.
+from tf2_ros.records import Recording
+
+# isort: split
+
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import TYPE_CHECKING
+
+from tf2_ros_tools.listening import TOPICS, Listening, Session
+from tf2_ros_tools.program import UsageError
+
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
+
+
+def session(
+    name: str,
+    options: Namespace,
+    recording: Recording | None = None,
+    *,
+    topics: tuple[str, str] = TOPICS,
+    cache_time: float | None = None,
+    qos: "QoSProfile | None" = None,
+) -> AbstractContextManager[Session]:
+    """
+    A session for a ``with`` statement: of a node, or of what ``--live`` names.
+
+    :param name: of the node.
+    :param options: of the command line.
+    :param recording: records what arrives.
+    :param topics: the topic of dynamic transforms and the topic of static transforms.
+    :param cache_time: how far each frame's history reaches back, in seconds. None: the default of buffers.
+    :param qos: of dynamic transforms, for a node. None: the default of listeners.
+    :raises UsageError: the command line contains a name or a parameter that ROS refuses, or recording needs a
+        receiver that does not support this release of ROS 2 or its middleware.
+    """
+    if getattr(options, "live", None) is None:
+        from tf2_ros_tools.listening_node import node_session
+
+        return node_session(name, options, recording, topics=topics, cache_time=cache_time, qos=qos)
+    if qos is not None or options.namespace is not None or options.has_ros_arguments:
+        raise UsageError("--live is for a machine without ROS: it excludes --namespace and what is of ROS")
+    from tf2_ros_tools.live.session import live_session
+
+    return live_session(options.live, recording, topics=topics, cache_time=cache_time)
+
+
+@contextmanager
+def listening(
+    name: str,
+    options: Namespace,
+    window_s: float | None = None,
+    *,
+    topics: tuple[str, str] = TOPICS,
+    cache_time: float | None = None,
+) -> Iterator[Listening]:
+    """
+    Listen in a ``with`` statement.
+
+    :param window_s: the period over which figures are computed. None: all time.
+
+    For the other parameters, see :func:`session`.
+    """
+    recording = Recording()
+    with session(name, options, recording, topics=topics, cache_time=cache_time) as heard:
+        yield Listening(heard, recording, window_s)

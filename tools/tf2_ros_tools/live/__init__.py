@@ -61,6 +61,12 @@ def _wire_of(address: Address) -> Wire:
         from tf2_ros_tools.live.dds import DdsWire
 
         return DdsWire(address)
+    if address.scheme == "zenoh":
+        require("zenoh", "zenoh")
+        require("xxhash", "zenoh")
+        from tf2_ros_tools.live.zenoh import ZenohWire
+
+        return ZenohWire(address)
     raise ValueError(f"expected an address such as {EXAMPLES}, got {address.where!r}")
 
 

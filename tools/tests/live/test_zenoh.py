@@ -1,0 +1,595 @@
+"""
+A robot with rmw_zenoh: in one process eclipse-zenoh, which speaks as rmw_zenoh does, and in another one a
+program without ROS 2.
+
+If the variable TF2_TEST_RMW_ZENOH names a Python whose rclpy uses rmw_zenoh_cpp, this is a robot, too.
+"""
+
+import os
+import signal
+import socket
+import sys
+
+import pytest
+from obeying import Obeying, OrderError
+from processes import DEADLINE_S, run
+
+from tf2_ros_tools.live.wire import parse
+
+pytestmark = pytest.mark.ours
+
+pytest.importorskip("zenoh")
+
+from tf2_ros_tools.live.zenoh import ATTACHMENT, ZenohWire, _gid, _publisher_of  # noqa: E402
+
+DOMAIN = os.environ["ROS_DOMAIN_ID"]
+HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+SECONDS = DEADLINE_S  # more than anything here takes
+REAL = "TF2_TEST_RMW_ZENOH"
+
+
+@pytest.fixture
+def processes():
+    made = []
+    yield made
+    for one in made:
+        one.end()
+
+
+@pytest.fixture
+def new_obeying(processes):
+    def make(*arguments, before="", **options):
+        processes.append(Obeying(*arguments, **options))
+        processes[-1].do(before)
+        return processes[-1]
+
+    return make
+
+
+@pytest.fixture
+def port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+@pytest.fixture
+def new_router(new_obeying, port):
+    return lambda: new_obeying(before=f"import zenoh_side; zenoh_side.route({port})")
+
+
+@pytest.fixture
+def router(new_router):
+    return new_router()
+
+
+@pytest.fixture
+def new_stand_in(new_obeying, router, port):
+    """Start a robot of eclipse-zenoh, which can do what a robot of rmw_zenoh never does."""
+    before = "from robot_side import *; from zenoh_side import *; import zenoh_side"
+    return lambda: new_obeying(before=f"{before}; start({port})")
+
+
+@pytest.fixture
+def stand_in(new_stand_in):
+    return new_stand_in()
+
+
+@pytest.fixture
+def new_real(new_obeying, router, port):
+    """Start a robot of rmw_zenoh_cpp."""
+    if REAL not in os.environ:
+        pytest.skip(f"{REAL} is not the path of a Python with rmw_zenoh_cpp")
+    session = f'transport/shared_memory/enabled=false;connect/endpoints=["tcp/127.0.0.1:{port}"]'
+    before = (
+        f"import os; os.environ['ZENOH_CONFIG_OVERRIDE'] = {session!r}; from robot_side import *; start()"
+    )
+    return lambda: new_obeying(python=os.environ[REAL], before=before)
+
+
+@pytest.fixture(params=["new_stand_in", "new_real"])
+def new_robot(request):
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture
+def robot(new_robot):
+    return new_robot()
+
+
+@pytest.fixture
+def new_laptop(new_obeying, port):
+    """Start a process without rclpy, whose `robot` is a feed."""
+
+    def make(options="", before="from tf2_ros_tools.live import connect", connects=True):
+        laptop = new_obeying("laptop", before=f"from laptop_side import *; {before}")
+        if connects:
+            laptop.do(f"robot = connect('zenoh://127.0.0.1:{port}', {options})")
+        return laptop
+
+    return make
+
+
+@pytest.fixture
+def laptop(new_laptop, router):
+    return new_laptop()
+
+
+def matched(robot, laptop, **options):
+    """Make the publisher `out` of a robot, and wait until both sides know that the laptop receives."""
+    given = "".join(f", {name}={value!r}" for name, value in options.items())
+    robot.do(f"out = publisher('out'{given})")
+    robot.until("matched(out)")
+    laptop.until("'/out' in [one.node for one in robot.publishers()]")
+
+
+# A robot, of either kind.
+
+
+def test_a_late_joiner_has_the_static_transforms_of_five_nodes_in_two_processes(new_robot, new_laptop):
+    first, second = new_robot(), new_robot()
+    for name in ("a", "b", "c"):
+        first.do(f"latched('{name}', ('base', '{name}', 1))")
+    for name in ("d", "e"):
+        second.do(f"latched('{name}', ('base', '{name}', 2))")
+    laptop = new_laptop()
+    matched(first, laptop)
+    first.do("send(out, ('map', 'base', 3))")
+    laptop.do(f"robot.wait_until_heard({SECONDS})")
+    laptop.until("all(robot.buffer.can_transform('map', name, 0) for name in 'abcde')")
+    assert laptop.do("[seen(robot, 'base', name) for name in 'abcde']") == [1, 1, 1, 2, 2]
+    assert laptop.do("heard(robot)") == [[1, 0, 0], [5, 0, 0]]
+    assert sorted(laptop.do("robot.publishers()")) == [
+        ["/tf", "/out", HASH],
+        *(["/tf_static", f"/{name}", HASH] for name in "abcde"),
+    ]
+    # Static transforms are from the start named after their nodes, which were there before.
+    authorities = laptop.do("{one: robot.buffer.frames()[one].parent for one in robot.buffer.frames()}")
+    assert authorities["a"] == "base"
+    assert 0 <= laptop.do("robot.clock_offset") < SECONDS
+
+
+def test_a_blocked_lookup_ends_when_its_transform_arrives(robot, laptop):
+    matched(robot, laptop)
+    laptop.begin(f"robot.buffer.lookup_transform('map', 'base', 0, timeout={SECONDS}).child_frame_id")
+    robot.do("send(out, ('map', 'base', 1))")
+    assert laptop.finish() == "base"
+
+
+def test_other_topics_and_a_prefix(robot, new_laptop):
+    laptop = new_laptop("topic='robot1/tf', static_topic='/robot1/tf_static/', prefix='robot1/'")
+    robot.do("latched('mounts', ('base', 'camera', 2), topic='/robot1/tf_static')")
+    matched(robot, laptop, topic="/robot1/tf")
+    robot.do("send(out, ('map', 'base', 3))")
+    laptop.do(f"robot.wait_until_heard({SECONDS})")
+    assert laptop.do("seen(robot, 'robot1/map', 'robot1/camera')") == 5
+    assert laptop.do("[*robot.topics]") == ["/robot1/tf", "/robot1/tf_static"]
+
+
+def test_nothing_is_lost_while_a_call_holds_the_gil(robot, laptop):
+    matched(robot, laptop)
+    robot.do("sending = flood(out, 200, 50, 600)")
+    laptop.until("robot.topics['/tf'].count > 0")
+    laptop.do("hold_gil(2)")
+    robot.until("not sending.is_alive()")
+    laptop.until("robot.topics['/tf'].count >= 600")
+    assert laptop.do("heard(robot)[0]") == [600, 0, 0]
+
+
+@pytest.mark.long("sends for a minute")
+def test_nothing_is_lost_of_ten_thousand_messages(robot, laptop):
+    matched(robot, laptop)
+    robot.do("sending = flood(out, 200, 50, 10_000)")
+    laptop.begin(f"wait_for_each_hundredth(robot, 10_000, {SECONDS})")
+    robot.do(f"sending.join(4 * {SECONDS})")
+    laptop.finish()
+    laptop.until("sum(heard(robot)[0]) >= 10_000")
+    assert laptop.do("heard(robot)[0]") == [10_000, 0, 0]
+    assert laptop.do("seen(robot, 'map', 'f49')") == 9_999
+
+
+@pytest.mark.long("sends for half a minute")
+def test_what_a_robot_drops_for_a_stopped_laptop_is_counted(robot, laptop):
+    matched(robot, laptop)
+    robot.do("sending = flood(out, 2000, 50, 20_000)")
+    laptop.until("robot.topics['/tf'].count > 0")
+    laptop.process.send_signal(signal.SIGSTOP)
+    robot.do("import time; time.sleep(5)")
+    laptop.process.send_signal(signal.SIGCONT)
+    robot.do(f"sending.join(4 * {SECONDS})")
+    # The last ones may be lost, too.
+    robot.do("flood(out, 100, 50, 10).join()")
+    laptop.until("sum(heard(robot)[0]) >= 20_010")
+    count, lost, malformed = laptop.do("heard(robot)[0]")
+    assert lost > 0
+    assert (count + lost, malformed) == (20_010, 0)
+
+
+def test_a_robot_that_is_killed_and_started_again(new_robot, new_laptop):
+    first = new_robot()
+    first.do("latched('mounts', ('base', 'camera', 1))")
+    laptop = new_laptop()
+    laptop.until("robot.topics['/tf_static'].count")
+    first.kill()
+    second = new_robot()
+    second.do("latched('mounts', ('base', 'camera', 2))")
+    laptop.until("seen(robot, 'base', 'camera') == 2")
+    laptop.until("len(robot.publishers()) == 1")
+    assert laptop.do("heard(robot)[1]") == [2, 0, 0]
+
+
+def test_a_router_that_is_killed_and_started_again(robot, router, new_router, new_laptop):
+    robot.do("latched('mounts', ('base', 'camera', 1))")
+    laptop = new_laptop()
+    matched(robot, laptop)
+    robot.do("send(out, ('map', 'base', 1))")
+    laptop.until("robot.topics['/tf'].count == 1")
+    laptop.until("robot.topics['/tf_static'].count == 1")
+    router.kill()
+    laptop.until("robot.publishers() == []")
+    assert "no longer answers" in laptop.do("robot._wire.why_silent('/tf', 1.0)")
+    robot.do("send(out, ('map', 'lost', 2))")
+    new_router()
+    sent = 2
+    while laptop.do("robot.topics['/tf'].count") == 1:
+        robot.do("send(out, ('map', 'base', 3)); time.sleep(0.1)")
+        sent += 1
+    laptop.until(f"sum(heard(robot)[0]) == {sent}")
+    assert laptop.do("seen(robot, 'map', 'base')") == 3
+    (_, lost, malformed), fixed = laptop.do("heard(robot)")
+    assert lost >= 1 and malformed == 0
+    # What is latched may arrive once more, and is not counted again.
+    assert fixed == [1, 0, 0]
+
+
+def test_what_a_laptop_sends_arrives_also_at_a_late_listener(new_robot, laptop):
+    first = new_robot()
+    first.do("listen()")
+    laptop.do("moving, fixed = robot.broadcaster(), robot.static_broadcaster()")
+    laptop.do("fixed.sendTransform(made('base', 'camera', 1))")
+    laptop.do("fixed.sendTransform([made('base', 'lidar', 2), made('base', 'imu', 3)])")
+    # A publisher sends to those who have found it.
+    laptop.do("moving.sendTransform(made('map', 'first', 0))")
+    while not first.do("('/tf', 'first') in heard"):
+        laptop.do("moving.sendTransform(made('map', 'first', 0)); time.sleep(0.05)")
+    before = first.do("messages['/tf']")
+    laptop.do("for n in range(500): moving.sendTransform([made('map', f'f{n}', n), made('map', 'last', n)])")
+    first.until("heard.get(('/tf', 'last')) == 499")
+    assert first.do("messages['/tf']") - before == 500
+    late = new_robot()
+    late.do("listen()")
+    late.until("('/tf_static', 'imu') in heard")
+    assert late.do("(sorted(heard.items()), messages['/tf_static'])") == [
+        [[["/tf_static", "camera"], 1], [["/tf_static", "imu"], 3], [["/tf_static", "lidar"], 2]],
+        1,
+    ]
+    # The program itself has them, but has not heard them.
+    assert laptop.do("(seen(robot, 'map', 'last'), seen(robot, 'base', 'imu'))") == [499, 3]
+    assert laptop.do("[one.count for one in robot.topics.values()]") == [0, 0]
+    assert laptop.do("robot.publishers()") == []
+
+
+def test_two_laptops_hear_each_other(router, new_laptop):
+    first, second = new_laptop(), new_laptop()
+    first.do("robot.static_broadcaster().sendTransform(made('base', 'camera', 1))")
+    second.until("robot.buffer.can_transform('base', 'camera', 0)")
+    [[topic, node, type_hash]] = second.do("robot.publishers()")
+    assert (topic, node[:10], type_hash) == ("/tf_static", "/tf2_live_", HASH)
+
+
+def test_a_laptop_is_a_node_of_the_graph(new_real, laptop):
+    robot = new_real()
+    laptop.do("fixed = robot.static_broadcaster()")
+    robot.do("asking = node('asking')")
+    robot.until("asking.count_publishers('/tf_static') == 1")
+    robot.do("[found] = asking.get_publishers_info_by_topic('/tf_static')")
+    assert robot.do("str(found.topic_type_hash)") == HASH
+    assert robot.do("(found.topic_type, found.qos_profile.durability.name, found.qos_profile.depth)") == [
+        "tf2_msgs/msg/TFMessage",
+        "TRANSIENT_LOCAL",
+        1,
+    ]
+    assert robot.do("found.node_name") in robot.do("asking.get_node_names()")
+    assert robot.do("[asking.count_subscribers(topic) for topic in ('/tf', '/tf_static')]") == [1, 1]
+    laptop.do("fixed.close()")
+    robot.until("asking.count_publishers('/tf_static') == 0")
+    laptop.do("robot.close()")
+    robot.until("found.node_name not in asking.get_node_names()")
+
+
+# Why nothing arrives.
+
+
+def why(laptop):
+    """The reason for which nothing was received, after a wait."""
+    with pytest.raises(OrderError) as raised:
+        laptop.do("robot.wait_until_heard(0.5)")
+    return str(raised.value)
+
+
+NOTHING = "TimeoutError: nothing has been received on /tf and /tf_static in 0.5 s: "
+NO_STATIC = "TimeoutError: /tf is received (1 message), but nothing on /tf_static in 0.5 s: "
+
+
+def test_nothing_answers(new_laptop, port):
+    laptop = new_laptop(connects=False)
+    with pytest.raises(OrderError) as raised:
+        laptop.do(f"connect('zenoh://127.0.0.1:{port}')")
+    assert str(raised.value) == (
+        f"ConnectionError: connect: nothing answers at tcp/127.0.0.1:{port}. Start ros2 run rmw_zenoh_cpp "
+        "rmw_zenohd on the robot, or check the address"
+    )
+
+
+def test_something_else_answers(new_laptop, port):
+    laptop = new_laptop(connects=False)
+    with socket.create_server(("127.0.0.1", port)), pytest.raises(OrderError) as raised:
+        laptop.do(f"connect('zenoh://127.0.0.1:{port}')")
+    assert f"nothing answers at tcp/127.0.0.1:{port}. Start" in str(raised.value)
+
+
+def test_a_host_without_an_address(new_laptop):
+    laptop = new_laptop(connects=False)
+    with pytest.raises(
+        OrderError, match="^ConnectionError: connect: the host robot.invalid has no address: "
+    ):
+        laptop.do("connect('zenoh://robot.invalid')")
+
+
+def test_a_router_without_nodes(laptop, port):
+    assert why(laptop) == (
+        f"{NOTHING}tcp/127.0.0.1:{port} is reached, but no node publishes /tf there: is the robot's RMW "
+        "rmw_zenoh_cpp?"
+    )
+
+
+@pytest.mark.parametrize(("latches", "topics"), [(False, "/tf is"), (True, "/tf and /tf_static are")])
+def test_another_domain(robot, new_laptop, latches, topics):
+    robot.do("out = publisher('out')")
+    if latches:
+        robot.do("latched('mounts', ('base', 'camera', 1))")
+    other = (int(DOMAIN) + 1) % 102
+    laptop = new_laptop(f"domain={other}")
+    text = f"{NOTHING}{topics} published in domain {DOMAIN}, and this feed is in domain {other}"
+    assert why(laptop) == text
+
+
+def test_nobody_publishes_static_transforms(robot, laptop):
+    matched(robot, laptop)
+    robot.do("send(out, ('map', 'base', 1))")
+    laptop.until("robot.topics['/tf'].count")
+    assert why(laptop) == f"{NO_STATIC}no node publishes /tf_static in domain {DOMAIN}"
+
+
+@pytest.mark.parametrize(
+    ("latches", "reason"),
+    [
+        (False, "/fixed publishes it volatile, so it is not latched"),
+        (True, "/fixed publishes it, but has sent nothing"),
+    ],
+)
+def test_a_publisher_from_which_nothing_arrives(robot, laptop, latches, reason):
+    matched(robot, laptop)
+    robot.do(f"fixed = publisher('fixed', '/tf_static', latches={latches})")
+    robot.do("send(out, ('map', 'base', 1))")
+    laptop.until("robot.topics['/tf'].count and len(robot.publishers()) == 2")
+    assert why(laptop) == NO_STATIC + reason
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (
+            "type_hash='RIHS01_0'",
+            f"/fixed publishes it with type hash RIHS01_0, and this feed reads {HASH}",
+        ),
+        ("type_name='tf2_msgs::msg::dds_::Old_'", "/fixed publishes it as tf2_msgs::msg::dds_::Old_"),
+    ],
+)
+def test_another_definition(stand_in, laptop, options, reason):
+    matched(stand_in, laptop)
+    stand_in.do(f"latched('fixed', ('base', 'camera', 1), {options})")
+    stand_in.do("send(out, ('map', 'base', 1))")
+    laptop.until("robot.topics['/tf'].count and len(robot.publishers()) == 2")
+    assert why(laptop) == NO_STATIC + reason
+    assert laptop.do("heard(robot)") == [[1, 0, 0], [0, 0, 0]]
+
+
+def test_simulated_time_is_refused(robot, new_laptop, port):
+    laptop = new_laptop()
+    robot.do("clock()")
+    laptop.until("robot._ended")
+    with pytest.raises(OrderError) as raised:
+        laptop.do(f"robot.wait_until_heard({SECONDS})")
+    text = "ended: /clock is published, and simulated time is not supported"
+    assert str(raised.value) == f"ConnectionError: zenoh://127.0.0.1:{port} has {text}"
+    with pytest.raises(OrderError, match=text):
+        new_laptop().do(f"robot.wait_until_heard({SECONDS})")
+
+
+@pytest.mark.parametrize("library", ["zenoh", "xxhash"])
+def test_a_library_is_missing(new_laptop, library):
+    laptop = new_laptop(connects=False)
+    with pytest.raises(OrderError) as raised:
+        laptop.do(f"import sys; sys.modules[{library!r}] = None; connect('zenoh://127.0.0.1')")
+    text = f"MissingLibraryError: {library} is not installed: pip install 'tf2-ros-tools[zenoh]'"
+    assert str(raised.value) == text
+
+
+@pytest.mark.parametrize(
+    ("where", "text"),
+    [
+        ("zenoh://", "^zenoh://: expected the host of a router, as in zenoh://robot:7447$"),
+        ("zenoh://robot?peers=1", "unknown option 'peers'; zenoh:// has none$"),
+    ],
+)
+def test_addresses(where, text):
+    with pytest.raises(ValueError, match=text):
+        ZenohWire(parse(where, 0, ("/tf", "/tf_static")))
+
+
+# What a stand-in does, and no robot, or none in a hurry.
+
+
+def test_losses_are_counted_for_each_publisher_and_repeated_messages_left_out(stand_in, laptop):
+    matched(stand_in, laptop)
+    stand_in.do("data = zenoh_side.serialize_message(TFMessage()); other = publisher('other')")
+    for sequence, sent_ns in ((7, 70), (9, 90), (9, 90), (8, 80), (10, 100), (14, 140)):
+        stand_in.do(f"out.put(data, {sequence}, {sent_ns}); other.put(data, {sequence}, {sent_ns})")
+    laptop.until("robot.topics['/tf'].count >= 8")
+    assert laptop.do("heard(robot)[0]") == [8, 8, 0]
+
+
+def test_a_damaged_sequence_number_is_neither_a_loss_nor_an_end(stand_in, laptop):
+    matched(stand_in, laptop)
+    stand_in.do("data = zenoh_side.serialize_message(TFMessage())")
+    for sequence, sent_ns in ((1, 1), (2**63 - 1, 2), (3, 3), (-(2**63), 4), (5, 5), (6, -(2**63))):
+        stand_in.do(f"out.put(data, {sequence}, {sent_ns})")
+    laptop.until("robot.topics['/tf'].count >= 6")
+    assert laptop.do("heard(robot)[0]") == [6, 0, 0]
+
+
+def test_a_robot_of_humble_has_no_hashes(stand_in, laptop):
+    stand_in.do("listen('TypeHashNotSupported')")
+    stand_in.do("latched('fixed', ('base', 'camera', 1), type_hash='TypeHashNotSupported')")
+    laptop.until("robot.buffer.can_transform('base', 'camera', 0)")
+    assert laptop.do("robot.publishers()") == [["/tf_static", "/fixed", "TypeHashNotSupported"]]
+    laptop.do("robot.static_broadcaster().sendTransform(made('base', 'lidar', 2))")
+    stand_in.until("('/tf_static', 'lidar') in heard")
+
+
+def test_damaged_messages_and_attachments(stand_in, laptop):
+    """A good message arrives after each damaged one, and what is intact in these is used."""
+    matched(stand_in, laptop)
+    stand_in.do(
+        """
+from hypothesis import HealthCheck, given, settings, strategies as st
+good = zenoh_side.serialize_message(TFMessage(transforms=[made('map', 'base')]))
+attached = zenoh_side.struct.pack('<qqB', 1, 1, 16) + out.gid
+
+def damaged(whole):
+    at = st.integers(0, len(whole))
+    cuts = st.tuples(at, at, st.binary(max_size=40))
+    changed = cuts.map(lambda cut: whole[: cut[0]] + cut[2] + whole[cut[1] :])
+    return st.one_of(st.binary(max_size=64), changed, st.just(whole))
+
+sent = 0
+@settings(max_examples=500, deadline=None, database=None)
+@given(damaged(good), damaged(attached))
+def send_damaged(data, attachment):
+    global sent
+    out.put_with(data, attachment)
+    sent += 1
+"""
+    )
+    stand_in.do("send_damaged()")
+    assert stand_in.do("sent") >= 500
+    stand_in.do("last = publisher('last'); send(last, ('map', 'last', 1))")
+    laptop.until("robot.buffer.can_transform('map', 'last', 0)")
+    count, _, malformed = laptop.do("heard(robot)[0]")
+    assert count > 1 and malformed > 1
+    stand_in.do(
+        "out.put_with(good, b''); out.put_with(good, attached[:-1]); out.put_with(good, attached + b'1')"
+    )
+    laptop.until(f"robot.topics['/tf'].count == {count + 3}")
+    laptop.do("robot.close()")
+    assert "Traceback" not in laptop.errors()
+    assert laptop.errors().count("Ignoring a malformed message on /tf") == 1
+
+
+# The end.
+
+
+@pytest.mark.parametrize("closer", ["a thread", "a callback", "several"])
+def test_a_feed_closes_while_messages_arrive(stand_in, new_laptop, port, closer):
+    laptop = new_laptop(connects=False)
+    laptop.do("import threading; out = None")
+    stand_in.do(
+        "latched('fixed', ('base', 'camera', 1)); out = publisher('out'); flood(out, 1000, 50, 60_000)"
+    )
+    laptop.do(
+        f"""
+def close():
+    robot = connect('zenoh://127.0.0.1:{port}')
+    robot.wait_until_heard({SECONDS})
+    if {closer!r} == 'a callback':
+        closed = threading.Event()
+        robot.buffer.on_change('map', 'f49', lambda *_: (robot.close(), closed.set()))
+        assert closed.wait({SECONDS})
+    else:
+        closers = [threading.Thread(target=robot.close) for _ in range(3 if {closer!r} == 'several' else 1)]
+        for one in closers:
+            one.start()
+        for one in closers:
+            one.join()
+    count = robot.topics['/tf'].count
+    time.sleep(0.01)
+    assert robot.topics['/tf'].count == count
+    robot.close()
+"""
+    )
+    for _ in range(10):
+        laptop.do("close()")
+    assert laptop.until("[one for one in threading.enumerate() if 'zenoh' in one.name] == []")
+
+
+def test_broadcasters_end_with_their_feed(laptop, port):
+    laptop.do("moving, fixed = robot.broadcaster(), robot.static_broadcaster()")
+    laptop.do("moving.close(); moving.close()")
+    laptop.do("robot.close(); fixed.close()")
+    with pytest.raises(
+        OrderError, match=f"ConnectionError: zenoh://127.0.0.1:{port} has ended: it was closed"
+    ):
+        laptop.do("fixed.sendTransform(made('base', 'camera', 1))")
+
+
+FORGETS = """
+import os, sys
+sys.modules["rclpy"] = None
+from tf2_ros_tools.live import connect
+robot = connect("zenoh://127.0.0.1:{port}")
+robot.wait_until_heard({seconds})
+if {forks}:
+    child = os.fork()
+    if child:
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+        count = robot.topics["/tf"].count
+        while robot.topics["/tf"].count <= count + 10:
+            pass
+    else:
+        robot.close()
+"""
+
+
+@pytest.mark.parametrize("forks", [False, True])
+def test_a_program_ends_that_does_not_close_its_feed(stand_in, port, forks):
+    stand_in.do(
+        "latched('fixed', ('base', 'camera', 1)); out = publisher('out'); flood(out, 200, 50, 60_000)"
+    )
+    ended = run(sys.executable, "-c", FORGETS.format(port=port, seconds=SECONDS, forks=forks))
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+
+
+# The wire, as captured from rmw_zenoh_cpp 0.2.10 of Jazzy.
+
+TOKEN = (
+    "@ros2_lv/74/2cf6b29e5b3de1abd7fffad6da5b7da4/0/11/MP/%/%left%hand/arm/%tf_static/"
+    f"tf2_msgs::msg::dds_::TFMessage_/{HASH}/:1:,1:,:,:,,"
+)
+ATTACHED = "01000000000000009f851644abfeeb1810d01d582bc03d94eccc21ae10df43613f"
+
+
+def test_a_token_and_an_attachment_name_a_publisher():
+    entity = _publisher_of(TOKEN)
+    assert (entity.domain, entity.node) == ("74", "/left/hand/arm")
+    assert (entity.topic, entity.type_hash) == ("/tf_static", HASH)
+    sequence, sent_ns, size, gid = ATTACHMENT.unpack(bytes.fromhex(ATTACHED))
+    assert (sequence, sent_ns, size) == (1, 1795808887972464031, 16)
+    assert gid == _gid(TOKEN) == bytes.fromhex("d01d582bc03d94eccc21ae10df43613f")
+
+
+@pytest.mark.parametrize(
+    "token", ["", "@ros2_lv", "@ros2_lv/74/1/0/0/MP/%/%", "@ros2_lv/74/1/0/0/MP/%/%/n/%tf/T/H/Q/more"]
+)
+def test_tokens_of_others(token):
+    assert _publisher_of(token) is None

@@ -1,0 +1,33 @@
+"""What a laptop does in the tests of `tf2_ros_tools.live`; `obeys.py` has taken rclpy from it."""
+
+import ctypes
+import time
+
+from tf2_ros import TransformStamped
+
+
+def made(parent, child, x):
+    m = TransformStamped(child_frame_id=child)
+    m.header.frame_id, m.transform.translation.x, m.transform.rotation.w = parent, float(x), 1.0
+    return m
+
+
+def seen(feed, parent, child):
+    return feed.buffer.lookup_transform(parent, child, 0).transform.translation.x
+
+
+def heard(feed):
+    """Of /tf and /tf_static: how many messages were received, lost and malformed."""
+    return [(one.count, one.lost, one.malformed) for one in feed.topics.values()]
+
+
+def hold_gil(seconds):
+    ctypes.PyDLL(None).usleep(int(seconds * 1e6))
+
+
+def wait_for_each_hundredth(feed, messages, timeout):
+    """Wait in lookups while messages of `robot_side.flood` arrive."""
+    for n in range(0, messages, 100):
+        while feed.topics["/tf"].count + feed.topics["/tf"].lost <= n:
+            time.sleep(0.001)
+        feed.buffer.lookup_transform("map", "f49", 0, timeout=timeout)

@@ -67,6 +67,11 @@ def _wire_of(address: Address) -> Wire:
         from tf2_ros_tools.live.zenoh import ZenohWire
 
         return ZenohWire(address)
+    if address.scheme == "ws":
+        require("websockets", "foxglove")
+        from tf2_ros_tools.live.foxglove import FoxgloveWire
+
+        return FoxgloveWire(address)
     raise ValueError(f"expected an address such as {EXAMPLES}, got {address.where!r}")
 
 

@@ -1,0 +1,304 @@
+"""A robot with foxglove_bridge: a server of foxglove-sdk in one process, and in another one no ROS."""
+
+import json
+import socket
+import struct
+import threading
+
+import numpy as np
+import pytest
+from obeying import Obeying, OrderError
+from processes import DEADLINE_S, until
+
+from tf2_ros.records import serialize_arrays
+from tf2_ros_tools.live import connect
+
+pytestmark = pytest.mark.ours
+
+pytest.importorskip("websockets")
+
+from websockets.sync.server import serve  # noqa: E402
+
+SECONDS = DEADLINE_S
+SCHEMA = "tf2_msgs/msg/TFMessage"
+
+
+def message(parent, *children, x=1.0):
+    count = len(children)
+    numbers = np.tile([x, 0, 0, 0, 0, 0, 1], (count, 1))
+    return serialize_arrays([(parent, child) for child in children], np.full(count, 10**9), numbers)
+
+
+CAMERA, BASE = message("base", "camera").hex(), message("map", "base", x=2.0).hex()
+MANY = message("map", *(f"f{n}" for n in range(50))).hex()
+
+
+@pytest.fixture
+def processes():
+    made = []
+    yield made
+    for one in made:
+        one.end()
+
+
+@pytest.fixture
+def port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+@pytest.fixture
+def new_bridge(processes, port):
+    pytest.importorskip("foxglove")
+
+    def make():
+        processes.append(Obeying())
+        processes[-1].do(f"from foxglove_side import *; start({port})")
+        return processes[-1]
+
+    return make
+
+
+@pytest.fixture
+def bridge(new_bridge):
+    return new_bridge()
+
+
+@pytest.fixture
+def new_laptop(processes, port):
+    def make(options="", connects=True):
+        processes.append(Obeying("laptop"))
+        laptop = processes[-1]
+        laptop.do("from laptop_side import *; from tf2_ros_tools.live import connect")
+        if connects:
+            laptop.do(f"robot = connect('ws://127.0.0.1:{port}', {options})")
+        return laptop
+
+    return make
+
+
+@pytest.fixture
+def laptop(bridge, new_laptop):
+    return new_laptop()
+
+
+def test_a_late_joiner_has_what_the_bridge_retains(bridge, new_laptop):
+    bridge.do("offer('/tf_static'); offer('/tf'); offer('/other')")
+    bridge.do(f"send('/tf_static', '{CAMERA}', latches=True)")
+    laptop = new_laptop()
+    laptop.until("robot.topics['/tf_static'].count == 1")
+    bridge.until("channels['/tf'].has_sinks()")
+    bridge.do(f"send('/tf', '{BASE}')")
+    laptop.do(f"robot.wait_until_heard({SECONDS})")
+    assert laptop.do("seen(robot, 'map', 'camera')") == 3
+    assert laptop.do("heard(robot)") == [[1, 0, 0], [1, 0, 0]]
+    assert laptop.do("robot.publishers()") == [
+        [topic, "", f"{SCHEMA} in cdr"] for topic in ("/tf", "/tf_static")
+    ]
+    assert 0 <= laptop.do("robot.clock_offset") < SECONDS
+
+
+def test_a_topic_that_begins_later_and_begins_again(bridge, laptop):
+    for n in range(3):
+        bridge.do("offer('/tf')")
+        bridge.until("channels['/tf'].has_sinks()")
+        bridge.do(f"send('/tf', '{BASE}')")
+        laptop.until(f"robot.topics['/tf'].count == {n + 1}")
+        bridge.do("channels.pop('/tf').close()")
+        laptop.until("robot.publishers() == []")
+
+
+def test_other_topics_and_a_prefix(bridge, new_laptop):
+    laptop = new_laptop("topic='robot1/tf', static_topic='/robot1/tf_static', prefix='robot1/'")
+    bridge.do(
+        "offer('/robot1/tf'); offer('/robot1/tf_static'); "
+        f"send('/robot1/tf_static', '{CAMERA}', latches=True)"
+    )
+    bridge.until("channels['/robot1/tf'].has_sinks()")
+    bridge.do(f"send('/robot1/tf', '{BASE}')")
+    laptop.until("robot.buffer.can_transform('robot1/map', 'robot1/camera', 0)")
+
+
+def test_nothing_is_lost_while_a_call_holds_the_gil(bridge, laptop):
+    bridge.do("offer('/tf')")
+    bridge.until("channels['/tf'].has_sinks()")
+    bridge.do(f"send('/tf', '{MANY}', 600, 200)")
+    laptop.until("robot.topics['/tf'].count > 0")
+    laptop.do("hold_gil(2)")
+    laptop.until("robot.topics['/tf'].count >= 600")
+    assert laptop.do("heard(robot)[0]") == [600, 0, 0]
+
+
+def test_a_bridge_that_is_killed_and_started_again(new_bridge, new_laptop, port):
+    bridge = new_bridge()
+    bridge.do(f"offer('/tf_static'); send('/tf_static', '{CAMERA}', latches=True)")
+    laptop = new_laptop()
+    laptop.until("robot.topics['/tf_static'].count == 1")
+    bridge.kill()
+    laptop.until("robot.publishers() == []")
+    with pytest.raises(OrderError, match=f": ws://127.0.0.1:{port} no longer answers$"):
+        laptop.do("robot.wait_until_heard(0.1)")
+    new_bridge().do(f"offer('/tf_static'); offer('/tf'); send('/tf_static', '{CAMERA}', latches=True)")
+    laptop.until("robot.topics['/tf_static'].count == 2")
+
+
+# Why nothing arrives.
+
+
+def why(laptop):
+    with pytest.raises(OrderError) as raised:
+        laptop.do("robot.wait_until_heard(0.5)")
+    return str(raised.value)
+
+
+def test_nothing_answers(new_laptop, port):
+    laptop = new_laptop(connects=False)
+    with pytest.raises(OrderError) as raised:
+        laptop.do(f"connect('ws://127.0.0.1:{port}')")
+    assert str(raised.value).startswith(
+        f"ConnectionError: connect: no bridge answers at ws://127.0.0.1:{port}. Start ros2 launch "
+        "foxglove_bridge foxglove_bridge_launch.xml on the robot, or check the address: "
+    )
+
+
+def test_something_else_answers(new_laptop, port):
+    laptop = new_laptop(connects=False)
+    with serve(lambda connection: connection.recv(), "127.0.0.1", port) as server:
+        threading.Thread(target=server.serve_forever).start()
+        with pytest.raises(OrderError, match="no bridge answers .* it does not speak Foxglove's protocol$"):
+            laptop.do(f"connect('ws://127.0.0.1:{port}')")
+
+
+def test_a_bridge_without_the_topics(laptop):
+    text = "no node publishes it, or topic_whitelist of the bridge lacks it"
+    assert why(laptop) == (
+        "TimeoutError: nothing has been received on /tf and /tf_static in 0.5 s: the bridge has no /tf: "
+        f"{text}; the bridge has no /tf_static: {text}"
+    )
+
+
+def test_a_bridge_that_does_not_send_the_right_messages(bridge, laptop):
+    bridge.do("offer('/tf', 'tf2_msgs/TFMessage', 'ros1'); offer('/tf_static')")
+    laptop.until("len(robot.publishers()) == 2")
+    assert why(laptop) == (
+        "TimeoutError: nothing has been received on /tf and /tf_static in 0.5 s: the bridge has /tf as "
+        f"tf2_msgs/TFMessage in ros1, and this feed reads {SCHEMA} in cdr; the bridge has /tf_static, "
+        "but has sent nothing"
+    )
+
+
+def test_simulated_time_is_refused(bridge, laptop, port):
+    bridge.do("offer('/clock', 'rosgraph_msgs/msg/Clock')")
+    laptop.until("robot._ended")
+    with pytest.raises(OrderError) as raised:
+        laptop.do(f"robot.wait_until_heard({SECONDS})")
+    text = "ended: /clock is published, and simulated time is not supported"
+    assert str(raised.value) == f"ConnectionError: ws://127.0.0.1:{port} has {text}"
+
+
+@pytest.mark.parametrize("kind", ["broadcaster", "static_broadcaster"])
+def test_it_only_receives(laptop, port, kind):
+    with pytest.raises(OrderError) as raised:
+        laptop.do(f"robot.{kind}()")
+    assert str(raised.value) == (
+        f"ConnectionError: ws://127.0.0.1:{port}: this feed only receives from foxglove_bridge; to send, "
+        "connect over zenoh:// or dds://"
+    )
+
+
+def test_the_library_is_missing(new_laptop):
+    laptop = new_laptop(connects=False)
+    with pytest.raises(OrderError) as raised:
+        laptop.do("import sys; sys.modules['websockets'] = None; connect('ws://127.0.0.1')")
+    text = "MissingLibraryError: websockets is not installed: pip install 'tf2-ros-tools[foxglove]'"
+    assert str(raised.value) == text
+
+
+@pytest.mark.parametrize(
+    ("where", "text"),
+    [
+        ("ws://", "^ws://: expected the host of a bridge, as in ws://robot:8765$"),
+        ("ws://robot?peers=1", "unknown option 'peers'; ws:// has none$"),
+    ],
+)
+def test_addresses(where, text):
+    with pytest.raises(ValueError, match=text):
+        connect(where)
+
+
+# Bytes that no bridge sends.
+
+ADVERTISED = {"id": 7, "topic": "/tf", "encoding": "cdr", "schemaName": SCHEMA, "schema": ""}
+
+
+def test_damaged_messages(port, caplog):
+    good = struct.pack("<BIQ", 1, 7, 10**9) + bytes.fromhex(BASE)
+    advertisement = json.dumps({"op": "advertise", "channels": [ADVERTISED]})
+    damaged = ["", "[]", "{", "7", "null", '{"op": "advertise"}', '{"op": "advertise", "channels": [7]}']
+    damaged += [
+        '{"op": "unadvertise"}',
+        '{"op": "unadvertise", "channelIds": [[]]}',
+        '{"op": []}',
+        '{"op": "new"}',
+    ]
+    damaged += [
+        b"",
+        b"\x01",
+        b"\x02",
+        good[:9],
+        good[:13],
+        good[:-1],
+        b"\x01\x08" + good[2:],
+        b"\x05" + good[1:],
+    ]
+    damaged += [json.dumps({"op": "advertise", "channels": [ADVERTISED | {key: []}]}) for key in ADVERTISED]
+    subscribed = []
+
+    def handler(connection):
+        for one in damaged:
+            connection.send(one)
+        connection.send(advertisement)
+        subscribed.append(json.loads(connection.recv()))
+        for one in [*damaged, good, good]:
+            connection.send(one)
+        for _ in connection:  # until the laptop ends
+            pass
+
+    with serve(handler, "127.0.0.1", port, subprotocols=["foxglove.websocket.v1"]) as server:
+        threading.Thread(target=server.serve_forever).start()
+        with connect(f"ws://127.0.0.1:{port}") as feed:
+            until(lambda: feed.topics["/tf"].count == 2)
+            assert feed.topics["/tf"].malformed == 2
+            assert feed.buffer.can_transform("map", "base", 0)
+    assert {"op": "subscribe", "subscriptions": [{"id": 7, "channelId": 7}]} in subscribed
+    assert sum("ignoring what is not Foxglove's protocol" in one.message for one in caplog.records) == 1
+
+
+@pytest.mark.parametrize("closer", ["a thread", "a callback"])
+def test_a_feed_closes_while_messages_arrive(bridge, new_laptop, port, closer):
+    laptop = new_laptop(connects=False)
+    laptop.do("import threading")
+    bridge.do(f"offer('/tf'); send('/tf', '{MANY}', 60_000, 1000)")
+    laptop.do(
+        f"""
+def close():
+    robot = connect('ws://127.0.0.1:{port}')
+    closed = threading.Event()
+    if {closer!r} == 'a callback':
+        robot.buffer.on_change('map', 'f49', lambda *_: (robot.close(), closed.set()))
+        assert closed.wait({SECONDS})
+    else:
+        robot.buffer.lookup_transform('map', 'f49', 0, timeout={SECONDS})
+        closing = threading.Thread(target=robot.close)
+        closing.start()
+        closing.join()
+    count = robot.topics['/tf'].count
+    time.sleep(0.01)
+    assert robot.topics['/tf'].count == count
+    robot.close()
+"""
+    )
+    for _ in range(10):
+        laptop.do("close()")
+    laptop.until("[one for one in threading.enumerate() if 'ws' in one.name] == []")

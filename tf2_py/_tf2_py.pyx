@@ -18,7 +18,7 @@ from cpython.memoryview cimport PyMemoryView_FromMemory
 from cpython.object cimport PyTypeObject
 from cpython.ref cimport Py_DECREF, Py_INCREF
 from cpython.unicode cimport PyUnicode_Check
-from libc.errno cimport EINTR, EIO, ENOMEM, errno
+from libc.errno cimport EINTR, ENOMEM, errno
 from libc.float cimport DBL_EPSILON
 from libc.stdint cimport SIZE_MAX
 from libc.string cimport strchr, strlen

@@ -388,6 +388,16 @@ def test_what_is_not_a_file_is_refused(buffer, tmp_path):
 # The format.
 
 
+@pytest.mark.parametrize("copy", [False, True])
+def test_a_file_that_ends_before_its_size_is_no_damaged_disk(copy):
+    """As one does that is shortened while it is read."""
+    path = Path("/sys/kernel/uevent_seqnum")  # a page, by its size, and one number
+    if not path.is_file():
+        pytest.skip("this system has no sysfs")
+    with pytest.raises(ValueError, match=f"^{path}: it was shortened while it was read$"):
+        BufferCore.open(path, copy=copy)
+
+
 def test_a_second_reader_finds_what_the_buffer_holds(buffer, file):
     header = file.header
     assert header.magic == b"\x89TF2\r\n\x1a\n"

@@ -185,16 +185,17 @@ cdef int _require_not_interrupted() except -1:
 
 cdef enum:
     READ_AT_ONCE = 1 << 26      # bytes, until an interrupt is seen
+    HAS_SHRUNK = -1
 
 
 cdef int _read(int descriptor, void* memory, size_t size) noexcept nogil:
-    # The beginning of a file. 0, or the number of an error; EIO: it has shrunk; EINTR: a handler raised.
+    # The beginning of a file. 0, or the number of an error; HAS_SHRUNK; EINTR: a handler raised.
     cdef size_t done = 0
     cdef ssize_t count
     while done < size:
         count = pread(descriptor, <char*>memory + done, min(size - done, <size_t>READ_AT_ONCE), done)
         if count == 0:
-            return EIO
+            return HAS_SHRUNK
         if count < 0 and errno != EINTR:
             return errno
         done += max(count, <ssize_t>0)
@@ -218,6 +219,8 @@ cdef int _require_read(int problem, str path) except -1:
     _require_not_interrupted()
     if problem == ENOMEM:
         raise MemoryError
+    if problem == HAS_SHRUNK:
+        raise ValueError(f"{printable(path)}: it was shortened while it was read")
     if problem:
         raise OSError(problem, os.strerror(problem), path)
     return 0

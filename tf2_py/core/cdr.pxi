@@ -18,6 +18,14 @@ cdef enum:
     SMALLEST_TRANSFORM = 72
 
 
+cdef struct Reader:
+    const unsigned char* data       # the whole message, including the encapsulation header
+    size_t size                     # bytes of the message
+    size_t position                 # of the next byte to read, from `data`
+    bint swapped                    # the message's byte order is not this machine's
+    const char* problem             # NULL, or what is wrong with the message at `position`
+
+
 cdef inline const unsigned char* _read_bytes(Reader* reader, size_t size, size_t alignment) noexcept nogil:
     # Every byte is read through here. NULL: the data ends before `size` bytes, or there was a problem before.
     cdef size_t start = reader.position + (0 - (reader.position - HEADER_SIZE)) % alignment
@@ -70,42 +78,27 @@ cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogi
         size[0] = length - 1
 
 
-cdef void reader_init(Reader* reader, const unsigned char* data, size_t size) noexcept nogil:
+cdef void _begin_to_read(Reader* reader, const unsigned char* data, size_t size) noexcept nogil:
+    memset(reader, 0, sizeof(Reader))
     reader.data = data
     reader.size = size
-    reader.position = HEADER_SIZE
-    reader.swapped = False
-    reader.problem = NULL
     if size < HEADER_SIZE:
-        reader.position = 0
         reader.problem = "the data ends before its encapsulation header"
     elif data[0] != 0 or data[1] > 1:
-        reader.position = 0
         reader.problem = "the encapsulation header is not plain CDR"
     else:
+        reader.position = HEADER_SIZE
         reader.swapped = data[1] != TF2_IS_LITTLE_ENDIAN
 
 
-cdef uint32_t reader_count(Reader* reader) noexcept nogil:
-    cdef uint32_t count = _uint32(reader)
-    if reader.problem == NULL and count > (reader.size - reader.position) // SMALLEST_TRANSFORM:
-        reader.problem = "more transforms are announced than the data can hold"
-    return 0 if reader.problem != NULL else count
-
-
-cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil:
+cdef bint _read_transform(Reader* reader, Incoming* out) noexcept nogil:
+    # Its names point into the data. False: it is malformed.
     cdef int64_t sec = <int32_t>_uint32(reader)
     cdef int64_t nanosec = _uint32(reader)
     out.stamp_ns = stamp_join(sec, nanosec)
     _string(reader, &out.parent, &out.parent_size)
     _string(reader, &out.child, &out.child_size)
     _numbers_of(reader, &out.transform)
-    return reader.problem == NULL
-
-
-cdef bint reader_finish(Reader* reader) noexcept nogil:
-    if reader.problem == NULL and reader.position != reader.size:
-        reader.problem = "bytes are left behind the last transform"
     return reader.problem == NULL
 
 
@@ -225,15 +218,21 @@ cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) no
     cdef uint32_t count, i
     batch.problem = NULL
     batch.no_memory = False
-    reader_init(&reader, data, size)
-    count = reader_count(&reader)
+    _begin_to_read(&reader, data, size)
+    count = _uint32(&reader)
+    if reader.problem == NULL and count > (size - reader.position) // SMALLEST_TRANSFORM:
+        reader.problem = "more transforms are announced than the data can hold"
+    if reader.problem != NULL:
+        count = 0
     if _make_room(batch, count) != 0:
         batch.no_memory = True
         return False
     for i in range(count):
-        if not reader_transform(&reader, &batch.entries[batch.count + i].incoming):
+        if not _read_transform(&reader, &batch.entries[batch.count + i].incoming):
             break
-    if not reader_finish(&reader):
+    if reader.problem == NULL and reader.position != size:
+        reader.problem = "bytes are left behind the last transform"
+    if reader.problem != NULL:
         batch.problem = reader.problem
         batch.problem_at = reader.position
         return False

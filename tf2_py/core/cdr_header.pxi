@@ -2,25 +2,6 @@
 
 # Uses: types, names, history, waiters.
 
-cdef struct Reader:
-    const unsigned char* data       # the whole message, including the encapsulation header
-    size_t size                     # bytes of the message
-    size_t position                 # of the next byte to read, from `data`
-    bint swapped                    # the message's byte order is not this machine's
-    const char* problem             # NULL, or what is wrong with the message at `position`
-
-
-# Begins to read a message, which must outlive the reader. On a bad header `problem` is set.
-cdef void reader_init(Reader* reader, const unsigned char* data, size_t size) noexcept nogil
-# How many transforms follow: no more than fit into the rest of the data. 0, and `problem` set: the count is
-# malformed.
-cdef uint32_t reader_count(Reader* reader) noexcept nogil
-# The next transform; its names point into the data. False, and `problem` set: it is malformed.
-cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil
-# False, and `problem` set: bytes are left.
-cdef bint reader_finish(Reader* reader) noexcept nogil
-
-
 # Transforms that are inserted together: those of one message or of one call.
 
 cdef struct Entry:

@@ -9,14 +9,9 @@ cdef enum:
 
 
 cdef struct Columns:
-    # One transform per time: translation x y z in metres, rotation x y z w.
-    double tx[BATCH_TIMES]
-    double ty[BATCH_TIMES]
-    double tz[BATCH_TIMES]
-    double qx[BATCH_TIMES]
-    double qy[BATCH_TIMES]
-    double qz[BATCH_TIMES]
-    double qw[BATCH_TIMES]
+    # One transform per time.
+    double t[3][BATCH_TIMES]        # translation x y z in metres
+    double q[4][BATCH_TIMES]        # rotation x y z w
 
 
 cdef struct SeriesWork "tf2_work":
@@ -53,13 +48,11 @@ cdef extern from *:
 
 
 cdef inline void _put(Columns* columns, uint32_t i, const Transform* value) noexcept nogil:
-    columns.tx[i] = value.translation[0]
-    columns.ty[i] = value.translation[1]
-    columns.tz[i] = value.translation[2]
-    columns.qx[i] = value.rotation[0]
-    columns.qy[i] = value.rotation[1]
-    columns.qz[i] = value.rotation[2]
-    columns.qw[i] = value.rotation[3]
+    cdef int k
+    for k in range(3):
+        columns.t[k][i] = value.translation[k]
+    for k in range(4):
+        columns.q[k][i] = value.rotation[k]
 
 
 cdef void _put_identities(Columns* columns) noexcept nogil:
@@ -109,24 +102,23 @@ cdef void _gather(SeriesWork* work, const History* history, const int64_t* times
 
 
 cdef inline void _weigh(SeriesWork* work, uint32_t i, double weight_a, double weight_b) noexcept nogil:
-    work.hop.qx[i] = weight_a * work.older.qx[i] + weight_b * work.newer.qx[i]
-    work.hop.qy[i] = weight_a * work.older.qy[i] + weight_b * work.newer.qy[i]
-    work.hop.qz[i] = weight_a * work.older.qz[i] + weight_b * work.newer.qz[i]
-    work.hop.qw[i] = weight_a * work.older.qw[i] + weight_b * work.newer.qw[i]
+    cdef int k
+    for k in range(4):
+        work.hop.q[k][i] = weight_a * work.older.q[k][i] + weight_b * work.newer.q[k][i]
 
 
 cdef void _interpolate "tf2_interpolate"(SeriesWork* work) noexcept nogil:
     # As history_transform_at, whose weights these are.
     cdef uint32_t i
     cdef double ratio, weight_a, weight_b
+    cdef int k
     for i in range(BATCH_TIMES):
         ratio = work.ratio[i]
-        work.hop.tx[i] = (1.0 - ratio) * work.older.tx[i] + ratio * work.newer.tx[i]
-        work.hop.ty[i] = (1.0 - ratio) * work.older.ty[i] + ratio * work.newer.ty[i]
-        work.hop.tz[i] = (1.0 - ratio) * work.older.tz[i] + ratio * work.newer.tz[i]
+        for k in range(3):
+            work.hop.t[k][i] = (1.0 - ratio) * work.older.t[k][i] + ratio * work.newer.t[k][i]
         work.distance[i] = interpolation_weights(
-            work.older.qx[i], work.older.qy[i], work.older.qz[i], work.older.qw[i],
-            work.newer.qx[i], work.newer.qy[i], work.newer.qz[i], work.newer.qw[i],
+            work.older.q[0][i], work.older.q[1][i], work.older.q[2][i], work.older.q[3][i],
+            work.newer.q[0][i], work.newer.q[1][i], work.newer.q[2][i], work.newer.q[3][i],
             ratio, &work.sign[i], &weight_a, &weight_b)
         _weigh(work, i, weight_a, weight_b)
     for i in range(BATCH_TIMES):
@@ -147,111 +139,88 @@ cdef void work_hop(SeriesWork* work, const History* history, const int64_t* time
     _interpolate(work)
 
 
-cdef inline void _compose(Columns* a, Columns* b) noexcept nogil:
-    # b = a b, as transform_compose
+cdef inline void _compose(const Columns* a, Columns* b, bint inverts) noexcept nogil:
+    # b = a b, as transform_compose; or b = a^-1 b, as transform_between. Called with a constant.
     cdef uint32_t i
+    cdef double sign = -1.0 if inverts else 1.0
     cdef double ux, uy, uz, w, vx, vy, vz, cx, cy, cz, bx, by, bz, bw
+    cdef int k
     for i in range(BATCH_TIMES):
-        ux = a.qx[i]
-        uy = a.qy[i]
-        uz = a.qz[i]
-        w = a.qw[i]
-        vx = b.tx[i]
-        vy = b.ty[i]
-        vz = b.tz[i]
+        for k in range(3 if inverts else 0):
+            b.t[k][i] -= a.t[k][i]
+        ux = sign * a.q[0][i]
+        uy = sign * a.q[1][i]
+        uz = sign * a.q[2][i]
+        w = a.q[3][i]
+        vx = b.t[0][i]
+        vy = b.t[1][i]
+        vz = b.t[2][i]
         cx = 2.0 * (uy * vz - uz * vy)
         cy = 2.0 * (uz * vx - ux * vz)
         cz = 2.0 * (ux * vy - uy * vx)
-        b.tx[i] = vx + w * cx + (uy * cz - uz * cy) + a.tx[i]
-        b.ty[i] = vy + w * cy + (uz * cx - ux * cz) + a.ty[i]
-        b.tz[i] = vz + w * cz + (ux * cy - uy * cx) + a.tz[i]
-        bx = b.qx[i]
-        by = b.qy[i]
-        bz = b.qz[i]
-        bw = b.qw[i]
-        b.qx[i] = w * bx + ux * bw + uy * bz - uz * by
-        b.qy[i] = w * by + uy * bw + uz * bx - ux * bz
-        b.qz[i] = w * bz + uz * bw + ux * by - uy * bx
-        b.qw[i] = w * bw - ux * bx - uy * by - uz * bz
+        b.t[0][i] = vx + w * cx + (uy * cz - uz * cy)
+        b.t[1][i] = vy + w * cy + (uz * cx - ux * cz)
+        b.t[2][i] = vz + w * cz + (ux * cy - uy * cx)
+        for k in range(0 if inverts else 3):
+            b.t[k][i] += a.t[k][i]
+        bx = b.q[0][i]
+        by = b.q[1][i]
+        bz = b.q[2][i]
+        bw = b.q[3][i]
+        b.q[0][i] = w * bx + ux * bw + uy * bz - uz * by
+        b.q[1][i] = w * by + uy * bw + uz * bx - ux * bz
+        b.q[2][i] = w * bz + uz * bw + ux * by - uy * bx
+        b.q[3][i] = w * bw - ux * bx - uy * by - uz * bz
 
 
 cdef void _climb_source "tf2_climb_source"(SeriesWork* work) noexcept nogil:
     # result = hop result
-    _compose(&work.hop, &work.result)
+    _compose(&work.hop, &work.result, False)
 
 
 cdef void _climb_target "tf2_climb_target"(SeriesWork* work) noexcept nogil:
     # target = hop target
-    _compose(&work.hop, &work.target)
+    _compose(&work.hop, &work.target, False)
 
 
 cdef void _between "tf2_between"(SeriesWork* work) noexcept nogil:
-    # result = target^-1 result, as transform_between
-    cdef uint32_t i
-    cdef double ux, uy, uz, w, vx, vy, vz, cx, cy, cz
-    for i in range(BATCH_TIMES):
-        ux = -work.target.qx[i]
-        uy = -work.target.qy[i]
-        uz = -work.target.qz[i]
-        w = work.target.qw[i]
-        vx = work.result.tx[i] - work.target.tx[i]
-        vy = work.result.ty[i] - work.target.ty[i]
-        vz = work.result.tz[i] - work.target.tz[i]
-        cx = 2.0 * (uy * vz - uz * vy)
-        cy = 2.0 * (uz * vx - ux * vz)
-        cz = 2.0 * (ux * vy - uy * vx)
-        work.result.tx[i] = vx + w * cx + (uy * cz - uz * cy)
-        work.result.ty[i] = vy + w * cy + (uz * cx - ux * cz)
-        work.result.tz[i] = vz + w * cz + (ux * cy - uy * cx)
-        vx = work.result.qx[i]
-        vy = work.result.qy[i]
-        vz = work.result.qz[i]
-        cx = work.result.qw[i]
-        work.result.qx[i] = w * vx + ux * cx + uy * vz - uz * vy
-        work.result.qy[i] = w * vy + uy * cx + uz * vx - ux * vz
-        work.result.qz[i] = w * vz + uz * cx + ux * vy - uy * vx
-        work.result.qw[i] = w * cx - ux * vx - uy * vy - uz * vz
+    # result = target^-1 result
+    _compose(&work.target, &work.result, True)
 
 
 cdef inline void _canonicalise(SeriesWork* work) noexcept nogil:
     # As quaternion_canonicalise; without branches
     cdef uint32_t i
-    cdef double lead, sign
+    cdef double lead, sign, w
+    cdef int k
     for i in range(BATCH_TIMES):
-        lead = work.result.qx[i]
-        lead = work.result.qy[i] if fabs(work.result.qy[i]) > fabs(lead) else lead
-        lead = work.result.qz[i] if fabs(work.result.qz[i]) > fabs(lead) else lead
-        lead = lead if 4.0 * work.result.qw[i] * work.result.qw[i] <= 1.0 else work.result.qw[i]
+        lead = work.result.q[0][i]
+        for k in range(1, 3):
+            lead = work.result.q[k][i] if fabs(work.result.q[k][i]) > fabs(lead) else lead
+        w = work.result.q[3][i]
+        lead = lead if 4.0 * w * w <= 1.0 else w
         sign = -1.0 if lead < 0.0 else 1.0
-        work.result.qx[i] *= sign
-        work.result.qy[i] *= sign
-        work.result.qz[i] *= sign
-        work.result.qw[i] *= sign
+        for k in range(4):
+            work.result.q[k][i] *= sign
 
 
 cdef void _finish "tf2_finish"(SeriesWork* work) noexcept nogil:
     # Unit length and canonical sign, as at the end of a single lookup.
     cdef uint32_t i
-    cdef double scale
+    cdef double squared, scale
+    cdef int k
     for i in range(BATCH_TIMES):
-        scale = 1.0 / sqrt(work.result.qx[i] * work.result.qx[i] + work.result.qy[i] * work.result.qy[i]
-                           + work.result.qz[i] * work.result.qz[i] + work.result.qw[i] * work.result.qw[i])
-        work.result.qx[i] *= scale
-        work.result.qy[i] *= scale
-        work.result.qz[i] *= scale
-        work.result.qw[i] *= scale
+        squared = work.result.q[0][i] * work.result.q[0][i]
+        for k in range(1, 4):
+            squared += work.result.q[k][i] * work.result.q[k][i]
+        scale = 1.0 / sqrt(squared)
+        for k in range(4):
+            work.result.q[k][i] *= scale
     _canonicalise(work)
 
 
-cdef void work_result(SeriesWork* work, bint with_target) noexcept nogil:
-    # result = target^-1 result, or result; with unit length and canonical sign.
-    if with_target:
-        _between(work)
-    _finish(work)
-
-
 cdef void _apply "tf2_apply"(SeriesWork* work) noexcept nogil:
-    _compose(&work.hop, &work.result)
+    _compose(&work.hop, &work.result, False)
     _canonicalise(work)
 
 
@@ -273,13 +242,11 @@ cdef inline void _store_column(const double* column, uint32_t count, double* out
 cdef void work_store(const SeriesWork* work, uint32_t count, double* translations,
                      double* rotations) noexcept nogil:
     # The first `count` results, to rows of three and four numbers.
-    _store_column(work.result.tx, count, translations, 3)
-    _store_column(work.result.ty, count, translations + 1, 3)
-    _store_column(work.result.tz, count, translations + 2, 3)
-    _store_column(work.result.qx, count, rotations, 4)
-    _store_column(work.result.qy, count, rotations + 1, 4)
-    _store_column(work.result.qz, count, rotations + 2, 4)
-    _store_column(work.result.qw, count, rotations + 3, 4)
+    cdef int k
+    for k in range(3):
+        _store_column(work.result.t[k], count, translations + k, 3)
+    for k in range(4):
+        _store_column(work.result.q[k], count, rotations + k, 4)
 
 
 cdef void _turn "tf2_turn"(SeriesWork* work) noexcept nogil:
@@ -287,38 +254,27 @@ cdef void _turn "tf2_turn"(SeriesWork* work) noexcept nogil:
     cdef double q[4]
     cdef double turn[9]
     cdef uint32_t i
+    cdef int k
     for i in range(BATCH_TIMES):
-        q[0] = work.result.qx[i]
-        q[1] = work.result.qy[i]
-        q[2] = work.result.qz[i]
-        q[3] = work.result.qw[i]
+        for k in range(4):
+            q[k] = work.result.q[k][i]
         matrix_from_quaternion(q, turn)
-        work.turn[0][i] = turn[0]
-        work.turn[1][i] = turn[1]
-        work.turn[2][i] = turn[2]
-        work.turn[3][i] = turn[3]
-        work.turn[4][i] = turn[4]
-        work.turn[5][i] = turn[5]
-        work.turn[6][i] = turn[6]
-        work.turn[7][i] = turn[7]
-        work.turn[8][i] = turn[8]
+        for k in range(9):
+            work.turn[k][i] = turn[k]
 
 
 cdef void work_store_matrices(SeriesWork* work, uint32_t count, double* matrices) noexcept nogil:
     # The first `count` results, to rows of sixteen numbers, as matrix_from_transform.
     cdef bint is_nan
     cdef uint32_t i
-    cdef int row
+    cdef int row, k
     _turn(work)
     for row in range(3):
-        _store_column(work.turn[3 * row], count, matrices + 4 * row, 16)
-        _store_column(work.turn[3 * row + 1], count, matrices + 4 * row + 1, 16)
-        _store_column(work.turn[3 * row + 2], count, matrices + 4 * row + 2, 16)
-    _store_column(work.result.tx, count, matrices + 3, 16)
-    _store_column(work.result.ty, count, matrices + 7, 16)
-    _store_column(work.result.tz, count, matrices + 11, 16)
+        for k in range(3):
+            _store_column(work.turn[3 * row + k], count, matrices + 4 * row + k, 16)
+        _store_column(work.result.t[row], count, matrices + 4 * row + 3, 16)
     for i in range(count):
-        is_nan = isnan(work.result.qw[i])
+        is_nan = isnan(work.result.q[3][i])
         matrices[16 * i + 12] = matrices[16 * i + 13] = matrices[16 * i + 14] = NAN if is_nan else 0.0
         matrices[16 * i + 15] = NAN if is_nan else 1.0
 
@@ -328,15 +284,13 @@ cdef void work_transform_points(const SeriesWork* work, uint32_t count, const do
     # Each point with the result of its own time: rows of x y z in metres; `out` may be `points`.
     cdef uint32_t i
     cdef double q[4]
+    cdef int k
     for i in range(count):
-        q[0] = work.result.qx[i]
-        q[1] = work.result.qy[i]
-        q[2] = work.result.qz[i]
-        q[3] = work.result.qw[i]
+        for k in range(4):
+            q[k] = work.result.q[k][i]
         vector_rotate(q, points + 3 * i, out + 3 * i)
-        out[3 * i] += work.result.tx[i]
-        out[3 * i + 1] += work.result.ty[i]
-        out[3 * i + 2] += work.result.tz[i]
+        for k in range(3):
+            out[3 * i + k] += work.result.t[k][i]
 
 
 # A call may take long, so it pins the histories that it reads and releases the lock. Then no insert waits for
@@ -442,7 +396,9 @@ cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t 
                 _climb_source(work)
         if path.source_hops == 0:
             _put_identities(&work.result)
-        work_result(work, path.target_hops > 0)
+        if path.target_hops:
+            _between(work)
+        _finish(work)
     if pinned.has_fixed:
         work_apply(work, &pinned.fixed_to_target)
 
@@ -474,13 +430,11 @@ cdef Status _answer_one(const Query* query, const PinnedLookup* pinned, int64_t 
 
 
 cdef void _put_missing(Columns* columns, uint32_t i) noexcept nogil:
-    cdef Transform missing
     cdef int k
     for k in range(3):
-        missing.translation[k] = NAN
+        columns.t[k][i] = NAN
     for k in range(4):
-        missing.rotation[k] = NAN
-    _put(columns, i, &missing)
+        columns.q[k][i] = NAN
 
 
 cdef uint32_t _answer_times(const Query* query, PinnedLookup* pinned, const int64_t* times_ns, uint32_t count,

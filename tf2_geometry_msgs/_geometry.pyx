@@ -144,15 +144,11 @@ cdef int read_orientation(object quaternion, double* out) except -1:
     return 0
 
 
-cdef int read_pose(object pose, Transform* out) except -1:
-    read_doubles(point_layout, get_field(pose_layout, pose, "position"), out.translation, 3)
-    return read_orientation(get_field(pose_layout, pose, "orientation"), out.rotation)
-
-
-cdef int read_covariance(object covariance, int side, double* out) except -1:
+cdef int _read_covariance(object covariance, int side, double* out) except -1:
     cdef cnp.ndarray values
     cdef int count = side * side
-    if not cnp.PyArray_CheckExact(covariance) or not _is_contiguous_doubles(covariance):
+    if not (cnp.PyArray_CheckExact(covariance) and cnp.PyArray_TYPE(covariance) == cnp.NPY_DOUBLE
+            and cnp.PyArray_ISCARRAY_RO(covariance)):
         try:
             covariance = np.asarray(covariance, dtype=np.float64, order="C")
         except (TypeError, ValueError) as reason:
@@ -164,10 +160,6 @@ cdef int read_covariance(object covariance, int side, double* out) except -1:
         raise ValueError(f"a covariance must be {count} numbers, got {cnp.PyArray_SIZE(values)}")
     memcpy(out, cnp.PyArray_DATA(values), count * sizeof(double))
     return 0
-
-
-cdef bint _is_contiguous_doubles(cnp.ndarray values):
-    return cnp.PyArray_TYPE(values) == cnp.NPY_DOUBLE and cnp.PyArray_ISCARRAY_RO(values)
 
 
 cdef object copy_shallow(Layout layout, object message):
@@ -208,14 +200,7 @@ cdef object new_orientation(const double* q):
     return quaternion_layout.new_doubles(negated, 4)
 
 
-cdef object new_pose(const Transform* pose):
-    message = pose_layout.new()
-    set_field(pose_layout, message, "position", point_layout.new_doubles(pose.translation, 3))
-    set_field(pose_layout, message, "orientation", new_orientation(pose.rotation))
-    return message
-
-
-cdef object new_covariance(const double* values, int side):
+cdef object _new_covariance(const double* values, int side):
     cdef cnp.npy_intp count = side * side
     array = cnp.PyArray_SimpleNew(1, &count, cnp.NPY_DOUBLE)
     memcpy(cnp.PyArray_DATA(array), values, count * sizeof(double))
@@ -224,8 +209,8 @@ cdef object new_covariance(const double* values, int side):
 
 cdef object copied_covariance(object covariance, int side):
     cdef double values[MAX_COVARIANCE]
-    read_covariance(covariance, side, values)
-    return new_covariance(values, side)
+    _read_covariance(covariance, side, values)
+    return _new_covariance(values, side)
 
 
 # Points, vectors, poses, rotations and transforms.
@@ -272,7 +257,7 @@ cdef object _point_moved(Layout layout, object point, const Transform* transform
     return layout.new_doubles(xyz, 3)
 
 
-cdef object transformed_point(object point, const Transform* transform):
+cdef object _transformed_point(object point, const Transform* transform):
     return _point_moved(point_layout, point, transform)
 
 
@@ -287,11 +272,25 @@ cdef object rotated_vector(object vector, const Transform* transform):
     return vector3_layout.new_doubles(xyz, 3)
 
 
-cdef object transformed_pose(object pose, const Transform* transform):
+cdef object _composed(Layout layout, object old, const Transform* transform, str place, Layout place_layout,
+                      str turn):
+    # A message of two fields: the `place` of a frame, and its `turn`.
     cdef Transform result
-    read_pose(pose, &result)
+    read_doubles(place_layout, get_field(layout, old, place), result.translation, 3)
+    read_orientation(get_field(layout, old, turn), result.rotation)
     transform_compose(transform, &result, &result)
-    return new_pose(&result)
+    message = layout.new()
+    set_field(layout, message, place, place_layout.new_doubles(result.translation, 3))
+    set_field(layout, message, turn, new_orientation(result.rotation))
+    return message
+
+
+cdef object transformed_pose(object pose, const Transform* transform):
+    return _composed(pose_layout, pose, transform, "position", point_layout, "orientation")
+
+
+cdef object _composed_transform(object content, const Transform* transform):
+    return _composed(transform_layout, content, transform, "translation", vector3_layout, "rotation")
 
 
 cdef object transformed_pose_with_covariance(object pose, const Transform* transform):
@@ -303,14 +302,56 @@ cdef object transformed_pose_with_covariance(object pose, const Transform* trans
     return message
 
 
-cdef object _rotated_covariance(object covariance, const Transform* transform):
-    cdef double values[36]
-    cdef double rotated[36]
+cdef void _sandwich(const double* r, const double* c, double* out) noexcept nogil:
+    # out = r c r^T, of 3x3 matrices, row by row.
+    cdef double half[9]
+    cdef int i, j
+    for i in range(3):
+        for j in range(3):
+            half[3 * i + j] = r[3 * i] * c[j] + r[3 * i + 1] * c[3 + j] + r[3 * i + 2] * c[6 + j]
+    for i in range(3):
+        for j in range(3):
+            out[3 * i + j] = (
+                half[3 * i] * r[3 * j] + half[3 * i + 1] * r[3 * j + 1] + half[3 * i + 2] * r[3 * j + 2]
+            )
+
+
+cdef void _rotate_blocks(const double* r, const double* c, int side, double* out) noexcept nogil:
+    # Each 3x3 block b of the `side` x `side` matrix c becomes r b r^T. Rounding must not cost the symmetry
+    # that filters rely on. r b r^T and (r b^T r^T)^T are equal except for rounding; with their mean, the
+    # result of a transposed block is the transposed result, bit by bit.
+    cdef double block[9]
+    cdef double transposed[9]
+    cdef double straight[9]
+    cdef double mirrored[9]
+    cdef int row, column, i, j
+    for row in range(0, side, 3):
+        for column in range(0, side, 3):
+            for i in range(3):
+                for j in range(3):
+                    block[3 * i + j] = c[side * (row + i) + column + j]
+                    transposed[3 * j + i] = block[3 * i + j]
+            _sandwich(r, block, straight)
+            _sandwich(r, transposed, mirrored)
+            for i in range(3):
+                for j in range(3):
+                    out[side * (row + i) + column + j] = 0.5 * straight[3 * i + j] + 0.5 * mirrored[3 * j + i]
+
+
+cdef object rotated_covariance(object covariance, int side, const Transform* transform, bint may_be_absent):
+    cdef double values[MAX_COVARIANCE]
+    cdef double rotated[MAX_COVARIANCE]
     cdef double matrix[9]
-    read_covariance(covariance, 6, values)
+    _read_covariance(covariance, side, values)
+    if may_be_absent and values[0] == -1.0:
+        return _new_covariance(values, side)
     matrix_from_quaternion(transform.rotation, matrix)
-    covariance_rotate(matrix, values, 6, rotated)
-    return new_covariance(rotated, 6)
+    _rotate_blocks(matrix, values, side, rotated)
+    return _new_covariance(rotated, side)
+
+
+cdef object _rotated_covariance(object covariance, const Transform* transform):
+    return rotated_covariance(covariance, 6, transform, False)
 
 
 cdef object _rotated_quaternion(object quaternion, const Transform* transform):
@@ -318,17 +359,6 @@ cdef object _rotated_quaternion(object quaternion, const Transform* transform):
     read_orientation(quaternion, q)
     quaternion_multiply(transform.rotation, q, q)
     return new_orientation(q)
-
-
-cdef object _composed_transform(object content, const Transform* transform):
-    cdef Transform result
-    read_doubles(vector3_layout, get_field(transform_layout, content, "translation"), result.translation, 3)
-    read_orientation(get_field(transform_layout, content, "rotation"), result.rotation)
-    transform_compose(transform, &result, &result)
-    message = transform_layout.new()
-    set_field(transform_layout, message, "translation", vector3_layout.new_doubles(result.translation, 3))
-    set_field(transform_layout, message, "rotation", new_orientation(result.rotation))
-    return message
 
 
 cdef bint _has_axes(object message):
@@ -370,10 +400,10 @@ def do_transform_point(
     :raises ValueError: the transform's rotation is not finite.
     """
     if type(point) is point_stamped_layout.message_class or not _has_axes(point):
-        return _moved_stamped(point_stamped_layout, "point", point, transform, transformed_point)
+        return _moved_stamped(point_stamped_layout, "point", point, transform, _transformed_point)
     if isinstance(point, point32_layout.message_class):
         return _moved(point, transform, _transformed_point32)
-    return _moved(point, transform, transformed_point)
+    return _moved(point, transform, _transformed_point)
 
 
 def do_transform_vector3(

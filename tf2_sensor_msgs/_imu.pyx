@@ -1,29 +1,18 @@
 """Transform what an IMU and a magnetometer measure."""
 
-from libc.string cimport memcpy
-
 from tf2_geometry_msgs._geometry cimport (
     copied_covariance,
-    covariance_rotate,
     get_field,
-    new_covariance,
     new_orientation,
     quaternion_layout,
-    read_covariance,
     read_doubles,
     read_orientation,
+    rotated_covariance,
     rotated_vector,
     set_field,
     target_header,
 )
-from tf2_py._internal cimport (
-    Layout,
-    Transform,
-    matrix_from_quaternion,
-    quaternion_conjugate,
-    quaternion_multiply,
-    read_transform,
-)
+from tf2_py._internal cimport Layout, Transform, quaternion_conjugate, quaternion_multiply, read_transform
 
 from sensor_msgs.msg import Imu, MagneticField
 
@@ -42,19 +31,6 @@ cdef Layout imu_layout = Layout(
 cdef Layout magnetic_field_layout = Layout(
     MagneticField, ("header", "magnetic_field", "magnetic_field_covariance")
 )
-
-
-cdef object _rotated_covariance(object covariance, const Transform* transform, bint may_be_absent):
-    cdef double values[9]
-    cdef double rotated[9]
-    cdef double matrix[9]
-    read_covariance(covariance, 3, values)
-    if may_be_absent and values[0] == -1.0:
-        memcpy(rotated, values, sizeof(values))
-    else:
-        matrix_from_quaternion(transform.rotation, matrix)
-        covariance_rotate(matrix, values, 3, rotated)
-    return new_covariance(rotated, 3)
 
 
 cdef object _transformed_attitude(object quaternion, const Transform* transform):
@@ -98,11 +74,11 @@ def do_transform_imu(imu: Imu, transform: TransformStamped) -> Imu:
     velocity = get_field(layout, imu, "angular_velocity")
     set_field(layout, message, "angular_velocity", rotated_vector(velocity, &tf))
     covariance = get_field(layout, imu, "angular_velocity_covariance")
-    set_field(layout, message, "angular_velocity_covariance", _rotated_covariance(covariance, &tf, True))
+    set_field(layout, message, "angular_velocity_covariance", rotated_covariance(covariance, 3, &tf, True))
     acceleration = get_field(layout, imu, "linear_acceleration")
     set_field(layout, message, "linear_acceleration", rotated_vector(acceleration, &tf))
     covariance = get_field(layout, imu, "linear_acceleration_covariance")
-    set_field(layout, message, "linear_acceleration_covariance", _rotated_covariance(covariance, &tf, True))
+    set_field(layout, message, "linear_acceleration_covariance", rotated_covariance(covariance, 3, &tf, True))
     return message
 
 
@@ -126,5 +102,5 @@ def do_transform_magnetic_field(magnetic_field: MagneticField, transform: Transf
     field = get_field(layout, magnetic_field, "magnetic_field")
     set_field(layout, message, "magnetic_field", rotated_vector(field, &tf))
     covariance = get_field(layout, magnetic_field, "magnetic_field_covariance")
-    set_field(layout, message, "magnetic_field_covariance", _rotated_covariance(covariance, &tf, False))
+    set_field(layout, message, "magnetic_field_covariance", rotated_covariance(covariance, 3, &tf, False))
     return message

@@ -25,9 +25,10 @@ from tf2_sensor_msgs._wide cimport (
     TimeSource,
     knot_before,
     knots_include,
+    wide_doubles,
+    wide_floats,
+    wide_is_supported,
     wide_move_floats,
-    wide_transform_doubles,
-    wide_transform_floats,
 )
 
 import operator
@@ -114,14 +115,15 @@ cdef int _common_number(const Triples* triples) noexcept nogil:
 
 
 cdef Py_ssize_t _wide_size(const Triples* triples) noexcept nogil:
-    # The bytes of a number if x y z lie beside each other, in this order and this machine's byte order;
-    # otherwise 0.
+    # The bytes of a number if x y z lie beside each other, in this order and this machine's byte order, and
+    # the machine can do several at once; otherwise 0.
     cdef int number = _common_number(triples)
     cdef Py_ssize_t size = number_size(number) if number in (FLOAT32, FLOAT64) else 0
     if (
         triples.offsets[1] == triples.offsets[0] + size
         and triples.offsets[2] == triples.offsets[1] + size
         and triples.step >= 3 * size
+        and wide_is_supported()
     ):
         return size
     return 0
@@ -150,13 +152,9 @@ cdef Py_ssize_t triples_transform_wide(const char* source, Py_ssize_t source_ste
     source += triples.offsets[0]
     target += triples.offsets[0]
     if size == 4:
-        return wide_transform_floats(
-            source, source_step, target, step, count, rigid.matrix, rigid.translation
-        )
+        return wide_floats(source, source_step, target, step, count, rigid.matrix, rigid.translation)
     if size == 8:
-        return wide_transform_doubles(
-            source, source_step, target, step, count, rigid.matrix, rigid.translation
-        )
+        return wide_doubles(source, source_step, target, step, count, rigid.matrix, rigid.translation)
     return 0
 
 

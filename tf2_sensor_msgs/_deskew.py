@@ -159,7 +159,8 @@ def deskew(
         return move_points(cloud, new_ns, target_frame, is_dense, sweep.field, stored, sweep.times, *poses)
 
     steady = _steady_poses(motion, sweep)
-    if sweep.size and (steady is None or _may_rest(steady)):
+    # Not where the sensor has a pose at the end other than at the beginning.
+    if sweep.size and (steady is None or (steady.matrices[0] == steady.matrices[-1]).all()):
         _require_motion(buffer, source_frame, target_frame, fixed_frame)
     if steady is not None:
         message, is_complete = moved(steady, cloud.is_dense)
@@ -213,7 +214,7 @@ def _read_sweep(
     if time_unit is None and field.unit.is_absolute:
         # Where no point has coordinates, the new time is stored nevertheless.
         numbers = sample if len(sample) else sample_times(cloud, field, False)
-        if _are_nanoseconds(numbers):
+        if 2 * np.count_nonzero(numbers >= MOST_SECONDS) > len(numbers):
             field = field._replace(unit=Unit(1, True))
     longest_ns = LONG_NS if time_unit is None else LONGEST_NS
     lowest, highest, garbage = _without_garbage(sample, longest_ns / field.unit.ns)
@@ -224,10 +225,6 @@ def _read_sweep(
     if not -FARTHEST_NS < lowest * field.unit.ns <= highest * field.unit.ns < FARTHEST_NS:
         lowest, highest = 0, -1
     return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), longest_ns, count)
-
-
-def _are_nanoseconds(since_1970: NDArray[np.float64]) -> bool:
-    return bool(2 * np.count_nonzero(since_1970 >= MOST_SECONDS) > len(since_1970))
 
 
 def _without_garbage(
@@ -302,11 +299,6 @@ def _target_ns(
                 buffer.lookup_transform(target_frame, fixed_frame, 0, timeout)
         target_ns = buffer.get_latest_common_time(target_frame, fixed_frame).nanoseconds
     return int(target_ns or stamp_ns)
-
-
-def _may_rest(poses: Poses) -> bool:
-    """Whether the sensor is at the end where it was at the beginning."""
-    return bool((poses.matrices[0] == poses.matrices[-1]).all())
 
 
 def _require_motion(

@@ -3,40 +3,30 @@
 import sys
 from array import array
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.lib.recfunctions import unstructured_to_structured
 from numpy.typing import NDArray
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from tf2_sensor_msgs._cloud import as_bytes
-
-_KINDS = {
-    PointField.INT8: "i1",
-    PointField.UINT8: "u1",
-    PointField.INT16: "i2",
-    PointField.UINT16: "u2",
-    PointField.INT32: "i4",
-    PointField.UINT32: "u4",
-    PointField.FLOAT32: "f4",
-    PointField.FLOAT64: "f8",
-}
+from tf2_sensor_msgs._time_field import NAMES
 
 
-def _dtype(fields: Iterable[Any], point_step: int | None, order: str) -> "np.dtype[Any]":
+def _dtype(fields: Iterable[Any], point_step: int | None, order: Literal["<", ">", "="]) -> "np.dtype[Any]":
     # A field of several numbers becomes several fields: name_0, name_1, ...
     names: list[str] = []
-    formats: list[str] = []
+    formats: list[np.dtype[Any]] = []
     offsets: list[int] = []
     for index, field in enumerate(fields):
-        kind = _KINDS[field.datatype]
+        kind = np.dtype(NAMES[field.datatype]).newbyteorder(order)
         name = field.name or f"unnamed_field_{index}"
         for number in range(field.count):
             names.append(f"{name}_{number}" if field.count > 1 else name)
-            formats.append(order + kind)
-            offsets.append(field.offset + number * int(kind[1]))
+            formats.append(kind)
+            offsets.append(field.offset + number * kind.itemsize)
     layout: dict[str, Any] = {"names": names, "formats": formats, "offsets": offsets}
     if point_step is not None:
         layout["itemsize"] = point_step

@@ -29,15 +29,10 @@ class Unit(NamedTuple):
         return f"{name} {'since 1970' if self.is_absolute else 'after the stamp'}"
 
 
+# By datatype; NumPy's names, too.
 NAMES = {
-    PointField.INT8: "int8",
-    PointField.UINT8: "uint8",
-    PointField.INT16: "int16",
-    PointField.UINT16: "uint16",
-    PointField.INT32: "int32",
-    PointField.UINT32: "uint32",
-    PointField.FLOAT32: "float32",
-    PointField.FLOAT64: "float64",
+    getattr(PointField, name.upper()): name
+    for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
 }
 # The fields that drivers of lidars write: Velodyne; Ouster; Livox; Hesai and Livox, in different units.
 KNOWN = {

@@ -5,16 +5,16 @@ from libc.stdint cimport int64_t
 
 
 cdef extern from "tf2_sensor_msgs/wide.h":
+    bint wide_is_supported() noexcept nogil     # whether the machine can do what follows
     # x y z lie beside each other, in this machine's byte order, at the start of each of `count` points that
     # do not overlap. `source` and `target` may be the same if the steps are equal; otherwise `target_step` is
     # that of three numbers. After the last z, as many bytes as a number has must be accessible in both; in
     # the target they are written as they were read.
-    # Returns how many points were done, from the first on; 0 if the machine has no AVX2.
-    size_t wide_transform_floats(const char* source, size_t step, char* target, size_t target_step,
-                                 size_t count, const double* matrix, const double* translation) noexcept nogil
-    size_t wide_transform_doubles(const char* source, size_t step, char* target, size_t target_step,
-                                  size_t count, const double* matrix,
-                                  const double* translation) noexcept nogil
+    # Returns how many points were done, from the first on.
+    size_t wide_floats(const char* source, size_t step, char* target, size_t target_step, size_t count,
+                       const double* matrix, const double* translation) noexcept nogil
+    size_t wide_doubles(const char* source, size_t step, char* target, size_t target_step, size_t count,
+                        const double* matrix, const double* translation) noexcept nogil
 
     struct TimeSource:
         ptrdiff_t offset
@@ -34,7 +34,7 @@ cdef extern from "tf2_sensor_msgs/wide.h":
     bint knots_include(const Knots* knots, double ns) noexcept nogil
     # The index of the last knot that is not later than the time; 0 if there is none.
     size_t knot_before(const Knots* knots, double ns) noexcept nogil
-    # As wide_transform_floats, in place, for points that each have a time and so a pose of their own. `xyz`:
+    # As wide_floats, in place, for points that each have a time and so a pose of their own. `xyz`:
     # the offset of x y z in a point. Stops at a point whose time is not between the knots.
     size_t wide_move_floats(char* points, size_t step, size_t count, ptrdiff_t xyz, const TimeSource* time,
                             const Knots* knots) noexcept nogil

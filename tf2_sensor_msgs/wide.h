@@ -146,8 +146,8 @@ static inline size_t move_floats(char *points, size_t step, size_t count, const 
 }
 
 __attribute__((target("avx2,fma")))
-static size_t move_floats_by(char *points, size_t step, size_t count, ptrdiff_t xyz,
-                             const struct TimeSource *time, const struct Knots *knots)
+static size_t wide_move_floats(char *points, size_t step, size_t count, ptrdiff_t xyz,
+                               const struct TimeSource *time, const struct Knots *knots)
 {
     if (time->number == 7)
         return move_floats(points, step, count, xyz, time, 7, knots);
@@ -160,32 +160,11 @@ static size_t move_floats_by(char *points, size_t step, size_t count, ptrdiff_t 
     return 0;
 }
 
-static size_t wide_move_floats(char *points, size_t step, size_t count, ptrdiff_t xyz,
-                               const struct TimeSource *time, const struct Knots *knots)
-{
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-        return move_floats_by(points, step, count, xyz, time, knots);
-    return 0;
-}
-
-static size_t wide_transform_floats(const char *source, size_t step, char *target, size_t target_step,
-                                    size_t count, const double *matrix, const double *translation)
-{
-    if (__builtin_cpu_supports("avx2"))
-        return wide_floats(source, step, target, target_step, count, matrix, translation);
-    return 0;
-}
-
-static size_t wide_transform_doubles(const char *source, size_t step, char *target, size_t target_step,
-                                     size_t count, const double *matrix, const double *translation)
-{
-    if (__builtin_cpu_supports("avx2"))
-        return wide_doubles(source, step, target, target_step, count, matrix, translation);
-    return 0;
-}
+#define wide_is_supported() (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
 
 #else
-#define wide_transform_floats(source, step, target, target_step, count, matrix, translation) ((size_t)0)
-#define wide_transform_doubles(source, step, target, target_step, count, matrix, translation) ((size_t)0)
+#define wide_is_supported() 0
+#define wide_floats(source, step, target, target_step, count, matrix, translation) ((size_t)0)
+#define wide_doubles(source, step, target, target_step, count, matrix, translation) ((size_t)0)
 #define wide_move_floats(points, step, count, xyz, time, knots) ((size_t)0)
 #endif

@@ -5,46 +5,25 @@ This is not a public interface and may change at any time. They import nothing e
 its modules can be moved. ``_internal.pxd`` lists what they cimport.
 """
 
-from tf2_py._objects import errors, log, message_classes
-from tf2_py._objects.errors import MalformedObjectError, bad_name, class_name, is_invalid_name, seconds
-from tf2_py._tf2_py import (
-    FOR_EVER_NS,
-    as_times_ns,
-    duration_ns,
-    frame_name,
-    keep_for_ever,
-    mask_of,
-    matrices_from_rotations,
-    normalise,
-    policy_of,
-    refused,
-    rotations_from_matrices,
-    serialize_as_ros,
-    stamp_parts,
-    time_ns,
-)
-
-__all__ = [
-    "FOR_EVER_NS",
-    "MalformedObjectError",
-    "as_times_ns",
-    "bad_name",
-    "class_name",
-    "duration_ns",
-    "errors",
-    "frame_name",
-    "is_invalid_name",
-    "keep_for_ever",
-    "log",
-    "mask_of",
-    "matrices_from_rotations",
-    "message_classes",
-    "normalise",
-    "policy_of",
-    "refused",
-    "rotations_from_matrices",
-    "seconds",
-    "serialize_as_ros",
-    "stamp_parts",
-    "time_ns",
-]
+from tf2_py._objects import errors as errors
+from tf2_py._objects import log as log
+from tf2_py._objects import message_classes as message_classes
+from tf2_py._objects.errors import MalformedObjectError as MalformedObjectError
+from tf2_py._objects.errors import bad_name as bad_name
+from tf2_py._objects.errors import class_name as class_name
+from tf2_py._objects.errors import is_invalid_name as is_invalid_name
+from tf2_py._objects.errors import seconds as seconds
+from tf2_py._tf2_py import FOR_EVER_NS as FOR_EVER_NS
+from tf2_py._tf2_py import as_times_ns as as_times_ns
+from tf2_py._tf2_py import duration_ns as duration_ns
+from tf2_py._tf2_py import frame_name as frame_name
+from tf2_py._tf2_py import keep_for_ever as keep_for_ever
+from tf2_py._tf2_py import mask_of as mask_of
+from tf2_py._tf2_py import matrices_from_rotations as matrices_from_rotations
+from tf2_py._tf2_py import normalise as normalise
+from tf2_py._tf2_py import policy_of as policy_of
+from tf2_py._tf2_py import refused as refused
+from tf2_py._tf2_py import rotations_from_matrices as rotations_from_matrices
+from tf2_py._tf2_py import serialize_as_ros as serialize_as_ros
+from tf2_py._tf2_py import stamp_parts as stamp_parts
+from tf2_py._tf2_py import time_ns as time_ns

@@ -399,7 +399,7 @@ cdef class BufferCore(Engine):
             text names the file, and the frame and sample where possible.
         """
         opened = _without_init(cls)
-        opened.__setstate__(frozen_origin.state_to_open(os.fspath(path), bool(copy)))
+        opened.__setstate__({"frozen": (os.fspath(path), bool(copy))})
         return opened
 
     # Looking transforms up.

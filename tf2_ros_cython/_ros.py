@@ -30,7 +30,13 @@ def loadable_packages() -> tuple[str, ...]:
 
 def absence(what: str = "tf2_ros") -> ModuleNotFoundError:
     """Make the error for a use of ``what`` without rclpy; its text says what to do."""
-    return ModuleNotFoundError(_without_rclpy(what), name="rclpy")
+    text = (
+        f"{what} needs ROS 2, and no rclpy is found by {sys.executable}: source a ROS 2, or, in a"
+        " clone of tf2-ros-cython, pip install ./messages '.[ros]'"
+    )
+    if "listener" in what.lower() or "broadcaster" in what.lower():
+        text += ". Without ROS 2, tf2_ros_tools.live receives and sends the transforms of a robot"
+    return ModuleNotFoundError(text, name="rclpy")
 
 
 def require_messages() -> None:
@@ -40,7 +46,7 @@ def require_messages() -> None:
     if prefix is None or running is None:
         return  # importing such an rclpy shows what is wrong with it
     spec = importlib.util.find_spec("tf2_msgs")
-    at = _describe_at(running, prefix)
+    at = f"{describe(running)} in {prefix}"
     if int(running.partition(".")[0]) < OLDEST_RCLPY:
         oldest = f"rclpy {OLDEST_RCLPY} ({_RELEASES[OLDEST_RCLPY]})"
         raise ImportError(
@@ -140,10 +146,6 @@ def _release(version: str | None) -> str | None:
     return _RELEASES.get(int(version.partition(".")[0])) if version else None
 
 
-def _describe_at(version: str | None, prefix: Path) -> str:
-    return f"{describe(version) if version else 'of unknown version'} in {prefix}"
-
-
 def _install_messages(name: str | None) -> str:
     distribution = "$ROS_DISTRO" if name is None else name.lower()
     advice = (
@@ -154,13 +156,3 @@ def _install_messages(name: str | None) -> str:
         release = f" -C ros={distribution}" if name in _ON_PYPI[1:] else ""
         advice += f" If it is from PyPI, in a clone of tf2-ros-cython, pip install ./messages{release}"
     return advice
-
-
-def _without_rclpy(what: str) -> str:
-    text = (
-        f"{what} needs ROS 2, and no rclpy is found by {sys.executable}: source a ROS 2, or, in a"
-        " clone of tf2-ros-cython, pip install ./messages '.[ros]'"
-    )
-    if "listener" in what.lower() or "broadcaster" in what.lower():
-        text += ". Without ROS 2, tf2_ros_tools.live receives and sends the transforms of a robot"
-    return text

@@ -41,14 +41,10 @@ class FrozenFile(NamedTuple):
         return {"frozen": tuple(self[:4])}
 
 
-def state_to_open(path: Path, is_copy: bool) -> dict[str, Any]:
-    """Get the state of a buffer that holds whatever this file holds."""
-    return {"frozen": (path, is_copy)}
-
-
 def from_state(state: dict[str, Any]) -> tuple[Path, bool, FrozenFile | None]:
     """
-    Get the path of such a state, whether the file is to be copied, and which file is expected.
+    Get the path of such a state, whether the file is to be copied, and which file is expected. A state with a
+    path and a bool, in place of the numbers, is that of a buffer that holds whatever the file holds.
 
     :raises ValueError: it is not one.
     """

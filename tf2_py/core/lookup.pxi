@@ -200,13 +200,6 @@ cdef inline FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time
     return history_parent_at(history, history_time_within(history, time_ns, tolerance_ns))
 
 
-cdef Status _unconnected(FrameId source_root, FrameId target_root) noexcept nogil:
-    cdef Status status = status_of(STATUS_UNCONNECTED)
-    status.child = source_root
-    status.parent = target_root
-    return status
-
-
 cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
                            const Policy* policy, Path* path) noexcept nogil:
     # The path at a time, for which frames answer that end within their tolerance before it; or at NEWEST, for
@@ -215,6 +208,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
     cdef FrameId top = source
     cdef FrameId parent
     cdef Lack source_lack, target_lack
+    cdef Status unconnected
     lack_init(&source_lack)
     lack_init(&target_lack)
     path.source_hops = path.target_hops = 0
@@ -259,7 +253,9 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
         return status_of(STATUS_OK)
     if source_lack.first != NULL:
         return _extrapolation(&source_lack, &target_lack, time_ns)
-    return _unconnected(top, frame)
+    unconnected = status_of(STATUS_UNCONNECTED)
+    unconnected.child, unconnected.parent = top, frame
+    return unconnected
 
 
 # The path between two frames: up from both, to their lowest common ancestor.

@@ -167,11 +167,6 @@ cdef str _as_sent(str name):
     return f"/{name}" if name.startswith("/") else name
 
 
-cdef tuple _frame_of(const History* history, str name, list authorities):
-    is_static = history.kind == HISTORY_STATIC
-    return _as_sent(name), is_static, name_of(authorities, history.authority), history.count
-
-
 cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
     cdef Tree view
     cdef FrameId id
@@ -200,7 +195,8 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
             let_others_run(id)
             history = &view.histories[id]
             if history.count:
-                frames.append(_frame_of(history, names[id], authorities))
+                frames.append((_as_sent(names[id]), history.kind == HISTORY_STATIC,
+                               name_of(authorities, history.authority), history.count))
             parent_names.append(_as_sent(names[id]) if history.is_parent else "")
         return {
             "cache_time_ns": view.retention.cache_time_ns,

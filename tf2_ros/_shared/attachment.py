@@ -92,7 +92,8 @@ class Attachment:
             return
         self._warn_of_overruns()
         for attached in list(self.listeners.values()):
-            attached.end_with_node()
+            if node_has_ended(attached.listener.node):  # as its subscriptions would
+                attached.listener_ended(waits=True)
         if not self._has_ended:
             if not is_owned(self.reader.descriptor):
                 why = "no longer shares it"
@@ -234,11 +235,6 @@ class AttachedListener:
                     listener._tf2_listen_itself()
             finally:  # last: whoever ends the listener meanwhile, or gives it a buffer, waits
                 self._remove()
-
-    def end_with_node(self) -> None:
-        """End if the node was destroyed, as subscriptions do."""
-        if node_has_ended(self.listener.node):
-            self.listener_ended(waits=True)
 
     def _remove(self) -> None:
         if self.listener._tf2_listening.receiver is self:

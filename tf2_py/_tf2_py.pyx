@@ -964,6 +964,8 @@ cdef class BufferCore(Engine):
         """
         cdef Query query
         cdef TimeSeries series
+        cdef Transform poses[2]
+        cdef Py_ssize_t i, k
         times_ns = as_times_ns(times)
         cdef Py_ssize_t count = len(times_ns)
         cdef int64_t interval_ns = duration_ns(averaging_interval, "averaging_interval")
@@ -972,17 +974,27 @@ cdef class BufferCore(Engine):
             raise ValueError("averaging_interval must not be negative")
         linear, angular = new_array((count, 3)), new_array((count, 3))
         ends_ns = new_array((2 * count,), "int64")
+        cdef const int64_t* times_of = int64s_of(times_ns)
+        cdef int64_t* ends_of = int64s_of(ends_ns)
+        cdef double* linear_of = doubles_of(linear, 3)
+        cdef double* angular_of = doubles_of(angular, 3)
         translations, rotations = new_array((2 * count, 3)), new_array((2 * count, 4))
-        series_begin(&series, int64s_of(ends_ns), 2 * count)
+        series_begin(&series, ends_of, 2 * count)
         series.nan_missing = _is_nan_wanted(on_missing)
         query_frames(&query, observation_frame, tracking_frame)
         if count:
             common_ns = self._common_time(observation_frame, tracking_frame, "lookupTransform")
-            twist_ends(int64s_of(times_ns), count, interval_ns, common_ns, int64s_of(ends_ns))
+            for i in range(count):
+                twist_interval(max(times_of[i], 1), interval_ns, common_ns,
+                               &ends_of[2 * i], &ends_of[2 * i + 1])
             series.translations, series.rotations = doubles_of(translations, 3), doubles_of(rotations, 4)
             self._lookup_series(&query, &series, 2)
-            twists_between(series.times_ns, count, series.translations, series.rotations,
-                           doubles_of(linear, 3), doubles_of(angular, 3))
+            for i in range(count):
+                for k in range(2):
+                    memcpy(poses[k].translation, &series.translations[3 * (2 * i + k)], 3 * sizeof(double))
+                    memcpy(poses[k].rotation, &series.rotations[4 * (2 * i + k)], 4 * sizeof(double))
+                twist_between(&poses[0], &poses[1], <double>(ends_of[2 * i + 1] - ends_of[2 * i]) * 1e-9,
+                              &linear_of[3 * i], &angular_of[3 * i])
         return linear, angular
 
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:
@@ -1167,9 +1179,8 @@ cdef class BufferCore(Engine):
     def _frameExists(self, name: str) -> bool:
         """Whether the name was ever a parent or a child."""
         cdef Py_ssize_t size
-        cdef const char* text = name_utf8(name, &size)
-        catch_up(self)
-        return self.has_frame(text, size) or name == "NO_PARENT"
+        name_utf8(name, &size)
+        return name in self or name == "NO_PARENT"
 
     def _getFrameStrings(self) -> list[str]:
         """Every frame name, in the order of first appearance."""

@@ -670,23 +670,3 @@ cdef Py_ssize_t _sort_once(int64_t* values, Py_ssize_t count) noexcept nogil:
             values[kept] = values[i]
             kept += 1
     return kept
-
-
-cdef void twist_ends(const int64_t* times_ns, Py_ssize_t count, int64_t interval_ns, int64_t common_ns,
-                     int64_t* ends_ns) noexcept nogil:
-    cdef Py_ssize_t i
-    for i in range(count):
-        twist_interval(max(times_ns[i], 1), interval_ns, common_ns, &ends_ns[2 * i], &ends_ns[2 * i + 1])
-
-
-cdef void twists_between(const int64_t* ends_ns, Py_ssize_t count, const double* translations,
-                         const double* rotations, double* linear, double* angular) noexcept nogil:
-    cdef Transform poses[2]
-    cdef Py_ssize_t i
-    cdef int k
-    for i in range(count):
-        for k in range(2):
-            memcpy(poses[k].translation, translations + 3 * (2 * i + k), sizeof(poses[k].translation))
-            memcpy(poses[k].rotation, rotations + 4 * (2 * i + k), sizeof(poses[k].rotation))
-        twist_between(&poses[0], &poses[1], <double>(ends_ns[2 * i + 1] - ends_ns[2 * i]) * 1e-9,
-                      linear + 3 * i, angular + 3 * i)

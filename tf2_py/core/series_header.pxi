@@ -57,11 +57,3 @@ cdef inline void twist_interval(int64_t time_ns, int64_t interval_ns, int64_t co
     end_ns[0] = time_ns + min(after_ns, INT64_MAX - time_ns)
     if common_ns and end_ns[0] > common_ns:
         end_ns[0] = max(common_ns, time_ns)
-
-
-# Twists at many times: from when to when each is a mean, two entries of `ends_ns` for each time; and the
-# twists, (count, 3) in m/s and rad/s, between the poses at these, (2 count, 3) and (2 count, 4).
-cdef void twist_ends(const int64_t* times_ns, Py_ssize_t count, int64_t interval_ns, int64_t common_ns,
-                     int64_t* ends_ns) noexcept nogil
-cdef void twists_between(const int64_t* ends_ns, Py_ssize_t count, const double* translations,
-                         const double* rotations, double* linear, double* angular) noexcept nogil

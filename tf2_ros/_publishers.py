@@ -40,9 +40,8 @@ class _UnfitPublishers:
     def __init__(self, node: Node, subscription: Any, former: Callable[[Any], Any]) -> None:
         self._node = weakref.ref(node)
         self._topic, self._qos, self._former = subscription.topic_name, subscription.qos_profile, former
-        self._unnamed: dict[
-            bytes, int
-        ] = {}  # identifiers of publishers, and for how many more checks to wait
+        # Identifiers of publishers, and for how many more checks to wait.
+        self._unnamed: dict[bytes, int] = {}
         check_regularly(self)
 
     def __call__(self, event: Any) -> None:

@@ -34,7 +34,6 @@ from tf2_py._internal cimport (
     lock_free,
     lock_init,
     lock_release,
-    name_strip,
     names_free,
     names_init,
     names_intern,
@@ -67,19 +66,8 @@ cdef enum:
     NOTE_SLICE = 1024       # transforms of a message that are noted before other threads may read the records
 
 
-cdef inline uint32_t _intern(Names* names, const char* text, size_t size) noexcept nogil:
-    return NAME_NO_MEMORY if names.count >= MAX_NAMES else names_intern(names, text, size)
-
-
-cdef inline uint32_t _intern_value(Names* values, const Transform* transform) noexcept nogil:
-    if values.count >= MAX_VALUES:
-        return NAME_NO_MEMORY
-    return names_intern(values, <const char*>transform, sizeof(Transform))
-
-
-cdef uint32_t _intern_frame(Names* names, const char* text, size_t size) noexcept nogil:
-    name_strip(&text, &size)
-    return _intern(names, text, size)
+cdef inline uint32_t _intern(Names* names, uint32_t most, const void* text, size_t size) noexcept nogil:
+    return NAME_NO_MEMORY if names.count >= most else names_intern(names, <const char*>text, size)
 
 
 cdef void records_add(
@@ -91,7 +79,7 @@ cdef void records_add(
     cdef size_t i
     lock_acquire(&records.lock)
     records.messages += 1
-    publisher = _intern(&records.publishers, <const char*>gid, gid_size)
+    publisher = _intern(&records.publishers, MAX_NAMES, gid, gid_size)
     for i in range(batch.count):
         if i % NOTE_SLICE == NOTE_SLICE - 1:
             lock_release(&records.lock)
@@ -103,15 +91,15 @@ cdef void records_add(
         record = &records.records[records.count]
         record.received_ns = received_ns
         record.stamp_ns = incoming.stamp_ns
-        record.child = _intern_frame(&records.frames, incoming.child, incoming.child_size)
-        record.parent = _intern_frame(&records.frames, incoming.parent, incoming.parent_size)
+        record.refusals = incoming_refusals(&incoming)      # which also strips the names
+        record.child = _intern(&records.frames, MAX_NAMES, incoming.child, incoming.child_size)
+        record.parent = _intern(&records.frames, MAX_NAMES, incoming.parent, incoming.parent_size)
         record.publisher = publisher
         record.is_static = batch.is_static
-        record.refusals = incoming_refusals(&incoming)
         record.unnormalised = record.refusals == 0 and is_unnormalised(incoming.squared_length)
         record.value = NAME_NO_MEMORY
         if batch.is_static:
-            record.value = _intern_value(&records.values, &incoming.transform)
+            record.value = _intern(&records.values, MAX_VALUES, &incoming.transform, sizeof(Transform))
         if record.child == NAME_NO_MEMORY or record.parent == NAME_NO_MEMORY:
             records.lost += 1
         else:

@@ -250,12 +250,7 @@ class TransformListener:
             listening.spinner.stop(wait=waits)
         if not listening.owns_node:
             # A subclass that does not call __init__ makes the first two itself.
-            attributes = [
-                "tf_sub",
-                "tf_static_sub",
-                *(topic.attribute for topic in listening.topics),
-            ]
-            for name in dict.fromkeys(attributes):
+            for name in ("tf_sub", "tf_static_sub"):
                 if self.__dict__.get(name) is not None:
                     destroy_subscription(self.node, self.__dict__[name])
         elif listening.spinner is None:

@@ -22,14 +22,16 @@ cdef int _read_time_field(object cloud, object times, Py_ssize_t point_step, Tim
     return 0
 
 
+cdef Transform IDENTITY
+memset(&IDENTITY, 0, sizeof(Transform))
+IDENTITY.rotation[3] = 1.0
+
+
 cdef int _read_points(object cloud, Py_ssize_t size, Grid* out) except -1:
     # The grid, with the coordinates of the points.
-    cdef Transform identity
-    memset(&identity, 0, sizeof(Transform))
-    identity.rotation[3] = 1.0
     _read_grid(cloud, size, out)
     out.triple_count = 0
-    return _add_triples(cloud, _fields_by_name(cloud), COORDINATES, &identity, True, out)
+    return _add_triples(cloud, _fields_by_name(cloud), COORDINATES, &IDENTITY, True, out)
 
 
 cdef enum:
@@ -343,7 +345,6 @@ def move_points(
     cdef Grid grid
     cdef Py_buffer source
     cdef PointPoses poses
-    cdef Transform identity
     cdef array.array data
     cdef int64_t whole
     cdef bint store = stored is not None
@@ -352,8 +353,6 @@ def move_points(
     cdef double* numbers
     cdef Py_ssize_t count = len(matrices)
     cdef int i
-    memset(&identity, 0, sizeof(Transform))
-    identity.rotation[3] = 1.0
     header = new_header(new_stamp_ns, frame_id)
     poses.is_complete = True
     poses.times_ns = NULL if times is None else <const int64_t*>cnp.PyArray_DATA(times)
@@ -385,7 +384,7 @@ def move_points(
             poses.field.times = <double>poses.field.unit_ns
             whole = <int64_t>poses.field.minus * poses.field.unit_ns
             poses.field.plus = <double>(poses.field.base_ns + whole - poses.base_ns)
-        _add_directions(cloud, _fields_by_name(cloud), &identity, &grid)
+        _add_directions(cloud, _fields_by_name(cloud), &IDENTITY, &grid)
         for i in range(grid.triple_count):
             grid.triples[i].step = grid.point_step
         data = array.clone(NO_BYTES, grid.new_size, False)

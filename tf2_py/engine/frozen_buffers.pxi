@@ -31,9 +31,7 @@ cdef void _number_frames(const Tree* view, NumberedFrames* frames) noexcept nogi
 
 cdef void _fill_frame(FrozenFrame* record, const History* history, uint32_t authority, const FrameId* ids,
                       uint64_t* data_end) noexcept nogil:
-    # With all but its name and the checksum of its samples.
-    if history.count == 0:
-        return
+    # With all but its name and the checksum of its samples, of which it has some.
     record.kind = history.kind
     record.authority = authority
     record.newest_parent = ids[history_newest_parent(history)]

@@ -241,14 +241,10 @@ cdef int _level_of_user() except -1:
     # of Cython have no frames.
     cdef int level = 1
     frame = sys._getframe()
-    while frame.f_back is not None and _is_ours(frame.f_globals.get("__name__")):
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] in OUR_PACKAGES:
         frame = frame.f_back
         level += 1
     return level
-
-
-cdef bint _is_ours(object module) except -1:
-    return isinstance(module, str) and module.partition(".")[0] in OUR_PACKAGES
 
 
 cdef object _at_most_for_ever(object duration_ns):

@@ -47,7 +47,7 @@ def test_links_lead_somewhere(page):
 
 def with_a_program():
     """The pages that have one."""
-    whys = {"recordings.md": "starts workers and viewers", "datasets.md": "needs pyarrow"}
+    whys = {"saved-buffers.md": "needs rerun", "datasets.md": "needs pyarrow and distributed"}
     for page in filter(program, PAGES):
         marks = [pytest.mark.long(whys[page.name])] if page.name in whys else []
         yield pytest.param(page, id=page.name, marks=marks)
@@ -55,13 +55,13 @@ def with_a_program():
 
 @pytest.mark.parametrize("page", [*with_a_program()])
 def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
-    if page.name == "recordings.md":
-        for library in ("pyarrow", "distributed", "rerun"):
-            pytest.importorskip(library)
+    if page.name == "saved-buffers.md":
+        pytest.importorskip("rerun")
     if page.name == "live.md":
         pytest.importorskip("cyclonedds")
     if page.name == "datasets.md":
-        pytest.importorskip("pyarrow")
+        for library in ("pyarrow", "distributed"):
+            pytest.importorskip(library)
         provide_torch(tmp_path)
     run_program(page, tmp_path)
 
@@ -84,7 +84,7 @@ def test_the_programs_show_the_first_robot_as_the_page_says(line, tmp_path):
 
 
 def test_the_recorder_saves_what_it_received_until_ctrl_c(tmp_path, peer):
-    code = named_programs(DOCS / "recordings.md")["record.py"]
+    code = named_programs(DOCS / "saved-buffers.md")["record.py"]
     # It says when it has received everything: interrupted before that, there might be nothing to save.
     received = 'print(buffer.can_transform("map", "camera", 1_000_000_000, timeout=60), flush=True)'
     code = code.replace("        time.sleep(60)", f"        {received}\n        time.sleep(60)")

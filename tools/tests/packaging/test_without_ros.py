@@ -4,7 +4,7 @@ import pytest
 import sources
 from places import DOCS, TOOLS
 from sources import modules
-from tool_pages import run_program
+from tool_pages import provide_torch, run_program
 from tool_sources import PACKAGES, PYPROJECT
 from without_ros import make_world
 
@@ -42,5 +42,8 @@ def test_a_program_says_in_one_line_what_is_missing(world, command):
     assert ended.stderr.startswith(f"{name}: tf2_ros needs ROS 2, and no rclpy is found by {world.python}")
 
 
-def test_the_chapter_about_recordings_holds(world, tmp_path):
-    run_program(DOCS / "recordings.md", tmp_path, world.python, world.environment)
+@pytest.mark.parametrize("page", ["recordings.md", "other-sources.md", "saved-buffers.md", "datasets.md"])
+def test_the_pages_about_recordings_hold(world, tmp_path, page):
+    if page == "datasets.md":
+        provide_torch(tmp_path)
+    run_program(DOCS / page, tmp_path, world.python, world.environment)

@@ -40,7 +40,7 @@ def test_workers_share_a_frozen_file(method):
 def test_the_loader_of_the_page_hands_its_workers_the_same_poses(tmp_path):
     shutil.copytree(SAMPLES / "drive", tmp_path / "drive")
     program = tmp_path / "loader.py"
-    code = named_programs(DOCS / "datasets.md")["loader.py"]
+    code = named_programs(DOCS / "saved-buffers.md")["loader.py"]
     for method in ("spawn", "forkserver", "fork"):
         program.write_text(code.replace('get_context("spawn")', f'get_context("{method}")'), encoding="utf-8")
         assert output_of(program, cwd=tmp_path) == "10 (100, 7)\n"

@@ -406,7 +406,7 @@ def transforms(
     :return: an iterator over ``(log time in ns, whether it is static, TransformStamped)``. Without ROS, the
         last is an object with the same fields.
 
-    The transforms are neither checked nor normalised. Arguments and errors are the same as in :func:`load`,
+    The transforms are neither checked nor normalized. Arguments and errors are the same as in :func:`load`,
     but everything is raised during the iteration. With ``start`` or ``end``, all static transforms come
     first.
     """

@@ -44,7 +44,7 @@ class Dataset:
     :param indices: the number of the message in its recording, int64, shape (N,).
     :param stamps_ns: int64, shape (N,).
     :param timestamps: seconds since the first message of the recording, float64, shape (N,).
-    :param poses: float64, shape (N, F, 7): x y z in metres, qx qy qz qw; NaN without an answer.
+    :param poses: float64, shape (N, F, 7): x y z in meters, qx qy qz qw; NaN without an answer.
     :param valid: bool, shape (N, F): whether there is an answer.
     :param gaps: float64, shape (N, F): seconds between the two samples that the pose was interpolated from,
         the longest of all frames in between; 0 at a sample, NaN without an answer.

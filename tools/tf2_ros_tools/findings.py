@@ -319,7 +319,7 @@ def _as_expected(frame: str, newest: Stream, expected: Expectation) -> Iterator[
 
 
 S = 1_000_000_000
-SAME_VALUE = 1e-6  # metres, and of the components of a quaternion
+SAME_VALUE = 1e-6  # meters, and of the components of a quaternion
 COMPONENTS = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
@@ -572,15 +572,15 @@ def line_of(finding: Finding) -> str:
 
 def lines_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) -> Iterator[str]:
     """
-    Describe findings, each on a line, and on the last line their number, and in what they are.
+    Describe findings, each on a line, and on the last line their number.
 
-    :param of_what: how much was received, for example ``12 messages and 5 s``.
+    :param of_what: how much was received, for example ``12 messages, 5 s``.
     """
     yield from map(line_of, wrong)
     # Including roots, as in the list of trees.
     names = {name for stream in streams for name in (stream.frame, stream.parent)}
-    verdict = f"wrong: {counted(len(wrong), 'finding')}" if wrong else "ok: no findings"
-    yield f"{verdict} in {counted(len(names), 'frame')}, {of_what}"
+    verdict = counted(len(wrong), "problem") if wrong else "no problems"
+    yield f"{verdict} in {counted(len(names), 'frame')} ({of_what})"
 
 
 def conclude(options: Namespace, report: Any, of_what: str, head: Mapping[str, Any]) -> int:

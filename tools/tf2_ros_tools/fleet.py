@@ -408,7 +408,7 @@ def map_recordings(
     """
     Look up the pose of ``source`` in ``target`` in many recordings, and write a Parquet file for each.
 
-    Its columns are ``file``, ``stamp_ns``, ``x y z`` (metres), ``qx qy qz qw``, ``valid``, and
+    Its columns are ``file``, ``stamp_ns``, ``x y z`` (meters), ``qx qy qz qw``, ``valid``, and
     ``gap``: the seconds between the samples that the pose was interpolated from. The file ``_findings.csv``
     in the same folder lists the problems of the recordings, and why some cannot be read. A problem with one
     recording does not stop the others.

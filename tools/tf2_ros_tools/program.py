@@ -183,7 +183,7 @@ def add_live_option(parser: Parser) -> None:
 
 def _namespace(text: str) -> str:
     if not re.fullmatch(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", text, re.ASCII):
-        raise ArgumentTypeError(f"{text!r} is not a namespace such as robot1")
+        raise ArgumentTypeError(f"expected a namespace such as robot1, got {text!r}")
     return f"/{text.removeprefix('/')}"
 
 
@@ -311,7 +311,7 @@ def ending_in(*formats: str) -> Callable[[str], str]:
 
     def checked(name: str) -> str:
         if format_of(name) not in formats:
-            raise ArgumentTypeError(f"must end in {listed_endings(*formats)}, not {name!r}")
+            raise ArgumentTypeError(f"expected a name that ends in {listed_endings(*formats)}, got {name!r}")
         return name
 
     return checked
@@ -341,15 +341,16 @@ EXPECTATIONS = (
 
 def add_check_options(made: ArgumentParser) -> None:
     """Add the options for expectations, limits and ignored kinds."""
-    summary = f"compare the frames with the expectations in this YAML file, such as {EXPECTATIONS}"
+    summary = f"report differences from the expectations in this YAML file, such as {EXPECTATIONS}"
     made.add_argument("--expect", metavar="FILE", type=Path, help=summary)
-    made.add_argument("--min-rate", type=positive_number, metavar="HZ", help="minimum rate of dynamic frames")
+    summary = "minimum rate of each dynamic frame"
+    made.add_argument("--min-rate", type=positive_number, metavar="HZ", help=summary)
     made.add_argument(
         "--max-delay",
         type=non_negative_number,
         metavar="S",
-        help="maximum delay of dynamic transforms; without it, report averages above 1 s or 3 periods of the "
-        "frame, whichever is longer",
+        help="maximum delay of each dynamic transform; by default, the average delay of a frame must not "
+        "exceed 1 s or 3 periods, whichever is longer",
     )
     made.add_argument(
         "--ignore",
@@ -357,7 +358,8 @@ def add_check_options(made: ArgumentParser) -> None:
         choices=KINDS,
         metavar="KIND",
         default=[],
-        help="do not report this kind, the first word of a line; may be given several times",
+        help="do not report this kind of problem; may be given several times; the kinds are "
+        f"{', '.join(KINDS)}",
     )
 
 

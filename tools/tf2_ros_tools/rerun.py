@@ -55,7 +55,7 @@ def log(
 
     :param recording: by default the current one, for example the recording of ``rerun.init``.
     :param origin: the frame that does not move; by default the root of the largest tree.
-    :param axes: the length of the axes in metres.
+    :param axes: the length of the axes in meters.
     :raises LookupException: the buffer does not know ``origin``.
     :raises ModuleNotFoundError: rerun is not installed.
 
@@ -117,7 +117,7 @@ def view(buffer: BufferCore, **how: Any) -> None:
 
 TRAILS = "trails"
 TRAIL_S = 10.0
-TRAIL_RADIUS = -1.5  # negative: in pixels, not metres
+TRAIL_RADIUS = -1.5  # negative: in pixels, not meters
 TRAIL_COLOR = 0xE69F00FF  # red, green, blue, opacity
 OPENING_S = 0.05  # between two checks whether the viewer has opened
 MEMORY = "1GB"  # the limit of the viewer, above which it drops the oldest data
@@ -130,7 +130,7 @@ class Live:
     :param buffer: must keep each sample at least until the next call of :meth:`send`.
     :param origin: the frame that does not move; by default the root of the largest tree.
     :param trails: the frames whose paths over the last TRAIL_S seconds are drawn.
-    :param axes: the length of the axes in metres.
+    :param axes: the length of the axes in meters.
     """
 
     def __init__(

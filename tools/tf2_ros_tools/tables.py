@@ -32,7 +32,7 @@ class Table:
     The pose of one frame in another one at N times.
 
     :param stamps_ns: int64, shape (N,), nanoseconds.
-    :param poses: float64, shape (N, 7): x y z in metres, qx qy qz qw of length one; NaN without an answer.
+    :param poses: float64, shape (N, 7): x y z in meters, qx qy qz qw of length one; NaN without an answer.
     :param gaps: float64, shape (N,): seconds between the two samples that a pose was interpolated from, the
         longest of all frames in between; 0 at a sample and if nothing moves; NaN without an answer.
     """

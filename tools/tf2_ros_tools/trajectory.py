@@ -102,7 +102,7 @@ def trajectory_figure(
     :param target: the other frame.
     :param source: the frame whose path is drawn.
     :param times: in seconds, ascending, shape (N,), N of 1 or more.
-    :param positions: x y z, in metres, shape (N, 3), of which the first and the last are known; rows of NaN
+    :param positions: x y z, in meters, shape (N, 3), of which the first and the last are known; rows of NaN
         are gaps.
     :param rpy: roll, pitch and yaw, in radians, shape (N, 3); NaN where the positions are.
     """

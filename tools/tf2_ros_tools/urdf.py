@@ -50,7 +50,7 @@ class Joint:
     :param type: fixed, revolute, continuous or prismatic.
     :param parent: the frame of its parent link, with the prefix.
     :param child: the frame of its child link, which is also that of the joint.
-    :param translation: of the joint at position 0 in its parent, metres.
+    :param translation: of the joint at position 0 in its parent, meters.
     :param rotation: likewise, a quaternion x y z w.
     :param axis: in the frame of the joint, of length one.
     :param mimic: the joint that this one follows, the multiplier and the offset; or None. If there is no such
@@ -97,8 +97,8 @@ class Robot:
 
         :param names: of K joints, as in a ``sensor_msgs/JointState``; unknown names are ignored, and the
             first of equal ones counts.
-        :param positions: radians or metres, shape (K,), or (N, K) for N times.
-        :return: M joints, their translations in metres, shape (M, 3) or (N, M, 3), and their rotations x y z
+        :param positions: radians or meters, shape (K,), or (N, K) for N times.
+        :return: M joints, their translations in meters, shape (M, 3) or (N, M, 3), and their rotations x y z
             w, shape (M, 4) or (N, M, 4). A position of NaN makes the numbers of its joint NaN.
         :raises ValueError: the shapes do not fit.
         """

@@ -32,7 +32,10 @@ HEARS = dict.fromkeys(
     ("tf2_check", "tf2_plot", "view_frames"), heard("camera", "robot", odom=50, base_link=50)
 )
 # The status that is not 0, and what the program then prints.
-REPORTED = {1: re.compile(r"^wrong: |which has the program dot", re.MULTILINE), 130: re.compile("camra")}
+REPORTED = {
+    1: re.compile(r"^\d+ problems? in |which has the program dot", re.MULTILINE),
+    130: re.compile("camra"),
+}
 
 
 def started(page):

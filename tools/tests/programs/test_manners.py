@@ -251,7 +251,10 @@ def test_missed_ticks_are_skipped_and_the_others_keep_their_times(rate):
     [
         ("tf2_echo --ros-args -p x", "--ros-args: "),
         ("tf2_echo a b --ros-args -r __node:=a-b", "--ros-args: "),
-        ("tf2_echo a b --namespace x-1", "argument --namespace: 'x-1' is not a namespace such as robot1"),
+        (
+            "tf2_echo a b --namespace x-1",
+            "argument --namespace: expected a namespace such as robot1, got 'x-1'",
+        ),
         ("tf2_bag", "the following arguments are required: COMMAND (see tf2_bag --help)"),
         ("tf2_bag twice", "argument COMMAND: invalid choice: 'twice'"),
     ],
@@ -281,9 +284,9 @@ def test_another_tf2_py_is_named(folder):
 
 # Names: they cannot steer the terminal, nor pretend to be a line of the program.
 
-HOSTILE = "x\x1b[2J\x7f\x9b1m\u202e\nok: no findings"
+HOSTILE = "x\x1b[2J\x7f\x9b1m\u202e\nno problems"
 OTHER = os.fsdecode(b"gr\xfcn")  # as Python gets bytes that are not UTF-8
-ESCAPED = r"x\x1b[2J\x7f\x9b1m\u202e\nok: no findings"
+ESCAPED = r"x\x1b[2J\x7f\x9b1m\u202e\nno problems"
 
 
 def has_no_control_characters(text):

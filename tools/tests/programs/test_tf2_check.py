@@ -29,7 +29,7 @@ def test_a_healthy_robot_passes(tmp_path):
     with broadcasting():
         status, out, err = ended("tf2_check", "-t", "6", *TOLERANT, "--expect", str(path), hears=ROBOT)
     assert (status, err) == (0, "")
-    assert re.fullmatch(r"ok: no findings in 4 frames, \d+ messages and 6 s\n", out)
+    assert re.fullmatch(r"no problems in 4 frames \(\d+ messages, 6 s\)\n", out)
 
 
 def test_json_has_the_verdict_the_findings_and_the_figures(peer):
@@ -126,7 +126,7 @@ def test_a_clock_that_is_wrong_is_found(options, offset, simulated, said, peer):
     assert process.returncode == 1
     finding, verdict = out.splitlines()
     assert re.fullmatch(said, finding)
-    assert verdict.startswith("wrong: 1 finding in ")
+    assert verdict.startswith("1 problem in ")
 
 
 def test_two_publishers_of_the_clock_are_named(peer):

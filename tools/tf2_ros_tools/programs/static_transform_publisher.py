@@ -29,7 +29,7 @@ TOLERANCE = 0.01
 
 DESCRIPTION = """\
 Publish the transform from a child frame to its parent on /tf_static, until interrupted. Omitted values \
-default to the identity. Lengths are in metres, angles in radians.
+default to the identity. Lengths are in meters, angles in radians.
 
 The old form, X Y Z YAW PITCH ROLL FRAME_ID CHILD_FRAME_ID or X Y Z QX QY QZ QW FRAME_ID CHILD_FRAME_ID, \
 also works, with a warning."""
@@ -56,7 +56,7 @@ PARSER.add_argument(
 meanings = {
     **{name: f"{name} of the translation" for name in TRANSLATION},
     **{name: f"{name[1]} of the rotation, a quaternion" for name in QUATERNION},
-    **{name: f"turn about the fixed axis {axis}" for name, axis in zip(EULER, "xyz", strict=True)},
+    **{name: f"rotation about the fixed axis {axis}" for name, axis in zip(EULER, "xyz", strict=True)},
 }
 for name, meaning in meanings.items():
     PARSER.add_argument(f"--{name}", type=finite_number, help=meaning)

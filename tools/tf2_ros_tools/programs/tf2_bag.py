@@ -46,8 +46,7 @@ and where a frame was at a given time.
 A recording is a rosbag2 folder, or a file that ends in .mcap, .db3 or .bag (ROS 1). Each command has its \
 own help, for example tf2_bag lookup --help.
 
-Exit status: 0 if the command could be done; 1 if it could not, or if check has found problems; 2 after \
-wrong usage."""
+Exit status: 0 on success; 1 if the command failed, or if check found problems; 2 after wrong usage."""
 
 EXAMPLE = """\
   tf2_bag info drive.mcap
@@ -130,9 +129,9 @@ def info(options: Namespace) -> int:
     show("tree:", *(f"  {line}" for line in heard.buffer.tree().splitlines()))
     show("frames:", *(f"  {stream_line(stream)}{_gap(stream)}" for stream in said.streams))
     if said.clocks_differ:
-        show("stamps and log times are of different clocks: no delays")
+        show("stamps and log times are from different clocks, so delays are unknown")
     if said.saved:
-        show("saved by a buffer, which keeps stamps but no times of reception: no delays")
+        show("a saved buffer has no times of reception, so delays are unknown")
     show(*heard.absent, *lines_of(said.findings, said.streams, _what(said)))
     return SUCCESS
 
@@ -145,12 +144,12 @@ def check(options: Namespace) -> int:
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
     said = report(_judged_of(options), limits, expected)
     # Silence about these must not be taken for health.
-    unknown = "; a saved buffer: delays and stopped frames are unknown" if said.saved else ""
+    unknown = "; a saved buffer has no times of reception: delays are unknown" if said.saved else ""
     return conclude(options, said, _what(said) + unknown, {"file": options.file})
 
 
 def _what(said: Report) -> str:
-    return f"{counted(said.transforms, 'transform')} and {three_digits(said.seconds)} s"
+    return f"{counted(said.transforms, 'transform')}, {three_digits(said.seconds)} s"
 
 
 def _contents(topics: Sequence[RecordedTopic], start_ns: int | None, end_ns: int | None) -> Iterator[str]:
@@ -230,7 +229,7 @@ def batch(options: Namespace) -> int:
             scheduler=options.scheduler,
         )
     except KeyboardInterrupt:
-        options.parser.warn("interrupted; the same command does the rest")
+        options.parser.warn("interrupted; repeat the command to continue")
         raise
     for problem in result.failed.values():
         options.parser.warn(problem)
@@ -363,8 +362,8 @@ def _parser() -> Parser:
     command = add(
         "lookup",
         lookup,
-        "write the pose of the frame SOURCE in the frame TARGET at many times as a table; by default, at the "
-        "stamps of all dynamic transforms between the two",
+        "write a table of the poses of the frame SOURCE in the frame TARGET; by default, at the stamps of "
+        "all dynamic transforms between the two",
         "drive.mcap map base_link > path.csv",
         "drive.mcap map lidar --at /points -o lidar.tum",
         "drive.mcap map base_link --times 1795210034.5 1795210035",
@@ -373,7 +372,8 @@ def _parser() -> Parser:
     command.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
     command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
     when = _add_when(command)
-    when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help="at these times, in seconds")
+    summary = "look up at these times, in seconds"
+    when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help=summary)
     command.add_argument(
         "--max-gap",
         type=non_negative_number,
@@ -403,26 +403,26 @@ def _parser() -> Parser:
     command = add(
         "batch",
         batch,
-        "write the poses of a frame in many recordings, as a Parquet table for each, and a table of the "
-        "problems in all of them; a run skips what an earlier one has finished",
+        "write the poses of a frame in many recordings: a Parquet table for each, and a table of all "
+        "problems; tables that an earlier run completed are skipped",
         "recordings/ --lookup map base_link --rate 10 --out tables",
         "day1/*.mcap --lookup map lidar --at /points --out tables --workers 4",
     )
-    summary = "a recording, or a folder that is searched for them"
+    summary = "a recording, or a folder that is searched for recordings"
     command.add_argument("recordings", nargs="+", metavar="RECORDING", help=summary)
     ends, summary = ("TARGET", "SOURCE"), "the pose of SOURCE in TARGET"
     command.add_argument("--lookup", nargs=2, metavar=ends, type=_frame, required=True, help=summary)
     _add_when(command)
-    command.add_argument("--out", metavar="DIR", required=True, help="where the tables are written")
+    command.add_argument("--out", metavar="DIR", required=True, help="the folder for the tables")
     how = command.add_mutually_exclusive_group()
-    how.add_argument("--workers", type=int, metavar="N", help="processes; by default one per core")
+    how.add_argument("--workers", type=int, metavar="N", help="number of processes; by default one per core")
     summary = "the scheduler of a Dask cluster that does the work"
     how.add_argument("--scheduler", metavar="ADDRESS", help=summary)
     _add_topics(command)
     command = add(
         "freeze",
         freeze,
-        "write the transforms to a file that processes map with Buffer.open, so that they share one copy",
+        "write the transforms to a frozen file; processes that open it with Buffer.open share one copy",
         "drive.mcap -o drive.tf2",
     )
     _add_recording(command)
@@ -445,8 +445,8 @@ def _add_recording(made: Parser) -> None:
     made.add_argument("file", metavar="FILE", help="the recording")
     _add_topics(made)
     for name, summary in (
-        ("--start", "omit dynamic transforms that were recorded before this time"),
-        ("--end", "or after this time; both are log times, in seconds"),
+        ("--start", "omit dynamic transforms that were recorded before this log time, in seconds"),
+        ("--end", "omit dynamic transforms that were recorded after this log time, in seconds"),
     ):
         made.add_argument(name, type=nanoseconds, metavar="S", help=summary)
 
@@ -459,8 +459,8 @@ def _add_topics(made: Parser) -> None:
         type=_topic,
         metavar="NAME[=PREFIX]",
         dest="topics",
-        help="read the transforms of this topic, and put PREFIX in front of its frame names; may be given "
-        "several times; by default, /tf and /tf_static are read",
+        help="read transforms from this topic instead of /tf and /tf_static, and put PREFIX in front of its "
+        "frame names; may be given several times",
     )
     made.add_argument(
         "--poses",
@@ -468,8 +468,9 @@ def _add_topics(made: Parser) -> None:
         type=_poses,
         metavar="TOPIC[=PARENT,CHILD]",
         default=[],
-        help="also read the poses of this topic as transforms of the frame CHILD in the frame PARENT; "
-        "odometry and geometry_msgs/TransformStamped name both frames; may be given several times",
+        help="also read the poses of this topic as transforms of the frame CHILD in the frame PARENT; the "
+        "frames may be omitted for nav_msgs/Odometry and geometry_msgs/TransformStamped, which contain them; "
+        "may be given several times",
     )
     made.add_argument(
         "--urdf",
@@ -478,14 +479,15 @@ def _add_topics(made: Parser) -> None:
         metavar="[TOPIC=]FILE",
         default=[],
         help="also compute the transforms of the joints of this URDF from the joint states on TOPIC, by "
-        f"default /joint_states; the word {RECORDED} instead of FILE means the description in the recording",
+        f"default /joint_states; with the word {RECORDED} instead of FILE, read the URDF from "
+        "robot_description in the recording; may be given several times",
     )
 
 
 def _topic(text: str) -> tuple[str, str]:
     name, _, prefix = utf_8(text).partition("=")
     if not name:
-        raise ArgumentTypeError(f"must begin with the name of a topic, not {text!r}")
+        raise ArgumentTypeError(f"expected NAME or NAME=PREFIX, got {text!r}")
     return name, prefix
 
 
@@ -493,22 +495,22 @@ def _poses(text: str) -> tuple[str, tuple[str, str] | None]:
     topic, equals, frames = text.partition("=")
     parent, _, child = map(_frame, frames.partition(","))
     if not topic or equals and not (parent and child):
-        raise ArgumentTypeError(f"must be TOPIC or TOPIC=PARENT,CHILD, not {text!r}")
+        raise ArgumentTypeError(f"expected TOPIC or TOPIC=PARENT,CHILD, got {text!r}")
     return topic, (parent, child) if equals else None
 
 
 def _urdf(text: str) -> tuple[str | None, str]:
     topic, equals, file = text.partition("=")
     if not topic or equals and not file:
-        raise ArgumentTypeError(f"must be FILE or TOPIC=FILE, not {text!r}")
+        raise ArgumentTypeError(f"expected FILE or TOPIC=FILE, got {text!r}")
     return (topic, file) if equals else (None, text)
 
 
 def _add_when(made: Parser) -> _MutuallyExclusiveGroup:
     """Add the options for the times of lookups."""
     group = made.add_mutually_exclusive_group()
-    group.add_argument("--at", metavar="TOPIC", help="at the stamps of the messages of another topic")
-    summary = "at this rate, while all frames on the path have data"
+    group.add_argument("--at", metavar="TOPIC", help="look up at the stamps of this topic's messages")
+    summary = "look up at this rate, while all frames on the path have data"
     group.add_argument("--rate", type=positive_number, metavar="HZ", help=summary)
     return group
 

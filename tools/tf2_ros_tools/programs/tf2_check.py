@@ -12,7 +12,8 @@ PARSER = Parser(
     "Listen to transforms for a while, and print a line for each problem: no transform at all, "
     "unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
     "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
-    "file of expectations. The exit status is 0 if there are no problems, otherwise 1.",
+    "file of expectations.\n\n"
+    "Exit status: 0 if there are no problems, 1 if there are any, or the check failed; 2 after wrong usage.",
     "  tf2_check -t 10 --expect robot.yaml",
 )
 PARSER.add_argument(
@@ -38,7 +39,7 @@ def check(options: Namespace) -> int:
         heard.session.log_no_refusals()  # the findings count them, and name the publishers
         heard.listen(options.t)
         report = heard.report(limits, expected)
-    of_what = f"{counted(report.messages, 'message')} and {options.t:g} s"
+    of_what = f"{counted(report.messages, 'message')}, {options.t:g} s"
     return conclude(options, report, of_what, {"seconds": options.t})
 
 

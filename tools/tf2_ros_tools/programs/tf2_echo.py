@@ -42,15 +42,15 @@ WIDTH = 6  # of the columns of the matrix, at least
 REPORT_S = 1.0  # between two log lines about a transform that is not available yet
 
 DESCRIPTION = """\
-Print the transform that maps data from the frame SOURCE to the frame TARGET, once a second, or RATE times. \
-Until it is available, log the reason and the known frames each second.
+Print the transform that maps data from the frame SOURCE to the frame TARGET, at 1 Hz or at RATE. Until it \
+is available, log each second why it is not, and which frames are known.
 
 With --json, each line is {"header": {"stamp": {"sec", "nanosec"}, "frame_id"}, "child_frame_id", \
 "transform": {"translation": {"x", "y", "z"}, "rotation": {"x", "y", "z", "w"}}, "rpy": {"roll", "pitch", \
-"yaw"}}, the last in radians; for a failed lookup, "error": {"type", "text"} instead of transform and rpy.
+"yaw"}}, with angles in radians. If a lookup fails, "error": {"type", "text"} replaces transform and rpy.
 
-Exit status: 0 if a transform was printed, 1 if none was available within --wait, 2 for wrong usage, \
-130 if Ctrl-C came before the first transform."""
+Exit status: 0 if a transform was printed; 1 if none was available within --wait; 2 after wrong usage; 130 \
+if Ctrl-C ended the command before the first transform."""
 
 EXAMPLE = """\
   tf2_echo map base_link -r 10               ten times a second; or without -r
@@ -78,9 +78,7 @@ PARSER = Parser("tf2_echo", DESCRIPTION, EXAMPLE)
 PARSER.add_argument("target", metavar="TARGET", help="the frame to which data is transformed")
 PARSER.add_argument("source", metavar="SOURCE", help="the frame of the data")
 PARSER.add_argument("old_rate", metavar="RATE", nargs="?", type=positive_number, help="the same as -r RATE")
-PARSER.add_argument(
-    "-r", dest="rate", metavar="RATE", type=positive_number, help="prints per second; 1 by default"
-)
+PARSER.add_argument("-r", dest="rate", metavar="RATE", type=positive_number, help="rate in Hz; 1 by default")
 PARSER.add_argument(
     "-t",
     dest="time_ns",

@@ -26,9 +26,9 @@ WINDOW_S = 10.0  # the figures are of this long before a report
 PARSER = Parser(
     "tf2_monitor",
     "Show who publishes each frame, how often, how old its transforms are when they are received, and "
-    "what is wrong, until interrupted. On a terminal, if the Python package textual is installed, this "
-    "is a table, updated every second, which keys sort and filter. Otherwise, a report in the format of "
-    "tf2's own command is printed every ten seconds.\n\n"
+    "all problems, until interrupted. On a terminal, if the Python package textual is installed, this is a "
+    "table that is updated every second, and that keys sort and filter. Otherwise, a report in the format "
+    "of tf2's own command is printed every ten seconds.\n\n"
     "With two frames: show the chain that connects them, and the age of the newest transform between "
     "them.",
     "  tf2_monitor map base_link --interval 5",

@@ -13,8 +13,9 @@ from tf2_py.text import printable
 from tf2_ros_tools.program import SUCCESS, Parser, run
 
 DESCRIPTION = """\
-Send transforms on to other topics, until interrupted, by the rules in a YAML file: chosen frames, at a \
-lower rate, only what has moved, chains of frames as one transform, under other names, or as poses."""
+Send chosen transforms to other topics, until interrupted, by the rules in a YAML file. A rule can lower \
+the rate, omit frames that did not move, send a chain of frames as one transform, rename frames, or send \
+poses."""
 
 EXAMPLE = """\
   tf2_relay relay.yaml
@@ -32,8 +33,8 @@ keys of a rule:
   exclude    leave out this frame, or these, with all frames below
   collapse   true: leave out the frames between the chosen ones
   rate       send at most this often, in Hz, from 0.0001 to 1000; 10 by default
-  threshold  {translation: METRES, rotation: RADIANS, repeat: SECONDS}: send only what has moved further,
-             and every `repeat` seconds, 1 by default, what has not
+  threshold  {translation: METERS, rotation: RADIANS, repeat: SECONDS}: send a frame only if it has moved
+             further, or every `repeat` seconds, 1 by default
   rename     {OLD: NEW}: new names for frames
   prefix     put this before the names of all other frames
   as         PoseStamped: send the pose of the second of two `frames` in the first one"""

@@ -9,11 +9,9 @@ from typing import NoReturn
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, UsageError, non_negative_number, run
 
 DESCRIPTION = """\
-Receive transforms, and share the buffer that holds them with all processes of this user on this machine, \
-until interrupted. Processes whose environment contains TF2_SHARED_BUFFER=auto, or =NAME, read this buffer \
-instead of subscribing on their own.
-
-The log says what is shared."""
+Receive transforms into a buffer, and share it with all processes of this user on this machine, until \
+interrupted. Processes whose environment contains TF2_SHARED_BUFFER=auto, or =NAME, read this buffer instead \
+of subscribing on their own."""
 
 EXAMPLE = """\
   tf2_shared_buffer                                      under the name auto: one for each ROS domain

@@ -11,20 +11,23 @@ from typing import NoReturn
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, run
 
 DESCRIPTION = """\
-Publish the transforms of a robot, until interrupted: those of fixed joints on /tf_static, those of movable \
-joints on /tf for each message on joint_states. The parameters are those of robot_state_publisher: \
-robot_description, the text of the URDF, which is also published on robot_description; publish_frequency, at \
-most how often each joint is published, in Hz, 20 by default; frame_prefix; ignore_timestamp, to publish \
-each state, whatever its stamp."""
+Publish the transforms of a robot, until interrupted: of fixed joints on /tf_static, and of movable joints \
+on /tf, for each message on joint_states. The URDF is also published, on robot_description."""
 
 EXAMPLE = """\
   tf2_state_publisher robot.urdf
-  tf2_state_publisher robot.urdf --ros-args -p publish_frequency:=100.0 -p frame_prefix:=robot1/"""
+  tf2_state_publisher robot.urdf --ros-args -p publish_frequency:=100.0 -p frame_prefix:=robot1/
+
+parameters, as in robot_state_publisher:
+  robot_description  the URDF, if no file is given
+  publish_frequency  maximum rate of each joint, in Hz; 20 by default
+  frame_prefix       a prefix for the names of all frames
+  ignore_timestamp   publish every joint state, whatever its stamp"""
 
 
 PARSER = Parser("tf2_state_publisher", DESCRIPTION, EXAMPLE)
 PARSER.add_argument(
-    "file", nargs="?", type=Path, metavar="URDF", help="the URDF; by default, robot_description has it"
+    "file", nargs="?", type=Path, metavar="URDF", help="the URDF; by default, the parameter robot_description"
 )
 
 

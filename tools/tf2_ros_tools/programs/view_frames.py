@@ -48,7 +48,7 @@ PARSER.add_argument(
     metavar="NAME",
     help="write NAME.gv and NAME.pdf; if NAME ends in .pdf, .svg or .png, write that picture",
 )
-PARSER.add_argument("--text", action="store_true", help="print the tree; write files only if -o names them")
+PARSER.add_argument("--text", action="store_true", help="print the tree; write files only with -o")
 PARSER.add_argument("--tf_topic", metavar="TOPIC", default="/tf", help="the topic of dynamic transforms")
 PARSER.add_argument(
     "--tf_static_topic", metavar="TOPIC", default="/tf_static", help="the topic of static transforms"

@@ -18,7 +18,7 @@ RATE_HZ = 25.0
 RADIUS_M = 2.0
 TURN_RAD_S = 0.8
 ODOM_X_M = 10.0  # where odometry starts, in the map
-CAMERA = (0.3, 0.0, 0.5)  # where the camera is mounted on the robot, in metres; it looks ahead
+CAMERA = (0.3, 0.0, 0.5)  # where the camera is mounted on the robot, in meters; it looks ahead
 LOOKUPS = 6
 
 

@@ -24,8 +24,8 @@ ODOMETRY_NS = 10_000_000  # wheel odometry at 100 Hz
 START_NS = 1_700_000_000_000_000_000
 SPEED = 8.0  # m/s
 TURN = 0.9  # rad/s
-WALLS = np.array([30.0, 20.0])  # metres from the origin to the walls in x and y
-MOUNT = to_matrix(([0.4, 0.0, 1.6], [0.0, 0.0, 0.0, 1.0]))  # of the lidar on the robot, metres
+WALLS = np.array([30.0, 20.0])  # meters from the origin to the walls in x and y
+MOUNT = to_matrix(([0.4, 0.0, 1.6], [0.0, 0.0, 0.0, 1.0]))  # of the lidar on the robot, meters
 
 
 def robot(ns: np.ndarray) -> np.ndarray:

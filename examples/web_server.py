@@ -1,7 +1,7 @@
 """A web server beside ROS, in one asyncio loop: poses as JSON, and 503 while one is missing or too old.
 
 Run: pip install aiohttp, then python examples/web_server.py
-A simulated robot drives, and loses its localisation after a while; the program asks its own server meanwhile.
+A simulated robot drives, and loses its localization after a while; the program asks its own server meanwhile.
 Ends by itself. The exit status is 0 only if each answer had the status that was expected.
 With a port, python examples/web_server.py 8080 serves the transforms of a real robot until Ctrl-C.
 """
@@ -20,7 +20,7 @@ from rclpy.time import Time
 from tf2_ros import Buffer, TransformBroadcaster, TransformException, TransformListener
 
 TARGET, SOURCE = "map", "base_link"
-# How old the newest transform of each moving frame may be, in seconds: a localiser sends odom in map twice a
+# How old the newest transform of each moving frame may be, in seconds: a localizer sends odom in map twice a
 # second, the wheels send base_link in odom 50 times a second.
 LIMITS_S = {"odom": 1.0, "base_link": 0.2}
 AWAIT_S = 1.0  # for the pose at a time
@@ -111,7 +111,7 @@ def make_app():
 
 
 class Robot:
-    """Drives at 1 m/s. Its localiser can be switched off."""
+    """Drives at 1 m/s. Its localizer can be switched off."""
 
     def __init__(self, node):
         self.clock, self.broadcaster, self.is_localised = node.get_clock(), TransformBroadcaster(node), True

@@ -14,7 +14,7 @@ cdef int set_field(Layout layout, object message, str name, object value) except
 cdef object copy_shallow(Layout layout, object message)
 # The first `count` fields.
 cdef int read_doubles(Layout layout, object message, double* out, int count) except -1
-# Normalised; as in tf2, zero length means no rotation.
+# Normalized; as in tf2, zero length means no rotation.
 cdef int read_orientation(object quaternion, double* out) except -1
 # The target frame of a TransformStamped, and a header for results: that frame and the transform's stamp.
 cdef object target_frame(object transform)

@@ -39,8 +39,8 @@ def do_transform_point(point: _Point, transform: TransformStamped | Transform) -
     """
     Transform a point from the child frame of ``transform`` to its parent frame: p' = R p + t.
 
-    :param point: a PointStamped, Point or Point32, metres.
-    :param transform: a TransformStamped; for a point without a header also a Transform; metres.
+    :param point: a PointStamped, Point or Point32, meters.
+    :param transform: a TransformStamped; for a point without a header also a Transform; meters.
     :return: a new message of the same class; its header, if any, has the transform's frame and stamp.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: the transform's rotation is not finite.
@@ -50,8 +50,8 @@ def do_transform_pose(pose: Pose, transform: TransformStamped | Transform) -> Po
     """
     Transform a pose from the child frame of ``transform`` to its parent frame: p' = R p + t, q' = r q.
 
-    :param pose: a Pose, metres; its orientation of any length; zero length means no rotation.
-    :param transform: a TransformStamped or Transform, metres.
+    :param pose: a Pose, meters; its orientation of any length; zero length means no rotation.
+    :param transform: a TransformStamped or Transform, meters.
     :return: a new Pose; its orientation has length one and w >= 0.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: the transform's rotation is not finite.
@@ -66,8 +66,8 @@ def do_transform_pose_with_covariance(
     """
     Transform a pose as ``do_transform_pose`` does, and its covariance as ``transform_covariance`` does.
 
-    :param pose: a PoseWithCovariance, metres and radians.
-    :param transform: a TransformStamped or Transform, metres.
+    :param pose: a PoseWithCovariance, meters and radians.
+    :param transform: a TransformStamped or Transform, meters.
     :return: a new PoseWithCovariance.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite.
@@ -104,8 +104,8 @@ def do_transform_transform(content: Transform, transform: TransformStamped | Tra
     """
     Carry a transform from the child frame of ``transform`` to its parent frame: T' = T_transform T_content.
 
-    :param content: a Transform, metres.
-    :param transform: a TransformStamped or Transform, metres.
+    :param content: a Transform, meters.
+    :param transform: a TransformStamped or Transform, meters.
     :return: a new Transform; its rotation has length one and w >= 0.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: the rotation of ``transform`` is not finite.
@@ -143,7 +143,7 @@ def transform_covariance(
     Formula: A. Leon-Garcia, Probability, Statistics, and Random Processes for Electrical Engineering,
     3rd ed., 2008, "Linear transformations of random vectors".
 
-    :param cov_in: 36 numbers, row by row: the 6x6 covariance of x y z in metres and of the rotations about
+    :param cov_in: 36 numbers, row by row: the 6x6 covariance of x y z in meters and of the rotations about
         x y z in radians.
     :param transform: a TransformStamped or Transform.
     :return: a float64 array of shape (36,).
@@ -156,10 +156,10 @@ def do_transform_polygon(polygon: Polygon, transform: TransformStamped | Transfo
     Transform each point of a polygon from the child frame of ``transform`` to its parent frame: p' = R p + t.
 
     In double precision: a new Point32 holds doubles, as every Python message does; it is rounded to float32
-    when it is serialised.
+    when it is serialized.
 
-    :param polygon: a Polygon of any number of Point32, metres.
-    :param transform: a TransformStamped or Transform, metres.
+    :param polygon: a Polygon of any number of Point32, meters.
+    :param transform: a TransformStamped or Transform, meters.
     :return: a new Polygon.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: the transform's rotation is not finite.
@@ -184,7 +184,7 @@ def do_transform_accel_stamped(accel: AccelStamped, transform: TransformStamped)
     Both vectors are rotated. The reference point does not move: the linear part is still the acceleration of
     the old point, in new axes. Moving the point would need the angular velocity, which the message lacks.
 
-    :param accel: an AccelStamped, metres and radians per second squared.
+    :param accel: an AccelStamped, meters and radians per second squared.
     :param transform: a TransformStamped.
     :return: a new AccelStamped with the transform's frame and stamp.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
@@ -198,7 +198,7 @@ def do_transform_twist_stamped(twist: TwistStamped, transform: TransformStamped)
     Both vectors are rotated. The reference point does not move: v' is still the velocity of the old point, in
     new axes. ``do_transform_velocity_stamped`` moves the point as well.
 
-    :param twist: a TwistStamped, metres and radians per second.
+    :param twist: a TwistStamped, meters and radians per second.
     :param transform: a TransformStamped.
     :return: a new TwistStamped with the transform's frame and stamp.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
@@ -216,8 +216,8 @@ def do_transform_velocity_stamped(velocity: VelocityStamped, transform: Transfor
     this and keeps the old header; later versions do not add it.
     Formula: K. M. Lynch and F. C. Park, Modern Robotics, 2017, equation 3.83 (the twist's adjoint).
 
-    :param velocity: a VelocityStamped, metres and radians per second.
-    :param transform: a TransformStamped, metres.
+    :param velocity: a VelocityStamped, meters and radians per second.
+    :param transform: a TransformStamped, meters.
     :return: a new VelocityStamped with the transform's frame and stamp, and the frames that ``velocity``
         names.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
@@ -234,8 +234,8 @@ def do_transform_wrench(wrench: Wrench, transform: TransformStamped | Transform)
     adds a torque about the new origin.
     Formula: K. M. Lynch and F. C. Park, Modern Robotics, 2017, section 3.4 (the wrench's adjoint).
 
-    :param wrench: a Wrench, newtons and newton metres.
-    :param transform: a TransformStamped or Transform, metres.
+    :param wrench: a Wrench, newtons and newton meters.
+    :param transform: a TransformStamped or Transform, meters.
     :return: a new Wrench.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: the transform's rotation is not finite.

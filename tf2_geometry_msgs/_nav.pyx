@@ -57,8 +57,8 @@ def do_transform_path(path: Path, transform: TransformStamped) -> Path:
     """
     Transform a path from the child frame of ``transform`` to its parent frame: each pose.
 
-    :param path: a Path, metres; its poses may leave their frame empty.
-    :param transform: a TransformStamped, metres.
+    :param path: a Path, meters; its poses may leave their frame empty.
+    :param transform: a TransformStamped, meters.
     :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: a pose names another frame than the path, or the transform's rotation is not finite.
@@ -78,8 +78,8 @@ def do_transform_odometry(odometry: Odometry, transform: TransformStamped) -> Od
 
     The twist is given in the axes of ``child_frame_id``, so it does not depend on the frame of the header.
 
-    :param odometry: an Odometry, metres, radians and seconds.
-    :param transform: a TransformStamped, metres.
+    :param odometry: an Odometry, meters, radians and seconds.
+    :param transform: a TransformStamped, meters.
     :return: a new Odometry with the transform's frame and stamp.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: a covariance is not 36 numbers, or the transform's rotation is not finite.

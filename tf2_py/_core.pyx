@@ -1,4 +1,4 @@
-"""The engine, as one extension: histories, the tree, lookups, waiters, serialised messages."""
+"""The engine, as one extension: histories, the tree, lookups, waiters, serialized messages."""
 
 from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from cpython.bytes cimport PyBytes_FromStringAndSize

@@ -119,7 +119,7 @@ class BufferCore:
         Add one dynamic transform.
 
         :param transform: a ``geometry_msgs/TransformStamped`` or an object with its fields.
-            The translation is in metres, the rotation a quaternion x y z w. The stamp 0 has no special
+            The translation is in meters, the rotation a quaternion x y z w. The stamp 0 has no special
             meaning.
         :param str authority: the publisher; listings and log lines show it.
         :raises TypeError: an object lacks a field, or a value has the wrong type.
@@ -155,7 +155,7 @@ class BufferCore:
         self, data: bytes | bytearray | memoryview, authority: str, static: bool = False
     ) -> int:
         """
-        Add the transforms of one serialised ``tf2_msgs/TFMessage``.
+        Add the transforms of one serialized ``tf2_msgs/TFMessage``.
 
         :param data: bytes-like: plain CDR of either byte order, with its encapsulation header.
         :param str authority: the publisher; listings and log lines show it.
@@ -244,7 +244,7 @@ class BufferCore:
         :param str source_frame: the frame of the data.
         :param time: the time of the transform; 0: the latest common time.
         :return: a ``geometry_msgs/TransformStamped`` with the stamp looked up, ``frame_id`` the target and
-            ``child_frame_id`` the source; metres, unit quaternion.
+            ``child_frame_id`` the source; meters, unit quaternion.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises ConnectivityException: the frames are in different trees.
         :raises ExtrapolationException: a frame on the path has no data for the time.
@@ -301,7 +301,7 @@ class BufferCore:
             and invalid names always raise, before anything else.
         :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`. With
             one, each lookup takes as long as a single one.
-        :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w;
+        :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), meters, and (N, 4), x y z w;
             of a sequence of frames, (F, N, 3) and (F, N, 4). Those of one frame describe one state of the
             buffer: what is inserted during the call affects none of them.
         :raises TransformException: see :meth:`lookup_transform_core`.
@@ -328,7 +328,7 @@ class BufferCore:
         Get the pose of ``source_frame`` in ``target_frame`` as a homogeneous matrix, without a message.
 
         It does not wait. ``buffer.lookup_matrix(target, source, time) @ [x, y, z, 1]`` is the point (x, y, z)
-        of ``source_frame``, in metres, in ``target_frame``.
+        of ``source_frame``, in meters, in ``target_frame``.
 
         :param target_frame: the frame to transform data into.
         :param source_frame: the frame of the data.
@@ -371,7 +371,7 @@ class BufferCore:
         Get the pose of ``source_frame`` in ``target_frame`` as a homogeneous matrix, without a message.
 
         It does not wait. ``buffer.lookup_matrix(target, source, time) @ [x, y, z, 1]`` is the point (x, y, z)
-        of ``source_frame``, in metres, in ``target_frame``.
+        of ``source_frame``, in meters, in ``target_frame``.
 
         :param target_frame: the frame to transform data into.
         :param source_frame: the frame of the data.
@@ -432,7 +432,7 @@ class BufferCore:
         """
         Transform each point at its own time.
 
-        :param points: array-like of shape (N, 3), metres, each in ``source_frame`` at its time; float32,
+        :param points: array-like of shape (N, 3), meters, each in ``source_frame`` at its time; float32,
             float64 or integers.
         :param times: N times, one for each point: integer nanoseconds, datetime64, or time objects.
         :param target_frame: the frame to transform the points into.
@@ -463,7 +463,7 @@ class BufferCore:
         """
         Transform each point at its own time.
 
-        :param points: array-like of shape (N, 3), metres, each in ``source_frame`` at its time; float32,
+        :param points: array-like of shape (N, 3), meters, each in ``source_frame`` at its time; float32,
             float64 or integers.
         :param times: N times, one for each point: integer nanoseconds, datetime64, or time objects.
         :param target_frame: the frame to transform the points into.
@@ -571,7 +571,7 @@ class BufferCore:
         Get times between which the transform of two frames is nearly that of a linear interpolation.
 
         :param turn: how far a point at 1 m may be off because of the rotation; ``move``, how far the origin,
-            in metres.
+            in meters.
         :return: ascending, from ``first_ns`` to ``last_ns``; None if they were more than ``most``, the path
             differs between times, the transform jumps, or there is none.
         """
@@ -609,7 +609,7 @@ class BufferCore:
         :param tracking_frame: the frame that moves.
         :param observation_frame: the frame in which it is observed.
         :param reference_frame: the twist is expressed in the axes of this frame.
-        :param reference_point: three floats, metres, in ``reference_point_frame``: the linear velocity
+        :param reference_point: three floats, meters, in ``reference_point_frame``: the linear velocity
             is the velocity of the point of the tracked body that is there at ``time``.
         :param reference_point_frame: a frame name.
         :param time: the middle of the interval; 0 is the time 0, not the latest common time.

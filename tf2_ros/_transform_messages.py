@@ -68,7 +68,7 @@ def format_transform(transform: Any) -> str:
 
     :param transform: a ``TransformStamped``, ``Transform``, ``PoseStamped`` or ``Pose``, or an object with
         the fields of one.
-    :return: the stamp in seconds, to the nanosecond; x y z in metres, to the millimetre; roll, pitch and yaw
+    :return: the stamp in seconds, to the nanosecond; x y z in meters, to the millimetre; roll, pitch and yaw
         in degrees, to a tenth. These turn about the fixed axes x, y and z, one after the other. At a pitch of
         +-90 degrees, where only their sum or difference is known, the roll is 0.
     :raises TypeError: the type is wrong.

@@ -103,7 +103,7 @@ class Buffer(BufferCore, BufferInterface):
     :raises NotImplementedError: buffers can be shared only on Linux.
 
     The buffer is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or
-    off. Translations are in metres, rotations are unit quaternions.
+    off. Translations are in meters, rotations are unit quaternions.
 
     Every ``time`` is a :data:`~tf2_py.typing.TimeLike`: an rclpy ``Time``, a time message, an int in
     nanoseconds, or a ``numpy.datetime64``. 0 is the latest time for which all frames on the path have data.

@@ -438,7 +438,7 @@ class BufferClient(BufferInterface):
         return self._tf2_goal_sender.send(goal, duration_ns(self.timeout_padding, "timeout_padding"))
 
 
-# The names are checked here, because a message accepts any object until the sender's thread serialises it.
+# The names are checked here, because a message accepts any object until the sender's thread serializes it.
 
 
 def _simple_goal(

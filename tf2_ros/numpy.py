@@ -65,11 +65,11 @@ def to_matrix(transforms: Message | Pair, *, dtype: npt.DTypeLike = np.float64) 
     Make the homogeneous matrix of a transform or a pose, or the matrices of arrays of transforms.
 
     :param transforms: a ``TransformStamped``, ``Transform``, ``PoseStamped`` or ``Pose``, or an object with
-        the fields of one; or a tuple ``(translations, rotations)`` of arrays of shape (N, 3), metres, and
+        the fields of one; or a tuple ``(translations, rotations)`` of arrays of shape (N, 3), meters, and
         (N, 4), x y z w, as :func:`to_arrays` and ``Buffer.lookup_transforms`` return it. N may be any
         shape, or be absent for a single transform.
     :param dtype: ``numpy.float64`` or ``numpy.float32``, to which the results are rounded.
-    :return: shape (4, 4) or (N, 4, 4): ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in metres,
+    :return: shape (4, 4) or (N, 4, 4): ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in meters,
         transformed by ``t``. Where a row of ``rotations`` is NaN, the matrix is.
     :raises TypeError: the type is wrong, or an element is not a number.
     :raises ValueError: a shape is wrong, or a rotation has no finite length above zero.
@@ -113,7 +113,7 @@ def from_matrix(
     """
     Make a message of a homogeneous matrix. :func:`to_arrays` takes many matrices.
 
-    :param matrix: shape (4, 4): a rotation, a translation in metres, and the last row 0 0 0 1.
+    :param matrix: shape (4, 4): a rotation, a translation in meters, and the last row 0 0 0 1.
     :param message_class: ``Transform``, ``TransformStamped``, ``Pose`` or ``PoseStamped``. Without it: a
         ``TransformStamped`` if ``child_frame_id`` is given, otherwise a ``Transform``.
     :param header: of a stamped message, which gets a copy; without it, an empty one.
@@ -153,7 +153,7 @@ def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, 
     :param transforms: N messages, each as for :func:`to_matrix`, also an array of objects; or an array of
         matrices of shape (N, 4, 4), each as for :func:`from_matrix`, or NaN or masked throughout. For
         matrices, N may be any shape, or be absent for a single one.
-    :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w of
+    :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), meters, and (N, 4), x y z w of
         length one; NaN for a matrix of NaN. Rotations of matrices have w >= 0.
     :raises TypeError: the type is wrong.
     :raises ValueError: a rotation has no finite length above zero, or a matrix is not a rigid transform.
@@ -230,10 +230,10 @@ def to_columns(
     """
     Make the columns of a data frame: ``pandas.DataFrame(to_columns(...))``, ``polars.DataFrame(...)``.
 
-    :param transforms: a tuple ``(translations, rotations)`` of arrays of shape (N, 3), metres, and (N, 4),
+    :param transforms: a tuple ``(translations, rotations)`` of arrays of shape (N, 3), meters, and (N, 4),
         x y z w; or N stamped messages, each as for :func:`to_matrix`.
     :param times: N times, as for ``Buffer.lookup_transforms``; not for messages, which have stamps.
-    :return: new arrays of shape (N,): ``stamp_ns``, int64, nanoseconds; ``x``, ``y``, ``z``, float64, metres;
+    :return: new arrays of shape (N,): ``stamp_ns``, int64, nanoseconds; ``x``, ``y``, ``z``, float64, meters;
         ``qx``, ``qy``, ``qz``, ``qw``, float64, of length one. NaN where the rotation is NaN.
     :raises TypeError: the type is wrong, arrays have no times, or messages have times.
     :raises AttributeError: a message has no header.
@@ -268,7 +268,7 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
     """
     Propagate covariances of poses or of twists through transforms.
 
-    :param covariances: shape (N, 6, 6), or (6, 6), which serves all transforms: of x y z, in metres, and of
+    :param covariances: shape (N, 6, 6), or (6, 6), which serves all transforms: of x y z, in meters, and of
         the rotations about the axes x y z, in radians, in the order of a ``PoseWithCovariance``; or of a
         twist, in m/s and rad/s. They are given in the axes of the source frame. Any shape may stand in the
         place of N.

@@ -51,7 +51,7 @@ class Recording:
         """
     def values(self) -> list[tuple[float, float, float, float, float, float, float]]:
         """
-        Get the numbers of static transforms, each once: x y z in metres, and the quaternion x y z w.
+        Get the numbers of static transforms, each once: x y z in meters, and the quaternion x y z w.
 
         The list only grows, and is the same object each time. Only the first 65,536 are noted.
         """

@@ -107,7 +107,7 @@ def serialize_arrays(frames: Iterable[tuple[str, str]], stamps_ns: ArrayLike, tr
 
     :param frames: N pairs of names, parent and child.
     :param stamps_ns: nanoseconds, shape (N,).
-    :param transforms: x y z in metres, and the quaternion x y z w, which is not changed: shape (N, 7).
+    :param transforms: x y z in meters, and the quaternion x y z w, which is not changed: shape (N, 7).
     :return: what a publisher sends, and a recording stores.
     :raises TypeError: a name is not a str.
     :raises ValueError: a name contains a NUL character, or there are not as many of one as of the others.

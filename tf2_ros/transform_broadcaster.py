@@ -62,7 +62,7 @@ class Broadcaster:
         return transforms
 
     def _tf2_publish(self, transforms: list[TransformStamped]) -> None:
-        """Publish one TFMessage, serialised by tf2_py if that gives the same bytes as ROS."""
+        """Publish one TFMessage, serialized by tf2_py if that gives the same bytes as ROS."""
         # A program's replacement for the publisher or its method, such as a mock, expects messages.
         takes_bytes = getattr(self.pub_tf.publish, "__func__", None) is _publish
         serialized = serialize_as_ros(transforms) if takes_bytes else None
@@ -104,7 +104,7 @@ class TransformBroadcaster(Broadcaster):
         """
         Send one transform, or several in one message.
 
-        :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
+        :param transform: a ``TransformStamped``, or an iterable of them: translations in meters, rotations as
             unit quaternions. A receiver takes a stamp of 0 as a time like any other.
         :raises AttributeError: ``transform`` is neither.
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them; nothing is sent.

@@ -25,8 +25,8 @@ def do_transform_cloud(
     if a cloud has all three as float32 or float64. tf2's C++ also rotates normals, but not viewpoints; its
     Python transforms only x, y and z.
 
-    :param cloud: a PointCloud2, coordinates in metres.
-    :param transform: a TransformStamped, or a Transform, which leaves the cloud's frame unchanged; metres.
+    :param cloud: a PointCloud2, coordinates in meters.
+    :param transform: a TransformStamped, or a Transform, which leaves the cloud's frame unchanged; meters.
     :param only_xyz: leave normals and viewpoints unchanged.
     :return: a new PointCloud2 with the transform's frame and the cloud's own stamp.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
@@ -92,8 +92,8 @@ def transform_points(point_cloud: npt.ArrayLike, transform: TransformStamped | T
 
     In double precision, without the GIL.
 
-    :param point_cloud: an array of shape (n, 3), x y z in metres, with any strides; or array-like.
-    :param transform: a TransformStamped or Transform, metres.
+    :param point_cloud: an array of shape (n, 3), x y z in meters, with any strides; or array-like.
+    :param transform: a TransformStamped or Transform, meters.
     :return: a new array of shape (n, 3): float32 for float32, otherwise float64.
     :raises TypeError: ``transform`` is of another type, or the points are not real numbers.
     :raises ValueError: the points have another shape, or the transform's rotation is not finite.

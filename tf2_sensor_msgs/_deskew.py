@@ -33,7 +33,7 @@ NO_TIME = np.iinfo(np.int64).min  # what read_times writes for a point that has 
 # The share of points whose times may be farther apart, and are taken for garbage; or one point.
 MOST_GARBAGE = 0.1
 # Between two knots, poses change steadily. Then a point is off by at most `TURN` times its distance and
-# `MOVE` metres: a tenth less than what is promised, for rounding.
+# `MOVE` meters: a tenth less than what is promised, for rounding.
 TURN, MOVE = 9e-7, 9e-6
 # How often to look for them while another thread changes the motion, before each point has a lookup.
 TRIES = 3
@@ -86,7 +86,7 @@ def deskew(
     """
     Transform each point of a cloud from where the sensor was when it measured that point.
 
-    :param cloud: the points, in metres, and the time of each in one of these fields, which the drivers of
+    :param cloud: the points, in meters, and the time of each in one of these fields, which the drivers of
         Velodyne, Ouster, Livox and Hesai write: ``time`` (float32 or float64: seconds after the cloud's
         stamp, also negative), ``t`` or ``offset_time`` (uint32: nanoseconds after the stamp, negative from
         2^31 on), ``timestamp`` (float64: seconds since 1970, or nanoseconds from 2^31 on).

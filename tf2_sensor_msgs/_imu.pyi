@@ -12,7 +12,7 @@ def do_transform_imu(imu: Imu, transform: TransformStamped) -> Imu:
     frame in the same world, q' = q r^-1, with its old covariance, as in tf2's C++. A covariance that begins
     with -1 marks a missing estimate and stays unchanged, as does an orientation of zero length.
 
-    :param imu: an Imu, radians per second and metres per second squared.
+    :param imu: an Imu, radians per second and meters per second squared.
     :param transform: a TransformStamped.
     :return: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.

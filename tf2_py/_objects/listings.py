@@ -108,7 +108,7 @@ class History(NamedTuple):
 
     Fields: ``frame``, its name; ``static``: whether its transform is valid at all times; ``parents``, names,
     shape (N,), because samples may have different parents; ``stamps_ns``, nanoseconds, int64, shape (N,);
-    ``translations``, metres, float64, shape (N, 3); ``rotations``, x y z w, float64, shape (N, 4).
+    ``translations``, meters, float64, shape (N, 3); ``rotations``, x y z w, float64, shape (N, 4).
 
     >>> from tf2_py import BufferCore
     >>> from geometry_msgs.msg import TransformStamped

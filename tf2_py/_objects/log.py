@@ -72,7 +72,7 @@ def unnormalised(length: float, parent: str, child: str, authority: str) -> None
     """Log the first transform of a frame whose rotation newer releases of ROS 2 refuse."""
     text = (
         f"The transform from frame_id '{parent}' to child_frame_id '{child}' from authority '{authority}' "
-        f"has a rotation of length {length:.6g}. It is normalised here, and refused by tf2 of ROS 2 Kilted "
+        f"has a rotation of length {length:.6g}. It is normalized here, and refused by tf2 of ROS 2 Kilted "
         "and later. Further ones of this child_frame_id are not logged"
     )
     logger().warning(printable(text))

@@ -29,7 +29,7 @@ cdef struct Batch:
     bint needs_report           # outcome: there is something to log, or an answer to deliver
     char* names                 # memory of batch_prefix
     size_t names_capacity       # bytes
-    const char* problem         # why a serialised message could not be read, or NULL ...
+    const char* problem         # why a serialized message could not be read, or NULL ...
     size_t problem_at           # ... and the byte at which
 
 
@@ -42,7 +42,7 @@ cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil           # 0,
 # The bytes of any bytes-like object; a copy if another thread or process may change them, because they must
 # not change between the check and the use.
 cdef bytes unchanging_bytes(data)
-# Fills the entries from one serialised TFMessage, whose bytes must outlive them. False: the batch is empty,
+# Fills the entries from one serialized TFMessage, whose bytes must outlive them. False: the batch is empty,
 # see `problem` and `no_memory`.
 cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil
 # Adds the entries of another message. False: none is added, see `problem` and `no_memory`.
@@ -51,7 +51,7 @@ cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) no
 cdef bint batch_prefix(Batch* batch, const char* prefix, size_t prefix_size) noexcept nogil
 # Serialises some of the entries as one TFMessage, and returns its size in bytes. `out` NULL: it only counts.
 cdef size_t batch_write_cdr(const Batch* batch, size_t start, size_t end, unsigned char* out) noexcept nogil
-# All entries, serialised.
+# All entries, serialized.
 cdef bytes batch_cdr(const Batch* batch)
 # The ValueError for the `problem` of a message of `size` bytes.
 cdef object batch_error(const Batch* batch, size_t size)

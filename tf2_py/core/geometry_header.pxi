@@ -62,7 +62,7 @@ cdef inline bint quaternion_normalise(double* q) noexcept nogil:
 
 
 cdef inline bint quaternion_normalise_once(double* q, double* squared_length) noexcept nogil:
-    # The same as quaternion_normalise, except that a quaternion that it has normalised before remains
+    # The same as quaternion_normalise, except that a quaternion that it has normalized before remains
     # identical to the last bit. Its rounding errors add up to at most 14 half units in the last place of the
     # squared length. That is summed in the order of tf2, so that is_unnormalised agrees to the last bit.
     cdef double squared = q[3] * q[3] + q[0] * q[0] + q[1] * q[1] + q[2] * q[2]
@@ -71,7 +71,7 @@ cdef inline bint quaternion_normalise_once(double* q, double* squared_length) no
 
 
 cdef inline bint is_unnormalised(double squared_length) noexcept nogil:
-    # Whether tf2 of Kilted and later refuses a rotation that can be normalised.
+    # Whether tf2 of Kilted and later refuses a rotation that can be normalized.
     return fabs(squared_length - 1.0) >= 0.01
 
 
@@ -344,7 +344,7 @@ cdef inline void twist_of_point(const Transform* start, const Transform* end, do
     # The mean twist of a body in an observation frame, of the point of the body that is at `point`, in the
     # axes of a reference frame. Metres and radians per second.
     # `start`, `end`, `middle`: the body in the observation frame, `seconds` apart and at the time asked for.
-    # `point`: x y z in metres in the point frame; `point_frame`: that frame in the observation frame.
+    # `point`: x y z in meters in the point frame; `point_frame`: that frame in the observation frame.
     # `reference`: the observation frame in the reference frame.
     # linear = chord over the time + angular x (point - origin of the body).
     cdef double arm[3]

@@ -622,7 +622,7 @@ cdef const char* _transform_check(const Transform* transform) noexcept nogil:
         return "a translation that is not finite"
     # Not "> 1e-12": that is false for NaN.
     if not fabs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) <= 1e-12:
-        return "a rotation that is not normalised"
+        return "a rotation that is not normalized"
     if quaternion_lead(q) < 0.0:
         return "a rotation without the canonical sign"
     return NULL

@@ -288,7 +288,7 @@ cdef const char* history_check(const History* history, StopAsked stop, uint32_t*
 # Copying it into flat arrays.
 
 cdef enum:
-    TRANSFORM_DOUBLES = 7       # per transform: translation x y z in metres, rotation x y z w
+    TRANSFORM_DOUBLES = 7       # per transform: translation x y z in meters, rotation x y z w
 
 # `count` elements each, oldest first. The history may be a pinned copy.
 cdef void history_export(const History* history, int64_t* stamps, double* transforms,

@@ -10,7 +10,7 @@ cdef enum:
 
 cdef struct Columns:
     # One transform per time.
-    double t[3][BATCH_TIMES]        # translation x y z in metres
+    double t[3][BATCH_TIMES]        # translation x y z in meters
     double q[4][BATCH_TIMES]        # rotation x y z w
 
 
@@ -281,7 +281,7 @@ cdef void work_store_matrices(SeriesWork* work, uint32_t count, double* matrices
 
 cdef void work_transform_points(const SeriesWork* work, uint32_t count, const double* points,
                                 double* out) noexcept nogil:
-    # Each point with the result of its own time: rows of x y z in metres; `out` may be `points`.
+    # Each point with the result of its own time: rows of x y z in meters; `out` may be `points`.
     cdef uint32_t i
     cdef double q[4]
     cdef int k
@@ -511,7 +511,7 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
 cdef struct Rates:
     # Of frames that are nested in each other, from the innermost to the outermost: upper bounds.
     double turn         # rad/s
-    double distance     # of the innermost origin from the outermost frame, metres
+    double distance     # of the innermost origin from the outermost frame, meters
     double speed        # of that origin, m/s
     double acceleration     # m/s^2
 

@@ -7,11 +7,11 @@ cdef struct TimeSeries:
     # `points` and `transformed`; the others are NULL.
     const int64_t* times_ns     # the source's times
     Py_ssize_t count            # of the times
-    double* translations        # (count, 3), metres
+    double* translations        # (count, 3), meters
     double* rotations           # (count, 4), x y z w
     double* matrices            # (count, 16), row by row
-    const double* points        # (count, 3), metres: to be transformed, each with its own time
-    double* transformed         # (count, 3), metres: the transformed points
+    const double* points        # (count, 3), meters: to be transformed, each with its own time
+    double* transformed         # (count, 3), meters: the transformed points
     bint nan_missing            # fill in NaN if there is no answer, instead of stopping
 
 
@@ -38,7 +38,7 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
 
 # Times from `first_ns` to `last_ns`, ascending, so close that between two of them the transform of a simple
 # lookup differs by at most `turn` and `move` from the linear interpolation of its matrix: `turn` is how far a
-# point at 1 m is off, `move` how far the origin is, in metres. Returns their number, and in `knots_ns` memory
+# point at 1 m is off, `move` how far the origin is, in meters. Returns their number, and in `knots_ns` memory
 # to be freed with `free`; or one of the errors above. SERIES_UNSTEADY: the path depends on the time, or there
 # is none; or the transform jumps, because two samples have the same stamp; or there are more than `most`.
 # Call it without the lock.

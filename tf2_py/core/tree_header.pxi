@@ -61,7 +61,7 @@ cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept
 cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcept nogil    # NO_FRAME: unknown
 
 # Every reason to refuse a transform that does not depend on the tree: REFUSED_* bits. Strips one leading '/'
-# from the names and normalises the rotation, both in `incoming`, and fills its `squared_length`.
+# from the names and normalizes the rotation, both in `incoming`, and fills its `squared_length`.
 cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
 # Inserts a transform. 0, or REFUSED_* bits, or TREE_NO_MEMORY or TREE_MUST_MOVE, and the tree is unchanged
 # but for what was pruned. Changes `incoming` as incoming_refusals does. `later`: as in history_insert; a move

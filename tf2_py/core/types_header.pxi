@@ -29,7 +29,7 @@ ctypedef bint (*StopAsked)() noexcept nogil
 
 
 cdef struct Transform:
-    double translation[3]   # x y z in metres: the child's origin in the parent
+    double translation[3]   # x y z in meters: the child's origin in the parent
     double rotation[4]      # x y z w: unit quaternion, child to parent
 
 
@@ -47,7 +47,7 @@ cdef struct Incoming:
     const char* child       # UTF-8, not terminated
     size_t child_size
     Transform transform
-    double squared_length   # outcome: of the rotation, before it was normalised
+    double squared_length   # outcome: of the rotation, before it was normalized
 
 
 cdef enum Gap:
@@ -165,7 +165,7 @@ cdef enum:
     REFUSED_NO_PARENT = 2           # the parent's name is empty
     REFUSED_NO_CHILD = 4            # the child's name is empty
     REFUSED_NAN = 8                 # a number is NaN
-    REFUSED_QUATERNION = 16         # the rotation is too short or too long to be normalised
+    REFUSED_QUATERNION = 16         # the rotation is too short or too long to be normalized
     REFUSED_INFINITE = 32           # the translation is infinite
     REFUSED_NEGATIVE_STAMP = 64
     REFUSED_RESERVED_NAME = 128     # one of the names is NO_PARENT

@@ -50,7 +50,7 @@ cdef struct Waiter:
     bint only_new           # waits for another answer than the one below
     uint32_t answered       # atomic: the lookup has an answer ...
     Status status           # ... which is STATUS_OK, or STATUS_BAD_LIMIT: then the fields below are not set
-    Transform answer        # metres and unit quaternion
+    Transform answer        # meters and unit quaternion
     int64_t stamp_ns        # of the answer
     Event* woken            # set when a wake has answered it; NULL: the waiter becomes ready instead
     void* owner             # for its code that has the GIL

@@ -31,7 +31,7 @@ cdef uint32_t* uint32s_of(object array, Py_ssize_t width) except NULL:
 # NumPy is imported by the first call that needs it, because the engine itself does not.
 
 cdef object new_array(tuple shape, str dtype="float64"):
-    # An uninitialised array.
+    # An uninitialized array.
     import numpy as np
     return np.empty(shape, dtype)
 

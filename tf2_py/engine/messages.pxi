@@ -1,4 +1,4 @@
-"""Convert messages of transforms to C structs and back, and serialise them."""
+"""Convert messages of transforms to C structs and back, and serialize them."""
 
 cdef extern from "Python.h":
     const char* PyUnicode_AsUTF8AndSize(object text, Py_ssize_t* size) except NULL

@@ -139,7 +139,7 @@ cdef dict frame_infos(facts):
 # ``frames``         a tuple for each frame with samples: its name, whether it is static, the authority of
 #                    its last transform, and how many samples it has.
 # ``stamps``         int64 (N,), ns: those of the samples of the first frame, in order, then of the next.
-# ``transforms``     float64 (N, 7): x y z in metres, and the rotation x y z w.
+# ``transforms``     float64 (N, 7): x y z in meters, and the rotation x y z w.
 # ``parents``        uint32 (N,): places in ``parent_names``.
 # ``parent_names``   list of str.
 # ``overtaken``      may be absent: the ages of the newest samples behind which the system's clock was set

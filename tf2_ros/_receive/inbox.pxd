@@ -18,7 +18,7 @@ cdef enum:
 
 cdef enum ParcelKind:
     PARCEL_NOTHING              # something was taken, but there is nothing to insert
-    PARCEL_MESSAGE              # a serialised TFMessage
+    PARCEL_MESSAGE              # a serialized TFMessage
     PARCEL_REMOVAL              # all dynamic transforms are removed; with a name in `data`, all of one frame
     PARCEL_DAMAGE               # no message could be read; `problem` says why
 

@@ -3,7 +3,7 @@
 # Uses: no chapter.
 
 cdef enum:
-    # Bytes of a serialised transform without its names, at most, and of what precedes the first one.
+    # Bytes of a serialized transform without its names, at most, and of what precedes the first one.
     MOST_OTHER = 2 * UNIT
     # Bytes that are kept free: for a record that is written again, and for what is not given back yet.
     RESERVE = MOST_RECORD + STEP

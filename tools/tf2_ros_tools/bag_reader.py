@@ -92,7 +92,7 @@ class RecordedTopic:
     """
     A recorded topic.
 
-    ``count`` is the number of its messages. ``encoding`` is how they are serialised: ``cdr``, ``ros1``,
+    ``count`` is the number of its messages. ``encoding`` is how they are serialized: ``cdr``, ``ros1``,
     ``protobuf``, ``json`` or something else.
     """
 

@@ -178,13 +178,13 @@ def _metadata_of(state: dict[str, Any]) -> dict[str, str]:
 
 
 def _messages(state: dict[str, Any]) -> Iterator[tuple[str, int, bytes]]:
-    """Topic, log time in ns, and serialised message: the static transforms first, the others by stamp."""
+    """Topic, log time in ns, and serialized message: the static transforms first, the others by stamp."""
     stamps, transforms = state["stamps"], state["transforms"]
     counts = np.array([count for *_, count in state["frames"]], np.int64)
     children = np.repeat(np.arange(len(counts)), counts)
     names, parent_names = [name for name, *_ in state["frames"]], state["parent_names"]
 
-    def serialised(rows: Any) -> bytes:
+    def serialized(rows: Any) -> bytes:
         pairs = zip(state["parents"][rows].tolist(), children[rows].tolist(), strict=True)
         frames = [(parent_names[parent], names[child]) for parent, child in pairs]
         return serialize_arrays(frames, stamps[rows], transforms[rows])
@@ -197,13 +197,13 @@ def _messages(state: dict[str, Any]) -> Iterator[tuple[str, int, bytes]]:
     times = stamps[rows]
     if len(static_rows):
         first_ns = times[0] if len(times) else stamps[static_rows].max()
-        yield STATIC, int(first_ns), serialised(static_rows)
+        yield STATIC, int(first_ns), serialized(static_rows)
     ends = np.append(np.flatnonzero(np.diff(times // MESSAGE_NS)) + 1, len(rows))
     start = 0
     for end in ends.tolist():
         while start < end:
             next_start = min(end, start + MOST_PER_MESSAGE)
-            data = serialised(rows[start:next_start])
+            data = serialized(rows[start:next_start])
             # A sender knows a transform at its stamp, not earlier.
             yield DYNAMIC, int(times[next_start - 1]), data
             start = next_start

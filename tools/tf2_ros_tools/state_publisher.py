@@ -57,7 +57,7 @@ class StatePublisher:
         self._called_ns = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._descriptions = node.create_publisher(String, "robot_description", latched)
-        # They choose the quality of service, but a state of many joints is faster as one serialised message.
+        # They choose the quality of service, but a state of many joints is faster as one serialized message.
         self._transforms = TransformBroadcaster(node).pub_tf
         self._static = StaticTransformBroadcaster(node).pub_tf
         for name, default in (

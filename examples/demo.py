@@ -134,10 +134,10 @@ def show_point(node, buffer, stamp):
 
 
 async def show_future(node, buffer, timeout):
-    """A transform of a time in the future."""
+    """Wait for a transform one second in the future."""
     from rclpy.duration import Duration
 
-    print("\nA transform of the time one second from now:")
+    print("\nA transform one second in the future:")
     begin = time.monotonic()
     stamp = node.get_clock().now() + Duration(seconds=1)
     expect(not buffer.can_transform("map", "base_link", stamp), "it is not available yet")
@@ -165,9 +165,9 @@ def show_failure(node, buffer):
 
 
 def expect(happened, what):
-    """End the demonstration if something did not happen."""
+    """End the demonstration if a check failed."""
     if not happened:
-        raise SystemExit(f"This did not happen: {what}.")
+        raise SystemExit(f"Check failed: {what}.")
 
 
 def claim_domain():

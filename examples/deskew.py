@@ -1,8 +1,8 @@
 """Deskew a lidar's sweep: transform each point, at its own time, to where the sensor is when the sweep ends.
 
-A lidar takes 0.1 s to turn once. The robot drives meanwhile, so each point is measured from another place.
-Here it drives a curve between known walls, and the program prints how far the points lie from the wall that
-they were measured on, before and after.
+A lidar takes 0.1 s for one turn, and the robot moves during this time. So each point is measured from another
+place. Here, the robot drives a curve between known walls, and the program prints how far the points lie from
+the wall that they were measured on, before and after.
 
 Run: python examples/deskew.py
 Ends by itself. The exit status is 0 only if the deskewed points lie on the walls.

@@ -1,9 +1,9 @@
-"""A web server beside ROS, in one asyncio loop: poses as JSON, and 503 while one is missing or too old.
+"""A web server and a ROS node in one asyncio loop: poses as JSON, and 503 while a pose is missing or too old.
 
 Run: pip install aiohttp, then python examples/web_server.py
 A simulated robot drives, and loses its localization after a while; the program asks its own server meanwhile.
-Ends by itself. The exit status is 0 only if each answer had the status that was expected.
-With a port, python examples/web_server.py 8080 serves the transforms of a real robot until Ctrl-C.
+Ends by itself. The exit status is 0 only if each answer has the expected status.
+With a port, as in python examples/web_server.py 8080, it serves the transforms of a real robot until Ctrl-C.
 """
 
 import asyncio

@@ -152,12 +152,12 @@ cdef int _read_covariance(object covariance, int side, double* out) except -1:
         try:
             covariance = np.asarray(covariance, dtype=np.float64, order="C")
         except (TypeError, ValueError) as reason:
-            raise TypeError(f"a covariance must be {count} numbers: {reason}") from None
+            raise TypeError(f"covariance: expected {count} numbers: {reason}") from None
     values = covariance
     if cnp.PyArray_NDIM(values) == 0:
         raise TypeError(f"covariance: expected {count} numbers, got one value")
     if cnp.PyArray_SIZE(values) != count:
-        raise ValueError(f"a covariance must be {count} numbers, got {cnp.PyArray_SIZE(values)}")
+        raise ValueError(f"covariance: expected {count} numbers, got {cnp.PyArray_SIZE(values)}")
     memcpy(out, cnp.PyArray_DATA(values), count * sizeof(double))
     return 0
 

@@ -29,7 +29,7 @@ cdef object _transformed_step(object step, const Transform* transform, object pa
     header = get_field(pose_stamped_layout, step, "header")
     frame = get_field(header_layout, header, "frame_id")
     if frame and path_frame and frame != path_frame:
-        raise ValueError(f"a pose of the path is in frame {frame!r}, the path itself in {path_frame!r}")
+        raise ValueError(f"expected all poses in the frame of the path, {path_frame!r}, got one in {frame!r}")
     message = pose_stamped_layout.new()
     stamp_ns = nanoseconds(get_field(header_layout, header, "stamp"), "header.stamp")
     set_field(pose_stamped_layout, message, "header", new_header(stamp_ns, new_frame))

@@ -136,7 +136,7 @@ class BufferCore:
         :param transform: a ``geometry_msgs/TransformStamped`` or an object with its fields.
         :param str authority: the publisher; listings and log lines show it.
 
-        It drops and raises what :meth:`set_transform` does.
+        Invalid transforms are dropped, and the same exceptions are raised, as in :meth:`set_transform`.
         """
     def set_transforms(
         self, transforms: Iterable[TransformStamped], authority: str, static: bool = False
@@ -171,6 +171,7 @@ class BufferCore:
         """
         Remove every transform of a frame, also static ones, as if it had never been a child.
 
+        :param frame: the child frame of these transforms.
         :return: whether it had any.
         :raises LookupException: the frame is unknown.
 
@@ -208,6 +209,7 @@ class BufferCore:
         would change what others have mapped. Attributes of a subclass are not written. Other threads may
         continue to insert; the file has what the buffer holds at one moment.
 
+        :param path: the file.
         :raises OSError: the file cannot be written; an existing file remains unchanged.
         """
     @classmethod
@@ -676,16 +678,18 @@ class BufferCore:
         """
     def parent(self, frame: str, time: TimeLike = 0) -> str | None:
         """
-        Get the frame in which ``frame`` is given.
+        Get the parent of a frame.
 
-        :param time: 0: the time of its newest sample.
-        :return: None if ``frame`` is a root, or has no data for the time.
+        :param frame: the child frame.
+        :param time: when; 0: at the time of its newest sample.
+        :return: the parent; None if ``frame`` is a root, or has no data for the time.
         :raises LookupException: the frame is unknown.
         """
     def children(self, frame: str) -> list[str]:
         """
-        Get the frames whose newest sample is given in ``frame``, in the order of first appearance.
+        Get the frames whose parent is ``frame`` in their newest sample, in the order of first appearance.
 
+        :param frame: the parent frame.
         :raises LookupException: the frame is unknown.
 
         Its cost grows with the number of all frames.
@@ -694,7 +698,9 @@ class BufferCore:
         """
         Get the frames from ``source_frame`` up to the common ancestor and down to ``target_frame``.
 
-        :param time: 0: the latest common time.
+        :param target_frame: the last frame of the path.
+        :param source_frame: the first frame of the path.
+        :param time: when; 0: at the latest common time.
         :raises TransformException: as :meth:`lookup_transform_core`.
         """
     def tree(self) -> str:

@@ -212,7 +212,7 @@ cdef class BufferCore(Engine):
         :param transform: a ``geometry_msgs/TransformStamped`` or an object with its fields.
         :param str authority: the publisher; listings and log lines show it.
 
-        It drops and raises what :meth:`set_transform` does.
+        Invalid transforms are dropped, and the same exceptions are raised, as in :meth:`set_transform`.
         """
         self._set_one(transform, authority, True)
 
@@ -293,6 +293,7 @@ cdef class BufferCore(Engine):
         """
         Remove every transform of a frame, also static ones, as if it had never been a child.
 
+        :param frame: the child frame of these transforms.
         :return: whether it had any.
         :raises LookupException: the frame is unknown.
 
@@ -342,7 +343,7 @@ cdef class BufferCore(Engine):
         :raises OSError: this frozen file cannot be opened.
         """
         if not isinstance(state, dict):
-            raise ValueError(f"not the state of a buffer: it is not a dict but {type(state).__name__}")
+            raise ValueError(f"not the state of a buffer: expected a dict, got {type(state).__name__}")
         attributes = state.get("attributes", {})
         if not isinstance(attributes, dict) or (attributes and not hasattr(self, "__dict__")):
             raise ValueError(f"not the state of a {type(self).__name__}: it cannot have these attributes")
@@ -369,6 +370,7 @@ cdef class BufferCore(Engine):
         would change what others have mapped. Attributes of a subclass are not written. Other threads may
         continue to insert; the file has what the buffer holds at one moment.
 
+        :param path: the file.
         :raises OSError: the file cannot be written; an existing file remains unchanged.
         """
         from tf2_py.files import whole_file
@@ -671,7 +673,7 @@ cdef class BufferCore(Engine):
         times_ns = as_times_ns(times)
         series_begin(&series, int64s_of(times_ns), len(times_ns))
         if len(rows) != series.count:
-            raise ValueError(f"{len(rows)} points, {series.count} times: each point needs its own time")
+            raise ValueError(f"expected one time for each point, got {series.count} for {len(rows)} points")
         transformed = new_array((series.count, 3))
         accepted = policy_of("transform_points", False, **policy)      # whose memory the query refers to
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
@@ -1112,10 +1114,11 @@ cdef class BufferCore(Engine):
 
     def parent(self, frame: str, time: Time = 0) -> str | None:
         """
-        Get the frame in which ``frame`` is given.
+        Get the parent of a frame.
 
-        :param time: 0: the time of its newest sample.
-        :return: None if ``frame`` is a root, or has no data for the time.
+        :param frame: the child frame.
+        :param time: when; 0: at the time of its newest sample.
+        :return: the parent; None if ``frame`` is a root, or has no data for the time.
         :raises LookupException: the frame is unknown.
         """
         cdef Py_ssize_t size
@@ -1129,8 +1132,9 @@ cdef class BufferCore(Engine):
 
     def children(self, frame: str) -> list[str]:
         """
-        Get the frames whose newest sample is given in ``frame``, in the order of first appearance.
+        Get the frames whose parent is ``frame`` in their newest sample, in the order of first appearance.
 
+        :param frame: the parent frame.
         :raises LookupException: the frame is unknown.
 
         Its cost grows with the number of all frames.
@@ -1142,7 +1146,9 @@ cdef class BufferCore(Engine):
         """
         Get the frames from ``source_frame`` up to the common ancestor and down to ``target_frame``.
 
-        :param time: 0: the latest common time.
+        :param target_frame: the last frame of the path.
+        :param source_frame: the first frame of the path.
+        :param time: when; 0: at the latest common time.
         :raises TransformException: as :meth:`lookup_transform_core`.
         """
         cdef int64_t time_ns = stamp_nanoseconds(time, "time")

@@ -63,4 +63,4 @@ def refuse_inherited(one: object, process: int | None) -> None:
     """Raise a RuntimeError if another process made this object, and this one has inherited it."""
     if is_inherited(process):
         name = class_name(type(one))
-        raise RuntimeError(f"this {name} is {FORKED}: make another one in the process that uses it")
+        raise RuntimeError(f"this {name} is {FORKED}: create a new one after the fork")

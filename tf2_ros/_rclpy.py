@@ -101,11 +101,13 @@ def loop_of(node: Any) -> "asyncio.AbstractEventLoop":
     kind, name = type(node).__name__, node.get_fully_qualified_name()
     if loop is None:
         raise RuntimeError(
-            f"the {kind} [{name}] needs an event loop, and none runs in this thread: do this in a coroutine, "
-            "for example inside `async with node`"
+            f"the {kind} [{name}] needs an event loop, but none runs in this thread: call this from a "
+            "coroutine, for example inside `async with node`"
         )
     if getattr(getattr(node, "_tg", None), "_loop", loop) is not loop:
-        raise RuntimeError(f"the {kind} [{name}] runs in another event loop: do this in a coroutine of that")
+        raise RuntimeError(
+            f"the {kind} [{name}] runs in another event loop: call this from a coroutine of that loop"
+        )
     return loop
 
 

@@ -171,8 +171,8 @@ def _after_fork_in_child() -> None:
         receivers = " and ".join(counted(count, kind) for kind, count in lost.items())
         # Not logged through ROS, whose locks another thread may have held.
         logging.getLogger("tf2_ros").warning(
-            f"Process {os.getpid()} was forked from one with {receivers}. What it has inherited receives "
-            "nothing: spawn the process instead of forking it, and make its own listeners."
+            f"Process {os.getpid()} was forked from a process with {receivers}. Inherited objects receive "
+            "nothing: spawn the process instead of forking it, or create new listeners after the fork."
         )
 
 

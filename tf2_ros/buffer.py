@@ -109,9 +109,10 @@ class Buffer(BufferCore, BufferInterface):
     nanoseconds, or a ``numpy.datetime64``. 0 is the latest time for which all frames on the path have data.
     Every ``timeout``, ``cache_time`` or other duration is a :data:`~tf2_py.typing.DurationLike`: an rclpy
     ``Duration``, a duration message, a ``timedelta``, or a number of seconds. Timeouts count steady time,
-    also while time is simulated. NaT and NaN raise a ``ValueError``. Ctrl-C ends a blocking lookup, and so
-    does the shutdown of the contexts of the buffer's node and listeners, even before it waits; without these,
-    the shutdown of the default context while it waits.
+    also while time is simulated. NaT and NaN raise a ``ValueError``.
+
+    Ctrl-C or a shutdown ends a blocking lookup. The shutdown that counts is that of the contexts of the
+    buffer's node and listeners; a buffer with neither uses the default context.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import Buffer
@@ -447,7 +448,9 @@ class Buffer(BufferCore, BufferInterface):
         names = [] if node is None else clock_publishers(node)
         if len(names) > 1:
             text = f"/clock has {len(names)} publishers, {' and '.join(names)}"
-            log.logger("tf2_buffer").warning(f"{text}: the time jumps between theirs, and clears the buffer")
+            log.logger("tf2_buffer").warning(
+                f"{text}: the clock jumps between their times, and each jump back clears the buffer"
+            )
 
     async def __answer(self, lookup: Lookup, timeout: DurationLike | None) -> TransformStamped:
         """Await a lookup."""
@@ -493,8 +496,8 @@ class Buffer(BufferCore, BufferInterface):
             names = clock_publishers(None if self._tf2_node is None else self._tf2_node())
             publishers = f"published by {' and '.join(names)}" if names else "which nobody publishes"
             log.logger("tf2_buffer").warning(
-                f"/clock, {publishers}, has been at {seconds(now_ns)} for {steady - since:.0f} s. Meanwhile "
-                "data does not become older, so max_age accepts what was fresh, and ages do not grow"
+                f"/clock, {publishers}, has been at {seconds(now_ns)} for {steady - since:.0f} s. "
+                "Until it advances, data does not age: ages do not grow, and max_age accepts old data"
             )
 
     def __get_frames(self, req: Any, res: Any) -> Any:

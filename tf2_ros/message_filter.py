@@ -207,7 +207,7 @@ class MessageFilter(Generic[_Message]):
             return
         header: Any = getattr(message, "header", None)
         if not hasattr(header, "frame_id") or not hasattr(header, "stamp"):
-            raise TypeError(f"{kind_of(message)} has no header with a frame and a time")
+            raise TypeError(f"message: expected a header with frame_id and stamp, got {kind_of(message)}")
         frame_name(header.frame_id, "header.frame_id")
         frame = frame_of(header, self._prefix) if self._prefix else stored_name(header.frame_id)
         stamp_ns = time_ns(header.stamp, "header.stamp")
@@ -229,6 +229,8 @@ class MessageFilter(Generic[_Message]):
         """
         Call ``callback(message, *arguments)`` with each message that passes.
 
+        :param callback: the function; it runs in the executor of the node.
+        :param arguments: passed to it after the message.
         :return: the key of the callback in the dictionary ``callbacks``; removing the entry removes the
             callback.
         """
@@ -335,7 +337,7 @@ class MessageFilter(Generic[_Message]):
             message_type, topic, qos = input
             if not hasattr(message_type, "header"):
                 raise TypeError(
-                    "input: expected (message type, topic, qos), in this order, of messages with a header, "
+                    "input: expected (message type, topic, qos), in this order, and a type with a header, "
                     f"got {input!r}"
                 )
             # In the group of the calls, so that no two threads of an executor call back at the same time.
@@ -500,12 +502,15 @@ def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
         raise ValueError("target_frames: expected at least one frame, got none")
     for name in names:
         if is_invalid_name(name):
-            raise ValueError(f"[{printable(name)}] cannot be the name of a target frame")
+            raise ValueError(
+                "target_frames: expected names that are not empty and do not begin with '/', got "
+                f"[{printable(name)}]"
+            )
     return names
 
 
 def _tolerance_ns(tolerance: DurationLike | None) -> int:
     tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "tolerance")
     if not 0 <= tolerance_ns < FOR_EVER_NS:
-        raise ValueError(f"tolerance: expected 0 or more, and a finite duration, got {tolerance_ns / 1e9} s")
+        raise ValueError(f"tolerance: expected a finite duration of 0 or more, got {tolerance_ns / 1e9} s")
     return tolerance_ns

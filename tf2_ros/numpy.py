@@ -204,6 +204,7 @@ def from_rotation(rotation: Rotation) -> Quaternion:
     """
     Make a message of one of SciPy's rotations.
 
+    :param rotation: a single rotation.
     :return: a new ``Quaternion``, of length one and with w >= 0.
     :raises ValueError: there are several rotations, for which ``rotation.as_quat()`` makes an array; or NaN.
 
@@ -214,7 +215,7 @@ def from_rotation(rotation: Rotation) -> Quaternion:
     """
     quaternion = np.asarray(rotation.as_quat())
     if quaternion.shape != (4,):
-        raise ValueError(f"a Quaternion holds one rotation, not {len(quaternion)}: as_quat() makes an array")
+        raise ValueError(f"expected one rotation, got {len(quaternion)}; as_quat() makes an array of them")
     message = Quaternion()
     _set_quaternion(message, _unit(quaternion))
     return message
@@ -274,10 +275,10 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
         place of N.
     :param transforms: as for :func:`to_matrix`, N or one, which serves all covariances.
     :param lever_arm: False: the covariances are those of poses in the source frame, which rotate about their
-        own origins; the results are those of ``tf2_geometry_msgs.do_transform_pose_with_covariance``, and the
-        translation has no effect. True: they are those of the source frame itself; the results are those of
-        the target frame, which is rigidly connected with it: a rotation about the origin of the one moves the
-        origin of the other.
+        own origins; the results are the same as from
+        ``tf2_geometry_msgs.do_transform_pose_with_covariance``, and the translation has no effect. True:
+        propagate the uncertainty of the source frame's own pose to the target frame, which must be on the
+        same rigid body; the lever arm turns angular into linear uncertainty.
     :return: float64, shape (N, 6, 6): in the axes of the target frame. NaN where the transform is NaN.
     :raises TypeError: the type is wrong, or there are no numbers.
     :raises ValueError: a shape is wrong, the numbers of covariances and transforms differ, or a rotation has
@@ -351,7 +352,7 @@ def _floats(values: Any, wanted: str) -> Array:
     try:
         numbers = np.asarray(values)
         if numbers.dtype.kind == "c":
-            raise TypeError("they are complex")
+            raise TypeError("got complex numbers")
         floats = numbers.astype(np.float64, copy=False)
     except (TypeError, ValueError) as reason:
         raise TypeError(f"{wanted}: {reason}") from None

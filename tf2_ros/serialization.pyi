@@ -56,13 +56,14 @@ def insert_messages(
     :param messages: an iterable of ``(topic, time in ns, serialized TFMessage)``. The topic is a name, or an
         object with the name as ``topic``, such as a connection of rosbags.
     :param sources: a :class:`MessageSource` for each topic among them.
-    :param on_malformed: called with topic, time and a ``ValueError`` for each message that cannot be read. If
-        it raises an exception, the work ends. None: the error is raised.
-    :param on_broken: called with an ``Exception`` that the iteration raises, and the time of the last message
-        before, or None. What it returns is raised instead. None: the error itself is raised.
+    :param on_malformed: ``on_malformed(topic, time_ns, error)`` is called for each message that cannot be
+        read, with a ``ValueError``. Raise an exception in it to stop. None: the error is raised.
+    :param on_broken: ``on_broken(error, last_time_ns)`` is called if iterating over ``messages`` raises.
+        Return the exception to raise instead. ``last_time_ns`` is None before the first message. None: the
+        error itself is raised.
     :param Recording recording: records each transform, with the topic as publisher and the time as time of
         reception.
-    :param list records: receives, as arrays, the records for which ``recording`` has no place.
+    :param list records: the records that do not fit into ``recording`` are appended, as arrays.
     :param progress: called from time to time with the number of messages since the last call.
     :return: the number of messages.
     :raises KeyError: a topic has no source.

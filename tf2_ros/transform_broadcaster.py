@@ -106,7 +106,7 @@ class TransformBroadcaster(Broadcaster):
 
         :param transform: a ``TransformStamped``, or an iterable of them: translations in meters, rotations as
             unit quaternions. A receiver takes a stamp of 0 as a time like any other.
-        :raises AttributeError: ``transform`` is neither.
+        :raises AttributeError: ``transform`` is neither; the error is also a ``TypeError``.
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them; nothing is sent.
         :raises RuntimeError: this is a forked child of the process that made the broadcaster.
         """

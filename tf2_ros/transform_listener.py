@@ -60,7 +60,7 @@ __all__ = [
 
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"
-_CANNOT_RECORD = "who sends transforms cannot be recorded here"
+_CANNOT_RECORD = "recording= does not work with this listener"
 
 
 class TransformSink(Protocol):
@@ -167,7 +167,7 @@ class TransformListener:
                 type(self).__name__, node, "create_subscription", buffer, "the buffer first, then the node"
             )
             if spin_thread and runs_in_loop(node):
-                raise ValueError("spin_thread: an event loop runs this node, and no thread can spin it")
+                raise ValueError("spin_thread: expected False for a node that an event loop runs")
         listening.prefix = valid_prefix(prefix)
         listening.recording = recording
         listening.process = os.getpid()
@@ -316,7 +316,7 @@ class TransformListener:
         can_receive = call_queue is not None and call_queue.runner.uses_wait_sets and problem() is None
         needs_executor = not can_receive or self.__direct_buffer() is None
         if listening.recording is not None and needs_executor:
-            reason = problem() or "code of this program handles what is received"
+            reason = problem() or "this program overrides what inserts the transforms"
             raise NotImplementedError(f"{_CANNOT_RECORD}: {reason}")
         # Of what arrives while an executor waits for a subscription, the receiver is not informed.
         self.group.hides_all = not needs_executor

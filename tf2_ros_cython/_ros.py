@@ -31,8 +31,8 @@ def loadable_packages() -> tuple[str, ...]:
 def absence(what: str = "tf2_ros") -> ModuleNotFoundError:
     """Make the error for a use of ``what`` without rclpy; its text says what to do."""
     text = (
-        f"{what} needs ROS 2, and no rclpy is found by {sys.executable}: source a ROS 2, or, in a"
-        " clone of tf2-ros-cython, pip install ./messages '.[ros]'"
+        f"{what} needs ROS 2, but {sys.executable} finds no rclpy: source ROS 2, or run in a clone of"
+        " tf2-ros-cython: pip install ./messages '.[ros]'"
     )
     if "listener" in what.lower() or "broadcaster" in what.lower():
         text += ". Without ROS 2, tf2_ros_tools.live receives and sends the transforms of a robot"
@@ -50,12 +50,12 @@ def require_messages() -> None:
     if int(running.partition(".")[0]) < OLDEST_RCLPY:
         oldest = f"rclpy {OLDEST_RCLPY} ({_RELEASES[OLDEST_RCLPY]})"
         raise ImportError(
-            f"tf2_ros needs {oldest} or newer, and this is rclpy {running} in {prefix}", name="rclpy"
+            f"tf2_ros needs {oldest} or newer, but this is rclpy {running} in {prefix}", name="rclpy"
         )
     name = _release(running)
     if spec is None or spec.origin is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(
-            f"tf2_ros needs tf2_msgs, which the ROS 2 {at} lacks. {_install_messages(name)}",
+            f"tf2_ros needs tf2_msgs, which is missing in ROS 2 {at}. {_install_messages(name)}",
             name="tf2_msgs",
         )
     folder = Path(next(iter(spec.submodule_search_locations)))
@@ -65,9 +65,9 @@ def require_messages() -> None:
         return
     made_for = str(messages_release(folder))
     raise ImportError(
-        f"the tf2_msgs in {folder} is made for ROS 2 {made_for} ({_TYPE_SUPPORT} {needed}), but this is ROS 2"
-        f" {at}, with {found}. Use the former, or pip uninstall tf2-ros-cython-msgs-{made_for.lower()}."
-        f" {_install_messages(name)}",
+        f"the tf2_msgs in {folder} was built for ROS 2 {made_for} ({_TYPE_SUPPORT} {needed}), but this is"
+        f" ROS 2 {at} ({_TYPE_SUPPORT} {found}). Use ROS 2 {made_for}, or run pip uninstall"
+        f" tf2-ros-cython-msgs-{made_for.lower()}. {_install_messages(name)}",
         name="tf2_msgs",
     )
 
@@ -149,10 +149,9 @@ def _release(version: str | None) -> str | None:
 def _install_messages(name: str | None) -> str:
     distribution = "$ROS_DISTRO" if name is None else name.lower()
     advice = (
-        "If you source this ROS 2, install its tf2_msgs, on Ubuntu with"
-        f" apt install ros-{distribution}-tf2-msgs."
+        f"If you source this ROS 2, install its tf2_msgs; on Ubuntu: apt install ros-{distribution}-tf2-msgs."
     )
     if name in (None, *_ON_PYPI):
         release = f" -C ros={distribution}" if name in _ON_PYPI[1:] else ""
-        advice += f" If it is from PyPI, in a clone of tf2-ros-cython, pip install ./messages{release}"
+        advice += f" If it is from PyPI, run in a clone of tf2-ros-cython: pip install ./messages{release}"
     return advice

@@ -18,12 +18,14 @@ def do_transform_cloud(
     In double precision, without the GIL.
 
     Fields may be in any order, at any offset, with any padding, in either byte order; x, y and z may be of
-    any type, even of different ones; integers are truncated, as in tf2. Everything else stays as it is: other
-    fields, padding, rows, ``is_dense``; a point with one NaN has three in the result. However, a cloud with
-    only x, y and z loses the padding after them, as in tf2, and a ``row_step`` that contradicts the data is
-    corrected. Normals (``normal_x/y/z``) are rotated, and viewpoints (``vp_x/y/z``) rotated and translated,
-    if a cloud has all three as float32 or float64. tf2's C++ also rotates normals, but not viewpoints; its
-    Python transforms only x, y and z.
+    any type, even of different ones; integers are truncated, as in tf2. If one coordinate of a point is NaN,
+    all three are NaN in the result. Everything else stays as it is: other fields, padding, rows,
+    ``is_dense``. However, a cloud with only x, y and z loses the padding after them, as in tf2, and a
+    ``row_step`` that contradicts the data is corrected.
+
+    Normals (``normal_x/y/z``) are rotated, and viewpoints (``vp_x/y/z``) rotated and translated, if a cloud
+    has all three as float32 or float64. tf2's C++ also rotates normals, but not viewpoints; its Python
+    transforms only x, y and z.
 
     :param cloud: a PointCloud2, coordinates in meters.
     :param transform: a TransformStamped, or a Transform, which leaves the cloud's frame unchanged; meters.

@@ -110,22 +110,22 @@ def deskew(
     :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`, but not
         ``max_age``, because points have times.
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
-        stays, but with ``fixed_frame`` the field from which the times were read, not another one, has the
-        time of the new stamp for each point.
+        stays, except that with ``fixed_frame``, the field from which the times were read has the time of the
+        new stamp for each point.
     :raises TransformException: a point has no transform; see ``buffer.lookup_transform``.
     :raises OverflowError: ``target_time``, or the stamp of the cloud, does not fit into a message.
     :raises TypeError: an argument is of another type, there is a ``target_time`` without ``fixed_frame``, or
-        ``time_unit`` beside ``times``.
-    :raises ValueError: no field has the times of the points (the text names the fields), a time is not a
-        number, a sweep of more than 3 s, fractions of one or times an hour from the stamp need a
-        ``time_unit``, the cloud is inconsistent as for :func:`do_transform_cloud`, or the sensor does not
-        move in ``fixed_frame``, or without one in ``target_frame``, because that frame is the sensor's or
-        moves with it.
+        both ``time_unit`` and ``times``.
+    :raises ValueError: no field has the times of the points; a time is not a number; the times need a
+        ``time_unit``, because they are fractions of a sweep, more than 3 s apart, or an hour from the stamp;
+        the cloud is inconsistent, as in :func:`do_transform_cloud`; or the sensor does not move in
+        ``fixed_frame`` (without it, in ``target_frame``), because that frame is the sensor's or moves with
+        it.
 
     Points with a NaN need no time, and have three NaN in the result. Normals and viewpoints are transformed,
-    too. Poses are looked up at some times, and between these the points move steadily. There are so many of
-    these times that a point is off by at most 10 µm and a millionth of its distance from the sensor. Where
-    this would not save time, the pose of each point is looked up.
+    too. Poses are looked up at selected times and interpolated between them. The times are chosen so that the
+    error of a point is at most 10 µm plus one millionth of its distance from the sensor. Where this would not
+    save time, the pose of each point is looked up.
     """
     if not isinstance(buffer, BufferCore):
         raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
@@ -136,10 +136,10 @@ def deskew(
     if target_time is not None and fixed_frame is None:
         raise TypeError("target_time needs a fixed_frame")
     if times is not None and time_unit is not None:
-        raise TypeError("time_unit is the unit of a field: pass it or times")
+        raise TypeError("pass time_unit, the unit of a field, or times, not both")
     accepted = policy_of("deskew", True, **policy)
     if accepted is not None and accepted.judges_age:
-        raise ValueError("max_age is for the latest transform, but points have times: use tolerance")
+        raise ValueError("max_age applies only to the latest transform: for points, use tolerance")
     source_frame = frame_of(cloud.header, prefix)
     stamp_ns = new_ns = time_ns(cloud.header.stamp, "header.stamp")
     until_ns = time.monotonic_ns() + _timeout_ns(buffer, timeout)
@@ -171,7 +171,7 @@ def deskew(
     first, last, bad, found = read_times(cloud, sweep.field, all_times)
     if bad >= 0 and on_missing == "raise":
         if sweep.field is None:
-            raise ValueError(f"times[{bad}] is {NO_TIME}, which is no time")
+            raise ValueError(f"times[{bad}]: expected a time, got {NO_TIME}")
         name, text = sweep.field.name, sweep.field.unit.text
         raise ValueError(f"points[{bad}]: {name} is {found:g}, expected a time in {text}")
     if (first, last) != (sweep.first, sweep.last):
@@ -206,7 +206,7 @@ def _read_sweep(
     if times is not None:
         given = as_times_ns(times)
         if len(given) != count:
-            raise ValueError(f"{count} points, {len(given)} times: each point needs its own time")
+            raise ValueError(f"expected one time for each point, got {len(given)} for {count} points")
         first, last, _ = _without_garbage(given, LONGEST_NS)
         return Sweep(None, given, int(first), int(last), LONGEST_NS, count)
     field = find_time_field(cloud, stamp_ns, time_unit)

@@ -49,6 +49,8 @@ def read_points(
     :param uvs: indices of the points to read; None: all.
     :param reshape_organized_cloud: return an array of shape (width, height) if there are several rows.
     :return: the points, in this machine's byte order.
+    :raises AssertionError: it is not a cloud, or lacks a field.
+    :raises TypeError: the data has too few bytes.
     """
     assert isinstance(cloud, PointCloud2), "a sensor_msgs/PointCloud2 is wanted"
     dtype = _dtype(cloud.fields, cloud.point_step, ">" if cloud.is_bigendian else "<")
@@ -77,9 +79,11 @@ def create_cloud(
     """
     Make a cloud of points.
 
+    :param header: its header.
     :param fields: its PointFields.
     :param points: a structured array, an array with a column for each field, or one iterable for each point.
     :param point_step: bytes from one point to the next; None: as many as the fields need.
+    :raises AssertionError: the points do not fit the fields.
     """
     dtype = _dtype(fields, point_step, "=")
     if not isinstance(points, np.ndarray):

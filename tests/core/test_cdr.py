@@ -122,8 +122,8 @@ ROW = [0, 0, 0, 0, 0, 0, 1]
 @pytest.mark.parametrize(
     ("arrays", "error", "text"),
     [
-        (([("a", "b")], [1, 2], [ROW]), ValueError, "1 pairs of frames, 2 stamps, 1 transforms"),
-        (([], [1], [ROW]), ValueError, "0 pairs of frames, 1 stamps, 1 transforms"),
+        (([("a", "b")], [1, 2], [ROW]), ValueError, "frames, stamps and transforms, got 1, 2 and 1"),
+        (([], [1], [ROW]), ValueError, "frames, stamps and transforms, got 0, 1 and 1"),
         (([("a", "b\0")], [1], [ROW]), ValueError, "NUL"),
         (([("a", b"b")], [1], [ROW]), TypeError, "expected a str, got bytes"),
         (([("a", "b")], [1], [ROW[1:]]), ValueError, "reshape"),

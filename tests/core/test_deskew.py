@@ -500,7 +500,7 @@ def test_the_least_integer_is_not_a_time(buffer):
     """It is NaT in the memory of a datetime64."""
     cloud, points, times = measured("ouster")
     times = np.where(np.arange(len(times)) == 7, -(2**63), times)
-    with pytest.raises(ValueError, match=r"^times\[7\] is -9223372036854775808, which is no time$"):
+    with pytest.raises(ValueError, match=r"^times\[7\]: expected a time, got -9223372036854775808$"):
         deskew(cloud, buffer, "odom", times=times)
     assert missing_in(deskew(cloud, buffer, "odom", times=times, on_missing="nan"), points.dtype) == [7]
 
@@ -651,7 +651,7 @@ def test_a_time_unit_is_from_1_ns_to_1_hour(buffer, unit):
     cloud, _, times = measured("ouster")
     with pytest.raises(ValueError, match="time_unit: expected 1e-9 to 3600 s, got "):
         deskew(cloud, buffer, "odom", time_unit=unit)
-    with pytest.raises(TypeError, match="time_unit is the unit of a field: pass it or times"):
+    with pytest.raises(TypeError, match="pass time_unit, the unit of a field, or times, not both"):
         deskew(cloud, buffer, "odom", times=times, time_unit=1)
 
 
@@ -681,10 +681,10 @@ def test_a_cloud_without_times_names_its_fields_and_takes_them_as_an_argument(bu
     with pytest.raises(ValueError) as error:
         deskew(cloud, buffer, "odom")
     assert str(error.value) == (
-        "no field has the times of the points: the cloud has x (float32), y (float32), z (float32), "
-        "intensity (float32), ring (uint16), stamp (float32); known are time (float32 or float64), "
-        "t (uint32), offset_time (uint32), timestamp (float64). "
-        "With other types of the first three, pass time_unit; instead of a field, times"
+        "no field with the times of the points: expected time (float32 or float64), t (uint32), "
+        "offset_time (uint32), timestamp (float64), but the cloud has x (float32), y (float32), z (float32), "
+        "intensity (float32), ring (uint16), stamp (float32). "
+        "If one of the first three has another type, pass time_unit; if the times are elsewhere, pass times"
     )
     before = times.copy()
     for given in (times, times.tolist(), times.astype("M8[ns]")):
@@ -693,14 +693,14 @@ def test_a_cloud_without_times_names_its_fields_and_takes_them_as_an_argument(bu
     assert np.array_equal(times, before)
     moved = deskew(cloud, buffer, "lidar", "odom", times=times)
     assert np.array_equal(points_of(moved, points.dtype)["time"], points["time"])
-    with pytest.raises(ValueError, match="4000 points, 3 times"):
+    with pytest.raises(ValueError, match="got 3 for 4000 points"):
         deskew(cloud, buffer, "odom", times=times[:3])
 
 
 def test_a_field_of_a_known_name_but_another_type_is_not_one_of_times(buffer):
     fields = [*XYZ, ("t", "f4", 12)]
     cloud = as_cloud(np.zeros(10, dtype_of(fields, 16)), fields)
-    with pytest.raises(ValueError, match=r"the cloud has .* t \(float32\); known"):
+    with pytest.raises(ValueError, match=r"the cloud has .* t \(float32\)\. If one"):
         deskew(cloud, buffer, "odom")
 
 
@@ -851,7 +851,7 @@ def test_wrong_arguments_are_named(buffer):
         deskew(cloud, buffer, "odom", on_missing="skip")
     with pytest.raises(TypeError, match=r"^deskew\(\) got .* 'tolerence'\. Did you mean 'tolerance'\?$"):
         deskew(cloud, buffer, "odom", tolerence=1)
-    with pytest.raises(ValueError, match=r"^max_age .* points have times: use tolerance$"):
+    with pytest.raises(ValueError, match=r"^max_age .* for points, use tolerance$"):
         deskew(cloud, buffer, "base", "odom", 0, max_age=1)
     with pytest.raises(TypeError, match=r"timeout: only a tf2_ros\.Buffer can wait, not a BufferCore"):
         deskew(cloud, driving(make=BufferCore), "odom", timeout=1)

@@ -174,6 +174,7 @@ def test_a_frame_without_samples_is_furthest_behind(tf2_py):
         buffer.set_transform(transform("map", "base", stamp), "x")
     for target, source in (("base", "cleared"), ("cleared", "base")):
         assert re.search(
-            r"Requested time 9\.0+ but the latest data is at time 3\.0.*; no sample of cleared is held$",
+            r"Requested time 9\.0+ but the latest data is at time 3\.0.*; "
+            r"the buffer has no sample of cleared$",
             error_of(tf2_py, buffer, target, source, 9),
         )

@@ -526,7 +526,7 @@ HOSTILE = {
     "the size of its index does not fit   ": lambda file: file.change_header(index_bytes=77),
     "its cache time or limits": lambda file: file.change_header(cache_time_ns=-1),
     "its cache time or limits ": lambda file: file.change_header(max_frames=0),
-    "its frames do not have the samples": lambda file: file.change_header(sample_count=1 << 63),
+    "the number of samples in its header": lambda file: file.change_header(sample_count=1 << 63),
     "a reserved byte of its header": lambda file: file.change("I", 68, 1),
     "a reserved byte of its header ": lambda file: file.change("B", 80, 1),
     "a reserved byte of its header  ": lambda file: file.change("B", 127, 1),
@@ -548,16 +548,14 @@ HOSTILE = {
     "its index does not end with its names ": another_line_of_names,
     "frame .*, odom: an unknown kind": in_frame("odom", kind=3),
     "frame .*, odom: an unknown flag": in_frame("odom", flags=2),
-    "frame .*, odom: facts about samples, of a frame that was never a child": in_frame("odom", kind=0),
+    "frame .*, odom: it has no samples, but facts about samples": in_frame("odom", kind=0),
     **{
-        f"frame .*, map: facts about samples, of a frame that was never a child{' ' * i}": in_frame(
-            "map", **{field: 1}
-        )
+        f"frame .*, map: it has no samples, but facts about samples{' ' * i}": in_frame("map", **{field: 1})
         for i, field in enumerate(FIELDS_OF_SAMPLES)
     },
     "frame .*, map: its number of samples": in_frame("map", kind=1),
-    "frame .*, map: a frame that no sample needs": in_frame("map", flags=0),
-    "frame .*, camera: a frame that is said to be a parent, and is none": in_frame("camera", flags=1),
+    "frame .*, map: no sample refers to it": in_frame("map", flags=0),
+    "frame .*, camera: it is marked as a parent, but no sample has this parent": in_frame("camera", flags=1),
     "frame .*, odom: its number of samples": in_frame("odom", count=0),
     "frame .*, odom: its number of samples ": in_frame("odom", count=0xFFFFFFFF),
     "frame .*, odom: its number of samples  ": in_frame("odom", parent_changes=100),
@@ -589,7 +587,7 @@ HOSTILE = {
     "frame .*, base: sample 0: a frame that is its own parent": lambda file: in_sample(
         "base", "I", 56, file.number("base")
     )(file),
-    "frame .*its parents form a loop, which the header denies": close_a_loop,
+    "frame .*its parents form a loop, but the header does not say so": close_a_loop,
 }
 
 

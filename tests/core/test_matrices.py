@@ -204,7 +204,7 @@ def test_it_raises_what_a_lookup_raises(buffer):
 
 def test_a_fixed_frame_needs_a_target_time(buffer):
     for how in ({"fixed_frame": "map"}, {"target_time": 0}):
-        with pytest.raises(TypeError, match="fixed_frame and target_time go together"):
+        with pytest.raises(TypeError, match="pass both fixed_frame and target_time, or neither"):
             buffer.lookup_matrix("map", "arm", 0, **how)
     with pytest.raises(TypeError, match=r"lookup_matrix\(\) got an unexpected keyword argument 'tolerence'"):
         buffer.lookup_matrix("map", "arm", 0, tolerence=1.0)

@@ -245,7 +245,9 @@ REFUSED = {
         partial(to_arrays, np.zeros(shape)) for shape in ((4,), (0,), (3, 4), (4, 4, 3))
     ],
     "(Type|Value)Error: matrix: expected": [partial(from_matrix, wrong) for wrong in (None, [["a"] * 4] * 4)],
-    "TypeError: .*numbers: they are complex$": [partial(call, EYE * 1j) for call in (from_matrix, to_arrays)],
+    "TypeError: .*numbers: got complex numbers$": [
+        partial(call, EYE * 1j) for call in (from_matrix, to_arrays)
+    ],
     r"ValueError: .*got \(3, 4, 4\); to_arrays takes many": [partial(from_matrix, np.stack([EYE] * 3))],
     "TypeError: .*has no header": [
         partial(from_matrix, EYE, *cls, header=header()) for cls in ([], [Transform], [Pose])

@@ -402,17 +402,20 @@ def test_messages_of_another_release_or_none_are_refused_with_what_to_install(
     prefix = tmp_path / name
     environment = sourced(of_release(prefix, ros, version, type_support))
     said = in_venv.run(environment, "-c", "import tf2_ros").stderr
-    lacking = f"ModuleNotFoundError: tf2_ros needs tf2_msgs, which the ROS 2 {name} (rclpy {version}) in "
+    lacking = (
+        f"ModuleNotFoundError: tf2_ros needs tf2_msgs, which is missing in ROS 2 {name} (rclpy {version}) in "
+    )
     assert lacking in said
     installing.copy_messages(tmp_path / "messages")
     environment["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'messages'}"
     refused = in_venv.run(environment, "-c", "import tf2_ros").stderr
-    assert f"ImportError: the tf2_msgs in {tmp_path / 'messages' / 'tf2_msgs'} is made for" in refused
-    assert f"but this is ROS 2 {name} (rclpy {version}) in {prefix}, with {type_support[:3]}" in refused
+    assert f"ImportError: the tf2_msgs in {tmp_path / 'messages' / 'tf2_msgs'} was built for" in refused
+    running = f"but this is ROS 2 {name} (rclpy {version}) in {prefix} "
+    assert f"{running}(rosidl_typesupport_fastrtps_c {type_support[:3]})" in refused
     release = name.lower()
     for one in (said, refused):
         assert f"apt install ros-{release}-tf2-msgs" in one
-        built = f"in a clone of tf2-ros-cython, pip install ./messages -C ros={release}" in one
+        built = f"in a clone of tf2-ros-cython: pip install ./messages -C ros={release}" in one
         assert built == from_pypi and ("./messages" in one) == from_pypi
 
 

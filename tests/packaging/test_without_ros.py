@@ -34,8 +34,8 @@ def world(tmp_path_factory):
 @pytest.mark.parametrize("code", NEED_ROS)
 def test_what_needs_ros_says_so_and_what_to_install(world, code):
     said = world.lacks(code)
-    assert f" needs ROS 2, and no rclpy is found by {world.python}: " in said
-    assert "in a clone of tf2-ros-cython, pip install ./messages '.[ros]'" in said
+    assert f" needs ROS 2, but {world.python} finds no rclpy: " in said
+    assert "in a clone of tf2-ros-cython: pip install ./messages '.[ros]'" in said
 
 
 def test_what_needs_no_ros_loads(world):

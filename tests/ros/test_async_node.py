@@ -205,7 +205,9 @@ async def test_the_loop_calls_a_callback_that_is_overridden(tf2_ros, buffer, sen
 @in_loop
 async def test_no_thread_can_spin_it(tf2_ros, buffer, sender):
     async with AsyncNode("listening") as node:
-        with pytest.raises(ValueError, match="spin_thread: an event loop runs this node"):
+        with pytest.raises(
+            ValueError, match="spin_thread: expected False for a node that an event loop runs"
+        ):
             tf2_ros.TransformListener(buffer, node, spin_thread=True)
         assert sender.count_subscribers("/tf") == 0
 
@@ -239,7 +241,7 @@ async def test_one_of_another_loop_or_without_a_loop_is_refused(tf2_ros, buffer,
 
     async with AsyncNode("listening") as node:
         for kind in ("listener", "filter"):
-            with pytest.raises(RuntimeError, match=r"\[/listening\] needs an event loop, and none runs"):
+            with pytest.raises(RuntimeError, match=r"\[/listening\] needs an event loop, but none runs"):
                 await asyncio.to_thread(make, kind)
             if IS_REAL:
                 with pytest.raises(RuntimeError, match=r"\[/listening\] runs in another event loop"):

@@ -269,7 +269,7 @@ class TestTimeJump:
         assert "publishers" not in jumps([player, player])
         other = new_node("simulator").create_publisher(Clock, "/clock", 10)
         until(lambda: len(listening.get_publishers_info_by_topic("/clock")) == 2)
-        said = "/clock has 2 publishers, /bag/player and /simulator: the time jumps between theirs"
+        said = "/clock has 2 publishers, /bag/player and /simulator: the clock jumps between their times"
         assert said in jumps([player, other])
         assert not buffer.frames()
 

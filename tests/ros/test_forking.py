@@ -61,7 +61,7 @@ def test_a_child_says_that_its_listeners_receive_nothing(tf2_ros, node, buffer, 
 
         def look():
             assert not attached._tf2_attachment.is_attached
-            [found] = re.findall("forked from one with (.*). What it has inherited receives no", caplog.text)
+            [found] = re.findall("forked from a process with (.*). Inherited objects receive no", caplog.text)
             assert re.fullmatch(r"\d+ attached buffers? and \d+ listeners?", found)
             assert listener.receives == ()
 

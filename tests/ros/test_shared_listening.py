@@ -155,7 +155,7 @@ def refusals():
             lambda node: usual(Buffer(), node, static_only=True),
         ],
         "is not filled from": [lambda node: usual(Buffer(), node, tf_topic="/other")],
-        "keeps 10 s, this one 30 s": [lambda node: usual(Buffer(Duration(seconds=30)), node)],
+        "keeps 10 s, but this buffer keeps 30 s": [lambda node: usual(Buffer(Duration(seconds=30)), node)],
     }
 
 
@@ -173,7 +173,7 @@ def test_what_the_shared_buffer_cannot_stand_for_is_received_as_ever(shared, nod
 def test_without_an_owner_a_program_listens_itself(monkeypatch, node, capfd):
     for name, reason in (
         ("nobody", "no process"),
-        ("a b", "not a name of a shared buffer"),
+        ("a b", "the name of a shared buffer: expected"),
         ("auto", "no process"),
     ):
         monkeypatch.setenv("TF2_SHARED_BUFFER", name)

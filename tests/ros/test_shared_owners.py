@@ -174,10 +174,10 @@ def test_an_owner_that_ends_while_the_next_one_starts_is_followed_by_one_thread(
 REFUSED = {
     "cannot .*: .*symbolic links": lambda path: path.symlink_to("/dev/null"),
     "cannot .*: .*directory": lambda path: path.mkdir(),
-    "it is not this user's: '/dev/shm/": lambda path: (path.touch(0o600), os.chown(path, 65534, 65534)),
+    "it belongs to another user: '/dev/shm/": lambda path: (path.touch(0o600), os.chown(path, 65534, 65534)),
     "it is not a regular file: '/dev/shm/": lambda path: os.mkfifo(path, 0o600),
-    "other users may write to it, its mode is 0620: ": lambda path: (path.touch(), path.chmod(0o620)),
-    "other users may write to it, its mode is 0602: ": lambda path: (path.touch(), path.chmod(0o602)),
+    "other users may write to it; its mode is 0620: ": lambda path: (path.touch(), path.chmod(0o620)),
+    "other users may write to it; its mode is 0602: ": lambda path: (path.touch(), path.chmod(0o602)),
 }
 
 
@@ -201,7 +201,7 @@ def test_a_process_that_locks_the_file_of_a_dead_owner_is_named_and_not_waited_f
         owner.process.kill()
         owner.process.wait()
         fcntl.flock(file, fcntl.LOCK_SH)
-        match = f"process {os.getpid()} has locked it: '{owner.path}'$"
+        match = f"it is locked by process {os.getpid()}: '{owner.path}'$"
         with pytest.raises(SharedBufferError, match=match):
             Buffer(share=owner.name)
         fcntl.flock(file, fcntl.LOCK_UN)
@@ -219,9 +219,9 @@ def spoiled(path, where, data):
     [
         (0, b"\1" * 8, "not a shared buffer"),
         (8, struct.pack("<I", 0), "another version"),
-        (16, struct.pack("<Q", 9), "size is wrong"),
-        (16, struct.pack("<Q", 2**63), "size is wrong"),
-        (16, struct.pack("<Q", 2**39), "size is wrong"),
+        (16, struct.pack("<Q", 9), "the size in its header"),
+        (16, struct.pack("<Q", 2**63), "the size in its header"),
+        (16, struct.pack("<Q", 2**39), "the size in its header"),
     ],
 )
 def test_a_file_of_another_kind_is_refused(where, data, match):
@@ -395,4 +395,4 @@ def test_memory_that_ends():
     if ended.returncode == 77 or "unshare" in ended.stderr:
         pytest.skip("no file system can be mounted here")
     assert ended.stdout == "True False\n", ended.stderr
-    assert "The shared buffer 'small' has ended: there was no memory for a message" in ended.stderr
+    assert "The shared buffer 'small' has ended, because there was no memory for a message" in ended.stderr

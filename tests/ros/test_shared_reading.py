@@ -191,9 +191,9 @@ class TestAReaderThatIsOverrun:
             assert 0.0 < room_s < 10.0
             assert attachment.describe().endswith(", messages lost 1 time")
             warning = (
-                f"Lost messages of the shared buffer {attachment.name!r} 1 time: newer ones have displaced "
-                f"them before they were read here. It has room for the last {room_s:.1f} s, and this buffer "
-                f"keeps 10 s. Look something up at least every {room_s:.1f} s, or give process "
+                f"Lost messages of the shared buffer {attachment.name!r} 1 time: newer messages displaced "
+                f"them before this process read them. The shared buffer has room for {room_s:.1f} s, but "
+                f"this buffer keeps 10 s. Make a lookup at least every {room_s:.1f} s, or give process "
                 f"{attachment.owner} a larger /dev/shm, up to 1 GiB\n"
             )
             until(lambda: warning in errors_so_far())
@@ -204,11 +204,11 @@ class TestAReaderThatIsOverrun:
             for _ in range(3):
                 wrap(owner)
                 assert is_sound(reader, S)
-                until(lambda: "1 time: newer ones" in errors_so_far())
+                until(lambda: "1 time: newer messages" in errors_so_far())
             attachment._tf2_check()
             assert "2 times" not in errors_so_far()
             monkeypatch.setattr("tf2_ros._shared.attachment.LOSS_WARNING_S", 0)
-            until(lambda: "2 times: newer ones" in errors_so_far())
+            until(lambda: "2 times: newer messages" in errors_so_far())
 
     def test_one_that_reads_in_time_loses_nothing(self):
         with small_ring(), pair() as (owner, reader):
@@ -255,8 +255,8 @@ class TestAnOwnerWithoutRoom:
             lines = [line for line in errors_so_far().splitlines() if "has room for" in line]
             assert len(lines) == 1
             assert re.search(
-                rf"The shared buffer '{sharing.name}' has room for the last [0-9.]+ s of messages, and this "
-                r"process keeps 10 s\.",
+                rf"The shared buffer '{sharing.name}' has room for the last [0-9.]+ s of messages, but its "
+                r"cache time is 10 s\.",
                 lines[0],
             )
 
@@ -273,8 +273,8 @@ class TestAnOwnerWithoutRoom:
             owner._tf2_sharing._tf2_check()
             assert reader.can_transform_core("map", "camera", 0)[0]
             assert (
-                f"The shared buffer '{owner._tf2_sharing.name}' lacks 2 transforms: names that are longer "
-                "than 100 kB are not shared"
+                f"The shared buffer '{owner._tf2_sharing.name}' lacks 2 transforms: frame names that are "
+                "longer than 100 kB are not shared"
             ) in errors_so_far()
 
 

@@ -115,7 +115,7 @@ class Frame:
         samples = self.samples
         if not samples:
             text = "" if time == NEWEST else f" at time {seconds(time)}"
-            raise Gap(f"extrapolation{text}", f"no sample of {name} is held")
+            raise Gap(f"extrapolation{text}", f"the buffer has no sample of {name}")
         first, last = samples[0], samples[-1]
         if self.static or time in (NEWEST, last[0]):
             return (last[1], last[2:])

@@ -8,8 +8,8 @@ from model_terms import NEWEST, STAMPS_END, ModelError, S, limit_of, seconds
 MOST_SUGGESTED = 3  # names in the text of an error
 YEAR = 365 * 86400 * 10**9  # ns
 NO_CLOCK = (
-    "this buffer has no clock, which ages need: a tf2_ros.Buffer has one, a BufferCore and the buffer of a "
-    "recording do not"
+    "ages need a clock, which this buffer does not have: use a tf2_ros.Buffer, not a BufferCore or the "
+    "buffer of a recording"
 )
 
 
@@ -231,6 +231,6 @@ class Policies:
         children = [one for one in children if one in moving] or children
         some = " or ".join(f"[{child}]" for child in children[:MOST_SUGGESTED])
         return (
-            f"{argument} has a limit for [{name}], which is not the child of any frame. The limit of a frame "
-            f"is that of the transform from its parent: limit {some or 'a child'} instead"
+            f"{argument} has a limit for [{name}], which has no parent. A limit applies to the transform of "
+            f"a frame from its parent: limit {some or 'a child'} instead"
         )

@@ -137,7 +137,7 @@ def extrapolation(
         "empty": f"at time {requested}",
     }[quoted_gap]
     if gap == "empty":
-        lack = f"no sample of {child} is held"
+        lack = f"the buffer has no sample of {child}"
     else:
         which, how = {
             "future": ("newest", "too old"),
@@ -203,8 +203,8 @@ def limit_of_root(name: str, argument: str, children: list[str]) -> str:
     """The error text for a limit of a frame that is not a child, so that the limit could never apply."""
     some = " or ".join(f"[{printable(child)}]" for child in children[:MOST_SUGGESTED])
     return (
-        f"{argument} has a limit for [{printable(name)}], which is not the child of any frame. The limit of "
-        f"a frame is that of the transform from its parent: limit {some or 'a child'} instead"
+        f"{argument} has a limit for [{printable(name)}], which has no parent. A limit applies to the "
+        f"transform of a frame from its parent: limit {some or 'a child'} instead"
     )
 
 

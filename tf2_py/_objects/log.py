@@ -72,8 +72,8 @@ def unnormalised(length: float, parent: str, child: str, authority: str) -> None
     """Log the first transform of a frame whose rotation newer releases of ROS 2 refuse."""
     text = (
         f"The transform from frame_id '{parent}' to child_frame_id '{child}' from authority '{authority}' "
-        f"has a rotation of length {length:.6g}. It is normalized here, and refused by tf2 of ROS 2 Kilted "
-        "and later. Further ones of this child_frame_id are not logged"
+        f"has a rotation of length {length:.6g}. This buffer normalizes it, but tf2 of ROS 2 Kilted and "
+        "later refuses it. Further transforms of this child_frame_id are not logged"
     )
     logger().warning(printable(text))
 

@@ -94,7 +94,7 @@ cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_b
     if file_bytes < sizeof(FrozenHeader):
         return "it is cut off in its header"
     if header.version != FROZEN_VERSION:
-        return "it has another version of the format than 1"
+        return "it has another version of the format than 1: freeze the buffer again with this version"
     if header.file_bytes != file_bytes:
         return "its size is not that in its header: it is cut off, or was changed"
     # None of these sums can overflow: both counts have 32 bits.
@@ -143,9 +143,9 @@ cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, Ends*
     if record.kind == HISTORY_NONE:
         if (record.authority or record.newest_parent or record.count or record.parent_changes
                 or record.data_start or record.checksum or record.oldest_ns or record.newest_ns):
-            return "facts about samples, of a frame that was never a child"
+            return "it has no samples, but facts about samples"
         if not record.flags & FROZEN_PARENT:
-            return "a frame that no sample needs"
+            return "no sample refers to it"
         return NULL
     if record.kind != HISTORY_DYNAMIC and record.kind != HISTORY_STATIC:
         return "an unknown kind"
@@ -187,7 +187,7 @@ cdef FrozenProblem frozen_check_index(const FileMapping* mapping, StopAsked stop
         if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop():
             return _problem_of(STOPPED)
     if samples != header.sample_count or ends.samples != header.file_bytes:
-        return _problem_of("its frames do not have the samples that it has")
+        return _problem_of("the number of samples in its header is not that of its frames")
     for i in range(header.authority_count):
         if not _is_next_name(header, authorities[i].start, authorities[i].size, &ends):
             return _problem_of("the name of an authority is not a text behind the name before, in the index")
@@ -289,7 +289,7 @@ cdef FrozenProblem _parents_problem(const Tree* tree) noexcept nogil:
             is_named[history_parent_of(history, i)] = 1
     for frame in range(1, tree.names.count):
         if tree.histories[frame].is_parent and not is_named[frame]:
-            problem = _problem_of_frame(frame, "a frame that is said to be a parent, and is none")
+            problem = _problem_of_frame(frame, "it is marked as a parent, but no sample has this parent")
             break
     free(is_named)
     return problem
@@ -318,7 +318,7 @@ cdef FrozenProblem _samples_problem(const FileMapping* mapping, const Tree* tree
         if tree_find_loop(tree, &frame) != 0:
             return _problem_of("")
         if frame != NO_FRAME:
-            return _problem_of_frame(frame, "its parents form a loop, which the header denies")
+            return _problem_of_frame(frame, "its parents form a loop, but the header does not say so")
     return problem
 
 

@@ -493,8 +493,8 @@ cdef class Engine:
         cdef int64_t before_ns = monotonic_ns()
         shown = None if self._show_time is None else self._show_time(self)
         if shown is None:
-            raise ValueError("this buffer has no clock, which ages need: a tf2_ros.Buffer has one, a "
-                             "BufferCore and the buffer of a recording do not")
+            raise ValueError("ages need a clock, which this buffer does not have: use a tf2_ros.Buffer, "
+                             "not a BufferCore or the buffer of a recording")
         reading.now_ns, reading.is_system = shown
         reading.steady_ns = monotonic_ns()
         query.policy.clock = reading

@@ -24,7 +24,7 @@ cdef int query_fix(Query* query, object fixed_frame, object target_time) except 
 cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
                            object target_time, PolicyObject policy) except -1:
     if (fixed_frame is None) != (target_time is None):
-        raise TypeError("fixed_frame and target_time go together: both or neither")
+        raise TypeError("pass both fixed_frame and target_time, or neither")
     query_frames(query, target_frame, source_frame)
     if fixed_frame is not None:
         query_fix(query, fixed_frame, target_time)
@@ -116,7 +116,7 @@ def policy_of(call, waits, /, **policy):
     for name in policy:
         raise TypeError(_unexpected(name, call, waits))
     if tolerance is None and extrapolate:
-        raise TypeError("extrapolate needs a tolerance: how far it may extrapolate")
+        raise TypeError("extrapolate needs a tolerance, which limits how far to extrapolate")
     if tolerance is None and max_gap is None and max_age is None:
         return None
     made = PolicyObject()

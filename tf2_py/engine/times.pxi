@@ -136,7 +136,7 @@ cdef int64_t _datetime64_ns(object value, str argument) except? -1:
         raise TypeError(f"{argument}: expected nanoseconds, or sec and nanosec, "
                         f"got {type(value).__name__}: use {_times_to_use()}")
     if numpy.isnat(value):
-        raise ValueError(f"{argument} is NaT: expected a time")
+        raise ValueError(f"{argument}: expected a time, got NaT")
     try:
         converted = value.astype("datetime64[ns]")
         is_exact = converted.astype(value.dtype) == value   # NumPy before 2.5 wraps around; later ones raise
@@ -154,7 +154,7 @@ cdef int _refuse_duration(object value, object amount, str argument) except -1:
     for module in ("rclpy.duration", "builtin_interfaces.msg"):
         if isinstance(value, getattr(sys.modules.get(module), "Duration", ())):
             raise TypeError(
-                f"{argument} is a Duration, which says how long and not when: use {_times_to_use()}"
+                f"{argument}: expected a time, got a Duration: use {_times_to_use()}"
             )
     return 0
 
@@ -222,7 +222,8 @@ cpdef int64_t duration_ns(object duration, str argument) except? -1:
     seconds = _integer(duration)
     if seconds is not None and seconds in LIKE_NANOSECONDS:
         years = seconds // (365 * 86400)
-        text = f"{argument}={seconds} is {years} years, because a number is seconds"
+        text = (f"{argument}={seconds} means {years} years: numbers are seconds. "
+                f"For nanoseconds, pass Duration(nanoseconds={seconds})")
         warnings.warn(text, stacklevel=_level_of_user())
     if seconds is None and isinstance(duration, Real) and not isinstance(duration, Integral):
         seconds = float(duration)
@@ -232,7 +233,7 @@ cpdef int64_t duration_ns(object duration, str argument) except? -1:
             f"got {type(duration).__name__}: use {DURATION_TO_USE}"
         )
     if seconds != seconds:
-        raise ValueError(f"{argument} is NaN: use seconds, or {DURATION_TO_USE}")
+        raise ValueError(f"{argument}: expected a duration or seconds, got NaN: use {DURATION_TO_USE}")
     return _at_most_for_ever(seconds * <object>NS_PER_S)
 
 

@@ -98,10 +98,10 @@ class Attachment:
             if not is_owned(self.reader.descriptor):
                 why = "no longer shares it"
             elif self.listeners and read_description(self.reader.descriptor).domain is None:
-                why = "has no listener any more"
+                why = "no longer has a listener"
             else:
                 return
-            text = f"The shared buffer {self.name!r} is not filled any more: process {self.owner} {why}"
+            text = f"The shared buffer {self.name!r} is no longer filled: process {self.owner} {why}"
             log.logger("tf2_ros").info(text)
             self._end()
         with LOCK:
@@ -117,7 +117,7 @@ class Attachment:
                     found = Attachment(buffer, self.name, open_ring(self.name))
                 except SharedBufferError:
                     return  # the next check tries again
-                log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is process {found.owner}'s now")
+                log.logger("tf2_ros").info(f"Process {found.owner} now shares the buffer {self.name!r}")
 
     def overruns(self) -> tuple[int, float]:
         """
@@ -133,9 +133,9 @@ class Attachment:
             return
         times = counted(count - self._warned_of, "time")
         log.logger("tf2_ros").warning(
-            f"Lost messages of the shared buffer {self.name!r} {times}: newer ones have displaced them "
-            f"before they were read here. It has room for the last {room_s:.1f} s, and this buffer keeps "
-            f"{self._cache_time_s:g} s. Look something up at least every {room_s:.1f} s, or give process "
+            f"Lost messages of the shared buffer {self.name!r} {times}: newer messages displaced them before "
+            f"this process read them. The shared buffer has room for {room_s:.1f} s, but this buffer keeps "
+            f"{self._cache_time_s:g} s. Make a lookup at least every {room_s:.1f} s, or give process "
             f"{self.owner} a larger /dev/shm, up to 1 GiB"
         )
         self._warned_of, self._warned_at = count, now
@@ -293,14 +293,14 @@ def _lack(reader: RingReader, buffer: Any, listener: Any) -> str:
         return "has no listener"
     domain = node.context.get_domain_id()
     if owner.domain != domain:
-        return f"is filled from ROS domain {owner.domain}, this is {domain}"
+        return f"is filled from ROS domain {owner.domain}, but this node is in domain {domain}"
     topics = [node.resolve_topic_name(topic.name) for topic in listener._tf2_listening.topics]
     missing = [name for name in topics if name not in owner.topics]
     if missing:
         return f"is not filled from {' and '.join(missing)}"
     cache_time_ns: int = buffer.cache_time_ns
     if owner.cache_time_ns < cache_time_ns:
-        return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {cache_time_ns / 1e9:g} s"
+        return f"keeps {owner.cache_time_ns / 1e9:g} s, but this buffer keeps {cache_time_ns / 1e9:g} s"
     if is_simulated(node.get_clock()) and not owner.simulated:
         return "does not follow simulated time"
     return ""

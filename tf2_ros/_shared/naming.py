@@ -31,7 +31,7 @@ class SharedBufferError(RuntimeError):
 def require_support() -> None:
     """Raise an error where buffers cannot be shared."""
     if sys.platform != "linux":
-        raise NotImplementedError("buffers can be shared, and attached to, only on Linux")
+        raise NotImplementedError("buffers can be shared only on Linux")
     if not HAS_ROS:
         raise absence("a shared buffer")
 
@@ -49,8 +49,8 @@ def buffer_name(name: str, node: Any = None) -> str:
         raise TypeError(f"the name of a shared buffer: expected a str, got {type(name).__name__}")
     if not _NAME.fullmatch(name):
         raise ValueError(
-            f"{name!r} is not a name of a shared buffer: letters, digits, '.', '_' and '-', at most 100, "
-            "beginning with a letter or digit"
+            "the name of a shared buffer: expected 1 to 100 letters, digits, '.', '_' or '-', of which the "
+            f"first is a letter or digit, got {name!r}"
         )
     if name != AUTO:
         return name

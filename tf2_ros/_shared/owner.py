@@ -85,7 +85,7 @@ class SharedBufferOwner:
         if self._ring.has_failed and self._ring.descriptor >= 0:
             self.close()
             log.logger("tf2_ros").error(
-                f"The shared buffer {self.name!r} has ended: there was no memory for a message"
+                f"The shared buffer {self.name!r} has ended, because there was no memory for a message"
             )
         self._warn()
         with LOCK:  # of two threads that describe it, the later one must be right
@@ -100,15 +100,16 @@ class SharedBufferOwner:
             self._has_warned_of_room = True
             keeps_s = buffer.cache_time_ns / 1e9
             log.logger("tf2_ros").warning(
-                f"The shared buffer {self.name!r} has room for the last {room_s:.1f} s of messages, and this "
-                f"process keeps {keeps_s:g} s. A process that attaches to it gets no older ones, and loses "
-                "some if it looks nothing up for as long. Give this process a larger /dev/shm, up to 1 GiB"
+                f"The shared buffer {self.name!r} has room for the last {room_s:.1f} s of messages, but its "
+                f"cache time is {keeps_s:g} s. Processes that attach to it get no older messages, and lose "
+                "messages if they make no lookup for that long. Give this process a larger /dev/shm, up to "
+                "1 GiB"
             )
         if new := too_long - self._warned_of_names:
             self._warned_of_names = too_long
             log.logger("tf2_ros").warning(
-                f"The shared buffer {self.name!r} lacks {counted(new, 'transform')}: names that are longer "
-                "than 100 kB are not shared"
+                f"The shared buffer {self.name!r} lacks {counted(new, 'transform')}: frame names that are "
+                "longer than 100 kB are not shared"
             )
 
 
@@ -155,7 +156,7 @@ def _lock(descriptor: int, path: Path) -> None:
         except BlockingIOError as error:
             if time.monotonic() > until:
                 raise BlockingIOError(
-                    error.errno, f"{_lockers(descriptor)} has locked it", str(path)
+                    error.errno, f"it is locked by {_lockers(descriptor)}", str(path)
                 ) from None
         time.sleep(LOCK_WAIT_S / 100)
 
@@ -191,12 +192,12 @@ def opened(path: Path) -> Iterator[int]:
     try:
         status = os.fstat(descriptor)
         if status.st_uid != os.geteuid():
-            raise PermissionError(errno.EPERM, "it is not this user's", str(path))
+            raise PermissionError(errno.EPERM, "it belongs to another user", str(path))
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "it is not a regular file", str(path))
         if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
             mode = f"{stat.S_IMODE(status.st_mode):04o}"
-            raise PermissionError(errno.EPERM, f"other users may write to it, its mode is {mode}", str(path))
+            raise PermissionError(errno.EPERM, f"other users may write to it; its mode is {mode}", str(path))
         yield descriptor
     finally:
         os.close(descriptor)

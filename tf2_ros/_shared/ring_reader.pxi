@@ -165,9 +165,9 @@ cdef class RingReader(Source):
         if not read_file(descriptor, &found, sizeof(Head), 0) or found.magic != MAGIC:
             raise ValueError("it is not a shared buffer")
         if found.layout != LAYOUT:
-            raise ValueError("it is of another version of this package")
+            raise ValueError("it was made by another version of tf2-ros-cython: use one version")
         if found.capacity % STEP or not 0 < found.capacity <= os.fstat(descriptor).st_size - OTHER_BYTES:
-            raise ValueError("its size is wrong")
+            raise ValueError("the size in its header is wrong")
         reading.capacity = found.capacity
         reading.head = map_head(descriptor)
         reading.begun = load64_acquire(&reading.head.oldest)

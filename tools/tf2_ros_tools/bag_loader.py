@@ -99,19 +99,19 @@ def wanted(
     :raises FileNotFoundError, UrdfError: see :func:`tf2_ros_tools.urdf.load`.
     """
     if isinstance(topics, str):
-        raise TypeError(f"topics must be several names, use [{topics!r}]")
+        raise TypeError(f"topics: expected a list of names, got a str: use [{topics!r}]")
     prefixes = dict(topics) if isinstance(topics, Mapping) else dict.fromkeys(topics, "")
     if not prefixes:
-        raise ValueError("topics must not be empty")
+        raise ValueError("topics: expected at least one topic, got none")
     start_ns, end_ns = _log_time("start", start), _log_time("end", end)
     if start_ns is not None and end_ns is not None and end_ns < start_ns:
-        raise ValueError(f"end, {end_ns} ns, is before start, {start_ns} ns")
+        raise ValueError(f"expected an end after start, got {end_ns} ns after {start_ns} ns")
     given: Mapping[str, Urdf | None] = urdf if isinstance(urdf, Mapping) else {JOINT_STATES: urdf}
     robots = {topic: _robot(one) for topic, one in given.items() if one is not None}
     posed = dict(poses or {})
     for topic, frames in posed.items():
         if frames is not None and (isinstance(frames, str) or len(frames) != 2):
-            raise TypeError(f"poses must map topics to (parent, child) or None, not {topic} to {frames!r}")
+            raise TypeError(f"poses: expected (parent, child) or None for {topic}, got {frames!r}")
     return Wanted(prefixes, start_ns, end_ns, posed, robots)
 
 

@@ -302,7 +302,9 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
             log = part.with_name(f"{part.name}{ending}")
             if log.is_file() and log.stat().st_size and _begins_with(log, begin):
                 advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
-                raise BagError(f"{printable(str(part))} lacks what is in {printable(log.name)}: {advice}")
+                raise BagError(
+                    f"{printable(str(part))} is incomplete without {printable(log.name)}: {advice}"
+                )
 
 
 def _refuse_special(path: Path) -> None:

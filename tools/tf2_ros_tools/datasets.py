@@ -139,17 +139,17 @@ def dataset(
     :param recordings: see :func:`tf2_ros_tools.bag.map_recordings`.
     :param frames: the names of the frames.
     :param at: the topic, for example of the images; see :func:`tf2_ros_tools.bag.stamps`.
-    :param relative_to: the frame in whose coordinates the poses are.
+    :param relative_to: the frame in which the poses are given.
     :param out: a folder, into which :func:`tf2_ros_tools.bag.map_recordings` writes a table of each
         recording, with several processes; the next call reads these tables. None: no table is kept, and this
         process reads the recordings one after the other.
     :param topics: see :func:`tf2_ros_tools.bag.load`.
-    :param poses: see the same function.
-    :param urdf: see the same function.
+    :param poses: see :func:`tf2_ros_tools.bag.load`.
+    :param urdf: see :func:`tf2_ros_tools.bag.load`.
     :param cache: see :func:`tf2_ros_tools.bag.map_recordings`.
-    :param workers: see the same function; only with ``out``.
-    :param scheduler: see the same function; only with ``out``.
-    :param progress: see the same function.
+    :param workers: only with ``out``; the number of worker processes. None: one for each core.
+    :param scheduler: only with ``out``; the address of a Dask scheduler, whose workers do the work.
+    :param progress: whether to show a bar. None: only if standard error is a terminal, after one second.
     :raises FileNotFoundError: the folders contain no recording.
     :raises BagError: none of the recordings can be read.
     :raises LookupException: a frame has no pose at any time in any recording.
@@ -161,10 +161,10 @@ def dataset(
     A recording that cannot be read does not stop the others; ``failed`` lists it.
     """
     if isinstance(frames, str):
-        raise TypeError(f"frames must be several names, use [{frames!r}]")
+        raise TypeError(f"frames: expected a list of names, got a str: use [{frames!r}]")
     names = list(frames)
     if out is None and (workers is not None or scheduler is not None):
-        raise ValueError("workers and scheduler need a folder for the tables, out")
+        raise ValueError("workers and scheduler need out, a folder for the tables")
     require("pyarrow", "fleet")
     import pyarrow
     from pyarrow import parquet

@@ -64,10 +64,10 @@ def expected_by(path: Path | None) -> dict[str, Expectation]:
     document = read_yaml(path)
     try:
         if not isinstance(document, dict) or set(document) != {"frames"}:
-            raise ValueError("expected one key, 'frames'")
+            raise ValueError("expected a mapping with the key 'frames' only")
         frames = document["frames"]
         if not isinstance(frames, dict) or not all(isinstance(name, str) for name in frames):
-            raise ValueError("'frames': expected a mapping from names of frames to what is expected of them")
+            raise ValueError("'frames': expected a mapping such as {odom: {parent: map}}")
         expected: dict[str, Expectation] = {}
         for name, given in frames.items():
             frame = frame_name(name)

@@ -413,8 +413,8 @@ def map_recordings(
     in the same folder lists the problems of the recordings, and why some cannot be read. A problem with one
     recording does not stop the others.
 
-    For several frames, ``source`` is a list of names; this needs ``at``. Each frame then has columns of its
-    own, ``<frame>.x`` to ``<frame>.gap``.
+    For several frames, ``source`` is a list of names; this needs ``at``. Each frame then has its own columns,
+    ``<frame>.x`` to ``<frame>.gap``.
 
     A recording that an earlier run has processed is skipped, unless the recording or the lookup has changed.
     Several runs may write into one folder.
@@ -426,8 +426,8 @@ def map_recordings(
     :param rate: look up this many times per second. Without ``at`` and ``rate``, the times are the stamps of
         the transforms between the two frames.
     :param topics: see :func:`tf2_ros_tools.bag.load`.
-    :param poses: see the same function.
-    :param urdf: see the same function.
+    :param poses: see :func:`tf2_ros_tools.bag.load`.
+    :param urdf: see :func:`tf2_ros_tools.bag.load`.
     :param cache: a folder in which the transforms of each recording are also frozen, so that ``load`` with
         this folder and the same topics, poses and robots opens them at once. A recording without such a file
         is not skipped.

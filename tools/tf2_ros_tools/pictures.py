@@ -384,7 +384,7 @@ def _figures(row: Row) -> str:
 def refuse_plot(options: Namespace) -> None:
     """Raise a UsageError for frames together with a path, and an error if matplotlib is not installed."""
     if options.path is not None and options.frames:
-        raise UsageError("frames or --path, not both")
+        raise UsageError("expected frames or --path, got both")
     require("matplotlib", "plot")
 
 

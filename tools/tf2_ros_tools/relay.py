@@ -147,7 +147,7 @@ def read_rules(path: Path, resolve: Callable[[str], str]) -> list[Rule]:
         sources = {topic for rule in rules for topic in rule.source}
         for rule in rules:
             if read := [topic for topic in rule.to if topic in sources]:
-                raise ValueError(f"{rule.label}: 'to' has the topic {read[0]}, from which a rule reads")
+                raise ValueError(f"{rule.label}: 'to': a rule reads from {read[0]}, so none may send to it")
     except (ValueError, RuntimeError) as refusal:  # the latter of rcl: a name is too long
         raise UsageError(f"{path}: {refusal}") from None
     return rules
@@ -169,9 +169,12 @@ def _rule(label: str, given: Any, resolve: Callable[[str], str]) -> Rule:
         **{key: value for key, value in read.items() if key != "name"},
     )
     if len(rule.frames) == 1 and not rule.subtree:
-        raise ValueError(f"{label}: 'frames': expected two or more; for one with all below it, use subtree")
+        raise ValueError(
+            f"{label}: 'frames' needs at least two frames. To send one frame and its descendants, use "
+            "'subtree'"
+        )
     if rule.collapse and not (rule.frames or rule.subtree):
-        raise ValueError(f"{label}: collapse needs frames or subtree, for what remains")
+        raise ValueError(f"{label}: 'collapse' requires 'frames' or 'subtree'")
     return rule
 
 

@@ -53,7 +53,8 @@ def log(
     relative to its own parent. Between two samples, rerun shows the earlier one, whereas a lookup
     interpolates. Static transforms are static in rerun, too.
 
-    :param recording: by default the current one, for example the recording of ``rerun.init``.
+    :param buffer: the frames and samples.
+    :param recording: None: the current recording of rerun, for example from ``rerun.init``.
     :param origin: the frame that does not move; by default the root of the largest tree.
     :param axes: the length of the axes in meters.
     :raises LookupException: the buffer does not know ``origin``.

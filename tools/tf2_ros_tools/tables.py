@@ -146,7 +146,7 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     count = (end - begin) * hz / S + 1.0
     if count > MOST_TIMES:
         span = f"from {begin / S:.3f} s to {end / S:.3f} s"
-        raise ValueError(f"{hz:g} Hz {span} makes {count:.0f} times, more than {MOST_TIMES}")
+        raise ValueError(f"expected at most {MOST_TIMES} times, got {count:.0f}: {hz:g} Hz {span}")
     steps = np.rint(np.arange(int(count)) * S / hz).astype(np.int64)
     times: NDArray[np.int64] = np.minimum(begin + steps, end)
     return times
@@ -172,7 +172,7 @@ def why_unanswered(
 ) -> str:
     """Say why a lookup has no answer at any of N times."""
     if not len(times_ns):
-        return "the recording has no time to look up"
+        return "there are no times to look up: the frames do not move, or the topic has no messages"
     try:
         buffer.lookup_transform(target, source, int(times_ns[0]) or 1, max_gap=max_gap)
     except TransformException as reason:

@@ -31,7 +31,7 @@ def recorded_with(tmp_path):
 
 
 def test_where_arrivals_are_not_reported_nothing_can_be_recorded(recorded_with):
-    reason = "who sends transforms cannot be recorded here: the middleware does not report arrivals"
+    reason = "recording= does not work with this listener: the middleware does not report arrivals"
     assert recorded_with("no_arrivals", 1) == {"error": reason, "subscriptions": 0}
 
 

@@ -114,7 +114,7 @@ def test_a_listener_that_cannot_record_every_topic_says_so(tf2_ros, node, overri
             self.buffer.set_transform(one, "example")
 
     listener = type("Listener", (tf2_ros.TransformListener,), dict.fromkeys(overridden, insert))
-    with pytest.raises(NotImplementedError, match="cannot be recorded here: code of this program handles"):
+    with pytest.raises(NotImplementedError, match="does not work with this listener: this program overrides"):
         listener(tf2_ros.Buffer(node=node), node, recording=Recording())
 
 

@@ -159,11 +159,11 @@ WRONG = {
     "- {name: far, to: [/a, /b], treshold: 1}": r"\(far\): 'treshold' is not a key; did you mean threshold\?",
     "- {to: [/a, /b]}\n- {to: [/a, /b], rate: 0}": "rule 2: 'rate': expected a number of Hz from .* got 0",
     "- {to: [/a b, /c]}": r"rule 1: 'to': expected two topics, .* got \['/a b', '/c'\]",
-    "- {to: [/a, /b], frames: base}": "rule 1: 'frames': expected two or more; .* use subtree",
-    "- {to: [/a, /b], collapse: true}": "rule 1: collapse needs frames or subtree",
+    "- {to: [/a, /b], frames: base}": "rule 1: 'frames' needs at least two frames",
+    "- {to: [/a, /b], collapse: true}": "rule 1: 'collapse' requires 'frames' or 'subtree'",
     "- {to: [/a, /b], threshold: {translation: 1, rotation: 1, repaet: 1}}": "did you mean repeat",
     "- {to: /a, as: Pose, frames: [a, b]}": "rule 1: 'as': expected PoseStamped, got 'Pose'",
-    "- {to: [/tf, /tf_static]}": "rule 1: 'to' has the topic /tf, from which a rule reads",
+    "- {to: [/tf, /tf_static]}": "rule 1: 'to': a rule reads from /tf",
 }
 
 

@@ -478,9 +478,9 @@ class TestExpectations:
     @pytest.mark.parametrize(
         ("text", "said"),
         [
-            ("", "one key, 'frames'"),
-            ("frames: [base]", "names of frames"),
-            ("frames: {1: {}}", "names of frames"),
+            ("", "the key 'frames' only"),
+            ("frames: [base]", "mapping such as"),
+            ("frames: {1: {}}", "mapping such as"),
             ("frames: {//base: {}}", "'//base' is not the name of a frame"),
             ("frames: {'': {}}", "'' is not the name of a frame"),
             ("frames: {/base: {}, base: {}}", "'base' and '/base' are the same frame"),

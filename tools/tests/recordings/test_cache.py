@@ -116,7 +116,7 @@ def test_what_is_not_merged_into_a_database_is_missed_with_a_cache_too(whole, tm
     before = bag.load(path, cache=cache)
     with unmerged(folder / "run.db3"):
         for options in ({}, {"cache": cache}):
-            with pytest.raises(bag.BagError, match="run.db3 lacks what is in run.db3-wal: .* merges it"):
+            with pytest.raises(bag.BagError, match="run.db3 is incomplete without run.db3-wal: .* merges it"):
                 bag.load(path, **options)
     after = bag.load(path, cache=cache)
     assert after.frames()["base"].count < before.frames()["base"].count

@@ -131,12 +131,12 @@ def test_parquet_has_a_column_for_each_number(path, tmp_path):
 @pytest.mark.parametrize(
     ("frames", "how", "error", "said"),
     [
-        ("camera", {}, TypeError, r"frames must be several names, use \['camera'\]"),
+        ("camera", {}, TypeError, r"frames: expected a list of names, got a str: use \['camera'\]"),
         (["camera", "camera"], {}, ValueError, "frames must be one or more different names"),
         (["camera", "camra"], {}, LookupException, "camra"),
         (["camera"], {"at": "/image"}, bag.BagError, "topic /image: this topic does not exist; the topics"),
         (["camera"], {"relative_to": "mapp"}, LookupException, "mapp"),
-        (["camera"], {"workers": 2}, ValueError, "workers and scheduler need a folder for the tables, out"),
+        (["camera"], {"workers": 2}, ValueError, "workers and scheduler need out, a folder for the tables"),
     ],
 )
 def test_what_cannot_be_asked_is_told_in_one_sentence(path, frames, how, error, said):

@@ -270,7 +270,7 @@ def test_paths_are_taken_as_they_are_and_each_once(runs):
         ({"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, "workers and scheduler exclude each other"),
         ({"workers": 0}, "workers: expected at least 1, got 0"),
         ({"rate": 0.0}, "rate: expected a number above 0 Hz, got 0"),
-        ({"topics": []}, "topics must not be empty"),
+        ({"topics": []}, "topics: expected at least one topic, got none"),
     ],
 )
 def test_options_that_make_no_sense_are_refused_before_anything_is_read(runs, out, options, text):

@@ -40,7 +40,7 @@ def test_times_far_apart_do_not_fill_the_memory(tmp_path):
     moving = [Sent(i, "/tf", [Tf("map", "base", stamp)]) for i, stamp in enumerate((5, 1_700_000_000 * S))]
     buffer = load(write_mcap(tmp_path / "a.mcap", moving))
     for hz, count in ((100.0, r"17\d{10}"), (1e300, "inf")):
-        with pytest.raises(ValueError, match=f"{count} times, more than 50000000"):
+        with pytest.raises(ValueError, match=f"at most 50000000 times, got {count}"):
             times_at_rate(buffer, "map", "base", hz)
 
 

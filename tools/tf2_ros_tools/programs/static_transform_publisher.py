@@ -77,7 +77,7 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
         )
     given = {name: value for name in (*FRAMES, *NUMBERS) if (value := getattr(options, name)) is not None}
     if sum(map(bool, (given, options.old, options.file))) > 1:
-        raise UsageError("options, values of the old form and --file cannot be combined")
+        raise UsageError("expected options, values of the old form, or --file, got several of these")
     try:
         if options.file is not None:
             return read_file(options.file)
@@ -88,7 +88,7 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
             return [transform_of("the command line", given)]
         names = OLD_FORMS.get(len(options.old))
         if names is None:
-            raise UsageError(f"there are {len(options.old)} values without options; the old form has 8 or 9")
+            raise UsageError(f"expected 8 or 9 values in the old form, got {len(options.old)}")
         return [transform_of("the old form", dict(zip(names, options.old, strict=True)))]
     except ValueError as refusal:
         raise UsageError(str(refusal)) from None
@@ -202,10 +202,10 @@ def transform_of(label: str, given: Any) -> TransformStamped:
         from tf2_ros_tools.urdf import quaternion_from_rpy
 
         if read.keys() & set(QUATERNION):
-            raise ValueError(f"{label}: a rotation is a quaternion or Euler angles; both were given")
+            raise ValueError(f"{label}: expected a quaternion or Euler angles, got both")
         rotation = quaternion_from_rpy(*(read.get(name, 0.0) for name in EULER))
     if not 0.0 < hypot(*rotation) < inf:
-        raise ValueError(f"{label}: a quaternion must have a finite length above 0; this one is {rotation}")
+        raise ValueError(f"{label}: expected a quaternion with a finite length above 0, got {rotation}")
     made = TransformStamped(child_frame_id=child)
     made.header.frame_id = frame
     t, q = made.transform.translation, made.transform.rotation

@@ -131,7 +131,7 @@ def echo(options: Namespace) -> int:
     from tf2_ros_tools.sessions import session
 
     if None not in (options.rate, options.old_rate):
-        raise UsageError("the rate was given twice")
+        raise UsageError("expected RATE or -r RATE, got both")
     rate = options.rate or options.old_rate or RATE
     show_transform = _show_json if options.json else _show_text
     qos = _profile(options)

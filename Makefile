@@ -108,7 +108,7 @@ pictures: $(VENV)/installed.stamp
 guard: $(VENV)/installed.stamp
 	$(PY) -m bench.guard
 
-# Long searches for faults, see docs/reliability.md. OPTIONS go to the program, as
+# Long searches for faults, see docs/development/reliability.md. OPTIONS go to the program, as
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
 endure fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(MAKE) -C tools installed-all

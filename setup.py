@@ -14,7 +14,7 @@ except ModuleNotFoundError:
     raise RuntimeError(
         f"tf2-ros-cython cannot be built with setuptools {setuptools.__version__}, which does not read"
         " [project] in pyproject.toml. The colcon of Ubuntu 22.04 uses that one: run pip install in a virtual"
-        " environment instead, as docs/installing.md describes"
+        " environment instead, as docs/switching.md describes"
     ) from None
 
 ROOT = Path(__file__).resolve().parent

@@ -1,4 +1,4 @@
-"""Draw which package imports and cimports which; docs/internals.md shows what this prints."""
+"""Draw which package imports and cimports which; docs/development/internals.md shows what this prints."""
 
 import re
 import sys
@@ -13,8 +13,8 @@ CIMPORTS, IMPORTS = "══►", "──►"
 
 
 def table() -> list[str]:
-    """The packages of the table in docs/internals.md, without tests, measurements and the build."""
-    page = (ROOT / "docs" / "internals.md").read_text(encoding="utf-8")
+    """The packages of the table in internals.md, without tests, measurements and the build."""
+    page = (ROOT / "docs" / "development" / "internals.md").read_text(encoding="utf-8")
     rows: list[str] = re.findall(r"^\| `([\w.]+)` \|", page.partition("\n## Packages\n")[2], re.MULTILINE)
     return [name for name in rows if name.startswith(PACKAGES)]
 

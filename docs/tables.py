@@ -68,5 +68,5 @@ REFERENCE = DOCS / "api" / "tf2_py.rst"
 
 if __name__ == "__main__":
     REFERENCE.write_text(with_types(REFERENCE.read_text(encoding="utf-8")), encoding="utf-8")
-    for path in DOCS.glob("*.md"):
+    for path in DOCS.rglob("*.md"):
         path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,1 +1,1 @@
-"""Long searches for faults, each started by a make target; docs/reliability.md describes what they found."""
+"""Long searches for faults, each started by a make target: see docs/development/reliability.md."""

@@ -1,4 +1,4 @@
-"""The worked example of docs/adding-a-type.md, applied to a copy of the package, compiled and tested."""
+"""The example of docs/development/new-message-type.md, applied to a copy of the package, compiled and tested."""
 
 import os
 import re
@@ -11,7 +11,7 @@ from processes import run
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("compiles an extension")]
 
-PAGE = (ROOT / "docs" / "adding-a-type.md").read_text()
+PAGE = (ROOT / "docs" / "development" / "new-message-type.md").read_text()
 # By the file that the first line of a block names.
 BLOCKS = dict(re.findall(r"^```cython\n# (\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
 TYPE = "PolygonInstanceStamped"

@@ -159,7 +159,7 @@ def test_links_lead_somewhere(page):
     check_links(page)
 
 
-INTERNALS = ROOT / "docs" / "internals.md"
+INTERNALS = ROOT / "docs" / "development" / "internals.md"
 
 
 @pytest.mark.parametrize("name", names_of(INTERNALS))

@@ -1,4 +1,4 @@
-"""The direction of imports: the table in docs/internals.md, and what the sources import and cimport."""
+"""The direction of imports: the table in docs/development/internals.md, and what the sources import."""
 
 import re
 import runpy
@@ -10,7 +10,7 @@ from sources import PACKAGES, chapters, code_of, defined, imports, modules
 
 pytestmark = pytest.mark.ours
 
-INTERNALS = ROOT / "docs" / "internals.md"
+INTERNALS = ROOT / "docs" / "development" / "internals.md"
 HEADER = ["package", "owns", "imports", "beside the standard libraries", "underscored modules open to others"]
 ANYTHING = ["anything"]
 # What Cython brings: C's, POSIX's and Python's own declarations.
@@ -129,4 +129,4 @@ def test_a_chapter_uses_those_before_it_and_says_which(module):
 def test_the_drawing_on_the_page_is_what_the_sources_import_and_cimport():
     drawn = runpy.run_path(str(ROOT / "docs" / "imports.py"))["drawing"]()
     page = INTERNALS.read_text(encoding="utf-8")
-    assert f"```text\n{drawn}\n```" in page, f"put this into docs/internals.md:\n{drawn}"
+    assert f"```text\n{drawn}\n```" in page, f"put this into docs/development/internals.md:\n{drawn}"

@@ -1,4 +1,4 @@
-"""The format of frozen files as docs/frozen-files.md has it, written a second time, in Python."""
+"""The format of docs/development/frozen-format.md, written a second time, in Python."""
 
 import struct
 from typing import NamedTuple

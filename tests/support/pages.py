@@ -7,6 +7,7 @@ import sys
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
+from textwrap import dedent
 
 import pytest
 from paths import ROOT
@@ -16,10 +17,13 @@ PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
     ROOT / "SECURITY.md",
-    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
 ]
 
-FENCE = re.compile(r"^```(?P<language>\w*)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
+# In a list, a block is indented.
+FENCE = re.compile(
+    r"^(?P<indent> *)```(?P<language>\w*)\n(?P<code>.*?)^(?P=indent)```$", re.MULTILINE | re.DOTALL
+)
 SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
@@ -41,7 +45,7 @@ class Block:
 def blocks(page):
     text = page.read_text(encoding="utf-8")
     for found in FENCE.finditer(text):
-        yield Block(found["language"], found["code"], text.count("\n", 0, found.start()) + 2)
+        yield Block(found["language"], dedent(found["code"]), text.count("\n", 0, found.start()) + 2)
 
 
 def commands(page, *more):
@@ -135,7 +139,7 @@ def output(page):
     for before, block in pairwise(found):
         between = page.read_text(encoding="utf-8")[before.end() : block.start()]
         if before["language"] == RUN and block["language"] in SHOWN and not between.strip():
-            yield from block["code"].splitlines()
+            yield from dedent(block["code"]).splitlines()
 
 
 def without_numbers(line):

@@ -1,4 +1,4 @@
-"""The example of docs/development/new-message-type.md, applied to a copy of the package, compiled and tested."""
+"""The example of new-message-type.md, applied to a copy of the package, compiled and tested."""
 
 import os
 import re

@@ -50,6 +50,7 @@ OF_SOURCES = {
     "core/test_allocation_failures.py": "runs a program of the checkout",
     "packaging/test_cross.py": "compiles the project",
     "packaging/test_docs.py": "builds the project, and reads the names in its sources",
+    "packaging/test_facts.py": "reads the sources",
     "packaging/test_examples.py": "reads the imports of the sources",
     "packaging/test_layout.py": "reads the imports of the sources",
     "packaging/test_makefile.py": "runs the Makefile of the checkout",

@@ -54,7 +54,7 @@ Develop
   make docs        build the site in build/docs
   make pictures    draw the pictures in docs/images again
   make clean       remove everything that these commands create
-Measure, search for faults, release: CONTRIBUTING.md describes
+Measure, search for faults, release: CONTRIBUTING.md and docs/development describe
   make bench  fuzz  sanitize  stress  endure  wheels  matrix  releases  oldest  cross  bare
 Each installs what it needs into $(VENV).
 endef
@@ -117,7 +117,7 @@ endure fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test.stamp
 stress: $(VENV)/installed.stamp
 	$(PY) -m reliability.stress $(if $(MINUTES),--minutes $(MINUTES)) $(OPTIONS)
 
-# CONTRIBUTING.md tells what each of them does.
+# docs/development/release.md tells what each of them does.
 wheels: $(VENV)/dev.stamp
 	$(PY) -m release.wheels $(OPTIONS)
 

@@ -154,14 +154,6 @@ def test_the_releases_that_users_read_of_are_those_that_were_tested():
     assert versions("limits.md") == versions("development/tested-releases.md") != set()
 
 
-def test_the_table_of_environment_variables_has_those_that_the_sources_read():
-    page = (ROOT / "docs" / "limits.md").read_text(encoding="utf-8")
-    listed = set(re.findall(r"`(TF2_\w+)`", page.partition("## Environment variables")[2]))
-    texts = [path.read_text(encoding="utf-8") for path in sources_with_texts()]
-    read = {one for text in texts for one in re.findall(r"\bTF2_(?:ROS_CYTHON|SHARED)\w*\b", text)}
-    assert listed == {one for one in read if not one.endswith("_")}
-
-
 PYTHONS = [one.rpartition(" ")[2] for one in CORE["classifiers"] if re.search(r":: 3\.\d+$", one)]
 
 

@@ -26,8 +26,8 @@ class Broadcaster:
         :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
             unit quaternions. What every buffer refuses is sent anyway, as in tf2, and the buffer of the feed
             logs it.
-        :raises TypeError, ValueError, OverflowError: a message cannot hold it, see
-            :func:`~tf2_ros.serialization.serialize_transforms`; nothing is sent.
+        :raises TypeError: ``transform`` is neither, or a part of one has the wrong type; nothing is sent.
+        :raises ValueError: a name contains a NUL character; nothing is sent.
         :raises ConnectionError: the feed has ended.
         """
         self._sender.send(serialize_transforms(transform))
@@ -57,7 +57,7 @@ class StaticBroadcaster(Broadcaster):
         It raises what :meth:`Broadcaster.sendTransform` raises, and then neither sends nor keeps anything.
         """
         new = list(transform) if isinstance(transform, Iterable) else [transform]
-        serialize_transforms(new)  # refuses what is no transform
+        serialize_transforms(new)  # raises what is wrong with them
         with self._lock:
             merged = self._sent | {one.child_frame_id: deepcopy(one) for one in new}
             self._sender.send(serialize_transforms(merged.values()))

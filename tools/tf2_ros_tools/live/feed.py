@@ -8,7 +8,6 @@ from collections import deque
 from dataclasses import dataclass
 
 from tf2_ros import Buffer
-from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
 from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.wire import Publisher, Sender, Wire
@@ -19,7 +18,7 @@ PERIOD_NS = 10 * S  # of the smallest delays that are kept, for the offset of th
 PERIODS = 6
 BYTES = (bytes, bytearray, memoryview)
 OWN = "this program"  # the authority of what broadcasters of a feed send
-SILENT_S = 2  # from here on, errors say that nothing is received on a topic
+SILENT_S = 3.0  # without a message: from then on, errors say so
 AHEAD_S, BEHIND_S = 0.01, 1.0  # from these offsets of the clocks on, a feed warns
 
 
@@ -54,7 +53,6 @@ class Feed:
     :param topics: the topic of dynamic transforms and the topic of static transforms.
     :param prefix: is put in front of the names of all frames that arrive.
     :param wire: receives messages and publishes them.
-    :param recording: records who sent which transform when.
     :raises TypeError: ``prefix`` is not a str.
     :raises ConnectionError: the wire receives nothing; the text says what to do.
 
@@ -69,7 +67,6 @@ class Feed:
         topics: tuple[str, str] = ("/tf", "/tf_static"),
         prefix: str = "",
         wire: Wire | None = None,
-        recording: Recording | None = None,
     ) -> None:
         self.buffer = Buffer() if buffer is None else buffer
         self._name = name
@@ -81,20 +78,17 @@ class Feed:
         self._lock = threading.RLock()  # on the counts
         # A topic was heard for the first time, or the feed has ended.
         self._changed = threading.Condition(self._lock)
-        self._ended: str | None = None  # why
+        self._source = self.buffer.add_source(name, self._silence)  # whose end ends the waits in the buffer
         self._delays: deque[tuple[int, int]] = deque(maxlen=PERIODS)  # the number of a period, and ns
         self._warned_of_clock = False
         self._senders: list[Sender] = []
         self._process = os.getpid()
         self._wire = wire
-        self._recording = recording
-        self._source = self.buffer.add_source(name, self._silent)
         if wire is not None:
             try:
                 wire.open(self._take_of_wire, self._end)
             except BaseException:
-                self._source.end()
-                wire.close()
+                self.close("it could not be opened")
                 raise
 
     def __enter__(self) -> "Feed":
@@ -128,7 +122,7 @@ class Feed:
         self._refuse_fork()
         if not isinstance(data, BYTES):
             raise TypeError(f"data: expected bytes or a memoryview, got {type(data).__name__}")
-        if self._ended is not None:
+        if self._source.why_ended():
             return
         received_ns = time.time_ns()
         malformed = None
@@ -191,21 +185,11 @@ class Feed:
         """
         self._refuse_fork()
         with self._changed:
-            self._changed.wait_for(lambda: self._ended is not None or not self._missing(), seconds)
+            self._changed.wait_for(lambda: self._source.why_ended() or not self._missing(), seconds)
             self._refuse_end()
-        if silence := self.why_silent(seconds):
-            raise TimeoutError(silence)
-
-    def why_silent(self, seconds: float) -> str:
-        """
-        Say on which of the two topics nothing was received, and, as far as the wire knows, why.
-
-        :param seconds: how long this program has listened, for the text.
-        :return: a text; ``""`` if a message was received on both.
-        """
-        self._refuse_fork()
-        missing = self._missing()
-        return self._silence(missing, seconds) if missing else ""
+            missing = self._missing()
+        if missing:
+            raise TimeoutError(self._why_missing(missing, seconds))
 
     def broadcaster(self) -> Broadcaster:
         """
@@ -225,8 +209,8 @@ class Feed:
 
     def close(self, reason: str = "it was closed") -> None:
         """
-        End the feed and its broadcasters. Lookups and awaits in the buffer that still wait end with an error
-        that contains the reason, unless something else fills the buffer, too. The buffer keeps what it holds.
+        End the feed and its broadcasters. Lookups and awaits in the buffer end, too, unless something else
+        fills it. The buffer keeps what it holds.
 
         It may be called several times, and in any thread.
 
@@ -242,11 +226,9 @@ class Feed:
 
     def _end(self, reason: str) -> None:
         """Receive no more. It may be called in a thread of the wire, which cannot close the wire."""
+        self._source.end(reason)
         with self._changed:
-            if self._ended is None:
-                self._ended = reason
-                self._source.end(reason)
-                self._changed.notify_all()
+            self._changed.notify_all()
 
     def _take_of_wire(
         self,
@@ -267,8 +249,7 @@ class Feed:
         if source is None:
             source = MessageSource(authority, is_static, self._prefix)
             self._sources[authority, is_static] = source
-        message = (authority, received_ns, data)
-        insert_messages(self.buffer, [message], [source], recording=self._recording)
+        insert_messages(self.buffer, [(authority, received_ns, data)], [source])
 
     def _note_delay(self, delay_ns: int) -> str:
         """Note the time from sending to receiving; return a warning, once, if the clocks differ."""
@@ -294,18 +275,7 @@ class Feed:
     def _missing(self) -> list[_Topic]:
         return [topic for topic in self._topics if topic.last_ns is None]
 
-    def _silent(self, with_static: bool) -> str:
-        """What the errors of the buffer say of silent topics; static transforms are sent once."""
-        clauses = []
-        for topic, heard in self.topics.items():
-            is_static = topic == self._topics[True].name
-            if heard.last is None and (with_static or not is_static):
-                clauses.append(f"on {topic}")
-            elif heard.last is not None and heard.last >= SILENT_S and not is_static:
-                clauses.append(f"on {topic} for {int(heard.last)} s")
-        return f"nothing has been received {' and '.join(clauses)}" if clauses else ""
-
-    def _silence(self, missing: list[_Topic], seconds: float) -> str:
+    def _why_missing(self, missing: list[_Topic], seconds: float) -> str:
         names = " and ".join(topic.name for topic in missing)
         text = f"nothing has been received on {names} in {three_digits(seconds)} s"
         heard = [topic for topic in self._topics if topic not in missing]
@@ -313,13 +283,28 @@ class Feed:
             messages = counted(heard[0].count, "message")
             received = f"{heard[0].name} is received ({messages})"
             text = f"{received}, but nothing on {names} in {three_digits(seconds)} s"
-        reasons = [
-            f"{counted(topic.malformed, 'message')} could not be read" for topic in missing if topic.malformed
-        ]
+        return text + self._reasons(missing, seconds)
+
+    def _silence(self, with_static: bool) -> str:
+        """What has not been received, for the errors of lookups."""
+        with self._lock:
+            heard = [(topic, topic.heard().last) for topic in self._topics[: 1 + with_static]]
+        missing = [topic for topic, last in heard if last is None]
+        parts = [f"on {topic.name}" for topic in missing]
+        # Static transforms are sent once.
+        if (last := heard[0][1]) is not None and last >= SILENT_S:
+            parts.append(f"on {heard[0][0].name} for {three_digits(last)} s")
+        if not parts:
+            return ""
+        return f"nothing has been received {' and '.join(parts)}{self._reasons(missing, SILENT_S)}"
+
+    def _reasons(self, missing: list[_Topic], seconds: float) -> str:
+        unread = [topic.malformed for topic in missing if topic.malformed]
+        reasons = [f"{counted(number, 'message')} could not be read" for number in unread]
         if self._wire is not None:
             reasons += [self._wire.why_silent(topic.name, seconds) for topic in missing]
         found = "; ".join(filter(None, dict.fromkeys(reasons)))
-        return f"{text}: {found}" if found else text
+        return f": {found}" if found else ""
 
     def _sender(self, is_static: bool) -> Sender:
         self._refuse_fork()
@@ -331,8 +316,8 @@ class Feed:
         return sender
 
     def _refuse_end(self) -> None:
-        if self._ended is not None:
-            raise ConnectionError(f"{self._name} has ended: {self._ended}")
+        if why := self._source.why_ended():
+            raise ConnectionError(why)
 
     def _refuse_fork(self) -> None:
         if self._process != os.getpid():

@@ -349,6 +349,7 @@ def test_broadcasters_send_and_the_buffer_has_it(broadcasting):
     feed = broadcasting
     feed.broadcaster().sendTransform(transform("map", "base", 1.0, (1, 0, 0)))
     moving = feed.broadcaster()
+    assert moving is feed.broadcaster() and feed.static_broadcaster() is feed.static_broadcaster()
     moving.sendTransform([transform("map", "a", 1.0), transform("map", "b", 1.0)])
     assert [topic for topic, _ in feed._wire.sent] == ["/tf", "/tf"]
     again = Feed()
@@ -407,6 +408,8 @@ def test_broadcasters_end(broadcasting):
     feed.close()
     with pytest.raises(ConnectionError, match="^x://robot has ended .it was closed.$"):
         one.sendTransform(transform("map", "base"))
+    with pytest.raises(ConnectionError, match="^x://robot has ended .it was closed.$"):
+        feed.broadcaster()
     with pytest.raises(ConnectionError, match="^the feed only receives: it was made without a wire$"):
         Feed().broadcaster()
 

@@ -11,9 +11,8 @@ from tf2_ros_tools.live.wire import Sender
 
 class Broadcaster:
     """
-    Sends transforms on ``/tf``; made by :meth:`Feed.broadcaster`. Several threads may send.
-
-    ``close()`` ends it, and so does the end of its feed.
+    Sends transforms on ``/tf``; made by :meth:`Feed.broadcaster`. Several threads may send. It ends with its
+    feed.
     """
 
     def __init__(self, sender: Sender) -> None:
@@ -32,17 +31,14 @@ class Broadcaster:
         """
         self._sender.send(serialize_transforms(transform))
 
-    def close(self) -> None:
-        """End the publisher; also a second time."""
-        self._sender.close()
-
 
 class StaticBroadcaster(Broadcaster):
     """
     Sends transforms on ``/tf_static``, where late listeners also receive them; made by
     :meth:`Feed.static_broadcaster`.
 
-    Every message contains all transforms sent so far, one for each child frame. Several threads may send.
+    Every message contains all transforms sent so far, one for each child frame. Several threads may send. It
+    ends with its feed.
     """
 
     def __init__(self, sender: Sender) -> None:

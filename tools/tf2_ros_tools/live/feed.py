@@ -24,12 +24,18 @@ AHEAD_S, BEHIND_S = 0.01, 1.0  # from these offsets of the clocks on, a feed war
 
 @dataclass(frozen=True)
 class Heard:
-    """What a feed has received on a topic."""
+    """
+    What a feed has received on a topic.
 
-    count: int  # of messages, without those that were malformed
-    lost: int  # messages that the wire knows to be lost
+    Fields: ``count``, the number of messages; ``lost``, how many more the wire knows to be lost;
+    ``malformed``, how many more could not be read; ``last``, the seconds since the last message, or None if
+    there was none.
+    """
+
+    count: int
+    lost: int
     malformed: int
-    last: float | None  # seconds since the last message; None: there was none
+    last: float | None
 
 
 class _Topic:
@@ -81,7 +87,9 @@ class Feed:
         self._source = self.buffer.add_source(name, self._silence)  # whose end ends the waits in the buffer
         self._delays: deque[tuple[int, int]] = deque(maxlen=PERIODS)  # the number of a period, and ns
         self._warned_of_clock = False
-        self._senders: list[Sender] = []
+        self._making = threading.Lock()  # held while a broadcaster is made
+        self._broadcaster: Broadcaster | None = None
+        self._static_broadcaster: StaticBroadcaster | None = None
         self._process = os.getpid()
         self._wire = wire
         if wire is not None:
@@ -186,26 +194,38 @@ class Feed:
         self._refuse_fork()
         with self._changed:
             self._changed.wait_for(lambda: self._source.why_ended() or not self._missing(), seconds)
-            self._refuse_end()
+            self._require_open()
             missing = self._missing()
         if missing:
             raise TimeoutError(self._why_missing(missing, seconds))
 
     def broadcaster(self) -> Broadcaster:
         """
-        Make a broadcaster of transforms, for the topic of this feed.
+        Get the broadcaster of transforms on the topic of this feed, the same each time.
+
+        The first call makes it. Listeners receive what is sent after they have found it.
 
         :raises ConnectionError: the wire cannot send, or the feed has no wire or has ended.
+        :raises RuntimeError: this is a forked child of the process that made the feed.
         """
-        return Broadcaster(self._sender(is_static=False))
+        self._require_open()
+        with self._making:
+            if self._broadcaster is None:
+                self._broadcaster = Broadcaster(self._sender(is_static=False))
+            return self._broadcaster
 
     def static_broadcaster(self) -> StaticBroadcaster:
         """
-        Make a broadcaster of static transforms, for the static topic of this feed.
+        Get the broadcaster of static transforms on the static topic of this feed, the same each time.
 
-        :raises ConnectionError: the wire cannot send, or the feed has no wire or has ended.
+        Listeners receive what it has sent also if they start later, until the feed closes. It raises what
+        :meth:`broadcaster` raises.
         """
-        return StaticBroadcaster(self._sender(is_static=True))
+        self._require_open()
+        with self._making:
+            if self._static_broadcaster is None:
+                self._static_broadcaster = StaticBroadcaster(self._sender(is_static=True))
+            return self._static_broadcaster
 
     def close(self, reason: str = "it was closed") -> None:
         """
@@ -219,8 +239,10 @@ class Feed:
         if self._process != os.getpid():
             return  # the wire belongs to the parent
         self._end(reason)
-        for sender in self._senders:
-            sender.close()
+        with self._making:
+            for broadcaster in (self._broadcaster, self._static_broadcaster):
+                if broadcaster is not None:
+                    broadcaster._sender.close()
         if self._wire is not None:
             self._wire.close()
 
@@ -307,15 +329,12 @@ class Feed:
         return f": {found}" if found else ""
 
     def _sender(self, is_static: bool) -> Sender:
-        self._refuse_fork()
         if self._wire is None:
             raise ConnectionError(f"{self._name} only receives: it was made without a wire")
-        self._refuse_end()
-        sender = _Echo(self, self._wire.sender(self._topics[is_static].name, is_static), is_static)
-        self._senders.append(sender)
-        return sender
+        return _Echo(self, self._wire.sender(self._topics[is_static].name, is_static), is_static)
 
-    def _refuse_end(self) -> None:
+    def _require_open(self) -> None:
+        self._refuse_fork()
         if why := self._source.why_ended():
             raise ConnectionError(why)
 
@@ -332,8 +351,7 @@ class _Echo:
         self._feed, self._sender, self._is_static = feed, sender, is_static
 
     def send(self, data: bytes) -> None:
-        self._feed._refuse_fork()
-        self._feed._refuse_end()
+        self._feed._require_open()
         self._sender.send(data)
         self._feed._insert(data, self._is_static, OWN, time.time_ns())
 

@@ -233,8 +233,9 @@ def test_closing_while_messages_arrive_and_connecting_again(robot, laptop):
     for _ in range(5):
         laptop.do("robot = connect('dds://')")
         laptop.until("robot.topics['/tf'].count > 2")
-        laptop.do("before = robot.topics['/tf'].count; robot.close(); after = robot.topics['/tf'].count")
-        laptop.do("time.sleep(0.05)")
+        laptop.do("robot.close(); after = robot.topics['/tf'].count")
+        # The robot goes on sending.
+        laptop.until("robot.topics['/tf'].last > 0.05")
         assert laptop.do("robot.topics['/tf'].count == after")
     # Nothing of them is left.
     assert laptop.do("import threading\nassert threading.active_count() == 1, threading.enumerate()") is None

@@ -46,8 +46,7 @@ def connect(
     :return: a feed, which receives until it is closed; its attribute ``buffer`` is the buffer.
     :raises ValueError: an argument is not what it must be.
     :raises ConnectionError: the robot cannot be reached; the text says what to do.
-    :raises MissingLibraryError: the library of this wire is not installed; the text says how to install it.
-        This is a ``ModuleNotFoundError``.
+    :raises ModuleNotFoundError: the library of this wire is not installed; the text says how to install it.
     """
     address = parse(where, domain, (topic, static_topic))
     wire = _wire_of(address)

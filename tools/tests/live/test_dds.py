@@ -432,14 +432,23 @@ def test_a_robot_is_named_where_there_is_no_multicast(robot, new_laptop, where, 
 
 
 @pytest.mark.parametrize(
-    ("where", "configuration", "text"),
+    ("where", "environment", "text"),
     [
-        ("dds://", "<X/>", "Cyclone DDS cannot start, and has printed why; CYCLONEDDS_URI is set: "),
-        ("dds://?peers=127.0.0.1:7400", "", "the peer '127.0.0.1:7400' has no IPv4 address"),
+        (
+            "dds://",
+            {"CYCLONEDDS_URI": "<X/>"},
+            "Cyclone DDS cannot start, and has printed why; CYCLONEDDS_URI is set: ",
+        ),
+        ("dds://?peers=127.0.0.1:7400", {}, "the peer '127.0.0.1:7400' has no IPv4 address"),
+        (
+            "dds://",
+            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"},
+            "ROS_AUTOMATIC_DISCOVERY_RANGE is OFF, so nothing can be found",
+        ),
     ],
 )
-def test_a_configuration_that_does_not_work(new_laptop, where, configuration, text):
-    laptop = new_laptop(None, CYCLONEDDS_URI=configuration)
+def test_a_configuration_that_does_not_work(new_laptop, where, environment, text):
+    laptop = new_laptop(None, **environment)
     with pytest.raises(OrderError) as raised:
         laptop.do(f"connect({where!r})")
     assert str(raised.value).startswith(f"ConnectionError: {where}: {text}")

@@ -288,13 +288,16 @@ def _misfit(publisher: DcpsEndpoint, is_static: bool) -> str:
 
 def _configuration(address: Address) -> str:
     """The configuration of Cyclone DDS, as the middlewares of ROS 2 understand the environment."""
-    peers = [one for one in address.options.get("peers", "").split(",") if one]
-    is_local = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
-    if is_local:
-        peers.append("127.0.0.1")
-    else:
-        peers += filter(None, os.environ.get("ROS_STATIC_PEERS", "").split(";"))
-    addresses = [_resolved(peer, address.where) for peer in peers]
+    discovery = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper()
+    if discovery == "OFF":
+        raise ConnectionError(
+            f"{address.where}: ROS_AUTOMATIC_DISCOVERY_RANGE is OFF, so nothing can be found"
+        )
+    is_local = discovery == "LOCALHOST"
+    peers = address.options.get("peers", "").split(",")
+    peers += os.environ.get("ROS_STATIC_PEERS", "").split(";")
+    peers += ["127.0.0.1"] if is_local else []
+    addresses = [_resolved(peer, address.where) for peer in peers if peer.strip()]
     # A robot that begins later learns of this program by being asked.
     asking = "<SPDPInterval>1s</SPDPInterval><InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"
     listed = "".join(f'<Peer Address="{one}"/>' for one in addresses)

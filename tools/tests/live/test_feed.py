@@ -339,6 +339,15 @@ def test_a_clock_that_is_ahead_is_warned_of_once(caplog):
     assert -1000 - DEADLINE_S < feed.clock_offset + 1000 < 0 and "max_age" in text
 
 
+def test_messages_that_all_arrive_late_are_warned_of_once(monkeypatch, caplog):
+    monkeypatch.setattr("tf2_ros_tools.live.feed.PERIOD_NS", 1)
+    feed = Feed(name="x://robot")
+    for _ in range(4):
+        feed.take(message(), False, sent_ns=time.time_ns() - 1000 * S)
+    [record] = caplog.records
+    assert record.getMessage().startswith("x://robot: messages arrive 1000 s after the robot sent them")
+
+
 @pytest.fixture
 def broadcasting():
     with Feed(name="x://robot", wire=Wire()) as feed:

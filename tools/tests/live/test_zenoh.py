@@ -291,9 +291,8 @@ def test_a_laptop_is_a_node_of_the_graph(new_real, laptop):
     ]
     assert robot.do("found.node_name") in robot.do("asking.get_node_names()")
     assert robot.do("[asking.count_subscribers(topic) for topic in ('/tf', '/tf_static')]") == [1, 1]
-    laptop.do("fixed.close()")
-    robot.until("asking.count_publishers('/tf_static') == 0")
     laptop.do("robot.close()")
+    robot.until("asking.count_publishers('/tf_static') == 0")
     robot.until("found.node_name not in asking.get_node_names()")
 
 
@@ -398,13 +397,10 @@ def test_another_definition(stand_in, laptop, options, reason):
 def test_simulated_time_is_refused(robot, new_laptop, port):
     laptop = new_laptop()
     robot.do("clock()")
-    laptop.until("robot._ended")
-    with pytest.raises(OrderError) as raised:
-        laptop.do(f"robot.wait_until_heard({SECONDS})")
-    text = "ended: /clock is published, and simulated time is not supported"
-    assert str(raised.value) == f"ConnectionError: zenoh://127.0.0.1:{port} has {text}"
-    with pytest.raises(OrderError, match=text):
-        new_laptop().do(f"robot.wait_until_heard({SECONDS})")
+    text = "/clock is published, and simulated time is not supported"
+    for one in (laptop, new_laptop()):
+        with pytest.raises(OrderError, match=f"^ConnectionError: zenoh://127.0.0.1:{port} has ended.*{text}"):
+            one.do(f"robot.wait_until_heard({SECONDS})")
 
 
 @pytest.mark.parametrize("library", ["zenoh", "xxhash"])
@@ -535,12 +531,10 @@ def close():
 
 def test_broadcasters_end_with_their_feed(laptop, port):
     laptop.do("moving, fixed = robot.broadcaster(), robot.static_broadcaster()")
-    laptop.do("moving.close(); moving.close()")
-    laptop.do("robot.close(); fixed.close()")
-    with pytest.raises(
-        OrderError, match=f"ConnectionError: zenoh://127.0.0.1:{port} has ended: it was closed"
-    ):
-        laptop.do("fixed.sendTransform(made('base', 'camera', 1))")
+    laptop.do("robot.close()")
+    for broadcaster in ("moving", "fixed"):
+        with pytest.raises(OrderError, match=f"^ConnectionError: zenoh://127.0.0.1:{port} has ended"):
+            laptop.do(f"{broadcaster}.sendTransform(made('base', 'camera', 1))")
 
 
 FORGETS = """

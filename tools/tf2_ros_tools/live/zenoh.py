@@ -112,7 +112,7 @@ class ZenohWire:
         self._is_closed = True
         atexit.unregister(self.close)
         with self._closing:
-            # Until 1.8, the end of the session does not end what waits for a subscriber.
+            # In 1.5 to 1.7, the end of the session does not end what waits for a subscriber.
             while self._subscribers:
                 self._subscribers.pop().undeclare()
             if self._session is not None:

@@ -1,5 +1,6 @@
 """
-Frozen files: a tree as the bytes of a file that processes map. docs/development/frozen-format.md describes each byte.
+Frozen files: a tree as the bytes of a file that processes map. The page docs/development/frozen-format.md
+describes each byte.
 
 A header, a FrozenFrame for each frame, a FrozenName for each authority, all names, and the samples of each
 frame as they lie in a History: stamps, then samples, each from a whole line on. Frames have the ids 1, 2, ...

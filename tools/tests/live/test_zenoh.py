@@ -139,7 +139,7 @@ def test_a_late_joiner_has_the_static_transforms_of_five_nodes_in_two_processes(
     laptop.until("all(robot.buffer.can_transform('map', name, 0) for name in 'abcde')")
     assert laptop.do("[seen(robot, 'base', name) for name in 'abcde']") == [1, 1, 1, 2, 2]
     assert laptop.do("heard(robot)") == [[1, 0, 0], [5, 0, 0]]
-    assert sorted(laptop.do("robot.publishers()")) == [
+    assert sorted(laptop.do("[one[:3] for one in robot.publishers()]")) == [
         ["/tf", "/out", HASH],
         *(["/tf_static", f"/{name}", HASH] for name in "abcde"),
     ]
@@ -264,14 +264,14 @@ def test_what_a_laptop_sends_arrives_also_at_a_late_listener(new_robot, laptop):
     # The program itself has them, but has not heard them.
     assert laptop.do("(seen(robot, 'map', 'last'), seen(robot, 'base', 'imu'))") == [499, 3]
     assert laptop.do("[one.count for one in robot.topics.values()]") == [0, 0]
-    assert laptop.do("robot.publishers()") == []
+    assert laptop.do("[one[:3] for one in robot.publishers()]") == []
 
 
 def test_two_laptops_hear_each_other(router, new_laptop):
     first, second = new_laptop(), new_laptop()
     first.do("robot.static_broadcaster().sendTransform(made('base', 'camera', 1))")
     second.until("robot.buffer.can_transform('base', 'camera', 0)")
-    [[topic, node, type_hash]] = second.do("robot.publishers()")
+    [[topic, node, type_hash]] = second.do("[one[:3] for one in robot.publishers()]")
     assert (topic, node[:10], type_hash) == ("/tf_static", "/tf2_live_", HASH)
 
 
@@ -447,7 +447,9 @@ def test_a_robot_of_humble_has_no_hashes(stand_in, laptop):
     stand_in.do("listen('TypeHashNotSupported')")
     stand_in.do("latched('fixed', ('base', 'camera', 1), type_hash='TypeHashNotSupported')")
     laptop.until("robot.buffer.can_transform('base', 'camera', 0)")
-    assert laptop.do("robot.publishers()") == [["/tf_static", "/fixed", "TypeHashNotSupported"]]
+    assert laptop.do("[one[:3] for one in robot.publishers()]") == [
+        ["/tf_static", "/fixed", "TypeHashNotSupported"]
+    ]
     laptop.do("robot.static_broadcaster().sendTransform(made('base', 'lidar', 2))")
     stand_in.until("('/tf_static', 'lidar') in heard")
 

@@ -8,6 +8,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from tf2_ros import Buffer
+from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
 from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.wire import Publisher, Sender, Wire
@@ -59,6 +60,7 @@ class Feed:
     :param topics: the topic of dynamic transforms and the topic of static transforms.
     :param prefix: is put in front of the names of all frames that arrive.
     :param wire: receives messages and publishes them.
+    :param recording: records who sent which transform when.
     :raises TypeError: ``prefix`` is not a str.
     :raises ConnectionError: the wire receives nothing; the text says what to do.
 
@@ -73,7 +75,9 @@ class Feed:
         topics: tuple[str, str] = ("/tf", "/tf_static"),
         prefix: str = "",
         wire: Wire | None = None,
+        recording: Recording | None = None,
     ) -> None:
+        self._recording = recording
         self.buffer = Buffer() if buffer is None else buffer
         self._name = name
         self._topics = tuple(map(_Topic, topics))
@@ -195,9 +199,20 @@ class Feed:
         with self._changed:
             self._changed.wait_for(lambda: self._source.why_ended() or not self._missing(), seconds)
             self._require_open()
-            missing = self._missing()
-        if missing:
-            raise TimeoutError(self._why_missing(missing, seconds))
+        if silence := self.why_silent(seconds):
+            raise TimeoutError(silence)
+
+    def why_silent(self, seconds: float) -> str:
+        """
+        Say on which of the two topics nothing was received, and, as far as the wire knows, why.
+
+        :param seconds: how long this program has listened, for the text.
+        :return: a text; ``""`` if a message was received on both.
+        :raises RuntimeError: this is a forked child of the process that made the feed.
+        """
+        self._refuse_fork()
+        missing = self._missing()
+        return self._why_missing(missing, seconds) if missing else ""
 
     def broadcaster(self) -> Broadcaster:
         """
@@ -271,7 +286,8 @@ class Feed:
         if source is None:
             source = MessageSource(authority, is_static, self._prefix)
             self._sources[authority, is_static] = source
-        insert_messages(self.buffer, [(authority, received_ns, data)], [source])
+        message = (authority, received_ns, data)
+        insert_messages(self.buffer, [message], [source], recording=self._recording)
 
     def _note_delay(self, delay_ns: int) -> str:
         """Note the time from sending to receiving; return a warning, once, if the clocks differ."""

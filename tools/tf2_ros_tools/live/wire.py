@@ -26,12 +26,14 @@ class Publisher(NamedTuple):
     Who publishes on a topic.
 
     Fields: ``topic``; ``node``, its name with its namespace, or ``""`` if it is not known; ``detail``, what
-    else the wire knows of the publisher, such as its quality of service.
+    else the wire knows of the publisher, such as its quality of service; ``id``, what `take` calls it while
+    its node is not known.
     """
 
     topic: str
     node: str
     detail: str
+    id: str = ""
 
 
 class Take(Protocol):
@@ -50,7 +52,7 @@ class Take(Protocol):
 
         :param data: CDR with its encapsulation header.
         :param is_static: whether the topic is that of static transforms.
-        :param publisher: the name of its node, or what else tells publishers apart.
+        :param publisher: the name of its node, or else the ``id`` of the :class:`Publisher`.
         :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
         :param lost: how many messages of this publisher were lost since its last one. 0 also where a wire
             cannot know.

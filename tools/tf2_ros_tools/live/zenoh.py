@@ -130,8 +130,10 @@ class ZenohWire:
         ]
 
     def why_silent(self, topic: str, seconds: float) -> str:
-        assert self._session is not None
-        info = self._session.info
+        session = self._session
+        if session is None:
+            return ""
+        info = session.info
         if not info.routers_zid() and not info.peers_zid():
             return f"{self._endpoint} no longer answers"
         everyone = list(self._publishers.values())

@@ -53,8 +53,7 @@ def do_transform_pose(pose: Pose, transform: TransformStamped | Transform) -> Po
     :param pose: a Pose, meters; its orientation of any length; zero length means no rotation.
     :param transform: a TransformStamped or Transform, meters.
     :return: a new Pose; its orientation has length one and w >= 0.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
 
 def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) -> PoseStamped:
@@ -88,8 +87,7 @@ def do_transform_quaternion(quaternion: Quaternion, transform: TransformStamped 
     :param quaternion: a Quaternion of any length; zero length means no rotation.
     :param transform: a TransformStamped or Transform.
     :return: a new Quaternion of length one with w >= 0.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
 
 def do_transform_quaternion_stamped(
@@ -128,8 +126,7 @@ def do_transform_vector3(vector3: _Vector, transform: TransformStamped | Transfo
     :param vector3: a Vector3Stamped or Vector3, of any unit.
     :param transform: a TransformStamped; for a Vector3 also a Transform.
     :return: a new message of the same class; its header, if any, has the transform's frame and stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
 
 def transform_covariance(
@@ -161,8 +158,7 @@ def do_transform_polygon(polygon: Polygon, transform: TransformStamped | Transfo
     :param polygon: a Polygon of any number of Point32, meters.
     :param transform: a TransformStamped or Transform, meters.
     :return: a new Polygon.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
 
 def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformStamped) -> PolygonStamped:
@@ -187,8 +183,7 @@ def do_transform_accel_stamped(accel: AccelStamped, transform: TransformStamped)
     :param accel: an AccelStamped, meters and radians per second squared.
     :param transform: a TransformStamped.
     :return: a new AccelStamped with the transform's frame and stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
 
 def do_transform_twist_stamped(twist: TwistStamped, transform: TransformStamped) -> TwistStamped:
@@ -201,8 +196,7 @@ def do_transform_twist_stamped(twist: TwistStamped, transform: TransformStamped)
     :param twist: a TwistStamped, meters and radians per second.
     :param transform: a TransformStamped.
     :return: a new TwistStamped with the transform's frame and stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
 
 def do_transform_velocity_stamped(velocity: VelocityStamped, transform: TransformStamped) -> VelocityStamped:
@@ -220,8 +214,7 @@ def do_transform_velocity_stamped(velocity: VelocityStamped, transform: Transfor
     :param transform: a TransformStamped, meters.
     :return: a new VelocityStamped with the transform's frame and stamp, and the frames that ``velocity``
         names.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
 
 def do_transform_wrench(wrench: Wrench, transform: TransformStamped | Transform) -> Wrench:
@@ -237,8 +230,7 @@ def do_transform_wrench(wrench: Wrench, transform: TransformStamped | Transform)
     :param wrench: a Wrench, newtons and newton meters.
     :param transform: a TransformStamped or Transform, meters.
     :return: a new Wrench.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
 
 def do_transform_wrench_stamped(wrench: WrenchStamped, transform: TransformStamped) -> WrenchStamped:

@@ -417,8 +417,7 @@ def do_transform_vector3(
     :param vector3: a Vector3Stamped or Vector3, of any unit.
     :param transform: a TransformStamped; for a Vector3 also a Transform.
     :return: a new message of the same class; its header, if any, has the transform's frame and stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
     if type(vector3) is vector3_stamped_layout.message_class or not _has_axes(vector3):
         return _moved_stamped(vector3_stamped_layout, "vector", vector3, transform, rotated_vector)
@@ -432,8 +431,7 @@ def do_transform_quaternion(quaternion: Quaternion, transform: TransformStamped 
     :param quaternion: a Quaternion of any length; zero length means no rotation.
     :param transform: a TransformStamped or Transform.
     :return: a new Quaternion of length one with w >= 0.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
     return _moved(quaternion, transform, _rotated_quaternion)
 
@@ -455,8 +453,7 @@ def do_transform_pose(pose: Pose, transform: TransformStamped | Transform) -> Po
     :param pose: a Pose, meters; its orientation of any length; zero length means no rotation.
     :param transform: a TransformStamped or Transform, meters.
     :return: a new Pose; its orientation has length one and w >= 0.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
     return _moved(pose, transform, transformed_pose)
 
@@ -547,8 +544,7 @@ def do_transform_polygon(polygon: Polygon, transform: TransformStamped | Transfo
     :param polygon: a Polygon of any number of Point32, meters.
     :param transform: a TransformStamped or Transform, meters.
     :return: a new Polygon.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
     return _moved(polygon, transform, _transformed_polygon)
 
@@ -638,8 +634,7 @@ def do_transform_wrench(wrench: Wrench, transform: TransformStamped | Transform)
     :param wrench: a Wrench, newtons and newton meters.
     :param transform: a TransformStamped or Transform, meters.
     :return: a new Wrench.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
     return _moved(wrench, transform, _moved_wrench)
 
@@ -664,8 +659,7 @@ def do_transform_velocity_stamped(velocity: VelocityStamped, transform: Transfor
     :param transform: a TransformStamped, meters.
     :return: a new VelocityStamped with the transform's frame and stamp, and the frames that ``velocity``
         names.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
     cdef Layout layout = velocity_stamped_layout
     message = _moved_stamped(layout, "velocity", velocity, transform, _moved_velocity)
@@ -684,8 +678,7 @@ def do_transform_twist_stamped(twist: TwistStamped, transform: TransformStamped)
     :param twist: a TwistStamped, meters and radians per second.
     :param transform: a TransformStamped.
     :return: a new TwistStamped with the transform's frame and stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
     return _moved_stamped(twist_stamped_layout, "twist", twist, transform, _rotated_twist)
 
@@ -700,7 +693,6 @@ def do_transform_accel_stamped(accel: AccelStamped, transform: TransformStamped)
     :param accel: an AccelStamped, meters and radians per second squared.
     :param transform: a TransformStamped.
     :return: a new AccelStamped with the transform's frame and stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises TypeError, ValueError: as ``do_transform_point``.
     """
     return _moved_stamped(accel_stamped_layout, "accel", accel, transform, _rotated_accel)

@@ -269,9 +269,7 @@ class BufferCore:
         R p + t in ``target_frame`` at ``target_time``, if ``fixed_frame`` does not move in between.
         ``Time()``, which is 0, means the latest time.
 
-        :param str target_frame: the frame to transform data into.
         :param target_time: the time of the target frame; 0: the latest common time of it and the fixed frame.
-        :param str source_frame: the frame of the data.
         :param source_time: the time of the source frame; 0: the latest common time of it and the fixed frame.
         :param str fixed_frame: the frame that is assumed not to move between the two times.
         :return: a ``geometry_msgs/TransformStamped`` with the stamp of the target.
@@ -332,8 +330,6 @@ class BufferCore:
         It does not wait. ``buffer.lookup_matrix(target, source, time) @ [x, y, z, 1]`` is the point (x, y, z)
         of ``source_frame``, in meters, in ``target_frame``.
 
-        :param target_frame: the frame to transform data into.
-        :param source_frame: the frame of the data.
         :param time: the time of the transform; 0: the latest common time.
         :param out: an array of shape (4, 4) that receives the matrix: of any float type, which the numbers
             are rounded to, in any layout, such as a part of a larger array. None: a new float64 array.
@@ -375,8 +371,6 @@ class BufferCore:
         It does not wait. ``buffer.lookup_matrix(target, source, time) @ [x, y, z, 1]`` is the point (x, y, z)
         of ``source_frame``, in meters, in ``target_frame``.
 
-        :param target_frame: the frame to transform data into.
-        :param source_frame: the frame of the data.
         :param time: the time of the transform; 0: the latest common time.
         :param out: an array of shape (4, 4) that receives the matrix: of any float type, which the numbers
             are rounded to, in any layout, such as a part of a larger array. None: a new float64 array.
@@ -587,13 +581,10 @@ class BufferCore:
         """
         Get the twist of ``tracking_frame``'s origin relative to ``observation_frame``, in the latter's axes.
 
-        :param tracking_frame: the frame that moves.
-        :param observation_frame: the frame in which it is observed, and whose axes the twist has.
-        :param time: the middle of the interval; 0 is the time 0, not the latest common time.
-        :param averaging_interval: a duration; the interval ends no later than the latest common time.
-        :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s, and means over the interval.
+        It is that of :meth:`lookupVelocityFullCore`, which has the other arguments, and the formula, and
+        raises the same.
 
-        :meth:`lookupVelocityFullCore` has the formula, and raises the same.
+        :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s, and means over the interval.
         """
     def lookupVelocityFullCore(
         self,
@@ -637,7 +628,6 @@ class BufferCore:
         """
         Get the twists of ``tracking_frame`` relative to ``observation_frame`` around many times.
 
-        :param tracking_frame: the frame that moves.
         :param observation_frame: the frame in which it is observed, and whose axes the twists have.
         :param times: N times: integer nanoseconds, datetime64, or time objects; 0 is the time 0.
         :param averaging_interval: a duration, centred at each time; as in :meth:`lookupVelocityFullCore`, it

@@ -168,15 +168,11 @@ class BufferInterface:
         Transform an object from its own time into another frame at another time. ``Time()`` as target time
         asks for the latest. The default ``timeout`` does not wait.
 
-        :param object_stamped: an object with a ``header``, of a registered type.
-        :param target_frame: the frame into which the object is to be transformed.
+        The other arguments are those of :meth:`transform`, which raises the same.
+
         :param target_time: the time of the result; 0 is the latest time for which the frames between
             ``target_frame`` and ``fixed_frame`` have data.
         :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
-        :param new_type: convert the result to this type. None: no conversion.
-        :param prefix: put before the frame of the object, as in :meth:`transform`.
-        :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
         :return: a new object, stamped with the target time, or with the time of the transform if the target
             time is 0; a point cloud keeps its own stamp.
         """
@@ -212,12 +208,9 @@ class BufferInterface:
         Transform an object into another frame as soon as the transform is available. Without ``timeout`` it
         waits forever.
 
-        :param object_stamped: an object with a ``header``, of a registered type.
-        :param target_frame: the frame into which the object is to be transformed.
+        The other arguments are those of :meth:`transform`, which raises the same.
+
         :param timeout: how long to wait for the transform, in steady time. None: forever.
-        :param new_type: convert the result to this type. None: no conversion.
-        :param prefix: put before the frame of the object, as in :meth:`transform`.
-        :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
         :return: a new object, with the stamp that :meth:`transform` gives it.
         :raises TimeoutException: the transform was not available in time.
         """
@@ -284,15 +277,13 @@ class BufferInterface:
         R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
         which is 0, asks for the latest time. The default ``timeout`` does not wait.
 
-        :param target_frame: the frame into which the data is to be transformed.
+        The other arguments are those of :meth:`lookup_transform`, which raises the same.
+
         :param target_time: the time in ``target_frame``; 0 is the latest time for which all frames on the
             path between it and ``fixed_frame`` have data.
-        :param source_frame: the frame that the data is in.
         :param source_time: the time of the data; 0 as above, for the path between it and ``fixed_frame``.
         :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for an answer, in steady time. Zero: do not wait.
-
-        It is stamped with the target's time, and raises what :meth:`lookup_transform` raises.
+        :return: a ``TransformStamped``, stamped with the target's time.
         """
         raise NotImplementedException()
 
@@ -303,11 +294,8 @@ class BufferInterface:
         Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
         carries data from the source to the target. Without ``timeout`` it waits forever.
 
-        :param target_frame: the frame into which the data is to be transformed.
-        :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
-        :param timeout: how long to wait, in steady time. None: until the context is shut down.
-        :param policy: as in :meth:`lookup_transform`.
+        :param timeout: how long to wait, in steady time. None: until the context is shut down. The other
+            arguments are those of :meth:`lookup_transform`.
         :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
             text says which, and the reason.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
@@ -353,13 +341,8 @@ class BufferInterface:
         Return whether :meth:`lookup_transform` would return the pose of ``source_frame`` in ``target_frame``.
         ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
 
-        :param target_frame: the frame into which the data is to be transformed.
-        :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
-        :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty if the
-            answer is yes.
-        :param policy: further arguments of :meth:`lookup_transform`.
+            answer is yes. The other arguments are those of :meth:`lookup_transform`.
         :raises TypeError: an argument has the wrong type.
         :raises ValueError: a name contains a NUL character, a time is NaT, or a limit in ``policy`` is
             invalid.
@@ -414,14 +397,8 @@ class BufferInterface:
         """
         Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
-        :param target_frame: the frame into which the data is to be transformed.
-        :param target_time: the time in ``target_frame``; 0 is the latest time.
-        :param source_frame: the frame that the data is in.
-        :param source_time: the time of the data; 0 is the latest time.
-        :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
-        :param return_debug_tuple: also return the reason, as :meth:`can_transform` does.
-        :param policy: further arguments of :meth:`lookup_transform_full`.
+        :param return_debug_tuple: also return the reason, as :meth:`can_transform` does. The other arguments
+            are those of :meth:`lookup_transform_full`.
         """
         can, reason = self._tf2_can(
             timeout, policy, target_frame, target_time, source_frame, source_time, fixed_frame

@@ -385,15 +385,8 @@ def _prefixed(prefix: str, transform: TransformStamped) -> TransformStamped:
 
 class StaticTransformListener(TransformListener):
     """
-    Fills a buffer with static transforms only; otherwise like a :class:`TransformListener`.
-
-    :param buffer: the buffer to fill.
-    :param node: gets the subscription. None: a hidden node, which a thread spins.
-    :param spin_thread: spin the node in a thread.
-    :param static_qos: a profile, or the depth of the queue. None: transient local, depth 10,000, so that
-        none is lost, however many nodes publish them.
-    :param tf_static_topic: the topic of static transforms.
-    :param prefix: put before the names of all frames that arrive.
+    Fills a buffer with static transforms only; otherwise like a :class:`TransformListener`, whose arguments
+    it has, except for those of dynamic transforms.
     """
 
     def __init__(

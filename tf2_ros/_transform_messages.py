@@ -7,27 +7,15 @@ from tf2_py._internal import message_classes, seconds, stamp_parts, time_ns
 from tf2_py.text import printable
 
 if TYPE_CHECKING:  # what type checkers know of them
-    from builtin_interfaces.msg import Time
-    from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
-    from std_msgs.msg import Header
+    from builtin_interfaces.msg import Time as Time
+    from geometry_msgs.msg import Pose as Pose
+    from geometry_msgs.msg import PoseStamped as PoseStamped
+    from geometry_msgs.msg import Quaternion as Quaternion
+    from geometry_msgs.msg import Transform as Transform
+    from geometry_msgs.msg import TransformStamped as TransformStamped
+    from std_msgs.msg import Header as Header
 else:
     globals().update({name: getattr(message_classes, name) for name in message_classes.__all__})
-
-__all__ = [
-    "Header",
-    "Point",
-    "Pose",
-    "PoseStamped",
-    "Quaternion",
-    "Time",
-    "Transform",
-    "TransformStamped",
-    "Vector3",
-    "format_transform",
-    "numbers_of",
-    "parts_of",
-    "time_msg",
-]
 
 GIMBAL_LOCK = 0.99999  # sine of the pitch from which on roll and yaw turn about one axis, as in tf2
 

@@ -2,7 +2,7 @@
 What tf2_ros, tf2_geometry_msgs and tf2_sensor_msgs import from the engine besides its public names.
 
 This is not a public interface and may change at any time. They import nothing else from this package, so that
-its modules can be moved. ``_internal.pxd`` lists what they cimport.
+its modules can be moved. ``_internal.pxd`` is the same for what they cimport.
 """
 
 from tf2_py._objects import errors as errors

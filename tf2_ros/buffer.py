@@ -431,7 +431,7 @@ class Buffer(BufferCore, BufferInterface):
         the simulator has ended (it was closed), which ended the wait for the transform after 0 s
         """
         if type(name) is not str:
-            raise TypeError(f"name must be a str, got {kind_of(name)}")
+            raise TypeError(f"name: expected a str, got {kind_of(name)}")
         if silence is not None:
             require_callable("add_source", silence)
         return add_source(self, name, silence)

@@ -31,10 +31,10 @@ def main(args: list[str] | None = None) -> int:
     """
     parser = ArgumentParser(
         "tf2_which",
-        description="Print which tf2 a Python program that is started like this one imports, from\n"
-        "where, and whether it loads, and which programs of the sourced workspaces\n"
-        "import another one. Exit status: 0 if the packages are tf2-ros-cython's and\n"
-        "load, in those programs, too; otherwise 1.",
+        description="Show which tf2 this Python imports, from where, and whether it loads, and\n"
+        "which programs of the sourced workspaces import another tf2.\n\n"
+        "Exit status: 0 if all packages are tf2-ros-cython's and load, also in these\n"
+        "programs; otherwise 1.",
         epilog="example:\n  tf2_which",
         formatter_class=RawDescriptionHelpFormatter,
         allow_abbrev=False,

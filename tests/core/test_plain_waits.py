@@ -259,7 +259,7 @@ class TestSources:
     @pytest.mark.parametrize(
         ("arguments", "said"),
         [
-            ((5,), "name must be a str, got int"),
+            ((5,), "name: expected a str, got int"),
             (("the robot", 5), "add_source: expected a function, got int"),
         ],
     )

@@ -325,8 +325,8 @@ def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
             _check_type(recorded, topic, *NAMED, *POSES)
             if frames is None and recorded.topics[topic].msgtype not in NAMED:
                 raise BagError(
-                    f"{name}, topic {printable(topic)}: a {recorded.topics[topic].msgtype} does not name the"
-                    f" child frame; {PASS_FRAMES}"
+                    f"{name}, topic {printable(topic)}: a {recorded.topics[topic].msgtype} has no child"
+                    f" frame; {PASS_FRAMES}"
                 )
     for topic in what.robots:
         if topic in recorded.topics:
@@ -358,11 +358,11 @@ def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
     if one.msgtype not in types:
         options = {JOINT_STATE: WITH_URDF, **dict.fromkeys((*NAMED, *POSES), WITH_POSES)}
         advice = f"; {options[one.msgtype]} reads it" if one.msgtype in options else ""
-        raise BagError(f"{where}: its type is {printable(one.msgtype)}, not {types[0]}{advice}")
+        raise BagError(f"{where}: expected the type {types[0]}, got {printable(one.msgtype)}{advice}")
     encodings = foxglove_messages.ENCODINGS if one.msgtype in foxglove_messages.TYPES else ("cdr", "ros1")
     if one.encoding not in encodings:
         wanted = " or ".join(encodings)
-        raise BagError(f"{where}: its encoding is {printable(one.encoding)}, not {wanted}")
+        raise BagError(f"{where}: expected the encoding {wanted}, got {printable(one.encoding)}")
 
 
 def passes(recorded: Recorded, sources: list[MessageSource], what: Wanted) -> list[Iterator[RawMessage]]:

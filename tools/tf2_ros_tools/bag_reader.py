@@ -287,7 +287,9 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
             advice = f"{REINDEX} makes it from the files of a recording"
             raise BagError(f"{name} is not a recording: the folder has no metadata.yaml; {advice}")
     elif not path.name.endswith(SUFFIXES):
-        advice = f"use a folder with a metadata.yaml, or {', '.join(TOOLS)}"
+        *others, last = TOOLS
+        endings = f"{', '.join(others)} or {last}"
+        advice = f"expected a folder with a metadata.yaml, or a file that ends in {endings}"
         if path.suffix == FROZEN:
             advice = "it is a frozen buffer, which `tf2_ros.Buffer.open` reads"
         raise BagError(f"{name} is not a recording: {advice}")
@@ -317,8 +319,8 @@ def _refuse_pointer(path: Path) -> None:
     """Refuse the file that a clone has in place of one that is kept in Git LFS."""
     if _begins_with(path, LFS_POINTER):
         raise BagError(
-            f"{printable(str(path))} is a pointer of Git LFS, not the recording itself: `git lfs pull`"
-            " downloads it"
+            f"{printable(str(path))} is a pointer of Git LFS, not the recording: `git lfs pull`"
+            " downloads the recording"
         )
 
 

@@ -174,7 +174,7 @@ class StatePublisher:
             if name not in self._left_out:
                 self._left_out.add(name)
                 text = (
-                    "is left out while its position, or that of the joint that it mimics, is NaN or infinite"
+                    "has no transform while its position, or the position that it mimics, is NaN or infinite"
                 )
                 self._log.warning(printable(f"Joint {name} {text}"))
 
@@ -188,13 +188,15 @@ class StatePublisher:
         is_due = self._value("ignore_timestamp")
         is_due = is_due or stamp_ns >= oldest_ns + int(S / self._value("publish_frequency"))
         if not is_due and 0 < stamp_ns < oldest_ns - JUMP_NS:
-            self._log.warning("The stamps of joint states went back; going on from there", **SELDOM)
+            self._log.warning(
+                "The stamps of joint states went back; continuing from the earlier stamps", **SELDOM
+            )
             is_due = True
         if is_due:
             self._published_ns.update(dict.fromkeys(names, stamp_ns))
         elif stamp_ns == 0:
             self._log.warning(
-                "Ignoring joint states with the stamp 0; the parameter ignore_timestamp publishes them",
+                "Ignoring joint states with the stamp 0; to publish them, set the parameter ignore_timestamp",
                 **SELDOM,
             )
         return bool(is_due)

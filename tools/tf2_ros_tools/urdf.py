@@ -105,7 +105,9 @@ class Robot:
         values = np.asarray(positions, np.float64)
         joints, compute = _plan(self, tuple(names))
         if values.ndim not in (1, 2) or values.shape[-1] != len(names):
-            raise ValueError(f"{len(names)} names, but positions of shape {values.shape}")
+            raise ValueError(
+                f"expected a position for each of {len(names)} names, got the shape {values.shape}"
+            )
         with np.errstate(invalid="ignore", over="ignore"):  # the sine of infinity is NaN
             return [*joints], *compute(values)
 
@@ -269,7 +271,7 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise UrdfError(f"not XML: {error}") from None
     if root.tag != "robot":
-        raise UrdfError(f"the outermost element of a URDF is robot, not {printable(root.tag)}")
+        raise UrdfError(f"expected the outermost element robot, got {printable(root.tag)}")
     in_joints = [part for joint in root.findall("joint") for part in joint.iter()]
     values = [value for one in (*root.findall("link"), *in_joints) for value in one.attrib.values()]
     if _of_xacro([*root, *in_joints]) or any("${" in one or "$(" in one for one in values):
@@ -333,7 +335,9 @@ def _joint(element: ElementTree.Element, links: set[str]) -> Joint:
     where = f"joint {printable(name)}"
     kind = _attribute(element, "type", where)
     if kind not in TYPES:
-        raise UrdfError(f"{where}: its type is {printable(kind)}, not {', '.join(TYPES[:-1])} or {TYPES[-1]}")
+        raise UrdfError(
+            f"{where}: expected the type {', '.join(TYPES[:-1])} or {TYPES[-1]}, got {printable(kind)}"
+        )
     parent, child = (_link(element, tag, where, links) for tag in ("parent", "child"))
     axis: Numbers = (1.0, 0.0, 0.0)
     if kind in (*TURNING, *SLIDING):
@@ -375,8 +379,8 @@ def _root(links: set[str], joints: Iterable[Joint]) -> str:
         raise UrdfError(f"joint {printable(name)} mimics itself")
     roots = sorted(links - above.keys())
     if len(roots) != 1:
-        found = f"{len(roots)} links have no parent ({first_names(roots)})"
-        raise UrdfError(f"{found}, but a URDF is one tree" if roots else "the robot has no links")
+        found = f"expected one link without a parent, got {len(roots)}: {first_names(roots)}"
+        raise UrdfError(found if roots else "the robot has no links")
     return roots[0]
 
 

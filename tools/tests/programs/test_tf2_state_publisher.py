@@ -142,13 +142,16 @@ def test_what_cannot_be_published_is_a_warning(robot, tmp_path):
         shoulder = {"shoulder": expected(0.1, 0, 0)["shoulder"]}
         same(robot.moved(100 * S, ["lift"], [0.1]), shoulder)
         warned("joint states with 3 names, but 1 positions, of lift, roll, extend", 102 * S, [1.0])
-        warned("the stamp 0; the parameter ignore_timestamp publishes them", 0, [1.0, 1.0, 1.0])
+        warned("the stamp 0; to publish them, set the parameter ignore_timestamp", 0, [1.0, 1.0, 1.0])
         # Stamps that go back are followed.
         same(robot.moved(50 * S, ["lift"], [0.1]), shoulder)
-        assert log.read_text().count("The stamps of joint states went back; going on from there") == 1
+        assert (
+            log.read_text().count("The stamps of joint states went back; continuing from the earlier stamps")
+            == 1
+        )
 
 
-LEFT_OUT = "is left out while its position, or that of the joint that it mimics, is NaN or infinite"
+LEFT_OUT = "has no transform while its position, or the position that it mimics, is NaN or infinite"
 
 
 @pytest.mark.parametrize("options", [(), ("-p", "use_sim_time:=true", "-r", "joint_states:=/arm/states")])

@@ -513,7 +513,7 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
         ),
         (
             lambda at: write_mcap(at / "run.mcap", [Sent(1, "/tf", {"data": "hello"}, STRING)]),
-            "run.mcap, topic /tf: its type is std_msgs/msg/String, not tf2_msgs",
+            "run.mcap, topic /tf: expected the type tf2_msgs/msg/TFMessage, got std_msgs",
         ),
         # What is not a recording.
         (lambda at: at, "is not a recording: the folder has no metadata.yaml"),
@@ -521,7 +521,7 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
             lambda at: file(at, "a.tf2"),
             "a.tf2 is not a recording: it is a frozen buffer, which `tf2_ros.Buffer.open` reads$",
         ),
-        (lambda at: file(at, "a.txt"), "a.txt is not a recording: use a folder with a metadata.yaml"),
+        (lambda at: file(at, "a.txt"), "a.txt is not a recording: expected a folder with a metadata.yaml"),
         (pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
         (lambda at: pipe_inside(at, "a.mcap"), "run/a.mcap is not a recording: it is a pipe or a device"),
         (lambda at: pipe_inside(at, "a.db3.zstd"), "run/a.db3.zstd is not a recording: it is a pipe"),
@@ -536,11 +536,11 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
         ),
         (
             lambda at: split(at, lambda run: file(run, "run_1.mcap", POINTER)),
-            "run/run_1.mcap is a pointer of Git LFS, not the recording itself: `git lfs pull` downloads it$",
+            "run/run_1.mcap is a pointer of Git LFS, not the recording: `git lfs pull` downloads the",
         ),
         (
             lambda at: split(at, lambda run: file(run, "metadata.yaml", POINTER)),
-            "run/metadata.yaml is a pointer of Git LFS, .* `git lfs pull` downloads it$",
+            "run/metadata.yaml is a pointer of Git LFS, .* `git lfs pull` downloads the recording$",
         ),
     ],
 )

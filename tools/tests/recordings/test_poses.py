@@ -72,10 +72,14 @@ class TestPoses:
             (
                 {"/pose": None},
                 bag.BagError,
-                "run.mcap, topic /pose: a geometry_msgs/msg/PoseStamped does not name the child frame; "
+                "run.mcap, topic /pose: a geometry_msgs/msg/PoseStamped has no child frame; "
                 r'pass the frames, as in poses={"/gps/pose": \("map", "gps"\)} or --poses /gps/pose=map,gps$',
             ),
-            ({"/tf": ("a", "b")}, bag.BagError, "run.mcap, topic /tf: its type is tf2_msgs/msg/TFMessage"),
+            (
+                {"/tf": ("a", "b")},
+                bag.BagError,
+                "run.mcap, topic /tf: expected the type .*, got tf2_msgs/msg/TFMessage",
+            ),
             ({"/odom": "gps"}, TypeError, r"poses: expected \(parent, child\) or None for /odom"),
             ({"/odom": ("a",)}, TypeError, "poses: expected "),
             ({"/bad": None}, bag.BagError, "run.mcap, topic /bad, log time 5 ns: "),
@@ -95,7 +99,7 @@ class TestPoses:
         advice = "; `poses` or `--poses` reads the poses on /one, /two$"
         with pytest.raises(bag.BagError, match=f"its topics with transforms: none{advice}"):
             bag.load(path)
-        of_type = f"topic /one: its type is {msgtype}, not tf2_msgs/msg/TFMessage"
+        of_type = f"topic /one: expected the type tf2_msgs/msg/TFMessage, got {msgtype}"
         with pytest.raises(bag.BagError, match=f"{of_type}; `poses` or `--poses` reads it$"):
             bag.load(path, topics=["/one"])
 
@@ -206,7 +210,7 @@ class TestFoxglove:
         with pytest.raises(bag.BagError, match=others):
             bag.load(path)
         write_foxglove(path, [Sent(1, "/tf", b"")], encoding="flatbuffer")
-        with pytest.raises(bag.BagError, match="topic /tf: its encoding is flatbuffer, not protobuf or json"):
+        with pytest.raises(bag.BagError, match="topic /tf: expected the encoding protobuf or json, got flat"):
             bag.load(path)
 
     @pytest.mark.parametrize("profile", ["", "ros2"])

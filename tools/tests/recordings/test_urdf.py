@@ -60,7 +60,9 @@ class TestRobot:
     def test_positions_of_another_shape_are_refused(self, names, positions, shape):
         with pytest.raises(ValueError) as refused:
             urdf.load(ARM).transforms(names, positions)
-        assert str(refused.value) == f"{len(names)} names, but positions of shape {shape}"
+        assert (
+            str(refused.value) == f"expected a position for each of {len(names)} names, got the shape {shape}"
+        )
 
 
 LINKS = "".join(f'<link name="{name}"/>' for name in "abc")
@@ -88,18 +90,19 @@ def with_more(more):
     ("text", "said"),
     [
         ("<robot", "not XML: unclosed token: line 1, column 0"),
-        ("<sdf/>", "the outermost element of a URDF is robot, not sdf"),
+        ("<sdf/>", "expected the outermost element robot, got sdf"),
         ("<robot><link/></robot>", "a link has no name"),
         (robot_of(LINKS), "there are two links a"),
         (robot_of(AB, AB), "there are two joints ab"),
-        (robot_of(AB), "2 links have no parent (a, c), but a URDF is one tree"),
+        (robot_of(AB), "expected one link without a parent, got 2: a, c"),
         (robot_of(AB, joint("x", "d", "c")), "joint x: its parent d is not a link of the robot"),
         (robot_of('<joint name="x" type="fixed"/>'), "joint x has no parent"),
         (robot_of(AB, BC, joint("ac", "a", "c")), "link c has two parents, by the joints bc and ac"),
         (robot_of(AB, BC, joint("ca", "c", "a")), "link a is its own ancestor"),
         (
             robot_of(AB, joint("bc", "b", "c", "hinge")),
-            "joint bc: its type is hinge, not fixed, revolute, continuous, prismatic, planar or floating",
+            "joint bc: expected the type fixed, revolute, continuous, prismatic, planar or floating, "
+            "got hinge",
         ),
         (
             robot_of(
@@ -419,7 +422,8 @@ class TestRecordings:
             ({}, f" has no topic /tf or /tf_static{COMPUTED}"),
             (
                 {"topics": ["/joint_states"]},
-                ", topic /joint_states: its type is sensor_msgs/msg/JointState, not tf2_msgs/msg/TFMessage;"
+                ", topic /joint_states: expected the type tf2_msgs/msg/TFMessage, "
+                "got sensor_msgs/msg/JointState;"
                 " `urdf` or `--urdf` reads it",
             ),
             ({"urdf": {"/arm/states": ARM}}, f" has no topic /tf or /tf_static or /arm/states{COMPUTED}"),
@@ -434,7 +438,8 @@ class TestRecordings:
             ),
             (
                 {"urdf": {"/robot/description": ARM}},
-                ", topic /robot/description: its type is std_msgs/msg/String, not sensor_msgs/msg/JointState",
+                ", topic /robot/description: expected the type sensor_msgs/msg/JointState, "
+                "got std_msgs/msg/String",
             ),
             (
                 {"urdf": {"/robot/joint_states": True}},

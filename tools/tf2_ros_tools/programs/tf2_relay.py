@@ -52,7 +52,7 @@ def relay(options: Namespace) -> NoReturn:
 
     with spun_node("tf2_relay", options) as node, ExitStack() as stack:
         relaying = Relaying(node, options.rules, stack)
-        node.get_logger().info(printable(f"Relaying by the rules of {options.rules}"))
+        node.get_logger().info(printable(f"Relaying with the rules in {options.rules}"))
         relaying.run()
 
 

@@ -67,8 +67,8 @@ class BufferCore:
     :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
     :raises OverflowError: ``cache_time`` does not fit into 64-bit nanoseconds.
 
-    Transforms that would exceed a limit are refused, counted and logged. What the buffer holds stays
-    available. The environment variables ``TF2_ROS_CYTHON_MAX_FRAMES`` and ``TF2_ROS_CYTHON_MAX_BYTES`` set
+    Transforms that would exceed a limit are refused, counted and logged; the others stay available. The
+    environment variables ``TF2_ROS_CYTHON_MAX_FRAMES`` and ``TF2_ROS_CYTHON_MAX_BYTES`` set
     other defaults.
 
     For all methods: a frame name is a ``str``. A time is an rclpy ``Time``, a time message, any object with
@@ -175,8 +175,8 @@ class BufferCore:
         :return: whether it had any.
         :raises LookupException: the frame is unknown.
 
-        The names of frames that no transform of the buffer mentions any more become unknown, until a
-        transform mentions them again. They still count for ``max_frames``.
+        Frames that no remaining transform refers to become unknown, until a new transform refers to them.
+        They still count for ``max_frames``.
         """
     def __reduce__(self) -> tuple[Any, ...]: ...
     def __getstate__(self) -> dict[str, Any]:
@@ -299,18 +299,18 @@ class BufferCore:
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
             ``'nan'`` fills in NaN there. Of several frames, the first one with an error raises it. Unknown
             and invalid names always raise, before anything else.
-        :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`. With
-            one, each lookup takes as long as a single one.
+        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`. With an option,
+            each lookup takes as long as a single one.
         :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), meters, and (N, 4), x y z w;
-            of a sequence of frames, (F, N, 3) and (F, N, 4). Those of one frame describe one state of the
-            buffer: what is inserted during the call affects none of them.
+            of a sequence of frames, (F, N, 3) and (F, N, 4). All results of one frame come from one state
+            of the buffer; transforms that are inserted during the call are ignored.
         :raises TransformException: see :meth:`lookup_transform_core`.
         :raises TypeError: ``times`` are not times, or only one of ``fixed_frame`` and ``target_time`` is
             given.
         :raises ValueError: ``times`` do not have one dimension, are NaT or do not fit into 64 bits, or
             ``on_missing`` is neither of the two.
 
-        The GIL is released, so other threads run meanwhile.
+        The GIL is released, so other threads run during the call.
         """
     @overload
     def lookup_matrix(
@@ -336,8 +336,8 @@ class BufferCore:
         :param fixed_frame: with ``target_time``, look up the source at ``time``, and the target at
             ``target_time``; the fixed frame is assumed not to move in between.
         :param target_time: the time of the target frame.
-        :param policy: what the lookup accepts beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`, which
-            also says which errors a ``max_age`` raises.
+        :param policy: options such as ``tolerance``, and their errors: see
+            :class:`tf2_py.typing.LookupPolicy`.
         :return: ``out``, or the new array, of shape (4, 4).
         :raises TransformException: see :meth:`lookup_transform_core`; ``out`` is unchanged.
         :raises TypeError: ``out`` is not a NumPy array of floats, only one of ``fixed_frame`` and
@@ -377,8 +377,8 @@ class BufferCore:
         :param fixed_frame: with ``target_time``, look up the source at ``time``, and the target at
             ``target_time``; the fixed frame is assumed not to move in between.
         :param target_time: the time of the target frame.
-        :param policy: what the lookup accepts beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`, which
-            also says which errors a ``max_age`` raises.
+        :param policy: options such as ``tolerance``, and their errors: see
+            :class:`tf2_py.typing.LookupPolicy`.
         :return: ``out``, or the new array, of shape (4, 4).
         :raises TransformException: see :meth:`lookup_transform_core`; ``out`` is unchanged.
         :raises TypeError: ``out`` is not a NumPy array of floats, only one of ``fixed_frame`` and
@@ -408,7 +408,7 @@ class BufferCore:
         """
         Look up one transform at many times, as homogeneous matrices.
 
-        The parameters and the errors are those of :meth:`lookup_transforms`.
+        The parameters and errors are the same as for :meth:`lookup_transforms`.
 
         :return: a float64 array of shape (N, 4, 4); of a sequence of F frames, (F, N, 4, 4). Each matrix is
             that of :meth:`lookup_matrix`; with ``on_missing='nan'``, it is NaN for a time without an answer.
@@ -434,9 +434,9 @@ class BufferCore:
         :param target_frame: the frame to transform the points into.
         :param source_frame: the frame of the points.
         :param fixed_frame: with ``target_time``, transform the points into the target at that time; the fixed
-            frame is assumed not to move between that time and those of the points.
+            frame is assumed not to move between the times of the points and that time.
         :param target_time: the time of the target frame.
-        :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`.
+        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
         :return: an array of shape (N, 3) of the points' dtype, or float64 of integers, in ``target_frame``.
         :raises TransformException: a lookup failed; the text contains the index of the time.
         :raises TypeError: the points have another dtype, ``times`` are not times, or only one of
@@ -465,9 +465,9 @@ class BufferCore:
         :param target_frame: the frame to transform the points into.
         :param source_frame: the frame of the points.
         :param fixed_frame: with ``target_time``, transform the points into the target at that time; the fixed
-            frame is assumed not to move between that time and those of the points.
+            frame is assumed not to move between the times of the points and that time.
         :param target_time: the time of the target frame.
-        :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`.
+        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
         :return: an array of shape (N, 3) of the points' dtype, or float64 of integers, in ``target_frame``.
         :raises TransformException: a lookup failed; the text contains the index of the time.
         :raises TypeError: the points have another dtype, ``times`` are not times, or only one of
@@ -504,15 +504,15 @@ class BufferCore:
         Get the times for which ``source_frame`` can be looked up in ``target_frame``.
 
         :return: ``(first_ns, last_ns)``, in nanoseconds, both included: every time between them has an
-            answer. If a frame on the path moves, the last one is that of :meth:`get_latest_common_time`; the
-            first one is the earliest from which on all frames on the path have data. The path may differ
+            answer. If a frame on the path moves, ``last_ns`` is what :meth:`get_latest_common_time` returns,
+            and from ``first_ns`` on, all frames on the path have data. The path may differ
             between the times, where a frame had several parents. A time at which the tree contains a loop
             ends the range. If all frames on the path are static, or the two frames are the same, every other
             time has an answer, and the range ends at the latest stamp that fits a message:
             ``(0, 2147483647999999999)``, or begins later where a frame above them has been part of a loop. So
             the range of several pairs is from the largest ``first_ns`` to the smallest ``last_ns``.
-        :raises ExtrapolationException: the latest common time has no answer, because the data of a frame on
-            the path begins later than that of another one ends; the text names the frame and the gap.
+        :raises ExtrapolationException: the latest common time has no answer, because the data of one frame on
+            the path begins after the data of another frame ends.
         :raises ConnectivityException: the frames are in different trees, or one has no data.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
@@ -548,8 +548,7 @@ class BufferCore:
         :raises ConnectivityException: the frames are in different trees, or one has no data.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
-        :raises ValueError: the buffer has no clock. Only a ``tf2_ros.Buffer`` has one, unless it is that of a
-            recording.
+        :raises ValueError: the buffer has no clock, as a ``BufferCore`` or the buffer of a recording.
 
         Unlike for a lookup, the frames need not have data for a common time.
         """
@@ -643,7 +642,7 @@ class BufferCore:
         :raises ValueError: ``averaging_interval`` is negative, ``times`` do not have one dimension, are NaT
             or do not fit into 64 bits, or ``on_missing`` is neither of the two.
 
-        The GIL is released, so other threads run meanwhile.
+        The GIL is released, so other threads run during the call.
         """
     def __contains__(self, name: object) -> bool:
         """Return whether this is the name of a frame, including parents; False for anything but a ``str``."""

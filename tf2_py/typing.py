@@ -51,27 +51,28 @@ DurationsLike = DurationLike | Mapping[str, DurationLike]
 
 class LookupPolicy(TypedDict, total=False):
     """
-    What a lookup accepts beyond tf2's: keyword arguments of ``tf2_ros.Buffer.lookup_transform`` and others.
+    Options of lookups that tf2 does not have: keyword arguments of ``tf2_ros.Buffer.lookup_transform`` and
+    others.
 
     ``tolerance``: a duration, or a mapping of frames to durations. A frame whose newest sample is at most
-    this much older than the requested time stays at that sample. Frames that a mapping does not name must
-    have data. The answer has the stamp of the oldest such sample, but what ``transform``,
-    ``transform_full`` and ``transform_async`` make of data has the stamp without a tolerance.
+    this much older than the requested time stays at that sample. Frames that are not in a mapping must have
+    data. The answer has the stamp of the oldest such sample. However, ``transform`` and ``transform_async``
+    keep the stamp of the data, and ``transform_full`` uses the target time.
 
     ``extrapolate``: with a tolerance, such a frame continues at the velocity of its last two samples instead,
-    and the answer has the requested time as its stamp.
+    and the stamp of the answer is the requested time.
 
-    ``max_gap``: a duration. There is no answer between samples that are further apart.
+    ``max_gap``: a duration. There is no answer between two samples that are further apart.
 
     ``max_age``: a duration, or a mapping of frames to durations, for lookups at the latest time, 0. There is
     no answer while the newest sample of a moving frame on the path is older than this, on the clock of the
-    buffer; a wait goes on until there is one. Static frames have no age, and frames that a mapping does not
-    name may have any. A time other than 0 is a ``ValueError``, and so is a buffer without a clock: only a
-    ``tf2_ros.Buffer`` has one, unless it is that of a recording.
+    buffer; a wait goes on until there is one. Static frames have no age, and frames that are not in a mapping
+    may have any age. A time other than 0 is a ``ValueError``, and so is a buffer without a clock: a
+    ``BufferCore`` and the buffer of a recording have none.
 
-    The frames of a mapping are children: the limit of ``base_link`` is that of the transform from its parent.
-    One that the buffer does not know, or that is not a child, is a ``ValueError`` if the buffer has a path
-    between the two frames.
+    The frames of a mapping are children: the limit of ``base_link`` applies to the transform from its parent.
+    A frame that is unknown or has no parent is a ``ValueError`` if the buffer has a path between the two
+    frames of the lookup.
     """
 
     tolerance: DurationsLike | None

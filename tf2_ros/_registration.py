@@ -44,7 +44,7 @@ class TypeException(Exception):
 
 class NotImplementedException(Exception):
     """
-    A buffer lacks the method that was called; the attribute ``errstr`` says so in words.
+    A buffer lacks the method that was called; the attribute ``errstr`` has a text about it.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import BufferInterface, NotImplementedException

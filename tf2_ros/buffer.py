@@ -93,7 +93,7 @@ class Buffer(BufferCore, BufferInterface):
         until it or this process ends; ``auto`` is the name that belongs to the ROS domain.
     :param attach: the name of a buffer that another process shares. This buffer is filled with what the
         other process receives, and keeps as much history if ``cache_time`` is None. When the other process
-        ends, this buffer keeps what it holds, until a process shares a buffer of that name again.
+        ends, this buffer keeps its contents, until a process shares a buffer of that name again.
     :raises TypeError: ``cache_time`` is not a duration or a number, a limit is not an int, or a name is not
         a str.
     :raises ValueError: ``cache_time`` is negative, a limit is not above 0, a name is invalid, or both
@@ -111,8 +111,8 @@ class Buffer(BufferCore, BufferInterface):
     ``Duration``, a duration message, a ``timedelta``, or a number of seconds. Timeouts count steady time,
     also while time is simulated. NaT and NaN raise a ``ValueError``.
 
-    Ctrl-C or a shutdown ends a blocking lookup. The shutdown that counts is that of the contexts of the
-    buffer's node and listeners; a buffer with neither uses the default context.
+    Ctrl-C or a shutdown ends a blocking lookup. It is the shutdown of the contexts of the buffer's
+    node and listeners; a buffer with neither uses the default context.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import Buffer

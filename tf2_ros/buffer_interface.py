@@ -241,8 +241,8 @@ class BufferInterface:
             is nanoseconds.
         :param timeout: how long to wait for an answer, in steady time. A number is seconds. Zero or negative:
             do not wait.
-        :param policy: what a :class:`tf2_ros.Buffer` accepts beyond tf2's, see
-            :class:`tf2_py.typing.LookupPolicy`. A :class:`tf2_ros.BufferClient` accepts none.
+        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`. A
+            :class:`tf2_ros.BufferClient` accepts none.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
@@ -273,9 +273,9 @@ class BufferInterface:
         """
         Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
 
-        It carries data from the source to the target: a point at p in ``source_frame`` at the one time is at
-        R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
-        which is 0, asks for the latest time. The default ``timeout`` does not wait.
+        It carries data from the source to the target: a point at p in ``source_frame`` at ``source_time`` is
+        at R p + t in ``target_frame`` at ``target_time``, if ``fixed_frame`` does not move in between.
+        ``Time()``, which is 0, means the latest time. The default ``timeout`` does not wait.
 
         The other arguments are those of :meth:`lookup_transform`, which raises the same.
 

@@ -274,8 +274,8 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
         twist, in m/s and rad/s. They are given in the axes of the source frame. Any shape may stand in the
         place of N.
     :param transforms: as for :func:`to_matrix`, N or one, which serves all covariances.
-    :param lever_arm: False: the covariances are those of poses in the source frame, which rotate about their
-        own origins; the results are the same as from
+    :param lever_arm: False: the covariances belong to poses in the source frame, which rotate about their own
+        origins; the results are the same as from
         ``tf2_geometry_msgs.do_transform_pose_with_covariance``, and the translation has no effect. True:
         propagate the uncertainty of the source frame's own pose to the target frame, which must be on the
         same rigid body; the lever arm turns angular into linear uncertainty.

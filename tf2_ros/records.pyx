@@ -144,7 +144,7 @@ cdef class Recording:
 
     def take(self):
         """
-        Get what has arrived since the last call.
+        Get the records since the last call.
 
         :return: an array of :data:`RECORD`, in the order of arrival. ``child`` and ``parent`` are indices
             into :meth:`frames`, ``publisher`` into :meth:`publishers`; ``refusals`` is not 0 if every

@@ -69,7 +69,7 @@ def insert_messages(
     :raises KeyError: a topic has no source.
     :raises ValueError: a message cannot be read, a time does not fit into 64 bits, or data are not bytes.
 
-    It holds the GIL. If it is interrupted, the buffer keeps what was inserted before.
+    It holds the GIL. If it is interrupted, the buffer keeps the transforms that were inserted before.
     """
 
 def read_transforms(raw: bytes | memoryview, source: MessageSource) -> list[TransformStamped]:
@@ -88,7 +88,7 @@ def serialize_transforms(transforms: TransformStamped | Iterable[TransformStampe
 
     :param transforms: a ``geometry_msgs/TransformStamped``, or an iterable of them, as for a broadcaster.
         What every buffer refuses, such as a rotation of zero length, is serialized as it is.
-    :return: what a publisher sends, and a recording stores.
+    :return: the bytes that a publisher sends and a recording stores.
     :raises TypeError: something else, or a name is not a str.
     :raises ValueError: a name contains a NUL character.
     :raises OverflowError: a stamp does not fit into a message.
@@ -109,7 +109,7 @@ def serialize_arrays(frames: Iterable[tuple[str, str]], stamps_ns: ArrayLike, tr
     :param frames: N pairs of names, parent and child.
     :param stamps_ns: nanoseconds, shape (N,).
     :param transforms: x y z in meters, and the quaternion x y z w, which is not changed: shape (N, 7).
-    :return: what a publisher sends, and a recording stores.
+    :return: the bytes that a publisher sends and a recording stores.
     :raises TypeError: a name is not a str.
     :raises ValueError: a name contains a NUL character, or there are not as many of one as of the others.
 

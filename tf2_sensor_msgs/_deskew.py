@@ -107,7 +107,7 @@ def deskew(
     :param on_missing: ``'raise'`` raises the error of the first point for whose time there is no transform,
         with its index; ``'nan'`` makes the coordinates of such points NaN.
     :param prefix: put before the frame of the cloud, as in ``buffer.transform``.
-    :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`, but not
+    :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`, but not
         ``max_age``, because points have times.
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
         stays, except that with ``fixed_frame``, the field from which the times were read has the time of the

@@ -110,7 +110,7 @@ def test_errors_are_those_of_a_lookup(buffer):
 def test_what_has_no_clock_says_so():
     buffer = BufferCore()
     insert(buffer, "map", "base", 1)
-    with pytest.raises(ValueError, match="has no clock"):
+    with pytest.raises(ValueError, match="need a clock"):
         buffer.ages("map", "base")
 
 

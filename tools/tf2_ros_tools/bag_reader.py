@@ -52,7 +52,7 @@ HEADER = "std_msgs/msg/Header"
 
 
 class BagError(ValueError):
-    """A recording cannot be read; the text names the file, what was found, and the tool that repairs it."""
+    """A recording cannot be read; the text contains the file, the fault, and the tool that may repair it."""
 
 
 def explained(error: Exception, path: str, where: str = "", tool: str = "") -> Exception:

@@ -37,9 +37,9 @@ class Dataset:
     (F, 7) or (F,), the numbers as float32. A ``DataLoader`` of torch makes batches of them.
 
     :param frames: their names.
-    :param relative_to: the frame whose coordinates the poses are in.
+    :param relative_to: the frame in which the poses are given.
     :param files: the paths of the recordings.
-    :param failed: maps the recordings that could not be read to what is wrong with them.
+    :param failed: maps the recordings that could not be read to the reasons.
     :param episodes: indices into ``files``, int64, shape (N,).
     :param indices: the number of the message in its recording, int64, shape (N,).
     :param stamps_ns: int64, shape (N,).

@@ -371,7 +371,7 @@ class MappedRecordings:
 
     :param done: maps the recordings that this run processed to their tables.
     :param skipped: maps the recordings that an earlier run processed to their tables.
-    :param failed: maps the other recordings to what is wrong with them.
+    :param failed: maps the recordings that could not be read to the reasons.
     :param unanswered: maps each recording whose table has no answer at any time to the reason.
     :param out: the folder with the tables.
     :param findings: the table of findings, in CSV.
@@ -429,7 +429,7 @@ def map_recordings(
     :param poses: see :func:`tf2_ros_tools.bag.load`.
     :param urdf: see :func:`tf2_ros_tools.bag.load`.
     :param cache: a folder in which the transforms of each recording are also frozen, so that ``load`` with
-        this folder and the same topics, poses and robots opens them at once. A recording without such a file
+        this folder and the same topics, poses and robots opens these files. A recording without such a file
         is not skipped.
     :param workers: the number of worker processes on this machine; None: one for each core. With 1, and for a
         single recording, this process does the work. Python starts the workers with the main module of the

@@ -38,7 +38,7 @@ NOT_EXPANDED = "it contains xacro, which must be expanded first: `xacro robot.xa
 
 
 class UrdfError(ValueError):
-    """A URDF cannot be used; the text names the joint or link, and what is wrong with it."""
+    """A URDF cannot be used; the text contains the joint or link, and the fault."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,12 @@ class Joint:
     :param name: its name in joint states.
     :param type: fixed, revolute, continuous or prismatic.
     :param parent: the frame of its parent link, with the prefix.
-    :param child: the frame of its child link, which is also that of the joint.
+    :param child: the frame of its child link, which is also the frame of the joint.
     :param translation: of the joint at position 0 in its parent, meters.
-    :param rotation: likewise, a quaternion x y z w.
+    :param rotation: of the joint at position 0 in its parent, a quaternion x y z w.
     :param axis: in the frame of the joint, of length one.
     :param mimic: the joint that this one follows, the multiplier and the offset; or None. If there is no such
-        joint, this one moves only by a position of its own.
+        joint, this one moves only by its own position.
     """
 
     name: str

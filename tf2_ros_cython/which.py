@@ -172,7 +172,7 @@ def _not_arranged() -> str:
 
 def _precedence() -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
-        return "the order of the path; TF2_ROS_CYTHON=0 is set"
+        return "the order of the path, because TF2_ROS_CYTHON=0 is set; ours if there is no other tf2"
     if _path.refused_rclpy() is not None:
         return f"any other tf2 before ours; {_finder.unknown_rclpy()}"
     if not _is_arranged():
@@ -181,7 +181,7 @@ def _precedence() -> str:
     if prefix is not None:
         return f"ours before the distribution's in {prefix}; a workspace's before ours"
     if "AMENT_PREFIX_PATH" in os.environ:
-        return "the order of the path; AMENT_PREFIX_PATH names no prefix that holds rclpy"
+        return "the order of the path; no prefix in AMENT_PREFIX_PATH contains rclpy"
     return "the order of the path; no ROS 2 is sourced"
 
 
@@ -194,7 +194,7 @@ def _receiver(are_ours: bool, failure: str | None) -> str:
         return "not in use without ROS 2"
     reason = importlib.import_module("tf2_ros._rcl").problem()
     if reason is not None:
-        return f"not in use, listeners need an executor that spins: {reason}"
+        return f"not in use; listeners need an executor that spins: {reason}"
     return "in use; listeners need no executor"
 
 

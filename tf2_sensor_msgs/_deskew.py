@@ -159,7 +159,7 @@ def deskew(
         return move_points(cloud, new_ns, target_frame, is_dense, sweep.field, stored, sweep.times, *poses)
 
     steady = _steady_poses(motion, sweep)
-    # Not where the sensor has a pose at the end other than at the beginning.
+    # A sensor that ends where it began may not have moved at all.
     if sweep.size and (steady is None or (steady.matrices[0] == steady.matrices[-1]).all()):
         _require_motion(buffer, source_frame, target_frame, fixed_frame)
     if steady is not None:

@@ -531,8 +531,9 @@ class BufferCore:
         """
         Count ages by this clock.
 
-        :param show_time: called with this buffer when ages are judged. Returns the time in nanoseconds, and
-            whether it is the system's time; or None: there is no clock. It must not refer to the buffer.
+        :param show_time: called with this buffer when ages are judged. Returns the time in nanoseconds,
+            whether it is the system's time, and whether nothing reports that it is set back or begins; or
+            None: there is no clock. It must not refer to the buffer.
         """
     def _tf2_clock_jumped(self) -> None:
         """Judge the ages of pending waits anew, because the clock has gone back, or shows another time."""

@@ -64,6 +64,7 @@ FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 _Opened = TypeVar("_Opened", bound="Buffer")
 
 STANDSTILL_S = 5.0  # how long simulated time stands still until a buffer that judges ages warns
+NOT_BEGUN_NS = 1  # simulated time up to here may begin at any time, and nothing reports that it does
 JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 
 # The methods that insert transforms.
@@ -466,7 +467,7 @@ class Buffer(BufferCore, BufferInterface):
                     return answer  # the buffer has lost it meanwhile
                 # It has become too old before this ran.
 
-    def __show_time(self) -> tuple[int, bool] | None:
+    def __show_time(self) -> tuple[int, bool, bool] | None:
         clock: Any = self.clock  # a program may have set another one
         if clock is None:
             return None
@@ -474,16 +475,16 @@ class Buffer(BufferCore, BufferInterface):
             now_ns = time_ns(clock.now(), "the time of the buffer's clock")
             if is_simulated(clock):
                 self.__warn_of_standstill(now_ns)
-                return now_ns, False
+                return now_ns, False, now_ns <= NOT_BEGUN_NS
         except InvalidHandle:  # an AsyncNode has ended, and its clock with it
-            return time.time_ns(), True
+            return time.time_ns(), True, False
         if type(clock).now is Clock.now:
-            return now_ns, not is_steady(clock)
+            return now_ns, not is_steady(clock), False
         # A program's own clock may say anything, and reports no jumps.
         shown_ns, self._tf2_shown_ns = self._tf2_shown_ns, now_ns
         if shown_ns - now_ns >= JUMP_BACK_S * 10**9:
             self.time_jump_callback(None)
-        return now_ns, False
+        return now_ns, False, True
 
     def __warn_of_standstill(self, now_ns: int) -> None:
         """Warn once of each: while simulated time stands still, no data becomes older."""

@@ -1,7 +1,7 @@
 """
-Look at a recording of a robot that drives in a circle: `make -C tools demo`.
+Inspect a recording of a robot that drives in a circle: `make -C tools demo`.
 
-Prints what is in the recording and what is wrong with it, and draws the path of the robot as a picture.
+Lists the contents of the recording, plots the path of the robot, and reports problems.
 """
 
 import shlex
@@ -13,11 +13,11 @@ HERE = Path(__file__).resolve().parent
 PICTURE = "build/path.png"
 
 COMMANDS = {
-    "What is in it": "info docs/samples/faults",
-    "The path of the robot, as a picture": f"plot docs/samples/faults --path map base_link -o {PICTURE}",
-    "What is wrong with it": "check docs/samples/faults",
+    "Contents": "info docs/samples/faults",
+    "Path of the robot": f"plot docs/samples/faults --path map base_link -o {PICTURE}",
+    "Problems": "check docs/samples/faults",
 }
-# By the command: the exit status; that of `check` says whether something is wrong.
+# The exit status by command; `check` exits with 1 if there are problems.
 STATUS = {"check": 1}
 
 

@@ -300,6 +300,28 @@ class TestClocks:
         insert(buffer, 97 * S)
         assert buffer.ages("map", "base") == {"base": 1.0}
 
+    @pytest.mark.parametrize("how", ["future", "await", "block"])
+    def test_a_wait_notices_that_it_was_set_back(self, buffer, how):
+        def set_back():
+            buffer.clock.ns = 50 * S
+            deadline = time.monotonic() + DEADLINE_S
+            # The buffer is cleared when the step is noticed, also of what has just arrived.
+            while buffer.statistics()["waiters"] and time.monotonic() < deadline:
+                insert(buffer, 50 * S)
+                time.sleep(0.001)
+
+        thread = once_waiting(buffer, set_back)
+        if how == "future":
+            future = buffer.wait_for_transform_async("map", "base", 0, max_age=3.0)
+            until(future.done)
+            found = future.result()
+        elif how == "await":
+            found = asyncio.run(buffer.lookup_transform_async("map", "base", 0, max_age=3.0))
+        else:
+            found = buffer.lookup_transform("map", "base", 0, timeout=DEADLINE_S, max_age=3.0)
+        thread.join()
+        assert found.header.stamp.sec == 50
+
     def test_one_that_shows_no_time(self, buffer):
         buffer.clock.now = lambda: "noon"
         insert(buffer, 99 * S)

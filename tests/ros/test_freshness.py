@@ -483,7 +483,7 @@ def test_a_thread_that_stalls_while_it_reads_the_clock_is_not_a_step_of_it(tf2_r
 
     def show_time(_):
         threading.Event().wait(stall_s)
-        return time.time_ns(), True
+        return time.time_ns(), True, False
 
     buffer = tf2_ros.Buffer()
     buffer._tf2_follow_clock(show_time)
@@ -502,7 +502,7 @@ def test_a_wait_that_ends_while_the_clock_is_read_is_removed(tf2_ros, ends):
             one = waiting.pop()
             if ends == "cancel":
                 one.cancel()
-        return seconds[0] * S, False
+        return seconds[0] * S, False, False
 
     buffer = tf2_ros.Buffer()
     buffer._tf2_follow_clock(show_time)
@@ -521,7 +521,7 @@ def test_a_second_step_back_does_not_make_the_same_data_younger(tf2_ros):
     begin_ns, shown = time.monotonic_ns(), [3600 * S]
 
     def show_time(_):
-        return shown[0] + time.monotonic_ns() - begin_ns, True
+        return shown[0] + time.monotonic_ns() - begin_ns, True, False
 
     buffer = tf2_ros.Buffer()
     buffer._tf2_follow_clock(show_time)

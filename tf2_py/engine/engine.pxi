@@ -495,7 +495,7 @@ cdef class Engine:
         if shown is None:
             raise ValueError("ages need a clock, which this buffer does not have: use a tf2_ros.Buffer, "
                              "not a BufferCore or the buffer of a recording")
-        reading.now_ns, reading.is_system = shown
+        reading.now_ns, reading.is_system, self._must_look = shown
         reading.steady_ns = monotonic_ns()
         query.policy.clock = reading
         lock_acquire(&self._lock)
@@ -516,8 +516,9 @@ cdef class Engine:
         """
         Count ages by this clock.
 
-        :param show_time: called with this buffer when ages are judged. Returns the time in nanoseconds, and
-            whether it is the system's time; or None: there is no clock. It must not refer to the buffer.
+        :param show_time: called with this buffer when ages are judged. Returns the time in nanoseconds,
+            whether it is the system's time, and whether nothing reports that it is set back or begins; or
+            None: there is no clock. It must not refer to the buffer.
         """
         self._show_time = show_time
 

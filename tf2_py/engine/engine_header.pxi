@@ -71,6 +71,7 @@ cdef class Engine:
     # that an insert without the GIL may answer too early, but not too late; judge_waiter corrects that.
     cdef ClockReading _clock
     cdef bint _reads_clock              # it was read once
+    cdef bint _must_look                # nothing reports that it is set back or begins
     cdef object _show_time              # reads the clock that was given, see _tf2_follow_clock; None: none
 
     # The inboxes that fill this engine. A read first inserts what has arrived.

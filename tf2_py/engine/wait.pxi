@@ -114,9 +114,9 @@ cdef class Wait(WaiterOwner):
         """
         Whether :meth:`take` must be called regularly.
 
-        It must if it judges ages by a simulated clock that has not begun: nothing reports that it begins.
+        It must if it judges ages by a clock that does not report that it was set back, or that it begins.
         """
-        return self._judges_age() and self._engine._clock.now_ns <= NOT_BEGUN_NS
+        return self._judges_age() and self._engine._must_look
 
     def reason(self):
         """The exception that a lookup would raise now, or None."""

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import asyncio
 
 SHUTDOWN_CHECK_NS = 100_000_000  # how often to check the contexts of what asyncio awaits
-CLOCK_CHECK_NS = 100_000_000  # how often to check whether simulated time has begun
+CLOCK_CHECK_NS = 100_000_000  # how often to read a clock that reports no jumps
 
 
 _Result = TypeVar("_Result")
@@ -290,8 +290,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
 class _ClockCheck:
     """
-    Regularly retries a future that judges ages, until simulated time begins, as long as something else refers
-    to it. Nothing reports that.
+    Regularly retries a future that judges ages by a clock that reports no jumps, as long as something else
+    refers to it.
     """
 
     def __init__(self, future: TransformFuture) -> None:

@@ -86,12 +86,12 @@ class Cached:
         self.path = os.path.join(self._folder, f"{self._begin}{_digest(state_of(path))}{FROZEN}")
 
     def open(self) -> Buffer | None:
-        """Open the file; None if there is none, or none that this version can read."""
+        """Open the file; None if there is none, or none that this user and this version can read."""
         from tf2_ros import Buffer
 
         try:
             return Buffer.open(self.path)
-        except (FileNotFoundError, ValueError):
+        except (FileNotFoundError, PermissionError, ValueError):
             return None
 
     def write(self, buffer: Buffer) -> None:

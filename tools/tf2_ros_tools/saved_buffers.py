@@ -106,6 +106,8 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
     from mcap.writer import Writer
 
     state = BufferCore.__getstate__(buffer)
+    if "frozen" in state:  # the path of a file stands for the contents
+        state = BufferCore.__getstate__(BufferCore.open(state["frozen"][0], copy=True))
     with whole_file(path) as file:
         writer = Writer(file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
         writer.start(profile="ros2", library="tf2-ros-cython")

@@ -12,7 +12,7 @@ from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 from rosbags.typesys import Stores, get_typestore
-from travelling import HISTORIES, check_copy, filled
+from travelling import HISTORIES, check_copy, filled, held
 
 from tf2_py import BufferCore
 from tf2_ros import Buffer
@@ -35,6 +35,14 @@ def path(buffer, tmp_path):
     path = tmp_path / "robot.mcap"
     bag.save(buffer, path)
     return path
+
+
+def test_an_opened_buffer_is_saved_with_its_contents(buffer, tmp_path):
+    """Also one that a cache has opened: its pickle is only a path."""
+    buffer.freeze(tmp_path / "robot.tf2")
+    bag.save(BufferCore.open(tmp_path / "robot.tf2"), tmp_path / "opened.mcap")
+    bag.save(buffer, tmp_path / "robot.mcap")
+    assert held(load(tmp_path / "opened.mcap")) == held(load(tmp_path / "robot.mcap"))
 
 
 def tampered(path, change):

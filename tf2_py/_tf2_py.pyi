@@ -527,7 +527,7 @@ class BufferCore:
         >>> buffer.time_range("odom", "base_link")
         (2000000000, 5000000000)
         """
-    def _tf2_follow_clock(self, show_time: Callable[[Any], tuple[int, bool] | None]) -> None:
+    def _tf2_follow_clock(self, show_time: Callable[[Any], tuple[int, bool, bool] | None]) -> None:
         """
         Count ages by this clock.
 

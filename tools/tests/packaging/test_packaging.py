@@ -63,8 +63,10 @@ def test_the_source_distribution_holds_tests_pages_and_samples(project, tmp_path
     assert {"tests/conftest.py", "docs/recordings.md", "docs/samples/drive/drive.mcap", "demo.py"} <= held
 
 
-def test_the_demo_shows_a_recording_its_path_and_its_faults():
+def test_the_demo_shows_a_recording_its_path_and_its_faults_and_a_robot():
+    pytest.importorskip("zenoh")
     shown = output_of(TOOLS / "demo.py", cwd=TOOLS)
     assert "base_link was not received for 1.2 s" in shown and "camera has 2 parents" in shown
     picture = TOOLS / "build" / "path.png"
-    assert shown.endswith(f"The picture is {picture}\n") and picture.read_bytes().startswith(b"\x89PNG")
+    assert f"The picture is {picture}\n" in shown and picture.read_bytes().startswith(b"\x89PNG")
+    assert "base_link (" in shown and "camera (static)" in shown and "- Translation: [" in shown

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tf2_ros_tools.output import counted, show, show_json, three_digits
 from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, positive_number, run
 
 if TYPE_CHECKING:
-    from tf2_ros_tools.live.feed import Feed
+    from tf2_ros_tools.live.feed import Heard
+    from tf2_ros_tools.live.wire import Publisher
     from tf2_ros_tools.streams import Stream
 
 LISTEN_S = 5.0  # after which DDS has found all publishers
@@ -56,12 +58,22 @@ def live(options: Namespace) -> int:
         heard = Listening(session, recording, None)
         heard.listen(options.t)
         feed = session.feed
+        # Before the report, which may know more: what arrives meanwhile must not seem to be missing from it.
+        topics, publishers, silence = feed.topics, feed.publishers(), feed.why_silent(options.t)
         streams = heard.report(Limits()).streams
-        silence = feed.why_silent(options.t)
         if options.json:
-            show_json(_facts(feed, streams, options.t, silence))
+            facts = {
+                "seconds": options.t,
+                "topics": {name: asdict(one) for name, one in topics.items()},
+                "streams": [asdict(one) for one in streams],
+                "publishers": [one._asdict() for one in publishers],
+                "clock_offset": feed.clock_offset,
+                "silence": silence or None,
+            }
+            show_json(facts)
         else:
-            show(*_lines(feed, streams, options.t), *([silence] if silence else []))
+            lines = _lines(topics, publishers, streams, options.t)
+            show(*lines, *_clock(feed.clock_offset), *([silence] if silence else []))
         if options.output is not None:
             from tf2_ros_tools.bag import save
 
@@ -69,17 +81,22 @@ def live(options: Namespace) -> int:
     return FAILURE if silence else SUCCESS
 
 
-def _lines(feed: Feed, streams: Sequence[Stream], seconds: float) -> Iterator[str]:
-    for topic, heard in feed.topics.items():
+def _lines(
+    topics: Mapping[str, Heard], publishers: Sequence[Publisher], streams: Sequence[Stream], seconds: float
+) -> Iterator[str]:
+    for topic, heard in topics.items():
         rate = f", {heard.count / seconds:.1f} a second" if heard.count > 1 else ""
         wrong = f"{heard.lost} lost, {heard.malformed} malformed"
         yield f"{topic}: {counted(heard.count, 'message')}{rate}; {wrong}"
     for publisher, frames in sorted(_frames_of(streams).items()):
         yield f"{publisher}: {', '.join(frames)}"
-    quiet = {one.node or "unknown" for one in feed.publishers()} - {one.publisher for one in streams}
+    quiet = {one.node for one in publishers if one.node} - {one.publisher for one in streams}
     yield from (f"{name}: nothing has arrived" for name in sorted(quiet))
-    if feed.clock_offset is not None:
-        yield f"clock: messages arrive {three_digits(feed.clock_offset)} s after they were sent, at least"
+
+
+def _clock(offset: float | None) -> Iterator[str]:
+    if offset is not None:
+        yield f"clock: messages arrive {three_digits(offset)} s after they were sent, at least"
 
 
 def _frames_of(streams: Sequence[Stream]) -> dict[str, list[str]]:
@@ -88,19 +105,6 @@ def _frames_of(streams: Sequence[Stream]) -> dict[str, list[str]]:
         rate = "static" if one.static or one.rate is None else f"{one.rate:.1f} Hz"
         frames.setdefault(one.publisher, []).append(f"{one.frame} ({rate})")
     return frames
-
-
-def _facts(feed: Feed, streams: Sequence[Stream], seconds: float, silence: str) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    return {
-        "seconds": seconds,
-        "topics": {name: asdict(heard) for name, heard in feed.topics.items()},
-        "streams": [asdict(one) for one in streams],
-        "publishers": [one._asdict() for one in feed.publishers()],
-        "clock_offset": feed.clock_offset,
-        "silence": silence or None,
-    }
 
 
 main = partial(run, PARSER, live)

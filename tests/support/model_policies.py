@@ -5,6 +5,7 @@ import math
 from model_math import IDENTITY, composed
 from model_terms import NEWEST, STAMPS_END, ModelError, S, limit_of, seconds
 
+STEP_BACK = 9 * S // 10
 MOST_SUGGESTED = 3  # names in the text of an error
 YEAR = 365 * 86400 * 10**9  # ns
 NO_CLOCK = (
@@ -82,10 +83,10 @@ class Policies:
         self._begun_ns = dict(self._begun_ns or {})
 
     def read_system_clock(self, now_ns, steady_ns):
-        """What was there when it was set back by 1 s or more grows older as if it had not been."""
+        """What was there when it was set back by 0.9 s or more grows older as if it had not been."""
         behind = self.now_ns + steady_ns - self.steady_ns - now_ns
         newest = {name: frame.newest_ns() for name, frame in self.frames.items() if frame.newest_ns()}
-        for name, stamp in newest.items() if behind >= S else ():
+        for name, stamp in newest.items() if behind >= STEP_BACK else ():
             begun = self.steady_ns + stamp - self.now_ns
             if self._seen.get(name) != stamp:
                 if stamp <= now_ns:

@@ -12,6 +12,7 @@ import sys
 from making import S, transform
 from model import Model
 from model_pair import as_model_tells, of_buffer, of_model, same_answer, same_error
+from model_policies import STEP_BACK
 from model_questions import arguments_of
 from model_terms import Policy
 
@@ -47,9 +48,9 @@ class Run:
         STEADY.value += passed_ns
 
     def set_clock(self):
-        step_ns = self.dice.choice((S // 2, S - 1, S, S + 1, 4 * S, 60 * S))
+        step_ns = self.dice.choice((S // 2, STEP_BACK - 1, STEP_BACK, S, 4 * S, 60 * S))
         WALL.value += self.dice.choice((-step_ns, -step_ns, step_ns))
-        if -S < WALL.value - STEADY.value - self.ahead_ns < 0:
+        if -STEP_BACK < WALL.value - STEADY.value - self.ahead_ns < 0:
             self.oldest.clear()  # by so little, data may become younger
 
     def ask(self):

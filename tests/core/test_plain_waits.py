@@ -322,6 +322,17 @@ class TestClocks:
         thread.join()
         assert found.header.stamp.sec == 50
 
+    @pytest.mark.parametrize("ends", ["by a check", "by an insert"])
+    def test_a_wait_ends_with_what_it_raises(self, buffer, ends):
+        future = buffer.wait_for_transform_async("map", "base", 0, max_age=3.0, timeout=DEADLINE_S)
+        buffer.clock.now = lambda: 1 // 0
+        if ends == "by an insert":
+            insert(buffer, 99 * S)
+        until(future.done)
+        with pytest.raises(ZeroDivisionError):
+            future.result()
+        assert buffer.statistics()["waiters"] == 0
+
     def test_one_that_shows_no_time(self, buffer):
         buffer.clock.now = lambda: "noon"
         insert(buffer, 99 * S)

@@ -270,7 +270,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         wait = self.wait
         try:
             answer = None if wait is None else wait.take()
-        except ValueError as error:  # a limit for a frame that is not a child
+        except Exception as error:  # a limit for a frame that is not a child, or a program's clock raises
             self.__end(None, error)
         else:
             if answer is not None:

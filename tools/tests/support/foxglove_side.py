@@ -15,9 +15,9 @@ channels = {}  # by topic
 
 class Listener:
     def on_subscribe(self, client, channel):
-        channel = channels[channel.topic]
-        if channel in _retained:
-            channel.log(_retained[channel])
+        offered = channels.get(channel.topic)  # None: `offer` has not returned yet
+        if offered in _retained:
+            offered.log(_retained[offered])
 
     def on_unsubscribe(self, client, channel):
         pass

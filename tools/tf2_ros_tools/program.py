@@ -177,7 +177,7 @@ def add_live_option(parser: Parser) -> None:
     parser.add_argument(
         "--live",
         metavar="WHERE",
-        help="listen to a robot without ROS 2 on this machine, at dds://, zenoh://HOST:7447 or ws://HOST:8765",
+        help="listen to the robot at dds://, zenoh://HOST:7447 or ws://HOST:8765, without ROS 2 on this machine",
     )
 
 

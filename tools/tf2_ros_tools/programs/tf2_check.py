@@ -21,7 +21,7 @@ PARSER.add_argument(
     type=positive_number,
     metavar="S",
     default=5.0,
-    help="listen for S seconds; 5 by default, after which all publishers are discovered",
+    help="listen for S seconds; 5 by default, which usually suffices to discover all publishers",
 )
 add_check_options(PARSER)
 PARSER.add_argument("--json", action="store_true", help="print the result as one line of JSON")

@@ -42,7 +42,9 @@ PARSER.add_argument(
     default=LISTEN_S,
     help=f"listen for S seconds; {LISTEN_S:g} by default",
 )
-PARSER.add_argument("-o", "--output", metavar="FILE", help="save what has arrived as a recording in mcap")
+PARSER.add_argument(
+    "-o", "--output", metavar="FILE", help="save what arrived, at most the last 10 s, as a recording in mcap"
+)
 PARSER.add_argument("--json", action="store_true", help="print the result as one line of JSON")
 
 

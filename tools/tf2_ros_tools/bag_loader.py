@@ -188,7 +188,10 @@ def load(
     """
     what = wanted(topics, start, end, poses, urdf)
     buffer = new_buffer(cache_time)
-    cached = None if cache is None else Cached(cache, path, asdict(what), buffer.cache_time_ns)
+    cached = None
+    if cache is not None:
+        path = os.path.realpath(path)  # a link may lead to another recording while this one is read
+        cached = Cached(cache, path, asdict(what), buffer.cache_time_ns)
     opened = None if cached is None else cached.open()
     if opened is None:
         with open_recording(path) as recorded:

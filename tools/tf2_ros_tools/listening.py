@@ -98,6 +98,14 @@ class Session(Protocol):
     def look_up_publishers(self) -> Collection[bytes]:
         """Note the names of publishers; return the ids of the present ones, or none if it knows no ids."""
 
+    def same_publishers(self, ids: Sequence[bytes]) -> list[int] | None:
+        """
+        Find publishers that have several ids.
+
+        :param ids: of the publishers in a recording, by their numbers there.
+        :return: for each the number of the first id of the same publisher; None: each has a single id.
+        """
+
     def log_no_refusals(self) -> None:
         """Have the buffer not log which transforms it refuses."""
 
@@ -137,9 +145,12 @@ class Listening:
         Except for dynamic transforms before the first message on /clock: until then, simulated time is 0.
         """
         records: NDArray[np.void] = self._recording.take()
-        self._streams.add(records[(records["received_ns"] > 0) | (records["static"] != 0)])
-        if not self.session.names.keys() >= {*self._recording.publishers()}:
+        gids = self._recording.publishers()
+        if not self.session.names.keys() >= {*gids}:
             self.session.look_up_publishers()  # now, because one may exit before the report
+        if (same := self.session.same_publishers(gids)) is not None:
+            records["publisher"] = np.array(same, np.uint32)[records["publisher"]]
+        self._streams.add(records[(records["received_ns"] > 0) | (records["static"] != 0)])
 
     def records(self) -> NDArray[np.void]:
         """The records of the window, and some before it."""

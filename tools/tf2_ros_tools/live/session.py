@@ -3,7 +3,7 @@
 import logging
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from tf2_ros import Buffer
@@ -23,12 +23,19 @@ class FeedSession:
         self.where = f"on {' and '.join(feed.topics)} at {where}"
         self.names: dict[bytes, str] = {}
         self._recording = recording
+        self._began = time.monotonic()
 
     def now_ns(self) -> int:
         return time.time_ns()
 
     def info(self, text: str) -> None:
         sys.stderr.write(f"[INFO] {text}\n")
+
+    def same_publishers(self, ids: Sequence[bytes]) -> list[int]:
+        # A message is recorded with the id of its publisher until the name of the node is known.
+        self.look_up_publishers()
+        first: dict[str, int] = {}
+        return [first.setdefault(self.names[one], number) for number, one in enumerate(ids)]
 
     def log_no_refusals(self) -> None:
         logging.getLogger("tf2_py").setLevel(logging.CRITICAL + 1)
@@ -49,6 +56,10 @@ class FeedSession:
         for topic, heard in self.feed.topics.items():
             if heard.lost:
                 yield Finding("lost", "", f"{counted(heard.lost, 'message')} on {topic} were lost on the way")
+        published = {one.topic for one in self.feed.publishers()}
+        silent = [topic for topic, heard in self.feed.topics.items() if heard.last is None]
+        if published.intersection(silent):
+            yield Finding("qos", "", self.feed.why_silent(time.monotonic() - self._began))
 
 
 @contextmanager

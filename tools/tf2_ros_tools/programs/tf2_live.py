@@ -9,7 +9,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import counted, show, show_json, three_digits
+from tf2_ros_tools.output import counted, require, show, show_json, three_digits
 from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, positive_number, run
 
 if TYPE_CHECKING:
@@ -55,6 +55,8 @@ def live(options: Namespace) -> int:
     from tf2_ros_tools.listening import TOPICS, Listening
     from tf2_ros_tools.live.session import live_session
 
+    if options.output is not None:
+        require("mcap", "bag")
     recording = Recording()
     with live_session(options.where, recording, topics=TOPICS) as session:
         heard = Listening(session, recording, None)

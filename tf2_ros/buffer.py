@@ -74,7 +74,7 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 _OF_INIT = frozenset(
     (
         "registration _tf2_kept _tf2_fillers srv clock jump_handle _tf2_node _tf2_sharing"
-        " _tf2_attachment _tf2_standstill _tf2_shown_ns"
+        " _tf2_attachment _tf2_standstill _tf2_shown_ns _tf2_followed"
     ).split()
 )
 
@@ -202,6 +202,7 @@ class Buffer(BufferCore, BufferInterface):
         self._tf2_follow_clock(Buffer.__show_time)
         self._tf2_fillers = Fillers()
         self.clock: Clock = Clock() if node is None else node.get_clock()
+        self._tf2_followed = self.clock  # reports its jumps
         if not HAS_ROS:
             return
         note_filler(node, self)
@@ -475,12 +476,13 @@ class Buffer(BufferCore, BufferInterface):
             now_ns = time_ns(clock.now(), "the time of the buffer's clock")
             if is_simulated(clock):
                 self.__warn_of_standstill(now_ns)
-                return now_ns, False, now_ns <= NOT_BEGUN_NS
+                if clock is self._tf2_followed:
+                    return now_ns, False, now_ns <= NOT_BEGUN_NS
         except InvalidHandle:  # an AsyncNode has ended, and its clock with it
             return time.time_ns(), True, False
-        if type(clock).now is Clock.now:
+        if type(clock).now is Clock.now and not is_simulated(clock):
             return now_ns, not is_steady(clock), False
-        # A program's own clock may say anything, and reports no jumps.
+        # A clock that the program has assigned may say anything, and reports no jumps here.
         shown_ns, self._tf2_shown_ns = self._tf2_shown_ns, now_ns
         if shown_ns - now_ns >= JUMP_BACK_S * 10**9:
             self.time_jump_callback(None)

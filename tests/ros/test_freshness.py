@@ -542,6 +542,20 @@ def test_a_second_step_back_does_not_make_the_same_data_younger(tf2_ros):
     assert 0 <= buffer.ages("map", "base")["base"] < 900
 
 
+def test_a_simulated_clock_that_a_program_assigns_is_followed_too(tf2_ros, node):
+    """Also where it is set back: nothing reports that to this buffer."""
+    buffer = tf2_ros.Buffer()
+    simulate(node, seconds=100)
+    buffer.clock = node.get_clock()
+    insert(buffer, "map", "base", 99)
+    assert buffer.ages("map", "base") == {"base": 1}
+    simulate(node, seconds=50)
+    with pytest.raises(tf2_ros.TransformException):
+        buffer.ages("map", "base")
+    insert(buffer, "map", "base", 49)
+    assert buffer.ages("map", "base") == {"base": 1}
+
+
 def test_a_clock_of_a_program(tf2_ros):
     class Mine(Clock):
         seconds = 10

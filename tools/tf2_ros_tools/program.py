@@ -177,7 +177,8 @@ def add_live_option(parser: Parser) -> None:
     parser.add_argument(
         "--live",
         metavar="WHERE",
-        help="listen to the robot at dds://, zenoh://HOST:7447 or ws://HOST:8765, without ROS 2 on this machine",
+        help="listen to the robot at dds://, zenoh://HOST:7447 or ws://HOST:8765, without ROS 2 on this "
+        "machine",
     )
 
 

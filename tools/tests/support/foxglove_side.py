@@ -33,6 +33,14 @@ def offer(topic, schema=SCHEMA, encoding="cdr"):
     channels[topic] = Channel(topic, schema=described, message_encoding=encoding)
 
 
+def has_client(topic):
+    """Whether a client has subscribed within some seconds."""
+    until_s = time.monotonic() + 5
+    while not channels[topic].has_sinks() and time.monotonic() < until_s:
+        time.sleep(0.01)
+    return channels[topic].has_sinks()
+
+
 def send(topic, text, count=1, rate=0.0, latches=False):
     """Send a message, in hexadecimal digits; `count` times, with `rate` messages per second."""
     channel, data = channels[topic], bytes.fromhex(text)

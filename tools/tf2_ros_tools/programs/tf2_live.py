@@ -7,6 +7,7 @@ from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
+from math import inf
 from typing import TYPE_CHECKING
 
 from tf2_ros_tools.output import counted, require, show, show_json, three_digits
@@ -42,9 +43,7 @@ PARSER.add_argument(
     default=LISTEN_S,
     help=f"listen for S seconds; {LISTEN_S:g} by default",
 )
-PARSER.add_argument(
-    "-o", "--output", metavar="FILE", help="save what arrived, at most the last 10 s, as a recording in mcap"
-)
+PARSER.add_argument("-o", "--output", metavar="FILE", help="save what has arrived as a recording in mcap")
 PARSER.add_argument("--json", action="store_true", help="print the result as one line of JSON")
 
 
@@ -58,7 +57,8 @@ def live(options: Namespace) -> int:
     if options.output is not None:
         require("mcap", "bag")
     recording = Recording()
-    with live_session(options.where, recording, topics=TOPICS) as session:
+    cache_time = None if options.output is None else inf  # a recording keeps all
+    with live_session(options.where, recording, topics=TOPICS, cache_time=cache_time) as session:
         heard = Listening(session, recording, None)
         heard.listen(options.t)
         feed = session.feed

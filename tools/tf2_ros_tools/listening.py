@@ -91,12 +91,14 @@ class Session(Protocol):
 
     def now_ns(self) -> int:
         """Return the time on the clock of the buffer, in ns."""
+        ...
 
     def info(self, text: str) -> None:
         """Log a line."""
 
     def look_up_publishers(self) -> Collection[bytes]:
         """Note the names of publishers; return the ids of the present ones, or none if it knows no ids."""
+        ...
 
     def same_publishers(self, ids: Sequence[bytes]) -> list[int] | None:
         """
@@ -105,15 +107,18 @@ class Session(Protocol):
         :param ids: of the publishers in a recording, by their numbers there.
         :return: for each the number of the first id of the same publisher; None: each has a single id.
         """
+        ...
 
     def log_no_refusals(self) -> None:
         """Have the buffer not log which transforms it refuses."""
 
     def clock_publishers(self) -> list[str]:
         """Return the names of those who publish /clock."""
+        ...
 
     def findings(self) -> Iterator[Finding]:
         """Find what else is wrong with the reception."""
+        ...
 
 
 class Listening:

@@ -68,7 +68,8 @@ def _serialized(struct: Any) -> Any:
 
     struct.__init__ = __init__
     struct.serialize = lambda self, **_: self.data
-    struct.deserialize = struct.deserialize_key = classmethod(lambda cls, data, **_: cls(data))
+    take: Any = lambda cls, data, **_: cls(data)  # noqa: E731  a method
+    struct.deserialize = struct.deserialize_key = classmethod(take)
     return struct
 
 

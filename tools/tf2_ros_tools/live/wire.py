@@ -96,9 +96,11 @@ class Wire(Protocol):
 
     def publishers(self) -> list[Publisher]:
         """Who publishes on the two topics."""
+        ...
 
     def why_silent(self, topic: str, seconds: float) -> str:
         """Why nothing was received on a topic for this time, as a clause; ``""`` if it is not known."""
+        ...
 
     def sender(self, topic: str, is_static: bool) -> Sender:
         """
@@ -106,6 +108,7 @@ class Wire(Protocol):
 
         :raises ConnectionError: this wire only listens.
         """
+        ...
 
 
 def parse(where: str, domain: int | None, topics: tuple[str, str]) -> Address:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from tf2_py import BufferCore
-from tf2_py._internal import errors
 from tf2_py.text import printable
 from tf2_ros._forking import LOCK
 from tf2_ros_cython._presence import HAS_ROS
@@ -177,12 +176,9 @@ class Shutdown:
 
     def __call__(self) -> bool:
         """Whether nothing fills the buffer any more, also since before the wait."""
-        return self._why() != ""
+        return self.why() != ""
 
-    def text(self, waited_ns: int) -> str:
-        """The error of the wait that this has ended."""
-        return errors.in_vain(self._why(), waited_ns)
-
-    def _why(self) -> str:
+    def why(self) -> str:
+        """Why nothing does, for the error of the wait; ``""`` while something does."""
         reasons = [one.why_ended() for one in self._fillers.known or self._default]
         return reasons[-1] if reasons and all(reasons) else ""

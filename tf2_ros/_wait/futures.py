@@ -283,8 +283,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
         waited_ns = time.monotonic_ns() - self.__begin_ns
         if self.__timeout_ns is not None:
             waited_ns = min(waited_ns, self.__timeout_ns)
-        if self.__shutdown():
-            return TimeoutException(self.__shutdown.text(waited_ns))
+        if why := self.__shutdown.why():
+            return TimeoutException(errors.in_vain(why, waited_ns))
         return TimeoutException(errors.timed_out(wait.reason(), waited_ns))
 
 

@@ -60,7 +60,8 @@ class Lookup(NamedTuple):
             return self.now(core)  # something may have arrived right at the end
         except (TransformException, ValueError) as reason:
             waited_ns = min(time.monotonic_ns() - begin_ns, timeout_ns)
-            text = is_in_vain.text(waited_ns) if is_in_vain() else errors.after_wait(str(reason), waited_ns)
+            why = is_in_vain.why()
+            text = errors.in_vain(why, waited_ns) if why else errors.after_wait(str(reason), waited_ns)
             raise type(reason)(text) from None
 
     @property

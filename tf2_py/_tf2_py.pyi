@@ -532,8 +532,8 @@ class BufferCore:
         Count ages by this clock.
 
         :param show_time: called with this buffer when ages are judged. Returns the time in nanoseconds,
-            whether it is the system's time, and whether nothing reports that it is set back or begins; or
-            None: there is no clock. It must not refer to the buffer.
+            whether it is the system's time, and whether nothing reports that it is set back; or None: there
+            is no clock. It must not refer to the buffer.
         """
     def _tf2_clock_jumped(self) -> None:
         """Judge the ages of pending waits anew, because the clock has gone back, or shows another time."""

@@ -64,7 +64,6 @@ FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 _Opened = TypeVar("_Opened", bound="Buffer")
 
 STANDSTILL_S = 5.0  # how long simulated time stands still until a buffer that judges ages warns
-NOT_BEGUN_NS = 1  # simulated time up to here may begin at any time, and nothing reports that it does
 JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 
 # The methods that insert transforms.
@@ -477,7 +476,7 @@ class Buffer(BufferCore, BufferInterface):
             if is_simulated(clock):
                 self.__warn_of_standstill(now_ns)
                 if clock is self._tf2_followed:
-                    return now_ns, False, now_ns <= NOT_BEGUN_NS
+                    return now_ns, False, False
         except InvalidHandle:  # an AsyncNode has ended, and its clock with it
             return time.time_ns(), True, False
         if type(clock).now is Clock.now and not is_simulated(clock):

@@ -496,7 +496,8 @@ cdef class Engine:
         if shown is None:
             raise ValueError("ages need a clock, which this buffer does not have: use a tf2_ros.Buffer, "
                              "not a BufferCore or the buffer of a recording")
-        reading.now_ns, reading.is_system, self._must_look = shown
+        reading.now_ns, reading.is_system, is_silent = shown
+        self._must_look = is_silent or reading.now_ns <= NOT_BEGUN_NS   # nothing reports that it begins
         reading.steady_ns = monotonic_ns()
         query.policy.clock = reading
         lock_acquire(&self._lock)
@@ -518,8 +519,8 @@ cdef class Engine:
         Count ages by this clock.
 
         :param show_time: called with this buffer when ages are judged. Returns the time in nanoseconds,
-            whether it is the system's time, and whether nothing reports that it is set back or begins; or
-            None: there is no clock. It must not refer to the buffer.
+            whether it is the system's time, and whether nothing reports that it is set back; or None: there
+            is no clock. It must not refer to the buffer.
         """
         self._show_time = show_time
 

@@ -79,6 +79,12 @@ class Report:
     messages: int
 
 
+def publisher_name(names: Mapping[bytes, str], gid: bytes) -> str:
+    """The name of a publisher; until it is known, a part of its gid, if it has any."""
+    unknown = f"{gid.hex()[:12]}..{gid.hex()[-8:]}" if any(gid) else "an unknown publisher"
+    return names.get(gid) or unknown
+
+
 class Session(Protocol):
     """
     What fills the buffer of a program, and what the program asks of it. ``where`` is a phrase that names the
@@ -176,7 +182,7 @@ class Listening:
         now_ns = self.session.now_ns()
         gids = self._recording.publishers()
         alive = self.session.look_up_publishers()
-        publishers = [self._name_of(gid) for gid in gids]
+        publishers = [publisher_name(self.session.names, gid) for gid in gids]
         streams, refused = self._streams.report(now_ns, self.frames(), publishers)
         if now_ns <= 0:
             text = "use_sim_time is set, and no time was received on /clock, so nothing is judged"
@@ -220,11 +226,6 @@ class Listening:
         received = Received(self._streams.kept(now_ns), self.frames(), publishers, values, ago)
         begin_ns = None if self._window_ns is None else now_ns - self._window_ns
         return received.findings(alive, begin_ns)
-
-    def _name_of(self, gid: bytes) -> str:
-        """The name of a publisher; until it is known, a part of its gid, if it has any."""
-        unknown = f"{gid.hex()[:12]}..{gid.hex()[-8:]}" if any(gid) else "an unknown publisher"
-        return self.session.names.get(gid) or unknown
 
     def _chain(self, ends: tuple[str, str], now_ns: int) -> Chain:
         try:

@@ -22,7 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros import Buffer
 from tf2_ros_tools.findings import Finding
-from tf2_ros_tools.listening import TOPICS
+from tf2_ros_tools.listening import TOPICS, publisher_name
 from tf2_ros_tools.program import UsageError
 
 GID_BYTES = 16  # of a gid in a recording; in the graph of Humble, zeros follow them
@@ -137,7 +137,7 @@ class NodeSession:
         return {gid for topic in self._topics for gid in self._publishers_of(topic)}
 
     def clock_publishers(self) -> list[str]:
-        return [self.names.get(gid, UNKNOWN_NODE) for gid in self._publishers_of("/clock")]
+        return [publisher_name(self.names, gid) for gid in self._publishers_of("/clock")]
 
     def findings(self) -> Iterator[Finding]:
         """Find publishers from which listeners receive nothing."""
@@ -147,7 +147,7 @@ class NodeSession:
                     compatibility, reasons = qos_check_compatible(qos, subscription.qos_profile)
                     if compatibility == QoSCompatibility.ERROR:
                         errors = ", ".join(re.findall("ERROR: ([^;]+)", reasons)).lower()
-                        name = self.names.get(gid, UNKNOWN_NODE)
+                        name = publisher_name(self.names, gid)
                         yield Finding(
                             "qos", "", f"listeners receive nothing from {name} on {topic}: {errors}"
                         )

@@ -43,7 +43,9 @@ def session(
 
         return node_session(name, options, recording, topics=topics, cache_time=cache_time, qos=qos)
     if qos is not None or options.namespace is not None or options.has_ros_arguments:
-        raise UsageError("--live is for a machine without ROS: it excludes --namespace and what is of ROS")
+        raise UsageError(
+            "--live is for a machine without ROS: it excludes --namespace, --qos-* and --ros-args"
+        )
     from tf2_ros_tools.live.session import live_session
 
     return live_session(options.live, recording, topics=topics, cache_time=cache_time)

@@ -15,8 +15,12 @@ from making import S, transform, translation
 from processes import DEADLINE_S, until
 
 from tf2_ros import Buffer, TransformException
+from tf2_ros.records import Recording
 from tf2_ros.serialization import serialize_arrays
+from tf2_ros_tools.findings import Limits
+from tf2_ros_tools.listening import Listening
 from tf2_ros_tools.live import Feed, Heard, Publisher, connect
+from tf2_ros_tools.live.session import FeedSession
 
 pytestmark = pytest.mark.ours
 
@@ -253,6 +257,17 @@ def test_errors_of_lookups_say_what_has_not_been_received(monkeypatch):
         until(lambda: "nothing has been received on /tf for " in error())
         monkeypatch.undo()
         until(lambda: "nothing has been received" not in error())
+
+
+def test_a_publisher_whose_name_becomes_known_is_one_stream():
+    recording, wire = Recording(), Wire()
+    wire.publishers = lambda: [Publisher("/tf", "/robot", "", "0123")]
+    with Feed(wire=wire, recording=recording) as feed:
+        wire.take(message(), False, "0123")
+        wire.take(message(seconds=2), False, "/robot")
+        heard = Listening(FeedSession(feed, "x://robot", recording), recording, None)
+        streams = heard.report(Limits()).streams
+    assert [(one.frame, one.publisher) for one in streams] == [("base", "/robot")]
 
 
 def test_a_wire_ends_a_feed():

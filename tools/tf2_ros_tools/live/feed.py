@@ -6,6 +6,7 @@ import threading
 import time
 from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
@@ -267,17 +268,10 @@ class Feed:
         with self._changed:
             self._changed.notify_all()
 
-    def _take_of_wire(
-        self,
-        data: bytes | memoryview,
-        is_static: bool,
-        publisher: str = "",
-        sent_ns: int = 0,
-        lost: int = 0,
-    ) -> None:
+    def _take_of_wire(self, *message: Any, **more: Any) -> None:
         # A library would lose an exception, or end its thread.
         try:
-            self.take(data, is_static, publisher, sent_ns, lost)
+            self.take(*message, **more)
         except Exception:
             _log().exception(f"{self._name}: a message could not be inserted")
 

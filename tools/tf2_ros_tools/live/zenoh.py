@@ -123,10 +123,10 @@ class ZenohWire:
 
     def publishers(self) -> list[Publisher]:
         return [
-            Publisher(topic, one.node, one.type_hash)
+            Publisher(topic, one.node, one.type_hash, _gid(token).hex())
             for topic in self._address.topics
-            for one in self._others()
-            if one.topic == topic
+            for token, one in list(self._publishers.items())
+            if (one.domain, one.topic) == (str(self._address.domain), topic)
         ]
 
     def why_silent(self, topic: str, seconds: float) -> str:

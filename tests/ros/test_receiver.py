@@ -37,12 +37,16 @@ def taken(buffer):
 
 
 def threads():
-    """How many threads there are, without those of Zenoh's pool, whose number changes at any time."""
+    """
+    How many threads there are, without those that the middleware starts and ends at any time: Zenoh's pool,
+    and Fast DDS's thread for its log, which begins with the first message, for example about a port of
+    shared memory that another process has just locked.
+    """
     names = []
     for task in Path("/proc/self/task").iterdir():
         with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
             names.append((task / "comm").read_text())
-    return sum(re.match(r"(net|rx|tx)-\d+$", name) is None for name in names)
+    return sum(re.match(r"((net|rx|tx)-\d+|dds\.log)$", name) is None for name in names)
 
 
 def files():

@@ -2,7 +2,8 @@
 A robot with rmw_zenoh: in one process eclipse-zenoh, which speaks as rmw_zenoh does, and in another one a
 program without ROS 2.
 
-If the variable TF2_TEST_RMW_ZENOH names a Python whose rclpy uses rmw_zenoh_cpp, this is a robot, too.
+With `--long`, robots with rmw_zenoh_cpp are tested, too, if the variable TF2_TEST_RMW_ZENOH is the path of a
+Python whose rclpy uses it. `make test-long` sets the variable.
 """
 
 import os
@@ -26,6 +27,7 @@ DOMAIN = os.environ["ROS_DOMAIN_ID"]
 HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 SECONDS = DEADLINE_S  # more than anything here takes
 REAL = "TF2_TEST_RMW_ZENOH"
+needs_rmw_zenoh = pytest.mark.long("needs rmw_zenoh_cpp")
 
 
 @pytest.fixture
@@ -87,7 +89,7 @@ def new_real(new_obeying, router, port):
     return lambda: new_obeying(python=os.environ[REAL], before=before)
 
 
-@pytest.fixture(params=["new_stand_in", "new_real"])
+@pytest.fixture(params=["new_stand_in", pytest.param("new_real", marks=needs_rmw_zenoh)])
 def new_robot(request):
     return request.getfixturevalue(request.param)
 
@@ -275,6 +277,7 @@ def test_two_laptops_hear_each_other(router, new_laptop):
     assert (topic, node[:10], type_hash) == ("/tf_static", "/tf2_live_", HASH)
 
 
+@needs_rmw_zenoh
 def test_a_laptop_is_a_node_of_the_graph(new_real, laptop):
     robot = new_real()
     laptop.do("fixed = robot.static_broadcaster()")

@@ -101,7 +101,7 @@ def test_a_late_joiner_has_the_static_transforms_of_five_nodes_in_two_processes(
     laptop.until("all(robot.buffer.can_transform('map', name, 0) for name in 'abcde')")
     assert laptop.do("[seen('base', name) for name in 'abcde']") == [1, 1, 1, 2, 2]
     heard = laptop.do("[(one.count, one.lost, one.malformed) for one in robot.topics.values()]")
-    assert heard == [[1, 0, 0], [5, 0, 0]]
+    assert heard == [[1, None, 0], [5, None, 0]]
     laptop.until("all(one.node for one in robot.publishers())")
     assert sorted(laptop.do("[one[:3] for one in robot.publishers()]")) == [
         ["/tf", "/out", "reliable, volatile"],
@@ -135,7 +135,7 @@ def test_nothing_is_lost_while_a_call_holds_the_gil(robot, laptop):
     laptop.do("import ctypes; ctypes.PyDLL(None).usleep(2_000_000)")
     robot.until("not sending.is_alive()")
     laptop.until("robot.topics['/tf'].count >= 600")
-    assert laptop.do("(robot.topics['/tf'].count, robot.topics['/tf'].lost)") == [600, 0]
+    assert laptop.do("(robot.topics['/tf'].count, robot.topics['/tf'].lost)") == [600, None]
 
 
 @pytest.mark.long("sends for a minute")
@@ -151,7 +151,7 @@ def test_nothing_is_lost_of_ten_thousand_messages(robot, laptop):
     laptop.finish()
     laptop.until("robot.topics['/tf'].count >= 10_000")
     heard = laptop.do("(robot.topics['/tf'].count, robot.topics['/tf'].lost, robot.topics['/tf'].malformed)")
-    assert heard == [10_000, 0, 0]
+    assert heard == [10_000, None, 0]
     assert laptop.do("seen('map', 'f49')") == 9_999
 
 
@@ -286,8 +286,8 @@ def test_a_robot_with_kilted(kilted, laptop):
     laptop.do(f"robot.wait_until_heard({SECONDS})")
     laptop.until("robot.topics['/tf'].count >= 400")
     assert laptop.do("[(one.count, one.lost, one.malformed) for one in robot.topics.values()]") == [
-        [400, 0, 0],
-        [1, 0, 0],
+        [400, None, 0],
+        [1, None, 0],
     ]
     assert laptop.do("(seen('map', 'f49'), seen('base', 'camera'))") == [399, 1]
     kilted.do("listen()")
@@ -302,7 +302,8 @@ def test_nobody_is_there(new_laptop):
         laptop.do("robot.wait_until_heard(0.5)")
     assert str(raised.value) == (
         "TimeoutError: nothing has been received on /tf and /tf_static in 0.5 s: no robot was found in "
-        f"domain {domain}: check ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE on the robot, the firewall "
+        f"domain {domain} so far, and discovery takes up to 5 s: check ROS_DOMAIN_ID, "
+        "ROS_AUTOMATIC_DISCOVERY_RANGE on the robot, the firewall "
         f"(UDP from port {7400 + 250 * domain} on), and multicast; where there is none, give the address of "
         "the robot, as in dds://?peers=192.168.0.7"
     )
@@ -312,6 +313,7 @@ def test_a_robot_in_another_domain_is_not_found(robot, new_laptop):
     robot.do("latched('mounts', ('base', 'camera', 1))")
     domain = claim_domain()
     laptop = new_laptop(ROS_DOMAIN_ID=str(domain))
+    laptop.do("from tf2_ros_tools.live import dds; dds.DISCOVERY_S = 0")  # as if it had listened for long
     with pytest.raises(OrderError, match=f"no robot was found in domain {domain}: check ROS_DOMAIN_ID"):
         laptop.do("robot.wait_until_heard(0.5)")
 
@@ -329,7 +331,7 @@ def test_nobody_publishes_static_transforms(robot, laptop):
     laptop.until("robot.topics['/tf'].count")
     assert why(laptop) == (
         "TimeoutError: /tf is received (1 message), but nothing on /tf_static in 0.5 s: no node publishes "
-        f"/tf_static in domain {os.environ['ROS_DOMAIN_ID']}"
+        f"/tf_static in domain {os.environ['ROS_DOMAIN_ID']} so far, and discovery takes up to 5 s"
     )
 
 

@@ -39,6 +39,8 @@ def seen(feed, parent="map", child="base"):
 class Wire:
     """A wire that notes what it is asked for."""
 
+    counts_losses = True
+
     def __init__(self, refusal=None, reasons=None):
         self.refusal, self.reasons = refusal, reasons or {}
         self.take = self.end = None

@@ -91,7 +91,7 @@ def test_a_late_joiner_has_what_the_bridge_retains(bridge, new_laptop):
     bridge.do(f"send('/tf', '{BASE}')")
     laptop.do(f"robot.wait_until_heard({SECONDS})")
     assert laptop.do("seen(robot, 'map', 'camera')") == 3
-    assert laptop.do("heard(robot)") == [[1, 0, 0], [1, 0, 0]]
+    assert laptop.do("heard(robot)") == [[1, None, 0], [1, None, 0]]
     assert laptop.do("[one[:3] for one in robot.publishers()]") == [
         [topic, "", f"{SCHEMA} in cdr"] for topic in ("/tf", "/tf_static")
     ]
@@ -131,7 +131,7 @@ def test_nothing_is_lost_while_a_call_holds_the_gil(bridge, laptop):
     laptop.until("robot.topics['/tf'].count > 0")
     laptop.do("hold_gil(2)")
     laptop.until("robot.topics['/tf'].count >= 600")
-    assert laptop.do("heard(robot)[0]") == [600, 0, 0]
+    assert laptop.do("heard(robot)[0]") == [600, None, 0]
 
 
 def test_a_bridge_that_is_killed_and_started_again(new_bridge, new_laptop, port):

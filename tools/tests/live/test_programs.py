@@ -32,8 +32,8 @@ def test_tf2_live_shows_who_publishes_what(robot, tmp_path):
     status, out, err = on_laptop("tf2_live", "dds://", "-o", str(saved))
     assert (status, err) == (0, "")
     lines = out.splitlines()
-    assert re.fullmatch(r"/tf: \d+ messages, [\d.]+ a second; 0 lost, 0 malformed", lines[0])
-    assert re.fullmatch(r"/tf_static: 1 message; 0 lost, 0 malformed", lines[1])
+    assert re.fullmatch(r"/tf: \d+ messages, [\d.]+ a second; 0 malformed", lines[0])
+    assert re.fullmatch(r"/tf_static: 1 message; 0 malformed", lines[1])
     assert re.fullmatch(r"clock: messages arrive [\d.e-]+ s after they were sent, at least", lines[-1])
     text = "\n".join(lines[2:-1])
     assert "camera (static)" in text and re.search(r"odom \(\d+\.\d Hz\)", text)
@@ -43,7 +43,10 @@ def test_tf2_live_shows_who_publishes_what(robot, tmp_path):
 def test_tf2_live_says_why_nothing_arrives(robot):
     status, out, err = ended("tf2_live", "dds://", "-t", "0.1", env=NOWHERE)
     assert (status, err) == (1, "")
-    assert "nothing has been received on /tf and /tf_static in 0.1 s: no robot was found in domain 231" in out
+    assert (
+        "nothing has been received on /tf and /tf_static in 0.1 s: no robot was found in domain 231 so far"
+        in out
+    )
     status, out, _ = ended("tf2_live", "dds://", "-t", "0.1", "--json", env=NOWHERE)
     told = json.loads(out)
     assert (status, told["topics"]["/tf"]["count"], told["streams"]) == (1, 0, [])

@@ -28,6 +28,6 @@ def hold_gil(seconds):
 def wait_for_each_hundredth(feed, messages, timeout):
     """Wait in lookups while messages of `robot_side.flood` arrive."""
     for n in range(0, messages, 100):
-        while feed.topics["/tf"].count + feed.topics["/tf"].lost <= n:
+        while feed.topics["/tf"].count + (feed.topics["/tf"].lost or 0) <= n:
             time.sleep(0.001)
         feed.buffer.lookup_transform("map", "f49", 0, timeout=timeout)

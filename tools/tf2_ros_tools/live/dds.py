@@ -5,6 +5,7 @@ import os
 import socket
 import struct
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
@@ -36,6 +37,7 @@ from tf2_ros_tools.output import first_names
 log = logging.getLogger("tf2_ros_tools.live")
 
 DEPTH = 1000  # messages that wait while Python or the network is busy: 5 s of 200 Hz
+DISCOVERY_S = 5.0  # in which robots, and their publishers, are usually found
 TAKEN = 100  # messages, at most, between two looks at whether the wire is closed
 TURNS = 100  # messages, at most, between two looks at anything else
 FOR_EVER = duration(weeks=1000)
@@ -91,6 +93,8 @@ ParticipantEntities = _serialized(
 class DdsWire:
     """Receives from every middleware of ROS 2 that speaks DDS. A thread waits for messages and takes them."""
 
+    counts_losses = False
+
     def __init__(self, address: Address) -> None:
         if address.host or address.port:
             raise ValueError(f"{address.where}: name the address of a robot as in dds://?peers=192.168.0.7")
@@ -104,6 +108,7 @@ class DdsWire:
         self._nodes: dict[bytes, str] = {}  # their names, by the GUIDs of their publishers
 
     def open(self, take: Take, end: End) -> None:
+        self._opened_s = time.monotonic()
         number = next(_numbers)
         try:
             self._domain = Domain(number, _configuration(self._address))
@@ -155,14 +160,19 @@ class DdsWire:
         domain = self._address.domain
         if not self._participants:
             return (
-                f"no robot was found in domain {domain}: check ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE "
-                f"on the robot, the firewall (UDP from port {7400 + 250 * domain} on), and multicast; where "
-                "there is none, give the address of the robot, as in dds://?peers=192.168.0.7"
+                f"no robot was found in domain {domain}{self._so_far()}: check ROS_DOMAIN_ID, "
+                "ROS_AUTOMATIC_DISCOVERY_RANGE on the robot, the firewall (UDP from port "
+                f"{7400 + 250 * domain} on), and multicast; where there is none, give the address of the "
+                "robot, as in dds://?peers=192.168.0.7"
             )
         publishers = self._publishers_of(topic)
         is_static = topic == self._address.topics[1]
         reasons = [f"{self._node_of(one) or one.key} {_misfit(one, is_static)}" for one in publishers]
-        return first_names(reasons) or f"no node publishes {topic} in domain {domain}"
+        return first_names(reasons) or f"no node publishes {topic} in domain {domain}{self._so_far()}"
+
+    def _so_far(self) -> str:
+        is_early = time.monotonic() - self._opened_s < DISCOVERY_S
+        return f" so far, and discovery takes up to {DISCOVERY_S:g} s" if is_early else ""
 
     def sender(self, topic: str, is_static: bool) -> Sender:
         # A late listener needs only the last message of static transforms, because it contains all of them.

@@ -29,21 +29,22 @@ class Heard:
     """
     What a feed has received on a topic.
 
-    Fields: ``count``, the number of messages; ``lost``, how many more the wire knows to be lost;
-    ``malformed``, how many more could not be read; ``last``, the seconds since the last message, or None if
-    there was none.
+    Fields: ``count``, the number of messages; ``lost``, how many more were lost, or None if the wire does not
+    count losses; ``malformed``, how many more could not be read; ``last``, the seconds since the last
+    message, or None if there was none.
     """
 
     count: int
-    lost: int
+    lost: int | None
     malformed: int
     last: float | None
 
 
 class _Topic:
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, counts_losses: bool) -> None:
         self.name = name
-        self.count = self.lost = self.malformed = 0
+        self.count = self.malformed = 0
+        self.lost = 0 if counts_losses else None
         self.last_ns: int | None = None  # of the monotonic clock
 
     def heard(self) -> Heard:
@@ -81,7 +82,8 @@ class Feed:
         self._recording = recording
         self.buffer = Buffer() if buffer is None else buffer
         self._name = name
-        self._topics = tuple(map(_Topic, topics))
+        counts_losses = wire is None or wire.counts_losses
+        self._topics = tuple(_Topic(topic, counts_losses) for topic in topics)
         if not isinstance(prefix, str):
             raise TypeError(f"prefix: expected a str, got {type(prefix).__name__}")
         self._prefix = prefix
@@ -145,7 +147,8 @@ class Feed:
             malformed = error
         with self._lock:
             topic = self._topics[is_static]
-            topic.lost += lost
+            if topic.lost is not None:
+                topic.lost += lost
             if malformed is None:
                 topic.count += 1
                 topic.last_ns = time.monotonic_ns()

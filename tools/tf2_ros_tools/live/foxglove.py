@@ -42,6 +42,8 @@ class _Channel(NamedTuple):
 class FoxgloveWire:
     """Receives what a bridge receives. A thread takes what arrives, and connects again after a failure."""
 
+    counts_losses = False
+
     def __init__(self, address: Address) -> None:
         if not address.host:
             raise ValueError(f"{address.where}: expected the host of a bridge, as in ws://robot:{PORT}")

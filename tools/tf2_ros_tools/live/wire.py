@@ -54,8 +54,8 @@ class Take(Protocol):
         :param is_static: whether the topic is that of static transforms.
         :param publisher: the name of its node, or else the ``id`` of the :class:`Publisher`.
         :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
-        :param lost: how many messages of this publisher were lost since its last one. 0 also where a wire
-            cannot know.
+        :param lost: how many messages of this publisher were lost since its last one. 0 also if the wire
+            does not count losses.
         """
 
 
@@ -79,6 +79,8 @@ class Sender(Protocol):
 
 class Wire(Protocol):
     """A transport. Methods may be called by several threads at once."""
+
+    counts_losses: bool  # whether it tells `take` what was lost
 
     def open(self, take: Take, end: End) -> None:
         """

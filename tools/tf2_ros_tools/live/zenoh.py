@@ -58,6 +58,8 @@ class _Publisher(NamedTuple):
 class ZenohWire:
     """Receives from the nodes that a router knows. A thread for each topic takes what arrives."""
 
+    counts_losses = True
+
     def __init__(self, address: Address) -> None:
         if not address.host:
             raise ValueError(f"{address.where}: expected the host of a router, as in zenoh://robot:{PORT}")

@@ -90,8 +90,8 @@ def _lines(
 ) -> Iterator[str]:
     for topic, heard in topics.items():
         rate = f", {heard.count / seconds:.1f} a second" if heard.count > 1 else ""
-        wrong = f"{heard.lost} lost, {heard.malformed} malformed"
-        yield f"{topic}: {counted(heard.count, 'message')}{rate}; {wrong}"
+        lost = "" if heard.lost is None else f"{heard.lost} lost, "
+        yield f"{topic}: {counted(heard.count, 'message')}{rate}; {lost}{heard.malformed} malformed"
     for publisher, frames in sorted(_frames_of(streams).items()):
         yield f"{publisher}: {', '.join(frames)}"
     quiet = {one.node for one in publishers if one.node} - {one.publisher for one in streams}

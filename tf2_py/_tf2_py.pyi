@@ -793,8 +793,11 @@ LIMITS: dict[str, int]
 TIMES_TO_USE: str
 TIMES_WITHOUT_ROS: str
 
-def as_times_ns(times: Any) -> NDArray[np.int64]:
-    """Times as contiguous int64 nanoseconds of shape (N,); its errors state what is expected."""
+def as_times_ns(times: Any, *, accepts_nat: bool = False) -> NDArray[np.int64]:
+    """
+    Times as contiguous int64 nanoseconds of shape (N,); its errors state what is expected. An accepted NaT is
+    the least int64.
+    """
 
 def mask_of(values: Any) -> NDArray[np.bool_] | None:
     """

@@ -129,7 +129,7 @@ class Buffer(BufferCore, BufferInterface):
     _tf2_node: "weakref.ref[Node] | None" = None  # whose clock it follows
     _tf2_sharing: "SharedBufferOwner | None" = None  # shares it with other processes
     _tf2_attachment: "Attachment | None" = None  # fills it from another process
-    _tf2_shown_ns = 0  # what a program's own clock showed last
+    _tf2_shown_ns = -(2**63)  # what a program's own clock showed last
     _tf2_standstill = 0, 0.0  # what simulated time showed last, and since when, in seconds of steady time
 
     def __init__(
@@ -471,6 +471,7 @@ class Buffer(BufferCore, BufferInterface):
         clock: Any = self.clock  # a program may have set another one
         if clock is None:
             return None
+        shown_ns = self._tf2_shown_ns  # by another thread's later reading, this one would seem to be set back
         try:
             now_ns = time_ns(clock.now(), "the time of the buffer's clock")
             if is_simulated(clock):
@@ -482,9 +483,10 @@ class Buffer(BufferCore, BufferInterface):
         if type(clock).now is Clock.now and not is_simulated(clock):
             return now_ns, not is_steady(clock), False
         # A clock that the program has assigned may say anything, and reports no jumps here.
-        shown_ns, self._tf2_shown_ns = self._tf2_shown_ns, now_ns
-        if shown_ns - now_ns >= JUMP_BACK_S * 10**9:
-            self.time_jump_callback(None)
+        if self._tf2_shown_ns == shown_ns or now_ns > self._tf2_shown_ns > shown_ns:
+            self._tf2_shown_ns = now_ns
+            if shown_ns - now_ns >= JUMP_BACK_S * 10**9:
+                self.time_jump_callback(None)
         return now_ns, False, True
 
     def __warn_of_standstill(self, now_ns: int) -> None:

@@ -11,7 +11,7 @@ from sensor_msgs.msg import PointCloud2
 
 from tf2_py._internal import MalformedObjectError, as_times_ns, duration_ns, errors, policy_of, time_ns
 from tf2_py.text import printable
-from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, TransformException
+from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, LookupException, TransformException
 from tf2_ros._arguments import frame_of, kind_of
 from tf2_sensor_msgs._cloud import move_points, read_times, sample_times
 from tf2_sensor_msgs._time_field import KNOWN, S, TimeField, Unit, find_time_field
@@ -29,7 +29,7 @@ LONG_NS, LONGEST_NS = 3 * S, 3600 * S
 # No time is farther from the stamp, or from 1970.
 FARTHEST_NS = 2.0**62
 NOT_LATEST_NS = 1  # looked up for 0, which would mean the latest time
-NO_TIME = np.iinfo(np.int64).min  # what read_times writes for a point that has none
+NO_TIME = np.iinfo(np.int64).min  # what read_times writes for a point that has none; NaT, as an integer
 # The share of points whose times may be farther apart, and are taken for garbage; or one point.
 MOST_GARBAGE = 0.1
 # Between two knots, poses change steadily. Then a point is off by at most `TURN` times its distance and
@@ -171,7 +171,7 @@ def deskew(
     first, last, bad, found = read_times(cloud, sweep.field, all_times)
     if bad >= 0 and on_missing == "raise":
         if sweep.field is None:
-            raise ValueError(f"times[{bad}]: expected a time, got {NO_TIME}")
+            raise ValueError(f"times[{bad}]: expected a time, got NaT, the least int64")
         name, text = sweep.field.name, sweep.field.unit.text
         raise ValueError(f"points[{bad}]: {name} is {found:g}, expected a time in {text}")
     if (first, last) != (sweep.first, sweep.last):
@@ -204,7 +204,7 @@ def _read_sweep(
 ) -> Sweep:
     count = cloud.height * cloud.width
     if times is not None:
-        given = as_times_ns(times)
+        given = as_times_ns(times, accepts_nat=True)
         if len(given) != count:
             raise ValueError(f"expected one time for each point, got {len(given)} for {count} points")
         first, last, _ = _without_garbage(given, LONGEST_NS)
@@ -312,7 +312,12 @@ def _require_motion(
     except TransformException:
         return  # the lookups say why
     frames = buffer.frames()
-    body = _body(frames, frame, source_frame)
+    try:
+        body = _body(frames, frame, source_frame)
+    except LookupException:
+        if frame == source_frame:
+            raise
+        return  # nothing moves where static transforms form a loop
     moves_in = frames[body].parent if body in frames else None
     if moves_in is None and frame == source_frame:
         raise ValueError(

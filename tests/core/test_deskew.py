@@ -500,9 +500,24 @@ def test_the_least_integer_is_not_a_time(buffer):
     """It is NaT in the memory of a datetime64."""
     cloud, points, times = measured("ouster")
     times = np.where(np.arange(len(times)) == 7, -(2**63), times)
-    with pytest.raises(ValueError, match=r"^times\[7\]: expected a time, got -9223372036854775808$"):
+    with pytest.raises(ValueError, match=r"^times\[7\]: expected a time, got NaT, the least int64$"):
         deskew(cloud, buffer, "odom", times=times)
     assert missing_in(deskew(cloud, buffer, "odom", times=times, on_missing="nan"), points.dtype) == [7]
+
+
+@pytest.mark.parametrize("unit", ["ns", "us"])
+@pytest.mark.parametrize("kind", [np.asarray, list])
+def test_a_point_may_have_no_time(buffer, unit, kind):
+    cloud, points, times = measured("ouster")
+    times = np.array(times // 1000 * 1000, "datetime64[ns]").astype(f"datetime64[{unit}]")
+    times[7] = np.datetime64("NaT")
+    with pytest.raises(ValueError, match=r"^times\[7\]: expected a time, got NaT"):
+        deskew(cloud, buffer, "odom", times=kind(times))
+    moved = deskew(cloud, buffer, "odom", times=kind(times), on_missing="nan")
+    assert missing_in(moved, points.dtype) == [7]
+    points["x"][7] = np.nan
+    cloud.data, cloud.is_dense = points.tobytes(), False
+    deskew(cloud, buffer, "odom", times=kind(times))
 
 
 # What a 1 in the field means.
@@ -764,9 +779,23 @@ def test_a_loop_of_static_transforms_is_named(loop, frame):
         looped.set_transform_static(transform(parent, child), "x")
     looped.set_transform_static(transform(loop[0], "lidar"), "x")
     cloud, _, _ = measured("ouster")
-    for how in ((frame,), ("lidar", frame)):
+    if frame == "lidar":
         with pytest.raises(LookupException, match="contains a loop"):
-            deskew(cloud, looped, *how)
+            deskew(cloud, looped, frame)
+    with pytest.raises(LookupException, match="contains a loop"):
+        deskew(cloud, looped, frame, "lidar")
+
+
+@pytest.mark.parametrize("how", [("base",), ("base", "base")])
+def test_a_loop_above_frames_that_do_not_move_leaves_the_points(how):
+    """As a lookup does, which goes no further than the frame that both share."""
+    looped = Buffer()
+    for parent, child in (("base", "lidar"), ("map", "base"), ("base", "map")):
+        looped.set_transform_static(transform(parent, child), "x")
+    cloud, points, times = measured("ouster")
+    moved = deskew(cloud, looped, *how)
+    wanted = expected(looped, xyz_of(points), times, how[0])
+    assert_moved(moved, wanted, xyz_of(points), points.dtype)
 
 
 def test_a_parked_robot_moves_in_odom_though_it_rests(buffer):

@@ -300,6 +300,39 @@ class TestClocks:
         insert(buffer, 97 * S)
         assert buffer.ages("map", "base") == {"base": 1.0}
 
+    def test_a_clock_may_begin_below_0(self, buffer):
+        insert(buffer, 1 * S)
+        buffer.clock.ns = -5 * S
+        buffer.ages("map", "base")
+        buffer.clock.ns = 2 * S
+        assert buffer.ages("map", "base") == {"base": 1.0}
+
+    @pytest.mark.parametrize("overtaken_by", [30, 80])
+    def test_a_reading_that_another_thread_overtakes_is_not_a_jump(self, buffer, overtaken_by):
+        insert(buffer, 9 * S)
+        is_read, may_return = threading.Event(), threading.Event()
+
+        def read_slowly():
+            buffer.clock.now = lambda: overtaken_by * S
+            is_read.set()
+            may_return.wait(DEADLINE_S)
+            return 20 * S
+
+        buffer.clock.now = lambda: 10 * S
+        buffer.ages("map", "base")
+        buffer.clock.now = read_slowly
+        slow = threading.Thread(target=buffer.ages, args=("map", "base"))
+        slow.start()
+        assert is_read.wait(DEADLINE_S)
+        assert buffer.ages("map", "base") == {"base": overtaken_by - 9}
+        may_return.set()
+        slow.join()
+        assert buffer.ages("map", "base") == {"base": overtaken_by - 9}
+        # The latest reading counts, not the one that came last.
+        buffer.clock.now = lambda: (overtaken_by - 1) * S
+        with pytest.raises(tf2_ros.TransformException):
+            buffer.ages("map", "base")
+
     @pytest.mark.parametrize("how", ["future", "await", "block"])
     def test_a_wait_notices_that_it_was_set_back(self, buffer, how):
         def set_back():

@@ -109,8 +109,11 @@ cdef bint is_sequence(value):
     return isinstance(value, Sequence) or hasattr(value, "__array__")
 
 
-def as_times_ns(times):
-    """Times as contiguous int64 nanoseconds of shape (N,); its errors state what is expected."""
+def as_times_ns(times, *, bint accepts_nat=False):
+    """
+    Times as contiguous int64 nanoseconds of shape (N,); its errors state what is expected. An accepted NaT is
+    the least int64.
+    """
     import numpy as np
     wanted = "times: expected integer nanoseconds of shape (N,), datetime64, or a sequence of time objects"
     if isinstance(times, str) or not is_sequence(times):
@@ -131,7 +134,7 @@ def as_times_ns(times):
     if array.dtype == object:
         array = np.array(_nanoseconds(array, wanted), dtype=np.int64)
     if array.dtype.kind == "M":
-        return _since_1970(array, wanted)
+        return _since_1970(array, wanted, accepts_nat)
     if array.dtype.kind not in "iu":
         seconds = ": multiply seconds by 1e9, and round them to int64" if array.dtype.kind == "f" else ""
         raise TypeError(f"{wanted}, not of dtype {array.dtype}{seconds}")
@@ -148,12 +151,15 @@ cdef bint _are_numbers(times):
     return numbers or classes == {np.datetime64}
 
 
-cdef object _since_1970(times, str wanted):
+cdef object _since_1970(times, str wanted, bint accepts_nat):
     # The nanoseconds of datetime64 of any unit.
     import numpy as np
     try:
         exact = times.astype("datetime64[ns]")
-        if (exact.astype(times.dtype) == times).all():  # NaT differs from itself
+        is_exact = exact.astype(times.dtype) == times   # NaT differs from itself
+        if accepts_nat:
+            is_exact |= np.isnat(times)
+        if is_exact.all():
             return np.ascontiguousarray(exact).view(np.int64)
     except OverflowError:  # NumPy before 2.5 wraps around instead
         pass

@@ -105,9 +105,7 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
     require("mcap", "bag")
     from mcap.writer import Writer
 
-    state = BufferCore.__getstate__(buffer)
-    if "frozen" in state:  # the path of a file stands for the contents
-        state = BufferCore.__getstate__(BufferCore.open(state["frozen"][0], copy=True))
+    state = _state_of(buffer)
     with whole_file(path) as file:
         writer = Writer(file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
         writer.start(profile="ros2", library="tf2-ros-cython")
@@ -170,6 +168,25 @@ class _Bounded:
         data = self._file.read(size)
         self._left -= len(data)
         return data
+
+
+def _state_of(buffer: BufferCore) -> dict[str, Any]:
+    """The samples of a buffer, also where the path of its file would stand for them."""
+    state = BufferCore.__getstate__(buffer)
+    if "frozen" not in state:
+        return state
+    failure = None
+    try:
+        copied = BufferCore.__getstate__(BufferCore.open(state["frozen"][0], copy=True))
+    except (OSError, ValueError) as error:
+        failure = error
+    # The buffer keeps its file if another one has taken its place, which the copy may come from.
+    later = BufferCore.__getstate__(buffer)
+    if "frozen" not in later:
+        return later
+    if failure is not None:
+        raise failure
+    return copied
 
 
 def _metadata_of(state: dict[str, Any]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from making import rotation, stamp_ns, transform, translation
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
+from processes import output_of
 from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
@@ -43,6 +44,38 @@ def test_an_opened_buffer_is_saved_with_its_contents(buffer, tmp_path):
     bag.save(BufferCore.open(tmp_path / "robot.tf2"), tmp_path / "opened.mcap")
     bag.save(buffer, tmp_path / "robot.mcap")
     assert held(load(tmp_path / "opened.mcap")) == held(load(tmp_path / "robot.mcap"))
+
+
+REPLACING = """
+import os
+import sys
+
+from tf2_py import BufferCore
+from tf2_ros_tools import bag
+
+path, other, saved = sys.argv[1:]
+buffer = BufferCore.open(path)
+
+
+def replace(event, arguments):
+    if event == "open" and arguments[0] == path and os.path.exists(path):
+        os.replace(other, path) if os.path.exists(other) else os.unlink(path)
+
+
+sys.addaudithook(replace)
+bag.save(buffer, saved)
+"""
+
+
+@pytest.mark.parametrize("what", ["replaced", "deleted"])
+def test_a_file_that_is_replaced_meanwhile_is_not_saved(buffer, tmp_path, what):
+    path, other, saved = (tmp_path / name for name in ("robot.tf2", "other.tf2", "opened.mcap"))
+    buffer.freeze(path)
+    bag.save(BufferCore.open(path), tmp_path / "robot.mcap")
+    if what == "replaced":
+        BufferCore().freeze(other)
+    output_of("-c", REPLACING, path, other, saved)
+    assert held(load(saved)) == held(load(tmp_path / "robot.mcap"))
 
 
 def tampered(path, change):

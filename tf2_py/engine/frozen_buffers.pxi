@@ -297,7 +297,8 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
             facts.st_dev, facts.st_ino,
         )
         if expected is not None and found.checksum != expected.checksum:
-            raise ValueError(f"{printable(name)}: it is not the file of the buffer that was pickled or copied")
+            text = "it is not the file of the buffer that was pickled or copied"
+            raise ValueError(f"{printable(name)}: {text}")
         with nogil:
             problem = frozen_read(mapping, checks_samples, _is_interrupted, tree)
             if problem.text != NULL:

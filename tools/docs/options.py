@@ -19,7 +19,7 @@ from tf2_ros_tools.program import STATUSES  # noqa: E402
 
 PAGES = [DOCS / "programs.md", *sorted((DOCS / "programs").glob("*.md"))]
 # Explained once, on the page about all commands.
-COMMON = {"help", "namespace"}
+COMMON = {"help", "namespace", "live"}
 
 
 def named(action: Action) -> str:

@@ -14,14 +14,20 @@ PARSER = Parser(
     "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
     "file of expectations.\n\n"
     "Exit status: 0 if there are no problems, 1 if there are any, or the check failed; 2 after wrong usage.",
-    "  tf2_check -t 10 --expect robot.yaml",
+    """\
+  tf2_check -t 10 --expect robot.yaml
+
+robot.yaml, in which every entry is optional:
+  frames:
+    odom: {parent: map, max_future: 1.0}
+    base_link: {parent: odom, min_rate: 20, max_delay: 0.1, static: false}""",
 )
 PARSER.add_argument(
     "-t",
     type=positive_number,
     metavar="S",
     default=5.0,
-    help="listen for S seconds; 5 by default, which usually suffices to discover all publishers",
+    help="listen for S seconds; 5 by default",
 )
 add_check_options(PARSER)
 PARSER.add_argument("--json", action="store_true", help="print the result as one line of JSON")

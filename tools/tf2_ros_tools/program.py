@@ -336,7 +336,7 @@ KINDS = tuple(
 
 def add_check_options(made: ArgumentParser) -> None:
     """Add the options for expectations, limits and ignored kinds."""
-    summary = "report differences from the expectations in this YAML file; see tf2_check --help"
+    summary = "report differences from this YAML file; the end of the help of tf2_check shows an example"
     made.add_argument("--expect", metavar="FILE", type=Path, help=summary)
     summary = "minimum rate of each dynamic frame"
     made.add_argument("--min-rate", type=positive_number, metavar="HZ", help=summary)
@@ -344,7 +344,7 @@ def add_check_options(made: ArgumentParser) -> None:
         "--max-delay",
         type=non_negative_number,
         metavar="S",
-        help="maximum delay of each dynamic transform; by default, the average of a frame is limited",
+        help="maximum delay of each dynamic transform; by default, 1 s or 3 periods on average",
     )
     made.add_argument(
         "--ignore",

@@ -3,6 +3,7 @@
 import pickle
 
 import pytest
+from pages import program
 from paths import ROOT
 from sources import PYPROJECT
 from without_ros import make_world
@@ -44,6 +45,10 @@ import sys
 import tf2_ros.numpy, tf2_ros.records, tf2_ros.serialization
 assert not {"rclpy", "geometry_msgs", "tf2_msgs"} & {*sys.modules}
 """)
+
+
+def test_the_program_of_the_page_works(world):
+    assert world.does(program(ROOT / "docs" / "installing.md")) == "0.3\n"
 
 
 class TestAnRclpyThatIsNoRos:

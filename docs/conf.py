@@ -42,7 +42,7 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_extra_path = ["site"]  # leads from the root of the site to docs/index.html
 
-# The reference. The docstrings say what a function takes and returns; types.md explains the types.
+# The reference. The docstrings say what a function takes and returns; tf2_py.rst explains the types.
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 autodoc_inherit_docstrings = True

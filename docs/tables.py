@@ -30,12 +30,6 @@ def described_types() -> dict[str, str]:
     return {name: comment.replace("\n#: ", "\n").removeprefix("#: ").strip() for comment, name in found}
 
 
-def types() -> list[list[str]]:
-    """The types of arguments."""
-    texts = ((f"`{name}`", " ".join(text.split())) for name, text in described_types().items())
-    return [["type", "what it stands for"], *([name, text.replace("``", "`")] for name, text in texts)]
-
-
 def with_types(reference: str) -> str:
     """The text of the reference, with the types as the sources have them now."""
 
@@ -49,7 +43,7 @@ def with_types(reference: str) -> str:
 
 # A table is its head and its rows.
 Table = list[list[str]]
-TABLES: Mapping[str, Callable[[], Table]] = {"refusals": refusals, "types": types}
+TABLES: Mapping[str, Callable[[], Table]] = {"refusals": refusals}
 
 
 def with_tables(page: str, tables: Mapping[str, Callable[[], Table]] = TABLES) -> str:

@@ -17,7 +17,6 @@ from pages import (
     named_programs,
     names_of,
     program,
-    programs_beside,
     run_program,
 )
 from paths import ROOT
@@ -65,16 +64,6 @@ SHOWN_TESTS = [
 def test_the_tests_of_a_page_pass(code, tmp_path):
     (tmp_path / "test_page.py").write_text(code, encoding="utf-8")
     output_of("-m", "pytest", "--rootdir", tmp_path, "test_page.py", cwd=tmp_path)
-
-
-def test_the_node_of_getting_started_finds_the_camera(tmp_path):
-    page = ROOT / "docs" / "getting-started.md"
-    command = [sys.executable, "-c", named_programs(page)["finder.py"]]
-    with (
-        programs_beside(page, tmp_path),
-        killed(subprocess.Popen(command, text=True, stderr=subprocess.PIPE)) as finder,
-    ):
-        assert "[camera_finder]: the camera is at x = " in finder.stderr.readline()
 
 
 def test_the_node_of_the_readme_waits_in_its_callback(tmp_path, node):

@@ -34,18 +34,18 @@ class HasSecNanosec(Protocol):
     def nanosec(self) -> int: ...
 
 
-#: A time: an rclpy ``Time``, the stamp of a message, any object with the attributes of one, an ``int`` in
+#: A time: an rclpy ``Time``, a time message, any object with the same attributes, an ``int`` in
 #: nanoseconds, or a NumPy ``datetime64`` or pandas ``Timestamp``, which are UTC.
 TimeLike = HasNanoseconds | HasSecNanosec | int | np.datetime64
 
 #: Many times: an array of integers in nanoseconds or of ``datetime64``, or a sequence of times.
 TimesLike = npt.ArrayLike | Sequence[TimeLike]
 
-#: A timeout, a tolerance, an interval, how far a history reaches back: an rclpy ``Duration``, the message of
-#: one, any object with the attributes of one, a ``timedelta``, or a number of seconds.
+#: A duration, such as a timeout, a tolerance or the length of a history: an rclpy ``Duration``, a duration
+#: message, any object with the same attributes, a ``timedelta``, or a number of seconds.
 DurationLike = HasNanoseconds | HasSecNanosec | timedelta | float
 
-#: A duration for all frames, or a mapping of the names of frames to a duration for each.
+#: One duration for all frames, or a mapping from frame names to durations.
 DurationsLike = DurationLike | Mapping[str, DurationLike]
 
 

@@ -162,7 +162,7 @@ def test_a_picture_is_that_of_the_command_before_it(page, caption, picture, plac
         )
 
 
-INTERNALS = DOCS / "internals.md"
+INTERNALS = DOCS / "development" / "internals.md"
 
 
 @pytest.mark.parametrize("name", names_of(INTERNALS))

@@ -7,7 +7,7 @@ import sys
 import pages
 from places import DOCS, SAMPLES, SUPPORT, TOOLS
 
-PAGES = [TOOLS / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("programs/*.md"))]
+PAGES = [TOOLS / "README.md", *sorted(DOCS.rglob("*.md"))]
 # Those that show programs of the tools.
 ALL_PAGES = [*pages.PAGES, *PAGES]
 

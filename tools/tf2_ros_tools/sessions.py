@@ -8,6 +8,7 @@ from tf2_ros.records import Recording
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from tf2_ros_tools.listening import TOPICS, Listening, Session
@@ -39,8 +40,13 @@ def session(
         receiver that does not support this release of ROS 2 or its middleware.
     """
     if getattr(options, "live", None) is None:
-        from tf2_ros_tools.listening_node import node_session
-
+        try:
+            from tf2_ros_tools.listening_node import node_session
+        except ImportError as lack:
+            # Another tf2_ros that is imported is the trouble, not the lack of ROS.
+            if not hasattr(options, "live") or find_spec("rclpy") is not None:
+                raise
+            raise ImportError(f"{lack}; or listen without ROS 2: --live dds://") from lack
         return node_session(name, options, recording, topics=topics, cache_time=cache_time, qos=qos)
     if qos is not None or options.namespace is not None or options.has_ros_arguments:
         raise UsageError(

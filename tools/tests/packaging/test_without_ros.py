@@ -40,6 +40,7 @@ def test_a_program_says_in_one_line_what_is_missing(world, command):
     ended = world.run("-m", f"tf2_ros_tools.programs.{name}", *arguments)
     assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (1, "", 1)
     assert ended.stderr.startswith(f"{name}: tf2_ros needs ROS 2, but {world.python} finds no rclpy")
+    assert "; or listen without ROS 2: --live dds://;" in ended.stderr
 
 
 @pytest.mark.parametrize("page", ["recordings.md", "other-sources.md", "saved-buffers.md", "datasets.md"])

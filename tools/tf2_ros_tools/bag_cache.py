@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import __version__
-from tf2_ros_tools.bag_reader import FROZEN, LOGS, SUFFIXES, require_existing
+from tf2_ros_tools.bag_reader import FROZEN, LOGS, SUFFIXES, logs_of, require_existing
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
@@ -31,22 +31,23 @@ def state_of(recording: str) -> list[list[Any]]:
     file, but no program can set the time at which the inode was changed. Frozen and unfinished files are left
     out, so that the folder of a recording may be that of its frozen file.
     """
+    files = [Path(recording)]
     if os.path.isdir(recording):
-        left_out = (FROZEN, UNFINISHED, SHARED_MEMORY)
-        found = (one for one in os.scandir(recording) if one.is_file())
-        files = sorted(one.path for one in found if not one.name.endswith(left_out))
-    else:
-        files = [recording, *(path for log in LOGS if os.path.isfile(path := recording + log))]
-    # An empty log appears whenever a database is opened.
-    states = ((path, os.stat(path)) for path in files)
-    return [
-        [os.path.basename(path), one.st_size, one.st_mtime_ns, one.st_ctime_ns, _ends_of(path, one)]
-        for path, one in states
-        if one.st_size or not path.endswith((*LOGS,))
-    ]
+        left_out = (FROZEN, UNFINISHED, SHARED_MEMORY, *LOGS)
+        files = sorted(one for one in files[0].iterdir() if one.is_file() and not one.name.endswith(left_out))
+    states = [_state_of_file(one) for one in files]
+    for log in (log for one in files for log in logs_of(one)):
+        with suppress(FileNotFoundError):  # it has just been merged
+            states.append(_state_of_file(log))
+    return states
 
 
-def _ends_of(path: str, facts: os.stat_result) -> str:
+def _state_of_file(path: Path) -> list[Any]:
+    facts = os.stat(path)
+    return [path.name, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns, _ends_of(path, facts)]
+
+
+def _ends_of(path: Path, facts: os.stat_result) -> str:
     if not stat.S_ISREG(facts.st_mode):
         return ""  # opening a pipe would wait for its writer
     with open(path, "rb") as file:
@@ -74,7 +75,8 @@ class Cached:
         require_existing(Path(recording))
         if not folder:
             raise ValueError("cache: expected a folder, got ''")
-        path = os.path.realpath(recording)
+        self._recording, self._real = recording, os.path.realpath(recording)
+        path = self._real
         name = os.path.basename(path)
         stem = name.rpartition(".")[0] if name.endswith(SUFFIXES) else name
         # What a version makes of a recording may differ from what the next one does, and so may the limits.
@@ -96,13 +98,18 @@ class Cached:
 
     def write(self, buffer: Buffer) -> None:
         """
-        Write the file, and delete those of earlier states of the recording, if this user may; who uses these
-        keeps them.
+        Write the file, unless a link to the recording was moved meanwhile. Delete the files of earlier states
+        of the recording, if this user may; who uses these keeps them.
         """
+        if os.path.realpath(self._recording) != self._real:
+            return
         os.makedirs(self._folder, exist_ok=True)
         buffer.freeze(self.path)
-        for one in os.listdir(self._folder):
-            if one.startswith(self._begin) and one != os.path.basename(self.path):
+        earlier = []
+        with suppress(OSError):  # this user may not list the folder
+            earlier = [one for one in os.listdir(self._folder) if one.startswith(self._begin)]
+        for one in earlier:
+            if one != os.path.basename(self.path):
                 with suppress(OSError):
                     os.unlink(os.path.join(self._folder, one))
 

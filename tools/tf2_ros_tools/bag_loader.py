@@ -22,6 +22,7 @@ from tf2_ros_tools import foxglove_messages
 from tf2_ros_tools.bag_cache import Cached
 from tf2_ros_tools.bag_converters import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
 from tf2_ros_tools.bag_reader import (
+    SUFFIXES,
     TF_TYPES,
     BagError,
     RawMessage,
@@ -190,7 +191,9 @@ def load(
     buffer = new_buffer(cache_time)
     cached = None
     if cache is not None:
-        path = os.path.realpath(path)  # a link may lead to another recording while this one is read
+        real = os.path.realpath(path)
+        if os.path.isdir(real) or real.endswith(SUFFIXES):  # otherwise, the link tells the format
+            path = real  # a link may lead to another recording while this one is read
         cached = Cached(cache, path, asdict(what), buffer.cache_time_ns)
     opened = None if cached is None else cached.open()
     if opened is None:

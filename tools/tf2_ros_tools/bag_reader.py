@@ -5,7 +5,7 @@ import re
 import shutil
 import struct
 from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -300,13 +300,19 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
     for part in [path / "metadata.yaml", *parts] if path.is_dir() else [path]:
         if part.is_file():
             _refuse_pointer(part)
+        for log in logs_of(part):
+            advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
+            raise BagError(f"{printable(str(part))} is incomplete without {printable(log.name)}: {advice}")
+
+
+def logs_of(database: Path) -> Iterator[Path]:
+    """Get the logs of a database that are not merged. SQLite keeps them beside the target of a link."""
+    for place in dict.fromkeys((database, database.resolve())):
         for ending, begin in LOGS.items():
-            log = part.with_name(f"{part.name}{ending}")
-            if log.is_file() and log.stat().st_size and _begins_with(log, begin):
-                advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
-                raise BagError(
-                    f"{printable(str(part))} is incomplete without {printable(log.name)}: {advice}"
-                )
+            log = place.with_name(f"{place.name}{ending}")
+            with suppress(FileNotFoundError):  # an empty one comes and goes whenever a database is opened
+                if log.is_file() and log.stat().st_size and _begins_with(log, begin):
+                    yield log
 
 
 def _refuse_special(path: Path) -> None:

@@ -1,5 +1,6 @@
 """The argument `cache`: transforms of recordings as frozen files, which later calls map."""
 
+import errno
 import os
 import pickle
 import sqlite3
@@ -14,7 +15,7 @@ from travelling import held
 
 from tf2_py.files import whole_file
 from tf2_ros import Buffer
-from tf2_ros_tools import bag
+from tf2_ros_tools import bag, bag_loader
 from tf2_ros_tools.programs.tf2_bag import PARSER
 from tf2_ros_tools.programs.tf2_bag import bag as tf2_bag
 
@@ -120,6 +121,57 @@ def test_what_is_not_merged_into_a_database_is_missed_with_a_cache_too(whole, tm
                 bag.load(path, **options)
     after = bag.load(path, cache=cache)
     assert after.frames()["base"].count < before.frames()["base"].count
+
+
+@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize("cached", [False, True])
+def test_what_is_not_merged_beside_the_target_of_a_link_is_missed(whole, cached, tmp_path, cache):
+    folder = write_folder(tmp_path / "run", drive(20), "sqlite3")
+    (tmp_path / "kept").mkdir()
+    kept = (folder / "run.db3").rename(tmp_path / "kept" / "run.db3")
+    (folder / "run.db3").symlink_to(kept)
+    path, options = folder if whole else folder / "run.db3", {"cache": cache} if cached else {}
+    bag.load(path, **options)
+    with unmerged(kept):
+        with pytest.raises(bag.BagError, match="run.db3 is incomplete without run.db3-wal: .* merges it"):
+            bag.load(path, **options)
+    assert held(bag.load(path, **options)) == held(bag.load(kept))
+
+
+def test_the_target_of_a_link_may_have_any_name(path, tmp_path, cache, monkeypatch):
+    """As in a store whose files are named by what they contain."""
+    target = path.rename(tmp_path / "d41d8cd98f00")
+    path.symlink_to(target)
+    first = bag.load(path, cache=cache)
+    assert held(first) == held(bag.load(path))
+    monkeypatch.setattr("tf2_ros_tools.bag_loader.fill_buffer", None)
+    assert held(bag.load(path, cache=cache)) == held(first)
+
+
+def test_a_link_that_is_moved_meanwhile_has_no_file(path, tmp_path, cache, monkeypatch):
+    target, other = path.rename(tmp_path / "first"), write_mcap(tmp_path / "other.mcap", drive(30))
+    path.symlink_to(target)
+    read = bag_loader.fill_buffer
+
+    def move_and_read(*arguments, **options):
+        path.unlink()
+        path.symlink_to(other)
+        return read(*arguments, **options)
+
+    with monkeypatch.context() as moving:
+        moving.setattr("tf2_ros_tools.bag_loader.fill_buffer", move_and_read)
+        bag.load(path, cache=cache)
+    assert not cache.exists()
+
+
+def test_a_folder_that_cannot_be_listed(path, cache, monkeypatch):
+    def refuse(folder):
+        raise PermissionError(errno.EACCES, "Permission denied", folder)
+
+    bag.load(path, cache=cache)
+    write_mcap(path, drive(30))
+    monkeypatch.setattr("os.listdir", refuse)
+    assert held(bag.load(path, cache=cache)) == held(bag.load(path))
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])

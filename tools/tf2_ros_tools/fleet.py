@@ -208,7 +208,10 @@ def done_before(request: Request, recording: str, table: str) -> list[Row] | Non
         with open(table, "rb") as file:
             content = json.loads((parquet.read_metadata(file).metadata or {})[KEY])
         found: list[Row] = content.pop("found")
-        return found if content == _made_from(request, recording) else None
+        if content != _made_from(request, recording):
+            return None
+        parquet.read_table(table, page_checksum_verification=True)
+        return found
     except (OSError, ArrowException, KeyError, TypeError, ValueError):
         return None  # no table, a table of another program, or a damaged one: it is written again
 

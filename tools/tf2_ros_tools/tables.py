@@ -228,7 +228,7 @@ def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None
         own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {VALID: table.valid, GAP: table.gaps}
         columns |= {f"{frame}.{name}" if frame else name: column for name, column in own.items()}
     written = BytesIO()
-    parquet.write_table(pyarrow.table(columns, metadata=metadata), written)
+    parquet.write_table(pyarrow.table(columns, metadata=metadata), written, write_page_checksum=True)
     return written.getvalue()
 
 

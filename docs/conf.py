@@ -4,6 +4,7 @@ The pages are plain Markdown, for git hosts, too. They link to files of the whol
 reads it from its root. The table of contents is made from the lists of docs/index.md.
 """
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -46,6 +47,8 @@ html_extra_path = ["site"]  # leads from the root of the site to docs/index.html
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 autodoc_inherit_docstrings = True
+# The compiled modules are documented, and imported, instead of their stubs.
+os.environ["SPHINX_AUTODOC_IGNORE_NATIVE_MODULE_TYPE_STUBS"] = "1"
 python_maximum_signature_line_length = 90
 
 # A reference to a name that is not on the site is a warning.

@@ -215,7 +215,7 @@ class BufferCore:
     @classmethod
     def open(cls: type[_Buffer], path: str | PathLike[str], *, copy: bool = False) -> _Buffer:
         """
-        Open a buffer that :meth:`freeze` wrote; its answers are identical to the last bit.
+        Open a buffer that :meth:`~tf2_py.BufferCore.freeze` wrote; its answers are identical to the last bit.
 
         The samples stay in the file, which is mapped into memory, so that all processes that open it share
         them. The buffer can do what others can: the first insert into a frame copies the samples of this

@@ -381,7 +381,7 @@ cdef class BufferCore(Engine):
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, copy: bool = False) -> BufferCore:
         """
-        Open a buffer that :meth:`freeze` wrote; its answers are identical to the last bit.
+        Open a buffer that :meth:`~tf2_py.BufferCore.freeze` wrote; its answers are identical to the last bit.
 
         The samples stay in the file, which is mapped into memory, so that all processes that open it share
         them. The buffer can do what others can: the first insert into a frame copies the samples of this

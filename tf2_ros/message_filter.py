@@ -118,8 +118,8 @@ class MessageFilter(Generic[_Message]):
     :param tolerance: a finite duration; transforms must be available for the message's stamp and for this
         much later, for example the duration of a sweep. None: zero. (The ``tolerance`` of a lookup differs:
         it accepts an older transform.)
-    :param prefix: put before the frames of the messages, as in :meth:`Buffer.transform`; ``target_frames``
-        are whole names.
+    :param prefix: put before the frames of the messages, as in
+        :meth:`~tf2_ros.BufferInterface.transform`; ``target_frames`` are whole names.
     :raises TypeError: ``buffer`` is not a Buffer, ``input`` is none of these, its messages have no header, or
         a duration is not a duration or a number.
     :raises ValueError: ``target_frames`` is empty, a name or ``prefix`` is invalid, ``queue_size`` or

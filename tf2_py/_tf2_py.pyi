@@ -190,7 +190,8 @@ class BufferCore:
             If the buffer was opened from a frozen file and is unchanged, and the file is still there,
             ``"frozen"`` with the path of the file stands for the contents, cache time and limits.
             ``"overtaken"`` has the ages of the newest samples that the buffer had when the system's clock was
-            set back, if that was noticed: the ages of the copy's data count on from there.
+            set back, if that was noticed, and ``"overtaken_when"`` the system's time: the ages of the copy's
+            data count on from there.
         """
     def __setstate__(self, state: dict[str, Any]) -> None:
         """

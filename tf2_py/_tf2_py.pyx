@@ -325,12 +325,13 @@ cdef class BufferCore(Engine):
             If the buffer was opened from a frozen file and is unchanged, and the file is still there,
             ``"frozen"`` with the path of the file stands for the contents, cache time and limits.
             ``"overtaken"`` has the ages of the newest samples that the buffer had when the system's clock was
-            set back, if that was noticed: the ages of the copy's data count on from there.
+            set back, if that was noticed, and ``"overtaken_when"`` the system's time: the ages of the copy's
+            data count on from there.
         """
         cdef dict state = self.frozen_state() or self.export()
         overtaken = self.overtaken()
         if overtaken:
-            state["overtaken"] = overtaken
+            state["overtaken"], state["overtaken_when"] = overtaken, system_ns()
         state["attributes"] = dict(getattr(self, "__dict__", {}))
         return state
 

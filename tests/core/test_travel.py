@@ -3,6 +3,7 @@
 import io
 import pickle
 import pickletools
+import time
 
 import numpy as np
 import pytest
@@ -229,8 +230,21 @@ SPOILED = {
     "overtaken is not a dict": ("overtaken", lambda _: (5, ["odom"])),
     r"overtaken\['odom'\] is not an int within 0 and": ("overtaken", lambda _: {"odom": -1}),
     "a frame name cannot hold a NUL character: .c": ("overtaken", lambda _: {"odom": 5, "c\0d": 5}),
+    "it has overtaken, and no overtaken_when": ("overtaken", lambda _: {"odom": 5}),
     "the rotation is too short": put("transforms", (-1, slice(3, 7)), 0.0),
 }
+
+
+def test_the_time_on_the_way_counts_for_data_from_before_a_step_of_the_clock():
+    arriving = Buffer()
+    arriving.set_transform(transform("map", "odom", ns=time.time_ns()), "x")
+    state = arriving.__getstate__()
+    when = {"overtaken": {"odom": 2 * S}, "overtaken_when": time.time_ns() - 100 * S}
+    arriving.__setstate__(state | when)
+    assert 102 <= arriving.ages("map", "odom")["odom"] < 150
+    when["overtaken_when"] += 200 * S  # the clock was set back again, on the way
+    arriving.__setstate__(state | when)
+    assert 2 <= arriving.ages("map", "odom")["odom"] < 50
 
 
 @pytest.mark.parametrize("why", SPOILED)

@@ -143,7 +143,8 @@ cdef dict frame_infos(facts):
 # ``parents``        uint32 (N,): places in ``parent_names``.
 # ``parent_names``   list of str.
 # ``overtaken``      may be absent: the ages of the newest samples behind which the system's clock was set
-#                    back, int ns, by the names of their frames.
+#                    back, int ns, by the names of their frames; with ``overtaken_when``, the system's time
+#                    of these ages, int ns since 1970.
 # =================  =====================================================================================
 #
 # Names are as a message carries them: inserting removes one leading '/'.
@@ -234,7 +235,11 @@ cdef dict overtaken_of(state):
         name_utf8(name, &size)
         if type(age_ns) is not int or not 0 <= age_ns <= INT64_MAX:
             raise _not_a_state(f"overtaken[{name!r}] is not an int within 0 and {INT64_MAX}")
-    return ages_ns.copy()
+    if ages_ns and "overtaken_when" not in state:
+        raise _not_a_state("it has overtaken, and no overtaken_when")
+    when_ns = _number(dict(state), "overtaken_when", 0, INT64_MAX) if ages_ns else 0
+    since_ns = max(0, system_ns() - when_ns)
+    return {name: min(age_ns + since_ns, INT64_MAX) for name, age_ns in ages_ns.items()}
 
 
 cdef uint32_t _insert_samples(Tree* tree, const Text* child, uint32_t authority, bint is_static,

@@ -77,6 +77,7 @@ class Cached:
             raise ValueError("cache: expected a folder, got ''")
         self._recording, self._real = recording, os.path.realpath(recording)
         path = self._real
+        self._state = state_of(path)
         name = os.path.basename(path)
         stem = name.rpartition(".")[0] if name.endswith(SUFFIXES) else name
         # What a version makes of a recording may differ from what the next one does, and so may the limits.
@@ -85,7 +86,7 @@ class Cached:
         # A name has at most 255 bytes.
         self._begin = f"{stem[:50]}-{request}-"
         self._folder = os.path.abspath(os.fsdecode(folder))
-        self.path = os.path.join(self._folder, f"{self._begin}{_digest(state_of(path))}{FROZEN}")
+        self.path = os.path.join(self._folder, f"{self._begin}{_digest(self._state)}{FROZEN}")
 
     def open(self) -> Buffer | None:
         """Open the file; None if there is none, or none that this user and this version can read."""
@@ -98,10 +99,10 @@ class Cached:
 
     def write(self, buffer: Buffer) -> None:
         """
-        Write the file, unless a link to the recording was moved meanwhile. Delete the files of earlier states
-        of the recording, if this user may; who uses these keeps them.
+        Write the file, unless the recording was changed or replaced meanwhile. Delete the files of earlier
+        states of the recording, if this user may; who uses these keeps them.
         """
-        if os.path.realpath(self._recording) != self._real:
+        if not self._is_unchanged():
             return
         os.makedirs(self._folder, exist_ok=True)
         buffer.freeze(self.path)
@@ -112,6 +113,11 @@ class Cached:
             if one != os.path.basename(self.path):
                 with suppress(OSError):
                     os.unlink(os.path.join(self._folder, one))
+
+    def _is_unchanged(self) -> bool:
+        with suppress(FileNotFoundError):
+            return os.path.realpath(self._recording) == self._real and state_of(self._real) == self._state
+        return False
 
 
 def _digest(content: Any) -> str:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from setuptools.command.install_lib import install_lib
 
-# The package that stays in the folder of all packages, and where it holds the others, as its module `_path`
-# says, too: the build imports nothing that it builds.
+# The package that stays in the folder of all packages, and where it holds the others. Its module
+# `_installation` says the same: the build imports nothing that it builds.
 OWNER = "tf2_ros_cython"
 FOLDER = Path(OWNER, "packages")
 # Python reads them when it starts: they put that folder into its place on the path. The second is for 3.15.

@@ -18,7 +18,7 @@ STUBS = (
     "tf2_geometry_msgs/_geometry.pyi",
     "tf2_geometry_msgs/_nav.pyi",
     "tf2_sensor_msgs/_cloud.pyi",
-    "tf2_sensor_msgs/_imu.pyi",
+    "tf2_sensor_msgs/_imu_and_magnetometer.pyi",
 )
 
 

@@ -1,6 +1,6 @@
 """Transform messages of geometry_msgs and nav_msgs from frame to frame."""
 
-import tf2_ros_cython._requirement  # noqa: F401
+import tf2_ros_cython._ros_requirement  # noqa: F401
 
 from contextlib import suppress
 

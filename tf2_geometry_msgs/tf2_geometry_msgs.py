@@ -34,7 +34,7 @@ from tf2_geometry_msgs._geometry import (
     do_transform_vector3,
     transform_covariance,
 )
-from tf2_geometry_msgs._types import TYPES
+from tf2_geometry_msgs._type_table import TYPES
 from tf2_ros._registration import from_msg_msg, register_messages, to_msg_msg
 
 # What `import *` imports from tf2's module, and nothing more: our own names could hide those of a program.

@@ -3,12 +3,13 @@
 from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from cpython.bytes cimport PyBytes_FromStringAndSize
 
-include "core/sync.pxi"
+include "core/forked_locks.pxi"
 include "core/names.pxi"
 include "core/history.pxi"
 include "core/tree.pxi"
 include "core/frozen_format.pxi"
 include "core/lookup.pxi"
 include "core/series.pxi"
+include "core/knots.pxi"
 include "core/waiters.pxi"
 include "core/cdr.pxi"

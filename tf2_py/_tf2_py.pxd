@@ -13,12 +13,14 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from tf2_py._core cimport *
 
-include "engine/layouts_header.pxi"
+include "engine/message_layouts_header.pxi"
 include "engine/times_header.pxi"
 include "engine/messages_header.pxi"
 include "engine/arrays_header.pxi"
+include "engine/advice_header.pxi"
 include "engine/queries_header.pxi"
-include "engine/pickled_state_header.pxi"
+include "engine/tree_as_objects_header.pxi"
 include "engine/frozen_buffers_header.pxi"
+include "engine/engine_hooks_header.pxi"
 include "engine/engine_header.pxi"
 include "engine/wait_header.pxi"

@@ -45,7 +45,7 @@ from numbers import Integral, Real
 from stat import S_ISREG
 from threading import get_ident, main_thread
 
-from tf2_py._objects import errors, frozen_origin, listings, log, pickles
+from tf2_py._objects import errors, frozen_origin, listings, log, pickle_parts
 # Programs also import them from tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,
@@ -57,7 +57,7 @@ from tf2_py._objects.errors import (
     TransformException,
     bad_name,
 )
-from tf2_py.text import printable
+from tf2_py.printable import printable
 
 __all__ = [
     "BufferCore",
@@ -69,13 +69,15 @@ __all__ = [
     "TransformException",
 ]
 
-include "engine/layouts.pxi"
+include "engine/message_layouts.pxi"
 include "engine/times.pxi"
 include "engine/messages.pxi"
 include "engine/arrays.pxi"
+include "engine/advice.pxi"
 include "engine/queries.pxi"
-include "engine/pickled_state.pxi"
+include "engine/tree_as_objects.pxi"
 include "engine/frozen_buffers.pxi"
+include "engine/engine_hooks.pxi"
 include "engine/engine.pxi"
 include "engine/wait.pxi"
 
@@ -311,7 +313,7 @@ cdef class BufferCore(Engine):
     def __reduce__(self):
         state = self.__getstate__()
         if type(state) is dict and "stamps" in state:
-            state = pickles.DividedState(state)
+            state = pickle_parts.DividedState(state)
         return _without_init, (type(self),), state
 
     def __getstate__(self) -> dict[str, Any]:

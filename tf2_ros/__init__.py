@@ -22,9 +22,9 @@ from tf2_py import __version__ as __version__
 from tf2_py import stored_name as stored_name
 from tf2_ros import buffer, buffer_interface
 from tf2_ros._fillers import BufferSource as BufferSource
-from tf2_ros._shared.naming import SharedBufferError as SharedBufferError
-from tf2_ros._transform_messages import Header, PoseStamped, TransformStamped
-from tf2_ros._transform_messages import format_transform as format_transform
+from tf2_ros._message_classes import Header, PoseStamped, TransformStamped
+from tf2_ros._shared.shared_names import SharedBufferError as SharedBufferError
+from tf2_ros._transform_text import format_transform as format_transform
 from tf2_ros.buffer import Buffer, FrameGraphSrvRequest, FrameGraphSrvResponse
 from tf2_ros.buffer_interface import (
     BufferInterface,
@@ -37,7 +37,7 @@ from tf2_ros.buffer_interface import (
     TypeException,
     convert,
 )
-from tf2_ros_cython._presence import HAS_ROS
+from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
     import rclpy

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from tf2_py import BufferCore
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros._forking import LOCK
-from tf2_ros_cython._presence import HAS_ROS
+from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
     from rclpy.utilities import get_default_context

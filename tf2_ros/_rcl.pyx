@@ -4,7 +4,7 @@ from libc.stdint cimport uintptr_t
 
 import ctypes
 
-from tf2_ros_cython import _presence, _ros
+from tf2_ros_cython import _ros, _ros_presence
 
 
 def problem():
@@ -25,7 +25,7 @@ cdef int _find(library, str name, void** function) except -1:
 
 cdef str _find_all():
     # Searched in the libraries that rclpy's extension is linked with, so it is the rcl that rclpy calls.
-    if not _presence.HAS_ROS:
+    if not _ros_presence.HAS_ROS:
         return "there is no rclpy"
     from rclpy.impl.implementation_singleton import rclpy_implementation
 

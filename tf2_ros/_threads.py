@@ -10,7 +10,7 @@ The background threads of a process.
 
 All are daemons, so that the interpreter does not wait for them before it runs the exit handlers, which end
 them. A forked child has none of them, and starts its own at their first use; what its parent's inboxes were
-doing is lost there. The threads that spin nodes are in ``_node_lifetimes``; a thread that polls the source of
+doing is lost there. The threads that spin nodes are in ``_spinner``; a thread that polls the source of
 an inbox is the owner's.
 """
 
@@ -26,7 +26,7 @@ from contextlib import suppress
 from typing import Any, Protocol
 
 from tf2_py._internal import log
-from tf2_py.text import counted
+from tf2_py.printable import counted
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import INBOXES, InboxBase
 

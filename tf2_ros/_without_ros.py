@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from tf2_ros._wait.endings import FutureEnding, call_all
-from tf2_ros_cython._presence import absence
+from tf2_ros_cython._ros_presence import absence
 
 BaseFuture = FutureEnding
 

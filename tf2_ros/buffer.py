@@ -13,13 +13,14 @@ from tf2_py._internal import duration_ns, log, policy_of, seconds, time_ns
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
 from tf2_ros._fillers import BufferSource, Fillers, add_source, note_filler
-from tf2_ros._shared.naming import buffer_name, is_wanted, require_support
-from tf2_ros._transform_messages import TransformStamped
+from tf2_ros._message_classes import TransformStamped
+from tf2_ros._shared.shared_names import buffer_name, is_wanted, require_support
+from tf2_ros._wait.changes import Changes
 from tf2_ros._wait.endings import ChangeSubscription
-from tf2_ros._wait.futures import Changes, TransformFuture, WakingFuture
-from tf2_ros._wait.lookups import Lookup
+from tf2_ros._wait.futures import TransformFuture, WakingFuture
+from tf2_ros._wait.lookup_call import Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
-from tf2_ros_cython._presence import HAS_ROS, absence
+from tf2_ros_cython._ros_presence import HAS_ROS, absence
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -36,7 +37,7 @@ if TYPE_CHECKING or HAS_ROS:
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._node_lifetimes import require_node
-    from tf2_ros._publishers import clock_publishers
+    from tf2_ros._publisher_names import clock_publishers
     from tf2_ros._rclpy import is_simulated, is_steady
 
     if TYPE_CHECKING:

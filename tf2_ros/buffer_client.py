@@ -1,6 +1,6 @@
 """Look up transforms in the buffer of another process, through an action."""
 
-import tf2_ros_cython._requirement  # noqa: F401
+import tf2_ros_cython._ros_requirement  # noqa: F401
 
 import os
 import threading
@@ -25,15 +25,17 @@ from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, duration_ns, errors, frame_name
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._fillers import SHUT_DOWN
 from tf2_ros._forking import refuse_inherited
-from tf2_ros._node_lifetimes import Spinner, companion_node, require_node
-from tf2_ros._publishers import publisher_ids
+from tf2_ros._hidden_nodes import companion_node
+from tf2_ros._message_classes import time_msg
+from tf2_ros._node_lifetimes import require_node
+from tf2_ros._publisher_names import publisher_ids
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import context_was_shut_down, handle_of_goal
-from tf2_ros._transform_messages import time_msg
+from tf2_ros._spinner import Spinner
 from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface

@@ -6,6 +6,7 @@ import tf2_py as tf2
 from tf2_py import TransformException
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._arguments import frame_of
+from tf2_ros._message_classes import Header, PoseStamped, TransformStamped, time_msg
 from tf2_ros._registration import (
     ConvertRegistration,
     NotImplementedException,
@@ -13,8 +14,7 @@ from tf2_ros._registration import (
     TypeException,
     convert,
 )
-from tf2_ros._transform_messages import Header, PoseStamped, TransformStamped, time_msg
-from tf2_ros_cython._presence import HAS_ROS
+from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2

@@ -1,6 +1,6 @@
 """Answer the lookups of other processes through an action."""
 
-import tf2_ros_cython._requirement  # noqa: F401
+import tf2_ros_cython._ros_requirement  # noqa: F401
 
 import os
 import weakref
@@ -24,14 +24,16 @@ from tf2_py import (
 )
 from tf2_py._internal import duration_ns
 from tf2_ros._forking import is_inherited
-from tf2_ros._node_lifetimes import Spinner, companion_node, node_has_ended, require_node
+from tf2_ros._hidden_nodes import companion_node
+from tf2_ros._node_lifetimes import node_has_ended, require_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import runs_in_loop
+from tf2_ros._spinner import Spinner
 from tf2_ros._threads import check_regularly
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.call_runners import ExecutorRunner
 from tf2_ros._wait.futures import TransformFuture
-from tf2_ros._wait.lookups import Lookup
+from tf2_ros._wait.lookup_call import Lookup
 
 __all__ = ["BufferServer"]
 

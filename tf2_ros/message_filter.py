@@ -1,6 +1,6 @@
 """Call back when a message can be transformed, or was dropped."""
 
-import tf2_ros_cython._requirement  # noqa: F401
+import tf2_ros_cython._ros_requirement  # noqa: F401
 
 import itertools
 import os
@@ -26,7 +26,7 @@ from tf2_py._internal import (
     is_invalid_name,
     time_ns,
 )
-from tf2_py.text import counted, printable
+from tf2_py.printable import counted, printable
 from tf2_py.typing import DurationLike
 from tf2_ros._arguments import frame_of, kind_of, optional_timeout_ns, require_callable, valid_prefix
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited

@@ -18,7 +18,7 @@ from tf2_py._internal import (
     rotations_from_matrices,
     time_ns,
 )
-from tf2_ros._transform_messages import (
+from tf2_ros._message_classes import (
     Header,
     Pose,
     PoseStamped,

@@ -1,6 +1,6 @@
 """Broadcast static transforms on /tf_static."""
 
-import tf2_ros_cython._requirement  # noqa: F401
+import tf2_ros_cython._ros_requirement  # noqa: F401
 
 import threading
 from collections.abc import Iterable

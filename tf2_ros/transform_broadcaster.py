@@ -1,6 +1,6 @@
 """Broadcast transforms on /tf."""
 
-import tf2_ros_cython._requirement  # noqa: F401
+import tf2_ros_cython._ros_requirement  # noqa: F401
 
 import os
 from collections.abc import Iterable

@@ -1,6 +1,6 @@
 """Receive transforms from topics, and insert them into a buffer."""
 
-import tf2_ros_cython._requirement  # noqa: F401
+import tf2_ros_cython._ros_requirement  # noqa: F401
 
 import gc
 import os
@@ -18,8 +18,9 @@ from tf2_py import BufferCore
 from tf2_py._internal import class_name
 from tf2_ros._arguments import valid_prefix, with_prefix
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
-from tf2_ros._node_lifetimes import Spinner, hidden_node, require_node
-from tf2_ros._publishers import name_unfit_publishers
+from tf2_ros._hidden_nodes import hidden_node
+from tf2_ros._node_lifetimes import require_node
+from tf2_ros._publisher_names import name_unfit_publishers
 from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (
@@ -31,14 +32,10 @@ from tf2_ros._rclpy import (
     subscribe_in_loop,
 )
 from tf2_ros._receive.inbox import AUTHORITY
-from tf2_ros._receive.receiver import (
-    ListenerGroup,
-    Listening,
-    Receiver,
-    Topic,
-    describe_topics,
-    note_listener,
-)
+from tf2_ros._receive.listener_topics import Topic, describe_topics
+from tf2_ros._receive.receiver import ListenerGroup, Listening, Receiver
+from tf2_ros._receive.silent_topics import note_listener
+from tf2_ros._spinner import Spinner
 from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording

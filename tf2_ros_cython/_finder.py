@@ -7,7 +7,7 @@ If the rclpy in use is one that tf2_ros was never tried with, the finder says on
 import os
 import sys
 
-from tf2_ros_cython._path import (
+from tf2_ros_cython._installation import (
     HOME,
     NEWEST_RCLPY,
     OLDEST_RCLPY,

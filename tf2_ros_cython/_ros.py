@@ -5,7 +5,7 @@ import re
 import sys
 from pathlib import Path
 
-from tf2_ros_cython._path import OLDEST_RCLPY, PACKAGES
+from tf2_ros_cython._installation import OLDEST_RCLPY, PACKAGES
 
 # By the first number of rclpy's version, which increases with every release. Only texts depend on them.
 _RELEASES = {3: "Humble", 7: "Jazzy", 9: "Kilted", 10: "Lyrical"}

@@ -8,7 +8,7 @@ the path, and no finder.
 import os
 import sys
 
-from tf2_ros_cython._path import HOME, PACKAGES, SITE, distribution_prefix, lies_in, refused_rclpy
+from tf2_ros_cython._installation import HOME, PACKAGES, SITE, distribution_prefix, lies_in, refused_rclpy
 
 
 def arrange() -> None:

@@ -12,7 +12,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import NoReturn
 
-from tf2_ros_cython import _finder, _path, _programs, _ros
+from tf2_ros_cython import _finder, _installation, _ros, _stray_programs
 from tf2_ros_cython._version import __version__
 
 _TOOLS_ADVICE = (
@@ -65,17 +65,17 @@ def _refuse(message: str) -> NoReturn:
 def _answer() -> tuple[list[str], int]:
     """The lines to print, and the exit status."""
     lines = []
-    folders = {name: _imported_from(name) for name in (*_path.PACKAGES, "tf2_msgs")}
+    folders = {name: _imported_from(name) for name in (*_installation.PACKAGES, "tf2_msgs")}
     for name, folder in folders.items():
         lines.append(f"{name}: {_describe(name, folder)}")
         for other in _others(name, folder):
             lines.append(f"    takes precedence over {other / name}")
-    are_ours = all(_is_ours(folders[name]) for name in _path.PACKAGES)
+    are_ours = all(_is_ours(folders[name]) for name in _installation.PACKAGES)
     failure = _import_failure() if are_ours else None
     if failure is not None:
         lines.append(f"does not load: {failure}")
     lines.append(f"precedence: {_precedence()}")
-    strays = _programs.strays() if are_ours else {}
+    strays = _stray_programs.strays() if are_ours else {}
     for python, (imported, programs) in strays.items():
         lines.append(f"programs: {_describe_strays(python, imported, programs)}")
     lines.append(f"receiver: {_receiver(are_ours, failure)}")
@@ -98,7 +98,9 @@ def _is_ours(folder: Path | None) -> bool:
     if folder is None:
         return False
     # In a checkout, or a flat installation, both are in one folder.
-    return folder.parts[-2:] == _path.PARTS or (folder / _path.PARTS[0] / "which.py").is_file()
+    return (
+        folder.parts[-2:] == _installation.PARTS or (folder / _installation.PARTS[0] / "which.py").is_file()
+    )
 
 
 def _import_failure() -> str | None:
@@ -126,11 +128,11 @@ def _describe(name: str, folder: Path | None) -> str:
 def _why_not(name: str, folder: Path) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "TF2_ROS_CYTHON=0 is set"
-    if _path.refused_rclpy() is not None:
+    if _installation.refused_rclpy() is not None:
         return _finder.unknown_rclpy()
-    prefix = _path.distribution_prefix()
-    is_of_workspace = prefix is not None and not _path.lies_in(str(folder), prefix)
-    if is_of_workspace and str(folder) != _path.SITE:
+    prefix = _installation.distribution_prefix()
+    is_of_workspace = prefix is not None and not _installation.lies_in(str(folder), prefix)
+    if is_of_workspace and str(folder) != _installation.SITE:
         return "a workspace or a folder of your own, which takes precedence over ours"
     if not _is_arranged():
         return _not_arranged()
@@ -158,26 +160,28 @@ def _describe_strays(python: str, imported: str, programs: list[Path]) -> str:
 
 
 def _is_arranged() -> bool:
-    return _finder.Finder in sys.meta_path or (_path.HOME != _path.SITE and _path.HOME in sys.path)
+    return _finder.Finder in sys.meta_path or (
+        _installation.HOME != _installation.SITE and _installation.HOME in sys.path
+    )
 
 
 def _not_arranged() -> str:
-    if _path.HOME == _path.SITE:
+    if _installation.HOME == _installation.SITE:
         return "no finder of tf2-ros-cython is active; install it into this Python with pip"
     return (
-        f"this Python did not read {_path.SITE}/tf2_ros_cython.pth when it started, because that folder "
-        f"is not its site-packages; add {_path.HOME} to PYTHONPATH"
+        f"this Python did not read {_installation.SITE}/tf2_ros_cython.pth when it started, because that "
+        f"folder is not its site-packages; add {_installation.HOME} to PYTHONPATH"
     )
 
 
 def _precedence() -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "the order of the path, because TF2_ROS_CYTHON=0 is set; ours if there is no other tf2"
-    if _path.refused_rclpy() is not None:
+    if _installation.refused_rclpy() is not None:
         return f"any other tf2 before ours; {_finder.unknown_rclpy()}"
     if not _is_arranged():
         return f"the order of the path; {_not_arranged()}"
-    prefix = _path.distribution_prefix()
+    prefix = _installation.distribution_prefix()
     if prefix is not None:
         return f"ours before the distribution's in {prefix}; a workspace's before ours"
     if "AMENT_PREFIX_PATH" in os.environ:

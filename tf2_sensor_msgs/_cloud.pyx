@@ -10,7 +10,7 @@ cimport numpy as cnp
 
 from tf2_geometry_msgs._geometry cimport copy_shallow, get_field, set_field, target_frame
 from tf2_py._internal cimport Layout, Transform, header_layout, nanoseconds, new_header, read_any_rotation
-from tf2_sensor_msgs._numbers cimport (
+from tf2_sensor_msgs._point_field_numbers cimport (
     FLOAT32,
     FLOAT64,
     INT32,
@@ -20,7 +20,7 @@ from tf2_sensor_msgs._numbers cimport (
     number_size,
     number_store,
 )
-from tf2_sensor_msgs._wide cimport (
+from tf2_sensor_msgs._avx2_triples cimport (
     Knots,
     TimeSource,
     knot_before,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from tf2_py._internal import MalformedObjectError, as_times_ns, duration_ns, errors, policy_of, time_ns
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, LookupException, TransformException
 from tf2_ros._arguments import frame_of, kind_of
 from tf2_sensor_msgs._cloud import move_points, read_times, sample_times

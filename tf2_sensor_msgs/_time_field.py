@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from sensor_msgs.msg import PointCloud2, PointField
 
 from tf2_py._internal import duration_ns
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_sensor_msgs._errors import FieldError
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import tf2_ros
 from tf2_geometry_msgs._affine import _get_mat_from_quat  # noqa: F401  used by programs
 from tf2_ros._registration import from_msg_msg, register_messages, to_msg_msg
 from tf2_sensor_msgs._cloud import do_transform_cloud, transform_points
-from tf2_sensor_msgs._types import TYPES
+from tf2_sensor_msgs._type_table import TYPES
 
 # What `import *` imports from tf2's module, and nothing more: our own names could hide those of a program.
 __all__ = [

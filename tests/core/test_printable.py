@@ -5,7 +5,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from making import at, transform
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 
 pytestmark = pytest.mark.ours
 

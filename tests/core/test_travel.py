@@ -12,7 +12,7 @@ from rclpy.duration import Duration
 from travelling import BY_FILE, HISTORIES, WAYS, check_copy, filled
 
 from tf2_py import BufferCore
-from tf2_py._objects import pickles
+from tf2_py._objects import pickle_parts
 from tf2_ros import Buffer, TransformListener
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
@@ -79,7 +79,7 @@ def test_other_threads_run_between_the_parts_of_a_pickle(protocol, monkeypatch):
     # Loading a part calls a function in Python; each argument in a pickle is written and loaded in C.
     calls = []
     data = pickle.dumps(large(), protocol)
-    monkeypatch.setattr(pickles, "part", lambda *slices: calls.append(len(slices)) or slices)
+    monkeypatch.setattr(pickle_parts, "part", lambda *slices: calls.append(len(slices)) or slices)
     assert max(len(arg) for _, arg, _ in pickletools.genops(data) if hasattr(arg, "__len__")) < 2_000_000
     assert len(data) > 2_500_000
     pickle.loads(data)

@@ -106,7 +106,7 @@ def test_a_blocking_wait_that_ended_waits_no_more(buffer):
 
 @pytest.mark.parametrize("count", [1, 10])
 def test_an_answer_takes_the_lock_once_after_the_insert(buffer, count):
-    locks_of = compiled("engine_locks").locks_of
+    locks_of = compiled("lock_count").locks_of
 
     def locks(call):
         before = locks_of(buffer)

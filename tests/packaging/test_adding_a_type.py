@@ -41,9 +41,9 @@ def test_the_example_compiles_and_the_tests_of_all_types_hold_for_it_and_ask_for
     folder = checkout_copy(tmp_path / "project")
     reuse_builds(folder)
     package = folder / "tf2_geometry_msgs"
-    source, table, stub = (package / name for name in ("_geometry.pyx", "_types.py", "_geometry.pyi"))
+    source, table, stub = (package / name for name in ("_geometry.pyx", "_type_table.py", "_geometry.pyi"))
     source.write_text(source.read_text() + "\n\n" + BLOCKS["tf2_geometry_msgs/_geometry.pyx"])
-    table.write_text(insert_row(table.read_text(), BLOCKS["tf2_geometry_msgs/_types.py"]))
+    table.write_text(insert_row(table.read_text(), BLOCKS["tf2_geometry_msgs/_type_table.py"]))
     done = run_in(folder, "setup.py", "-q", "build_ext", "--inplace")
     assert done.returncode == 0, done.stdout + done.stderr
     function = "do_transform_polygon_instance_stamped"

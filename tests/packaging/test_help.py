@@ -7,7 +7,7 @@ import inspect
 import pytest
 from spinning import spun_node
 
-from tf2_ros_cython import _path
+from tf2_ros_cython import _installation
 
 pytestmark = pytest.mark.ours
 
@@ -19,10 +19,10 @@ WHOLE = [importlib.import_module(name) for name in ("tf2_ros.records", "tf2_ros.
 def public():
     """The classes and functions of this project that its packages offer, each once, by name."""
     found = {}
-    for package in map(importlib.import_module, _path.PACKAGES):
+    for package in map(importlib.import_module, _installation.PACKAGES):
         for name in dir(package):
             thing = getattr(package, name)
-            is_ours = getattr(thing, "__module__", "").partition(".")[0] in _path.PACKAGES
+            is_ours = getattr(thing, "__module__", "").partition(".")[0] in _installation.PACKAGES
             if is_ours and not name.startswith("_") and (inspect.isclass(thing) or inspect.isroutine(thing)):
                 found[name] = thing
     return found | {name: getattr(OF_ARRAYS, name) for name in OF_ARRAYS.__all__}

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.ours
 PROGRAM = """
 import sys
 from tf2_ros import Buffer, TransformException
-from tf2_ros._transform_messages import TransformStamped
+from tf2_ros._message_classes import TransformStamped
 import tf2_ros.numpy, tf2_ros.records, tf2_ros.serialization
 transform = TransformStamped()
 transform.header.frame_id, transform.child_frame_id = "map", "robot"

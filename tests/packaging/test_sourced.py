@@ -277,7 +277,7 @@ def test_nothing_is_loaded_at_the_start_but_where_a_ros_is_sourced(installation,
     loaded = installation.run(sourced(ros), "-c", STARTED).stdout.split()
     finder = [] if installation.home.name == "packages" else ["tf2_ros_cython._finder"]
     assert sorted(loaded) == sorted(
-        [*(f"tf2_ros_cython{one}" for one in ("", "._path", "._startup")), *finder]
+        [*(f"tf2_ros_cython{one}" for one in ("", "._installation", "._startup")), *finder]
     )
 
 

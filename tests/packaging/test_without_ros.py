@@ -66,8 +66,8 @@ class TestAnRclpyThatIsNoRos:
             (tmp_path / package / "__init__.py").touch()
             classes = "Time Header Vector3 Point Quaternion Transform TransformStamped Pose PoseStamped"
             (tmp_path / package / "msg.py").write_text(
-                "from tf2_py._objects import standins\n"
-                + "".join(f"class {one}(standins.{one}): pass\n" for one in classes.split())
+                "from tf2_py._objects import message_standins\n"
+                + "".join(f"class {one}(message_standins.{one}): pass\n" for one in classes.split())
                 + "class PointStamped: pass\nclass PoseWithCovarianceStamped: pass\n"
                 + "class Vector3Stamped: pass\n"
             )

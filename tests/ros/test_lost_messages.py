@@ -71,14 +71,14 @@ class TestInTheQueueOfTheListener:
         send(publisher, SENT)
         go_on()
         until(lambda: "Lost 8 messages" in errors_so_far())
-        monkeypatch.setattr("tf2_ros._receive.receiver.LOSS_WARNING_S", 10**6)
+        monkeypatch.setattr("tf2_ros._receive.listener_topics.LOSS_WARNING_S", 10**6)
         listener._tf2_listening.receiver.inbox.fill(None)
         send(publisher, DEPTH + 1)
         go_on()
         until(lambda: topic.lost() == (0, SENT - DEPTH + 1))
         topic._tf2_check()
         assert "Lost 1 message " not in errors_so_far()
-        monkeypatch.setattr("tf2_ros._receive.receiver.LOSS_WARNING_S", 0)
+        monkeypatch.setattr("tf2_ros._receive.listener_topics.LOSS_WARNING_S", 0)
         until(lambda: "Lost 1 message on /tf" in errors_so_far())
 
     def test_messages_that_are_taken_in_time_are_not_lost(self, topic, publisher, buffer):

@@ -21,7 +21,7 @@ from spinning import at_once, knows
 
 from tf2_ros import Buffer, TransformListener
 from tf2_ros._forking import LOCK
-from tf2_ros._shared.naming import segment_path
+from tf2_ros._shared.shared_names import segment_path
 
 pytestmark = pytest.mark.ours
 

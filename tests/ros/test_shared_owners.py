@@ -26,7 +26,7 @@ from spinning import at_once, repeated
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._receive.inbox import INBOXES
-from tf2_ros._shared.naming import segment_path
+from tf2_ros._shared.shared_names import segment_path
 
 pytestmark = pytest.mark.ours
 

@@ -13,9 +13,9 @@ from packaging.requirements import Requirement
 from paths import ROOT
 from processes import output_of
 
-from tf2_ros_cython import _path
+from tf2_ros_cython import _installation
 
-OURS = _path.PACKAGES
+OURS = _installation.PACKAGES
 SITE = Path("lib", f"python{sys.version_info.major}.{sys.version_info.minor}", "site-packages")
 PACKAGES = SITE / "tf2_ros_cython" / "packages"
 PIP_INSTALL = ("install", "--quiet", "--no-deps", "--no-index")

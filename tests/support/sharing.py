@@ -17,7 +17,7 @@ from paths import PROGRAMS
 from tf2_py import TransformException
 from tf2_ros import Buffer
 from tf2_ros._shared import owner
-from tf2_ros._shared.naming import segment_path
+from tf2_ros._shared.shared_names import segment_path
 
 _numbers = itertools.count()
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from paths import ROOT
 
-from tf2_ros_cython import _path
+from tf2_ros_cython import _installation
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -17,7 +17,7 @@ else:
     import tomli as tomllib
 
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES = (*_path.PACKAGES, "tf2_ros_cython")
+PACKAGES = (*_installation.PACKAGES, "tf2_ros_cython")
 OTHERS = ("build_backend", "bench", "tests", "examples")
 ALL = (*PACKAGES, *OTHERS)
 GENERATED = ("_built.py",)

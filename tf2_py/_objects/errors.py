@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches  # not in `closest`: a child forked meanwhile would wait for ever
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 
 NS_PER_S = 1_000_000_000
 YEAR_NS = 365 * 86400 * NS_PER_S

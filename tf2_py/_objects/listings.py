@@ -6,7 +6,7 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from tf2_py._objects.errors import NS_PER_S, class_name, seconds
-from tf2_py.text import counted, printable
+from tf2_py.printable import counted, printable
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,7 +8,7 @@ import traceback
 from typing import Any
 
 from tf2_py._objects.errors import seconds
-from tf2_py.text import printable
+from tf2_py.printable import printable
 
 # By bit of the engine's REFUSED_*: the tag that users search for, the key in statistics(), the reason.
 REFUSALS = (

@@ -8,7 +8,7 @@ try:
 except ModuleNotFoundError as missing:
     if (missing.name or "").partition(".")[0] not in ("builtin_interfaces", "geometry_msgs", "std_msgs"):
         raise
-    from tf2_py._objects.standins import (
+    from tf2_py._objects.message_standins import (
         Header,
         Point,
         Pose,

@@ -358,3 +358,15 @@ cdef inline void twist_of_point(const Transform* start, const Transform* end, do
     linear[2] += angular[0] * arm[1] - angular[1] * arm[0]
     vector_rotate(reference.rotation, linear, linear)
     vector_rotate(reference.rotation, angular, angular)
+
+
+cdef inline void twist_interval(int64_t time_ns, int64_t interval_ns, int64_t common_ns,
+                                int64_t* start_ns, int64_t* end_ns) noexcept nogil:
+    # From when to when the mean twist around a time, which is at least 1, is taken. Neither is 0, "latest".
+    # After the latest common time, only a frame with several parents has answers; its interval ends at the
+    # time, and if that has no answer, there is no twist.
+    cdef int64_t after_ns = interval_ns - interval_ns // 2
+    start_ns[0] = max(time_ns - interval_ns // 2, 1)
+    end_ns[0] = time_ns + min(after_ns, INT64_MAX - time_ns)
+    if common_ns and end_ns[0] > common_ns:
+        end_ns[0] = max(common_ns, time_ns)

@@ -1,6 +1,6 @@
 """Frozen files: write a tree to one, and map one."""
 
-# Uses: pickled_state.
+# Uses: tree_as_objects.
 
 # Only the engine calls these. `names` and `authorities`: those of the tree that are known so far.
 # Writes the content of a tree at one moment to a binary file that is at its beginning and can seek.

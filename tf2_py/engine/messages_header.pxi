@@ -1,6 +1,6 @@
 """Messages of transforms and the structs of the core, in both directions."""
 
-# Uses: layouts, times.
+# Uses: message_layouts, times.
 
 # Layouts of the classes below, None before load_layouts() has run.
 cdef Layout header_layout, vector3_layout, quaternion_layout, transform_layout

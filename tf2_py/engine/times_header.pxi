@@ -1,6 +1,6 @@
 """Times and durations as nanoseconds, and back."""
 
-# Uses: layouts.
+# Uses: message_layouts.
 
 # The layout of builtin_interfaces/Time; None before load_time() has run.
 cdef Layout time_layout

@@ -1,6 +1,6 @@
 """The wait for one lookup."""
 
-# Uses: messages, queries, engine.
+# Uses: messages, queries, engine_hooks, engine.
 
 
 @cython.final

@@ -1,11 +1,6 @@
-"""
-The topics of listeners: take their messages without an executor where no user code handles them, and say what
-was received on them, in errors, warnings and representations.
-"""
+"""Take the messages of listeners without an executor, where no user code handles them."""
 
 import os
-import time
-import weakref
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -14,131 +9,18 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import HistoryPolicy, QoSProfile
 
 from tf2_py import BufferCore
-from tf2_py._internal import log
-from tf2_py.text import counted
-from tf2_ros._fillers import ask_for_silence, note_filler
-from tf2_ros._forking import LiveObjects, is_inherited
-from tf2_ros._qos import is_latched
+from tf2_ros._forking import is_inherited
 from tf2_ros._rclpy import (
     context_was_shut_down,
     event_handlers,
-    handle_exists,
     is_ros_clock,
     on_destroy,
     report_event,
-    watch_losses,
 )
 from tf2_ros._receive.inbox import Inbox, Informed
-from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
-from tf2_ros._threads import add_owner, check_regularly
-
-# A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
-# ten times a second or more.
-SILENT_S = 3
-LOSS_WARNING_S = 60.0  # between two warnings that messages of a topic were lost, at least
-
-
-class Topic:
-    """
-    A topic of a listener.
-
-    :param attribute: of the listener, for the subscription.
-    :param method: of the listener, that is called with each message if an executor takes it.
-    :param name: to subscribe to; from then on, that of the subscription.
-    :param qos: None: the usual one of dynamic or static transforms.
-    """
-
-    def __init__(
-        self, attribute: str, method: str, name: str, qos: QoSProfile | int | None, *, is_static: bool
-    ) -> None:
-        self.attribute, self.method, self.name, self.qos = attribute, method, name, qos
-        self.is_static = is_static
-        self.is_own = True  # whether the method is TransformListener's, so that `arrivals` counts all
-        self.subscription: Any = None  # of rclpy's class or a subclass
-        self.context: Any = None  # of the subscription
-        self.arrivals = TopicArrivals()
-        self._loss_handler: Any = None
-        self._lost = 0  # on the way, as far as the middleware has reported it
-        self._warned_of = 0, 0  # lost messages, as `lost` returns them
-        self._warned_at = -LOSS_WARNING_S
-
-    def begin(self, node: Any, subscription: Any) -> None:
-        """Note the subscription, and have its lost messages counted."""
-        self.subscription, self.name = subscription, subscription.topic_name
-        self.context = getattr(node, "context", None)
-        topic = weakref.ref(self)
-
-        def note(event: Any) -> None:
-            if (this := topic()) is not None:
-                this._lost = event.total_count
-
-        # A latched topic lacks only what its publisher has replaced by a later message. The middleware
-        # reports that as lost, for example while it sends what is kept to a new subscription.
-        if not is_latched(subscription.qos_profile):
-            self._loss_handler = watch_losses(node, subscription, note)
-        check_regularly(self)
-
-    def destroy(self) -> None:
-        """Destroy the subscription, after what belongs to it."""
-        if self._loss_handler is not None:
-            self._loss_handler.destroy()
-        type(self.subscription).destroy(self.subscription)
-
-    def is_open(self) -> bool:
-        """Whether anything can be received on it."""
-        if self.subscription is None or context_was_shut_down(self.context):
-            return False
-        return handle_exists(self.subscription.handle)
-
-    def has(self, entity: object) -> bool:
-        """Whether an entity of executors is its subscription, or an event of that."""
-        return entity is self.subscription or entity in event_handlers(self.subscription)
-
-    def describe(self) -> str:
-        """Describe its name, how many messages there were, and when the last one was."""
-        count, last_ns = self.arrivals.taken()
-        facts = counted(count, "message") if count or self.is_own else "messages not counted"
-        if count:
-            facts += f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago"
-        if lost := sum(self.lost()):
-            facts += f", {lost} lost"
-        return f"{self.name}: {facts}" if self.is_open() else f"{self.name}: {facts}, ended"
-
-    def lost(self) -> tuple[int, int]:
-        """
-        Return how many messages were lost on the way here, and how many in the queue of the subscription.
-
-        The middleware reports the former, if it can; of a latched topic, they are not counted. The latter are
-        those that newer ones have displaced; they are not known where an executor takes the messages.
-        """
-        if self._loss_handler is not None:
-            report_event(self._loss_handler)
-        return self._lost, self.arrivals.overwritten()
-
-    def _tf2_check(self) -> None:
-        """Warn if messages were lost since the last warning."""
-        lost, now = self.lost(), time.monotonic()
-        if lost == self._warned_of or now - self._warned_at < LOSS_WARNING_S:
-            return
-        on_the_way, overwritten = (one - before for one, before in zip(lost, self._warned_of, strict=True))
-        self._warned_of, self._warned_at = lost, now
-        if overwritten:
-            option = "static_qos" if self.is_static else "qos"
-            depth = self.subscription.qos_profile.depth
-            self._warn(
-                overwritten,
-                f"newer ones have displaced them in the queue, whose depth is {depth}. Give the listener a "
-                f"deeper one, for example {option}={max(10 * depth, 100)}",
-            )
-        if on_the_way:
-            self._warn(
-                on_the_way,
-                "they did not reach the listener. Make listener and publishers reliable, and give the "
-                "publishers deeper queues",
-            )
-
-    def _warn(self, count: int, why: str) -> None:
-        log.logger("tf2_ros").warning(f"Lost {counted(count, 'message')} on {self.name}: {why}")
+from tf2_ros._receive.listener_topics import Topic, describe_topics
+from tf2_ros._receive.subscriptions import Subscriptions
+from tf2_ros._threads import add_owner
 
 
 class ListenerGroup(ReentrantCallbackGroup):
@@ -289,62 +171,3 @@ class Listening:
         # A Receiver, or what the buffer has in place of one, with the methods that the listener calls.
         # Another thread may replace it.
         self.receiver: Any = None
-
-
-_listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener
-_watchers: LiveObjects[Any] = LiveObjects()
-
-
-def watch_listeners(watcher: Any) -> None:
-    """Call ``_tf2_check()`` of an object whenever a listener fills a buffer that it did not fill before."""
-    _watchers.add(watcher)
-
-
-def note_listener(listener: Any) -> None:
-    """Note that a TransformListener fills its buffer from now on."""
-    buffer = listener.buffer
-    _listeners.add(listener)
-    # A subclass that does not call __init__ may not have a node yet.
-    note_filler(getattr(listener, "node", None), buffer, listener._tf2_listening.call_queue)
-    if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
-        ask_for_silence(buffer, _silence)
-    for watcher in _watchers:
-        watcher._tf2_check()
-
-
-def open_topics(buffer: object) -> list[Topic]:
-    """The topics on which the listeners of a buffer can receive anything."""
-    listeners = [one for one in _listeners if getattr(one, "buffer", None) is buffer]
-    return [topic for listener in listeners for topic in listener._tf2_listening.topics if topic.is_open()]
-
-
-def describe_topics(topics: Sequence[Topic]) -> str:
-    """Describe the topics with a subscription of rclpy's."""
-    return "; ".join([topic.describe() for topic in topics if topic.subscription is not None])
-
-
-def _silence(buffer: object) -> tuple[str, str]:
-    # What BufferCore._ask_for_silence expects.
-    topics = [topic for topic in open_topics(buffer) if topic.is_own]
-    return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
-
-
-def _silent(topics: Sequence[Topic]) -> str:
-    """Describe the silent ones of these topics in a clause without commas; ``""`` if there are none."""
-    # Several listeners may receive on one topic.
-    lasts: dict[str, int] = {}
-    for topic in topics:
-        lasts[topic.name] = max(lasts.get(topic.name, 0), topic.arrivals.taken()[1])
-    static = {topic.name for topic in topics if topic.is_static}
-    parts = []
-    for name, last_ns in lasts.items():
-        silent_s = (time.monotonic_ns() - last_ns) // 10**9
-        if last_ns == 0:
-            parts.append(f"on {name}")
-        elif silent_s >= SILENT_S and name not in static:  # static transforms are sent once
-            parts.append(f"on {name} for {silent_s} s")
-    return "nothing has been received " + " and ".join(parts) if parts else ""
-
-
-# A forked child receives nothing through its parent's listeners, and may make its own for the same buffers.
-os.register_at_fork(after_in_child=_listeners.clear)

@@ -12,16 +12,16 @@ from typing import Any
 from rclpy.logging import get_logger
 
 from tf2_py._internal import log
-from tf2_py.text import counted
+from tf2_py.printable import counted
 from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._node_lifetimes import node_has_ended
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import is_node, is_simulated
 from tf2_ros._receive.inbox import Informed
-from tf2_ros._receive.receiver import LOSS_WARNING_S, Topic
-from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
+from tf2_ros._receive.listener_topics import LOSS_WARNING_S, Topic
 from tf2_ros._shared.owner import is_owned, opened, read_description
 from tf2_ros._shared.ring import PolledInbox, RingReader
+from tf2_ros._shared.shared_names import VARIABLE, SharedBufferError, buffer_name, is_wanted, segment_path
 from tf2_ros._threads import THREAD_END_WAIT_S, add_owner, call_logged, start
 from tf2_ros._wait.call_runners import hand_over_for
 

@@ -21,12 +21,12 @@ from pathlib import Path
 from typing import Any
 
 from tf2_py._internal import log
-from tf2_py.text import counted
+from tf2_py.printable import counted
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_simulated
-from tf2_ros._receive.receiver import open_topics, watch_listeners
-from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
+from tf2_ros._receive.silent_topics import open_topics, watch_listeners
 from tf2_ros._shared.ring import RingWriter
+from tf2_ros._shared.shared_names import FOLDER, SharedBufferError, segment_path
 from tf2_ros._threads import check_regularly
 
 # Of the file, which takes memory only for what it holds. At least, the ring has 1 MiB.

@@ -69,7 +69,7 @@ from tf2_ros._receive.inbox cimport (
     inbox_is_awaited,
     parcel_reserve,
 )
-from tf2_ros._shared.memory cimport futex_wait, futex_wake, give_back
+from tf2_ros._shared.futex cimport futex_wait, futex_wake, give_back
 
 import os
 

@@ -12,9 +12,9 @@ from functools import partial
 
 from tf2_py import BufferCore, TimeoutException
 from tf2_py._internal import log
-from tf2_ros_cython import _presence
+from tf2_ros_cython import _ros_presence
 
-if _presence.HAS_ROS:
+if _ros_presence.HAS_ROS:
     from tf2_ros._rclpy import wakes_executor
 
 cdef enum:
@@ -139,7 +139,7 @@ class Waker:
 
 cdef bint _only_wakes(callback) except -1:
     # Whether a done callback runs no user code: ours, or one by which an executor wakes itself.
-    return isinstance(callback, Waker) or (_presence.HAS_ROS and wakes_executor(callback))
+    return isinstance(callback, Waker) or (_ros_presence.HAS_ROS and wakes_executor(callback))
 
 
 cdef class FutureEnding(Ending):

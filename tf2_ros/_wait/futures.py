@@ -1,4 +1,4 @@
-"""Complete futures of transforms, wake the tasks and asyncio loops that await them, and follow changes."""
+"""Complete futures of transforms, and wake the tasks and asyncio loops that await them."""
 
 import os
 import time
@@ -12,16 +12,16 @@ from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._fillers import Shutdown
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited
-from tf2_ros._loops import running_loop
-from tf2_ros._transform_messages import TransformStamped
+from tf2_ros._message_classes import TransformStamped
+from tf2_ros._running_loop import running_loop
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.endings import Waker, notify
-from tf2_ros_cython._presence import HAS_ROS
+from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._rclpy import running_task
     from tf2_ros._wait.call_queue import end_for
-    from tf2_ros._wait.tasks import BaseFuture, SleepingTask
+    from tf2_ros._wait.executor_tasks import BaseFuture, SleepingTask
 else:
     from tf2_ros._without_ros import BaseFuture, SleepingTask, end_for, running_task
 
@@ -314,34 +314,3 @@ class _ClockCheck:
         if future is not None:
             self._check_later()
             future.retry()
-
-
-class Changes:
-    """
-    An asynchronous iterator over the transforms between two frames, each when it is new.
-
-    :param buffer: kept alive by this.
-    """
-
-    def __init__(self, buffer: BufferCore, target_frame: str, source_frame: str) -> None:
-        self._buffer, self._frames = buffer, (target_frame, source_frame)
-        self._begun: Any = None  # the latest wait
-        self._delivered: Any = None  # the wait that had the transform delivered last
-
-    def __aiter__(self) -> "Changes":
-        return self
-
-    async def __anext__(self) -> TransformStamped:
-        future = TransformFuture(self._buffer, self._begin)
-        try:
-            found = await future
-        except TimeoutException:  # without a timeout: a shutdown
-            raise StopAsyncIteration from None
-        finally:
-            future.cancel()  # after a cancelled step, what this refers to would go on waiting
-        self._delivered = self._begun
-        return found
-
-    def _begin(self, core: BufferCore, notify: Callable[[Any], Any]) -> Any:
-        self._begun = BufferCore._wait(core, *self._frames, 0, notify=notify, after=self._delivered)
-        return self._begun

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import Recording

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools import foxglove_messages
 from tf2_ros_tools.output import require
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import LookupException
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools.bag_loader import TOPICS, PoseTopics, Topics, Urdfs
 from tf2_ros_tools.bag_reader import BagError
 from tf2_ros_tools.fleet import Recordings, map_recordings

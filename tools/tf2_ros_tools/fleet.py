@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from tf2_py import BufferCore, LookupException, TransformException
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools.bag_cache import Cached, state_of
 from tf2_ros_tools.bag_loader import (
     TOPICS,

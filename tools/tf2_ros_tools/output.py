@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from tf2_py.files import whole_file
-from tf2_py.text import printable
+from tf2_py.printable import printable
 
 MOST_NAMES = 5  # in a list
 

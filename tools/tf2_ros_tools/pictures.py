@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import FrameInfo, stored_name
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools.findings import Finding, Limits, delay_label, longest_interval, rate_label
 from tf2_ros_tools.output import not_known, require, write_whole
 from tf2_ros_tools.program import RunError, UsageError, format_of

@@ -23,7 +23,7 @@ from textwrap import fill
 from types import FrameType
 from typing import Any, NoReturn
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools.output import MissingLibraryError
 
 SUCCESS = 0

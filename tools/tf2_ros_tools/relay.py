@@ -25,7 +25,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, FrameInfo, TransformException, stored_name
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros import TransformBroadcaster
 from tf2_ros_tools.listening import Pace
 from tf2_ros_tools.output import not_known

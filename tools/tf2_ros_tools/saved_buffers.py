@@ -17,7 +17,7 @@ import numpy as np
 
 from tf2_py import BufferCore
 from tf2_py.files import whole_file
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros import Buffer
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.output import require

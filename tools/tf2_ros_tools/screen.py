@@ -14,7 +14,7 @@ from textual.binding import Binding
 from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Footer, Input, Static
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools.findings import milliseconds, rate_text
 from tf2_ros_tools.listening import Report
 from tf2_ros_tools.output import counted

@@ -18,7 +18,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.output import counted, first_names
 from tf2_ros_tools.program import UsageError

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import stored_name
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros.numpy import to_matrix
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.output import first_names

@@ -11,7 +11,7 @@ from reliability.fuzz.reading import Input
 from reliability.fuzz.targets import cdr
 from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._shared import owner as sharing
-from tf2_ros._shared.naming import segment_path
+from tf2_ros._shared.shared_names import segment_path
 
 _numbers = itertools.count()
 # As in tf2_ros/_shared/ring.pyx: the head, the description, the ring.

@@ -27,7 +27,7 @@ from travelling import everything
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer
-from tf2_ros_cython._path import PACKAGES
+from tf2_ros_cython._installation import PACKAGES
 
 FRAMES = ("map", "odom", "base", "camera", "nobody")
 NOBODY, ENGINE = 0, 1  # of `interposed/allocations.c`

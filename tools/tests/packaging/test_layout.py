@@ -85,13 +85,13 @@ def test_the_tools_use_names_of_the_core_that_its_reference_lists():
 @pytest.mark.parametrize(
     "code",
     [
-        "from tf2_py.text import counted as number",
-        "import tf2_py.text\ntf2_py.text.counted(1, 'x')",
-        "import tf2_py.text as t\nt.counted(1, 'x')",
+        "from tf2_py.printable import counted as number",
+        "import tf2_py.printable\ntf2_py.printable.counted(1, 'x')",
+        "import tf2_py.printable as t\nt.counted(1, 'x')",
     ],
 )
 def test_an_unlisted_name_is_noticed(code):
-    assert used(ast.parse(code)) - listed() == {"tf2_py.text.counted"}
+    assert used(ast.parse(code)) - listed() == {"tf2_py.printable.counted"}
 
 
 def test_no_modules_import_each_other_in_a_circle():

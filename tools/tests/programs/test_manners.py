@@ -279,7 +279,8 @@ def test_another_tf2_py_is_named(folder):
     (folder / "tf2_py.py").write_text("")
     done = run(sys.executable, "-c", "import tf2_ros_tools.programs.tf2_echo", cwd=folder)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
-    assert done.stderr.startswith("No module named 'tf2_py.text'; 'tf2_py' is not a package; tf2_which shows")
+    missing = "No module named 'tf2_py.printable'; 'tf2_py' is not a package"
+    assert done.stderr.startswith(f"{missing}; tf2_which shows")
 
 
 # Names: they cannot steer the terminal, nor pretend to be a line of the program.

@@ -9,7 +9,7 @@ if find_spec("tf2_ros_cython") is None:
     )
 
 try:
-    import tf2_py.text  # noqa: F401
+    import tf2_py.printable  # noqa: F401
 except ImportError as lack:
     # Another tf2_py, or ours for another Python.
     raise SystemExit(f"{lack}; tf2_which shows which tf2_py is imported") from None

@@ -10,7 +10,7 @@ from math import hypot, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, finite_number, run
 from tf2_ros_tools.yaml_files import Key, frame_name, number_in, read_keys, read_list
 

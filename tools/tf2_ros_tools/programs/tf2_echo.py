@@ -10,7 +10,7 @@ from functools import partial
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools.output import first_names, rpy_from_matrices, show, show_json
 from tf2_ros_tools.program import (
     FAILURE,

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools.program import SUCCESS, Parser, run
 
 DESCRIPTION = """\

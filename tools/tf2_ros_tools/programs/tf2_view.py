@@ -9,7 +9,7 @@ from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros_tools.output import not_known, write_whole
 from tf2_ros_tools.program import SUCCESS, Parser, RunError, ending_in, run
 

@@ -10,7 +10,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
-from tf2_py.text import printable
+from tf2_py.printable import printable
 from tf2_ros._rclpy import call_after, event_handlers
 from tf2_ros._threads import check_regularly
 

@@ -12,8 +12,8 @@ cdef inline PyObject** slot_at(object message, Py_ssize_t offset):
 
 @cython.final
 cdef class Layout:
-    # The offsets of the fields of one message class. layouts.pxi lists what this assumes of the class;
-    # `by_slot` is True if that holds. Otherwise constructor and attributes are used.
+    # The offsets of the fields of one message class. message_layouts.pxi lists what this assumes of the
+    # class; `by_slot` is True if that holds. Otherwise constructor and attributes are used.
     cdef readonly object message_class
     cdef readonly tuple fields                  # public names, in the order of the index arguments below
     cdef readonly bint by_slot

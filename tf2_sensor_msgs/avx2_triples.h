@@ -1,4 +1,4 @@
-/* Transform triples of coordinates with the vector registers of AVX2; see _wide.pxd.
+/* Transform triples of coordinates with the vector registers of AVX2; see _avx2_triples.pxd.
 
    Products and sums are those of the plain loop, in double precision and in the same order: the same bits. */
 

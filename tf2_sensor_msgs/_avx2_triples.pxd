@@ -1,10 +1,10 @@
-"""Transform triples of coordinates with the vector registers of AVX2: what wide.h has."""
+"""Transform triples of coordinates with the vector registers of AVX2: what avx2_triples.h has."""
 
 from libc.stddef cimport ptrdiff_t
 from libc.stdint cimport int64_t
 
 
-cdef extern from "tf2_sensor_msgs/wide.h":
+cdef extern from "tf2_sensor_msgs/avx2_triples.h":
     bint wide_is_supported() noexcept nogil     # whether the machine can do what follows
     # x y z lie beside each other, in this machine's byte order, at the start of each of `count` points that
     # do not overlap. `source` and `target` may be the same if the steps are equal; otherwise `target_step` is

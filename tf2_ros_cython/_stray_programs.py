@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tf2_ros_cython import _path
+from tf2_ros_cython import _installation
 
 _ORIGIN = "import importlib.util as u; found = u.find_spec('tf2_ros'); print(found and found.origin)"
 
@@ -27,10 +27,10 @@ def strays() -> dict[str, tuple[str, list[Path]]]:
 
 def _programs() -> list[Path]:
     """Where colcon puts those of the workspaces, which are all prefixes but the distribution's."""
-    distribution = _path.distribution_prefix()
+    distribution = _installation.distribution_prefix()
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     folders = [Path(prefix, "lib") for prefix in prefixes if prefix]
-    of_workspaces = [folder for folder in folders if not _path.lies_in(str(folder), distribution)]
+    of_workspaces = [folder for folder in folders if not _installation.lies_in(str(folder), distribution)]
     return [path for folder in of_workspaces for path in sorted(folder.glob("*/*")) if path.is_file()]
 
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tf2_ros_cython._presence import HAS_ROS, absence
+from tf2_ros_cython._ros_presence import HAS_ROS, absence
 
 VARIABLE = "TF2_SHARED_BUFFER"
 AUTO = "auto"  # the name that belongs to the ROS domain

@@ -1,0 +1,168 @@
+"""Between which times a transform changes nearly linearly: bounds of its rates, and the times."""
+
+# Between two samples, a frame turns and moves at constant rates. So how far a transform differs from a linear
+# change between two times is at most an eighth of the squared time between them, times the largest second
+# derivative. That follows from the rates, and does not miss what happens between times that are looked at.
+
+cdef struct Rates:
+    # Of frames that are nested in each other, from the innermost to the outermost: upper bounds.
+    double turn         # rad/s
+    double distance     # of the innermost origin from the outermost frame, meters
+    double speed        # of that origin, m/s
+    double acceleration     # m/s^2
+
+
+cdef void _add_inner(Rates* rates, const History* history, int64_t begin_ns, int64_t end_ns) noexcept nogil:
+    # Adds a frame within these, which has no stamp between the two times.
+    cdef const Sample* older
+    cdef const Sample* newer
+    cdef double moved[3]
+    cdef double turned[3]
+    cdef double distance = vector_length(history_newest_transform(history).translation)
+    cdef double speed = 0.0
+    cdef double turn = 0.0
+    cdef double per_s
+    cdef uint32_t i
+    cdef int k
+    if history.kind == HISTORY_DYNAMIC and history.count > 1:
+        # After the newest sample, the last two are those that an extrapolation continues.
+        i = min(max(history_first_after(history, begin_ns), 1), history.count - 1)
+        older = &history.samples[history_slot(history, i - 1)]
+        newer = &history.samples[history_slot(history, i)]
+        per_s = 1e9 / <double>max(history.stamps[history_slot(history, i)]
+                                  - history.stamps[history_slot(history, i - 1)], <int64_t>1)
+        for k in range(3):
+            moved[k] = newer.transform.translation[k] - older.transform.translation[k]
+        rotation_vector_between(older.transform.rotation, newer.transform.rotation, turned)
+        speed = vector_length(moved) * per_s
+        turn = vector_length(turned) * per_s
+        distance = max(vector_length(older.transform.translation), vector_length(newer.transform.translation))
+        distance += speed * 1e-9 * <double>max(end_ns - history.newest_ns, <int64_t>0)
+    # What is outside turns this origin.
+    rates.acceleration += rates.turn * (rates.turn * distance + 2.0 * speed)
+    rates.speed += rates.turn * distance + speed
+    rates.distance += distance
+    rates.turn += turn
+
+
+cdef double _pieces(const PinnedLookup* pinned, int64_t begin_ns, int64_t end_ns, double turn,
+                    double move) noexcept nogil:
+    # How many are needed between two stamps. At least two, so that also a time between samples is looked up,
+    # where they may be too far apart.
+    cdef const Path* path = &pinned.path
+    cdef Rates source, target
+    cdef double per_s, acceleration
+    cdef uint32_t i
+    memset(&source, 0, sizeof(Rates))
+    memset(&target, 0, sizeof(Rates))
+    for i in range(path.source_hops):
+        _add_inner(&source, &pinned.histories[path.source_hops - 1 - i], begin_ns, end_ns)
+    for i in range(path.target_hops):
+        _add_inner(&target, &pinned.histories[pinned.hops - 1 - i], begin_ns, end_ns)
+    # The source in the target: the difference of both, turned back by the target.
+    acceleration = source.acceleration + target.acceleration + target.turn * (
+        target.turn * (source.distance + target.distance) + 2.0 * (source.speed + target.speed))
+    per_s = sqrt(max((source.turn + target.turn) * (source.turn + target.turn) / (8.0 * turn),
+                     acceleration / (8.0 * move)))
+    return max(ceil(per_s * 1e-9 * <double>(end_ns - begin_ns)), 2.0)
+
+
+cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, int64_t first_ns,
+                             int64_t last_ns, double turn, double move, Py_ssize_t most, int64_t** knots_ns,
+                             Status* status) noexcept nogil:
+    cdef PinnedLookup pinned
+    cdef Py_ssize_t count = SERIES_UNSTEADY
+    cdef int64_t* stamps_ns = NULL
+    knots_ns[0] = NULL
+    pinned.has_fixed = False
+    pinned.hops = pinned.path.source_hops = pinned.path.target_hops = 0
+    lock_acquire(lock)
+    status[0] = query_find_frames(tree, query, &pinned.frames)
+    pinned.by_batches = status.code == STATUS_OK and (query_is_identity(query)
+                                                      or _find_path(tree, query, &pinned))
+    if pinned.by_batches:
+        _pin_path(tree, &pinned)
+    lock_release(lock)
+    if not pinned.by_batches:
+        return SERIES_BAD_NAME if status.code != STATUS_OK else SERIES_UNSTEADY
+    count = _stamps_between(&pinned, first_ns, last_ns, most, &stamps_ns)
+    if count > 0:
+        count = _knots_between(&pinned, stamps_ns, count, turn, move, most, knots_ns)
+    free(stamps_ns)
+    _unpin_lookup(&pinned)
+    return count
+
+
+cdef Py_ssize_t _stamps_between(const PinnedLookup* pinned, int64_t first_ns, int64_t last_ns,
+                                Py_ssize_t most, int64_t** stamps_ns) noexcept nogil:
+    # The two times, and the stamps of the frames between them. Returns as series_knots.
+    cdef uint32_t begins[LONG_PATH]
+    cdef uint32_t ends[LONG_PATH]
+    cdef uint32_t i, k
+    cdef Py_ssize_t count = 2
+    cdef int64_t stamp_ns, last_stamp_ns
+    for i in range(pinned.hops):
+        begins[i] = ends[i] = 0
+        if pinned.histories[i].kind == HISTORY_DYNAMIC:
+            begins[i] = history_first_after(&pinned.histories[i], first_ns)
+            ends[i] = max(history_first_after(&pinned.histories[i], last_ns), begins[i])
+        if ends[i] - begins[i] > most:
+            return SERIES_UNSTEADY
+        count += ends[i] - begins[i]
+    stamps_ns[0] = <int64_t*>malloc(count * sizeof(int64_t))
+    if stamps_ns[0] == NULL:
+        return SERIES_NO_MEMORY
+    stamps_ns[0][0] = first_ns
+    stamps_ns[0][1] = last_ns
+    count = 2
+    for i in range(pinned.hops):
+        last_stamp_ns = first_ns
+        for k in range(begins[i], ends[i]):
+            stamp_ns = pinned.histories[i].stamps[history_slot(&pinned.histories[i], k)]
+            if stamp_ns == last_stamp_ns:
+                return SERIES_UNSTEADY
+            stamps_ns[0][count] = last_stamp_ns = stamp_ns
+            count += 1
+    return _sort_once(stamps_ns[0], count)
+
+
+cdef Py_ssize_t _knots_between(const PinnedLookup* pinned, const int64_t* stamps_ns, Py_ssize_t count,
+                               double turn, double move, Py_ssize_t most, int64_t** knots_ns) noexcept nogil:
+    # Returns as series_knots; from at least one stamp.
+    cdef Py_ssize_t filled = 0
+    cdef Py_ssize_t i
+    cdef int64_t span_ns, pieces, k
+    cdef double wanted
+    knots_ns[0] = <int64_t*>malloc((most + 1) * sizeof(int64_t))
+    if knots_ns[0] == NULL:
+        return SERIES_NO_MEMORY
+    for i in range(count - 1):
+        wanted = _pieces(pinned, stamps_ns[i], stamps_ns[i + 1], turn, move)
+        if not wanted <= <double>(most - filled - 1):
+            return SERIES_UNSTEADY
+        pieces = <int64_t>wanted
+        span_ns = stamps_ns[i + 1] - stamps_ns[i]
+        for k in range(pieces):
+            # In two terms, because the product of all might overflow.
+            knots_ns[0][filled] = stamps_ns[i] + span_ns // pieces * k + span_ns % pieces * k // pieces
+            filled += 1
+    knots_ns[0][filled] = stamps_ns[count - 1]
+    return filled + 1
+
+
+cdef int _compare(const void* a, const void* b) noexcept nogil:
+    cdef int64_t first = (<const int64_t*>a)[0]
+    cdef int64_t second = (<const int64_t*>b)[0]
+    return (first > second) - (first < second)
+
+
+cdef Py_ssize_t _sort_once(int64_t* values, Py_ssize_t count) noexcept nogil:
+    # Ascending, without repetitions. Returns how many are left.
+    cdef Py_ssize_t kept = 1
+    cdef Py_ssize_t i
+    qsort(values, count, sizeof(int64_t), _compare)
+    for i in range(1, count):
+        if values[i] != values[kept - 1]:
+            values[kept] = values[i]
+            kept += 1
+    return kept

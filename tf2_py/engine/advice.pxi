@@ -1,0 +1,80 @@
+"""What error texts say of unknown names and of silent topics."""
+
+cdef enum:
+    MOST_COMPARED = 200         # known names: comparing takes some 20 us for each, with the GIL held
+    MOST_REMEMBERED = 64        # suggestions
+
+cdef int64_t SILENCE_NS = 100000000         # how often the topics are checked while nothing is new
+
+
+cdef class Advice:
+    """What the errors of one buffer say beyond what has failed."""
+
+    def __cinit__(self):
+        self._silence = ("", "")
+        self._suggestions = {}
+
+    cdef int ask(self, object find_silence) except -1:
+        self._find_silence = find_silence
+        self._silence_until_ns = 0
+        return 0
+
+    cdef int begin(self, object buffer, size_t count) except -1:
+        # New names were received on some topic.
+        if count != self._count:
+            self.forget()
+        if count != self._count or monotonic_ns() >= self._silence_until_ns:
+            self._count = count
+            self._look_for_silence(buffer)
+        return 0
+
+    cdef str unknown(self, str name, str argument, str call, object list_names):
+        text = str(bad_name(name, argument, call))
+        for sentence in (self.suggestion(name, list_names), self._state()):
+            if sentence:
+                text += f"{'' if text.endswith('?') else '.'} {sentence}"
+        return text
+
+    cdef str suggestion(self, str name, object list_names):
+        # If the names change meanwhile, this dict is not used any more.
+        cdef dict suggestions = self._suggestions
+        if not 0 < self._count <= MOST_COMPARED:
+            return ""
+        if name not in suggestions:
+            found = errors.closest(name, list_names())
+            text = f"Did you mean {' or '.join([f'[{printable(one)}]' for one in found])}?" if found else ""
+            if len(suggestions) >= MOST_REMEMBERED:
+                suggestions.clear()
+            suggestions[name] = text
+        return suggestions[name]
+
+    cdef object with_silence(self, object error, object buffer, bint dynamic_only):
+        if self._silence[dynamic_only]:
+            # The error describes the present content of the buffer, and must not contradict itself.
+            self._look_for_silence(buffer)
+        silence = self._silence[dynamic_only]
+        if not silence:
+            return error
+        text = str(error)
+        added = f" {_sentence(silence)}" if text.endswith((".", "?")) else f"; {silence}"
+        return type(error)(text + added)
+
+    cdef int forget(self) except -1:
+        self._suggestions = {}
+        return 0
+
+    cdef int _look_for_silence(self, object buffer) except -1:
+        self._silence_until_ns = monotonic_ns() + SILENCE_NS
+        if self._find_silence is not None:
+            self._silence = self._find_silence(buffer)
+        return 0
+
+    cdef str _state(self):
+        silence = self._silence[0]
+        if self._count == 0:
+            return f"The buffer is empty: {silence}" if silence else "The buffer is empty"
+        return _sentence(silence)
+
+
+cdef str _sentence(str clause):
+    return clause[:1].upper() + clause[1:]

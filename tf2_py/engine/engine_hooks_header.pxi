@@ -1,0 +1,41 @@
+"""What an engine calls: before it is read, when it is written, and when a waiter has an answer."""
+
+# Uses: no chapter.
+
+cdef enum:
+    RECENTLY = 2    # of ReadHook.read
+
+
+cdef class ReadHook:
+    # Holds what has arrived for an engine until somebody reads the engine, or a waiter needs it. The words
+    # are read and written without a lock, in any thread (sync_header.pxi).
+    cdef ReadHook following         # the next one of the same engine
+    cdef uint32_t* pending          # not 0: something may have arrived
+    cdef uint32_t* armed            # not 0: what arrives is to be inserted at once
+    cdef uint32_t* read             # set to RECENTLY by each read; an inbox may count down
+    # Inserts all that has arrived. It runs no user code, and nothing that waits for the GIL.
+    cdef int drain(self) except -1
+    # The engine is being destroyed: it must not be used any more.
+    cdef void engine_ended(self) noexcept
+
+
+cdef class Tap:
+    # Copies what an engine receives. Its methods are called without the engine's lock.
+    # A batch is about to be inserted, by a program or an inbox; it includes what will be refused. Perhaps
+    # without the GIL, and by several threads.
+    cdef void copy(self, const Batch* batch) noexcept nogil
+    # A program has removed every dynamic transform; or, with a name, all of one frame. With the GIL.
+    cdef void removed(self, const char* name, size_t size) noexcept
+    # Whether the copies of what inboxes insert are wanted at once.
+    cdef bint is_wanted(self) noexcept nogil
+
+
+cdef class WaiterOwner:
+    # The base of what waits with a Waiter. It holds its engine, and removes the waiter before it is
+    # destroyed.
+    # Called with the GIL and without the lock, when the waiter has an answer and has been removed; again if
+    # it raises.
+    # Returns a callable that runs a user's code, to be called later, or None; the callable also returns one.
+    cdef object deliver(self)
+    # One line: what it waits for, and what it lacks at the moment.
+    cpdef str lacks(self)

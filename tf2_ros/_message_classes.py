@@ -1,0 +1,46 @@
+"""Provide the message classes of ROS, or simple classes with the same fields; read and make messages."""
+
+from typing import TYPE_CHECKING, Any
+
+from tf2_py._internal import message_classes, stamp_parts
+
+if TYPE_CHECKING:  # what type checkers know of them
+    from builtin_interfaces.msg import Time as Time
+    from geometry_msgs.msg import Pose as Pose
+    from geometry_msgs.msg import PoseStamped as PoseStamped
+    from geometry_msgs.msg import Quaternion as Quaternion
+    from geometry_msgs.msg import Transform as Transform
+    from geometry_msgs.msg import TransformStamped as TransformStamped
+    from std_msgs.msg import Header as Header
+else:
+    globals().update({name: getattr(message_classes, name) for name in message_classes.__all__})
+
+
+def time_msg(time: Any, argument: str) -> Time:
+    """
+    The time message of a time; it raises as ``tf2_py._internal.stamp_parts``.
+
+    :param argument: its name in errors.
+    """
+    sec, nanosec = stamp_parts(time, argument)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def parts_of(msg: Any) -> tuple[Any, Any]:
+    """
+    The two fields of a transform or a pose, stamped or not, that are its translation and its rotation.
+
+    :raises TypeError: it is neither.
+    """
+    inner = getattr(msg, "transform", getattr(msg, "pose", msg))
+    if hasattr(inner, "translation"):
+        return inner.translation, inner.rotation
+    if hasattr(inner, "position"):
+        return inner.position, inner.orientation
+    raise TypeError(f"expected a TransformStamped, Transform, PoseStamped or Pose, got {type(msg).__name__}")
+
+
+def numbers_of(msg: Any) -> tuple[float, ...]:
+    """The translation and the rotation, x y z x y z w, of a transform or a pose; see :func:`parts_of`."""
+    v, q = parts_of(msg)
+    return (v.x, v.y, v.z, q.x, q.y, q.z, q.w)

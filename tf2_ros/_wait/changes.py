@@ -1,0 +1,39 @@
+"""Iterate over the changes of a transform."""
+
+from collections.abc import Callable
+from typing import Any
+
+from tf2_py import BufferCore, TimeoutException
+from tf2_ros._message_classes import TransformStamped
+from tf2_ros._wait.futures import TransformFuture
+
+
+class Changes:
+    """
+    An asynchronous iterator over the transforms between two frames, each when it is new.
+
+    :param buffer: kept alive by this.
+    """
+
+    def __init__(self, buffer: BufferCore, target_frame: str, source_frame: str) -> None:
+        self._buffer, self._frames = buffer, (target_frame, source_frame)
+        self._begun: Any = None  # the latest wait
+        self._delivered: Any = None  # the wait that had the transform delivered last
+
+    def __aiter__(self) -> "Changes":
+        return self
+
+    async def __anext__(self) -> TransformStamped:
+        future = TransformFuture(self._buffer, self._begin)
+        try:
+            found = await future
+        except TimeoutException:  # without a timeout: a shutdown
+            raise StopAsyncIteration from None
+        finally:
+            future.cancel()  # after a cancelled step, what this refers to would go on waiting
+        self._delivered = self._begun
+        return found
+
+    def _begin(self, core: BufferCore, notify: Callable[[Any], Any]) -> Any:
+        self._begun = BufferCore._wait(core, *self._frames, 0, notify=notify, after=self._delivered)
+        return self._begun

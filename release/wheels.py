@@ -71,7 +71,7 @@ OF_SOURCES_OF_TOOLS = {
     "packaging/test_packaging.py": "builds the project",
     "packaging/test_typing.py": "reads the sources",
     "packaging/test_without_ros.py": "reads the sources",
-    "programs/test_manners.py": "reads the sources",
+    "programs/test_all_programs.py": "reads the sources",
 }
 
 

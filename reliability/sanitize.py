@@ -53,7 +53,7 @@ ros/test_rclpy_inside ros/test_receiver ros/test_reception ros/test_shared_liste
 ros/test_shared_owners ros/test_shared_reading ros/test_starvation ros/test_transform_listener
 ros/test_waiting ros/test_waiting_random
 """.split()
-THREADED_OF_TOOLS = ["tests/programs/test_recording.py"]
+THREADED_OF_TOOLS = ["tests/programs/test_received_records.py"]
 # These first: whoever breaks the engine learns it within minutes.
 CORE = ("tests/core/test_*.py",)
 

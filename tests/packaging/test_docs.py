@@ -145,7 +145,7 @@ def test_the_commands_of_a_page_name_targets_files_and_extras_that_exist(page):
 
 
 def test_the_figures_of_lookups_are_those_of_the_results():
-    rows = output_of(ROOT / "docs" / "speed.py", cwd=ROOT).splitlines()
+    rows = output_of(ROOT / "docs" / "speed_figures.py", cwd=ROOT).splitlines()
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
     assert [row for row in rows if row not in page] == []
 
@@ -153,11 +153,11 @@ def test_the_figures_of_lookups_are_those_of_the_results():
 @by_name
 def test_the_tables_of_a_page_are_what_the_sources_say(page):
     text = page.read_text(encoding="utf-8")
-    assert runpy.run_path(str(ROOT / "docs" / "tables.py"))["with_tables"](text) == text
+    assert runpy.run_path(str(ROOT / "docs" / "source_tables.py"))["with_tables"](text) == text
 
 
 def test_the_types_in_the_reference_are_what_the_sources_say():
-    tables = runpy.run_path(str(ROOT / "docs" / "tables.py"))
+    tables = runpy.run_path(str(ROOT / "docs" / "source_tables.py"))
     text = tables["REFERENCE"].read_text(encoding="utf-8")
     assert tables["with_types"](text) == text
 

@@ -57,7 +57,7 @@ LENGTHS = ("1 hop", "4 hops", "10 hops")
     ],
 )
 def test_how_much_faster_lookups_are_is_in_the_results(page, pattern, hops):
-    speed = runpy.run_path(str(ROOT / "docs" / "speed.py"))
+    speed = runpy.run_path(str(ROOT / "docs" / "speed_figures.py"))
     lines = {line.replace("4 hops", number): line for line in speed["LOOKUPS"].values() for number in hops}
     speed["LOOKUPS"].clear()
     speed["LOOKUPS"].update({line: line for line in lines})

@@ -127,6 +127,6 @@ def test_a_chapter_uses_those_before_it_and_says_which(module):
 
 
 def test_the_drawing_on_the_page_is_what_the_sources_import_and_cimport():
-    drawn = runpy.run_path(str(ROOT / "docs" / "imports.py"))["drawing"]()
+    drawn = runpy.run_path(str(ROOT / "docs" / "import_graph.py"))["drawing"]()
     page = INTERNALS.read_text(encoding="utf-8")
     assert f"```text\n{drawn}\n```" in page, f"put this into docs/development/internals.md:\n{drawn}"

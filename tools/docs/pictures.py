@@ -32,7 +32,7 @@ TOOLS = Path(__file__).resolve().parent.parent
 ROOT = TOOLS.parent
 DEMO = ROOT / "examples" / "demo.py"
 ROBOT = [sys.executable, DEMO, "broadcast"]  # ends by itself after 18 s
-FAULTS = [sys.executable, TOOLS / "docs" / "faults.py"]
+FAULTS = [sys.executable, TOOLS / "docs" / "faulty_robot.py"]
 IMAGES = TOOLS / "docs" / "images"
 GETTING_STARTED = ROOT / "docs" / "getting-started.md"
 # What draws each picture: a command that is on the page before it. A test compares them.
@@ -47,7 +47,7 @@ PICTURES = {
 }
 sys.path[:0] = [str(DEMO.parent), str(ROOT / "docs")]
 
-import speed  # noqa: E402
+import speed_figures  # noqa: E402
 
 import demo  # noqa: E402
 
@@ -57,7 +57,7 @@ WITHOUT_FONTS = re.sub(r"@font-face \{\{.*?\}\}\s*", "", CONSOLE_SVG_FORMAT, fla
 
 
 def main() -> None:
-    speed.draw(ROOT / "docs" / "images" / "speed.svg")
+    speed_figures.draw(ROOT / "docs" / "images" / "speed.svg")
     domain, _claim = demo.claim_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
     os.environ.pop("ROS_LOCALHOST_ONLY", None)

@@ -3,7 +3,7 @@
 import os
 
 import pytest
-from places import SUPPORT, TOOLS
+from tool_paths import SUPPORT, TOOLS
 
 pytest_plugins = ["suite", "fastdds_log"]
 
@@ -11,4 +11,4 @@ pytest_plugins = ["suite", "fastdds_log"]
 os.environ["PYTHONPATH"] = os.pathsep.join([str(TOOLS), str(SUPPORT), os.environ.get("PYTHONPATH", "")])
 
 # Helpers that assert.
-pytest.register_assert_rewrite("starting")
+pytest.register_assert_rewrite("starting_programs")

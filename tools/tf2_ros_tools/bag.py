@@ -3,7 +3,7 @@
 from tf2_ros_tools.bag_loader import load, stamps, transforms
 from tf2_ros_tools.bag_reader import BagError
 from tf2_ros_tools.datasets import Dataset, dataset
-from tf2_ros_tools.fleet import MappedRecordings, map_recordings
+from tf2_ros_tools.map_recordings import MappedRecordings, map_recordings
 from tf2_ros_tools.saved_buffers import load_saved, save
 
 __all__ = [

@@ -20,7 +20,6 @@ from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
 from tf2_ros_tools import foxglove_messages
 from tf2_ros_tools.bag_cache import Cached
-from tf2_ros_tools.bag_converters import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
 from tf2_ros_tools.bag_reader import (
     SUFFIXES,
     TF_TYPES,
@@ -33,7 +32,9 @@ from tf2_ros_tools.bag_reader import (
     stamps_of,
     typestore,
 )
-from tf2_ros_tools.output import counted, first_names, require
+from tf2_ros_tools.joints_and_poses import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
+from tf2_ros_tools.optional_libraries import require
+from tf2_ros_tools.output import counted, first_names
 from tf2_ros_tools.urdf import Robot, fixed, parse
 from tf2_ros_tools.urdf import load as load_urdf
 

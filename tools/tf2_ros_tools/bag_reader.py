@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tf2_py.printable import printable
 from tf2_ros_tools import foxglove_messages
-from tf2_ros_tools.output import require
+from tf2_ros_tools.optional_libraries import require
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection

@@ -16,9 +16,10 @@ from tf2_py import LookupException
 from tf2_py.printable import printable
 from tf2_ros_tools.bag_loader import TOPICS, PoseTopics, Topics, Urdfs
 from tf2_ros_tools.bag_reader import BagError
-from tf2_ros_tools.fleet import Recordings, map_recordings
-from tf2_ros_tools.output import counted, require, write_whole
-from tf2_ros_tools.tables import POSE, STAMP_NS
+from tf2_ros_tools.map_recordings import Recordings, map_recordings
+from tf2_ros_tools.optional_libraries import require
+from tf2_ros_tools.output import counted, write_whole
+from tf2_ros_tools.pose_tables import POSE, STAMP_NS
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.output import counted, first_names, rpy_from_matrices, show, show_json, three_digits
+from tf2_ros_tools.output import counted, first_names, show, show_json, three_digits
 from tf2_ros_tools.program import FAILURE, KINDS, SUCCESS, UsageError
-from tf2_ros_tools.streams import (
+from tf2_ros_tools.roll_pitch_yaw import rpy_from_matrices
+from tf2_ros_tools.stream_figures import (
     JUMP_BACK_NS,
     Refused,
     Stream,

@@ -173,7 +173,7 @@ def node_session(
     cache_time: float | None = None,
     qos: QoSProfile | None = None,
 ) -> Iterator[NodeSession]:
-    """A session of a new node, see :func:`tf2_ros_tools.sessions.session`."""
+    """A session of a new node, see :func:`tf2_ros_tools.session_choice.session`."""
     with (
         spun_node(name, options) as node,
         filled_buffer(node, recording, topics=topics, cache_time=cache_time, qos=qos) as buffer,

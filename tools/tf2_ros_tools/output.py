@@ -1,10 +1,9 @@
-"""Format texts and angles, write files, and find libraries, in the same way for all tools."""
+"""Format texts, print lines and write files, in the same way for all tools."""
 
 import json
 import os
 from collections.abc import Collection, Sequence
 from difflib import get_close_matches
-from importlib.util import find_spec
 from typing import Any
 
 from tf2_py.files import whole_file
@@ -45,40 +44,6 @@ def not_known(name: str, known: Collection[str]) -> str:
     near = get_close_matches(name, known, n=3)
     advice = f"; did you mean {' or '.join(near)}?" if near else ""
     return printable(f"{name} is not known{advice}")
-
-
-def rpy_from_matrices(matrices: Any) -> Any:
-    """
-    Get the roll, pitch and yaw of rotations: turns about the fixed axes x, y and z, in this order.
-
-    :param matrices: an array of matrices, or one matrix, with the rotation in the upper left 3 x 3 numbers.
-    :return: an array of shape (..., 3), in radians; the pitch is from -pi/2 to pi/2. At these two limits,
-        where roll and yaw turn about the same axis, yaw is 0.
-    """
-    import numpy as np
-
-    m = np.asarray(matrices)
-    pole = np.abs(m[..., 2, 0]) >= 1.0
-    roll = np.where(pole, np.arctan2(-m[..., 1, 2], m[..., 1, 1]), np.arctan2(m[..., 2, 1], m[..., 2, 2]))
-    pitch = -np.arcsin(np.clip(m[..., 2, 0], -1.0, 1.0))
-    yaw = np.where(pole, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
-    return np.stack([roll, pitch, yaw], axis=-1)
-
-
-class MissingLibraryError(ModuleNotFoundError):
-    """A library is not installed; the text says how to install it."""
-
-
-def require(library: str, extra: str) -> None:
-    """
-    Raise a MissingLibraryError unless a library is installed.
-
-    :param library: the name under which it is imported.
-    :param extra: of tf2-ros-tools; installs it.
-    """
-    if find_spec(library) is None:
-        text = f"{library} is not installed: pip install 'tf2-ros-tools[{extra}]'"
-        raise MissingLibraryError(text, name=library)
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | memoryview) -> None:

@@ -24,7 +24,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from tf2_py.printable import printable
-from tf2_ros_tools.output import MissingLibraryError
+from tf2_ros_tools.optional_libraries import MissingLibraryError
 
 SUCCESS = 0
 FAILURE = 1
@@ -173,7 +173,7 @@ class Parser(ArgumentParser):
 
 
 def add_live_option(parser: Parser) -> None:
-    """Add ``--live`` to a program that listens, see :func:`tf2_ros_tools.sessions.session`."""
+    """Add ``--live`` to a program that listens, see :func:`tf2_ros_tools.session_choice.session`."""
     parser.add_argument(
         "--live",
         metavar="WHERE",

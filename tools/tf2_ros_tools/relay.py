@@ -30,7 +30,7 @@ from tf2_ros import TransformBroadcaster
 from tf2_ros_tools.listening import Pace
 from tf2_ros_tools.output import not_known
 from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.streams import path_to_root
+from tf2_ros_tools.stream_figures import path_to_root
 from tf2_ros_tools.yaml_files import (
     NOT_NEGATIVE,
     Key,

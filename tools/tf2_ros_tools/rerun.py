@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import BufferCore, History, TransformException
-from tf2_ros_tools.output import require, write_whole
-from tf2_ros_tools.streams import moving_on, path_to_root
-from tf2_ros_tools.tables import look_up
+from tf2_ros_tools.optional_libraries import require
+from tf2_ros_tools.output import write_whole
+from tf2_ros_tools.pose_tables import look_up
+from tf2_ros_tools.stream_figures import moving_on, path_to_root
 
 if TYPE_CHECKING:
     from rerun import RecordingStream

@@ -20,7 +20,7 @@ from tf2_py.files import whole_file
 from tf2_py.printable import printable
 from tf2_ros import Buffer
 from tf2_ros.serialization import serialize_arrays
-from tf2_ros_tools.output import require
+from tf2_ros_tools.optional_libraries import require
 
 _Kind = TypeVar("_Kind", bound=BufferCore)
 

@@ -5,7 +5,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tf2_ros_tools.output import require
+from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.program import UsageError
 
 LAST_S = 2**31 - 1  # the last stamp that a message can hold

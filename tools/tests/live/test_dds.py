@@ -7,10 +7,10 @@ import sys
 import installing
 import pytest
 from domains import claim_domain
-from obeying import Obeying, OrderError
+from obeying_processes import Obeying, OrderError
 from paths import ROOT
-from places import SUPPORT
 from processes import run, until
+from tool_paths import SUPPORT
 
 from tf2_ros.serialization import serialize_arrays
 
@@ -49,7 +49,7 @@ def new_robot(processes):
     def make(**how):
         one = Obeying(**how)
         processes.append(one)
-        one.do("from robot_side import *; start()")
+        one.do("from robot_with_rclpy import *; start()")
         return one
 
     return make

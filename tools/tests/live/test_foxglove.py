@@ -6,10 +6,10 @@ import struct
 import threading
 
 import pytest
-from obeying import Obeying, OrderError
+from obeying_processes import Obeying, OrderError
 from processes import DEADLINE_S, until
 from rclpy.serialization import serialize_message
-from robot_side import made
+from robot_with_rclpy import made
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros_tools.live import connect
@@ -53,7 +53,7 @@ def new_bridge(processes, port):
 
     def make():
         processes.append(Obeying())
-        processes[-1].do(f"from foxglove_side import *; start({port})")
+        processes[-1].do(f"from robot_with_foxglove import *; start({port})")
         return processes[-1]
 
     return make
@@ -69,7 +69,7 @@ def new_laptop(processes, port):
     def make(options="", connects=True):
         processes.append(Obeying("laptop"))
         laptop = processes[-1]
-        laptop.do("from laptop_side import *; from tf2_ros_tools.live import connect")
+        laptop.do("from laptop_without_rclpy import *; from tf2_ros_tools.live import connect")
         if connects:
             laptop.do(f"robot = connect('ws://127.0.0.1:{port}', {options})")
         return laptop

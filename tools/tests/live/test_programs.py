@@ -5,7 +5,7 @@ import os
 import re
 
 import pytest
-from starting import ROBOT, broadcasting, ended
+from starting_programs import ROBOT, broadcasting, ended
 
 from tf2_ros_tools import bag
 

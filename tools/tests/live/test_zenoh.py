@@ -12,7 +12,7 @@ import socket
 import sys
 
 import pytest
-from obeying import Obeying, OrderError
+from obeying_processes import Obeying, OrderError
 from processes import DEADLINE_S, run
 
 from tf2_ros_tools.live.wire import parse
@@ -57,7 +57,7 @@ def port():
 
 @pytest.fixture
 def new_router(new_obeying, port):
-    return lambda: new_obeying(before=f"import zenoh_side; zenoh_side.route({port})")
+    return lambda: new_obeying(before=f"import robot_with_zenoh; robot_with_zenoh.route({port})")
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def router(new_router):
 @pytest.fixture
 def new_stand_in(new_obeying, router, port):
     """Start a robot of eclipse-zenoh, which can do what a robot of rmw_zenoh never does."""
-    before = "from robot_side import *; from zenoh_side import *; import zenoh_side"
+    before = "from robot_with_rclpy import *; from robot_with_zenoh import *; import robot_with_zenoh"
     return lambda: new_obeying(before=f"{before}; start({port})")
 
 
@@ -83,9 +83,8 @@ def new_real(new_obeying, router, port):
     if REAL not in os.environ:
         pytest.skip(f"{REAL} is not the path of a Python with rmw_zenoh_cpp")
     session = f'transport/shared_memory/enabled=false;connect/endpoints=["tcp/127.0.0.1:{port}"]'
-    before = (
-        f"import os; os.environ['ZENOH_CONFIG_OVERRIDE'] = {session!r}; from robot_side import *; start()"
-    )
+    set_up = f"import os; os.environ['ZENOH_CONFIG_OVERRIDE'] = {session!r}"
+    before = f"{set_up}; from robot_with_rclpy import *; start()"
     return lambda: new_obeying(python=os.environ[REAL], before=before)
 
 
@@ -104,7 +103,7 @@ def new_laptop(new_obeying, port):
     """Start a process without rclpy, whose `robot` is a feed."""
 
     def make(options="", before="from tf2_ros_tools.live import connect", connects=True):
-        laptop = new_obeying("laptop", before=f"from laptop_side import *; {before}")
+        laptop = new_obeying("laptop", before=f"from laptop_without_rclpy import *; {before}")
         if connects:
             laptop.do(f"robot = connect('zenoh://127.0.0.1:{port}', {options})")
         return laptop
@@ -430,7 +429,7 @@ def test_addresses(where, text):
 
 def test_losses_are_counted_for_each_publisher_and_repeated_messages_left_out(stand_in, laptop):
     matched(stand_in, laptop)
-    stand_in.do("data = zenoh_side.serialize_message(TFMessage()); other = publisher('other')")
+    stand_in.do("data = robot_with_zenoh.serialize_message(TFMessage()); other = publisher('other')")
     for sequence, sent_ns in ((7, 70), (9, 90), (9, 90), (8, 80), (10, 100), (14, 140)):
         stand_in.do(f"out.put(data, {sequence}, {sent_ns}); other.put(data, {sequence}, {sent_ns})")
     laptop.until("robot.topics['/tf'].count >= 8")
@@ -439,7 +438,7 @@ def test_losses_are_counted_for_each_publisher_and_repeated_messages_left_out(st
 
 def test_a_damaged_sequence_number_is_neither_a_loss_nor_an_end(stand_in, laptop):
     matched(stand_in, laptop)
-    stand_in.do("data = zenoh_side.serialize_message(TFMessage())")
+    stand_in.do("data = robot_with_zenoh.serialize_message(TFMessage())")
     for sequence, sent_ns in ((1, 1), (2**63 - 1, 2), (3, 3), (-(2**63), 4), (5, 5), (6, -(2**63))):
         stand_in.do(f"out.put(data, {sequence}, {sent_ns})")
     laptop.until("robot.topics['/tf'].count >= 6")
@@ -463,8 +462,8 @@ def test_damaged_messages_and_attachments(stand_in, laptop):
     stand_in.do(
         """
 from hypothesis import HealthCheck, given, settings, strategies as st
-good = zenoh_side.serialize_message(TFMessage(transforms=[made('map', 'base')]))
-attached = zenoh_side.struct.pack('<qqB', 1, 1, 16) + out.gid
+good = robot_with_zenoh.serialize_message(TFMessage(transforms=[made('map', 'base')]))
+attached = robot_with_zenoh.struct.pack('<qqB', 1, 1, 16) + out.gid
 
 def damaged(whole):
     at = st.integers(0, len(whole))

@@ -20,11 +20,11 @@ from pages import (
     programs_beside,
 )
 from paths import ROOT
-from places import DOCS, TOOLS
 from processes import DEADLINE_S, killed, run
 from sources import words_of_sources
-from starting import ended, heard
+from starting_programs import ended, heard
 from tool_pages import ALL_PAGES, PAGES, provide_torch, run_program
+from tool_paths import DOCS, TOOLS
 from tool_sources import PACKAGES, PYPROJECT
 
 pytestmark = pytest.mark.ours
@@ -129,7 +129,7 @@ def test_the_commands_of_a_page_name_options_targets_and_extras_that_exist(page)
 
 @by_name
 def test_the_tables_of_a_page_are_what_the_commands_say(page):
-    renewed = runpy.run_path(str(DOCS / "options.py"))["renewed"]
+    renewed = runpy.run_path(str(DOCS / "option_tables.py"))["renewed"]
     assert renewed(page) == page.read_text(encoding="utf-8")
 
 

@@ -11,10 +11,10 @@ from contextlib import ExitStack
 
 import pytest
 from pages import blocks, commands
-from places import SAMPLES
 from processes import DEADLINE_S, until
-from starting import broadcasting, command, heard, running
+from starting_programs import broadcasting, command, heard, running
 from tool_pages import ALL_PAGES
+from tool_paths import SAMPLES
 from tool_sources import PYPROJECT
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("runs 60 programs, some for half a minute")]

@@ -8,8 +8,8 @@ import sys
 import pytest
 import sources
 from paths import ROOT
-from places import TOOLS
 from public_names import ADDED, NAMES, OURS
+from tool_paths import TOOLS
 from tool_sources import PACKAGES
 
 pytestmark = pytest.mark.ours
@@ -78,7 +78,7 @@ def test_the_tools_use_names_of_the_core_that_its_reference_lists():
     names = listed()
     assert {"tf2_ros.Buffer", "tf2_py.typing.TimeLike", "tf2_ros.numpy.to_matrix"} < names
     trees = {name: ast.parse(path.read_text(encoding="utf-8")) for name, [path] in MODULES.items()}
-    assert "tf2_py.FrameInfo" in used(trees["tf2_ros_tools.pictures"])
+    assert "tf2_py.FrameInfo" in used(trees["tf2_ros_tools.tree_picture"])
     assert {name: unlisted for name, tree in trees.items() if (unlisted := used(tree) - names)} == {}
 
 

@@ -9,9 +9,9 @@ import zipfile
 import installing
 import pytest
 from packaging.requirements import Requirement
-from places import TOOLS
 from processes import output_of, run
 from sources import PYPROJECT as CORE
+from tool_paths import TOOLS
 from tool_sources import PYPROJECT
 
 pytestmark = pytest.mark.ours

@@ -6,7 +6,7 @@ import shutil
 import installing
 import pytest
 from installing import INDEX, sourced
-from places import TOOLS
+from tool_paths import TOOLS
 from tool_sources import PYPROJECT
 from workspaces import Installation, Workspace, distribution_with_tf2
 

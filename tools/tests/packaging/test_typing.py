@@ -4,8 +4,8 @@ import sys
 
 import pytest
 from checkers import OFFLINE, by_mypy, by_pyright, run_module, unexpected, write_programs
-from places import TOOLS
 from tool_pages import PAGES, provide_torch
+from tool_paths import TOOLS
 
 pytestmark = [
     pytest.mark.ours,

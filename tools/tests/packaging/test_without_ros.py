@@ -2,9 +2,9 @@
 
 import pytest
 import sources
-from places import DOCS, TOOLS
 from sources import modules
 from tool_pages import provide_torch, run_program
+from tool_paths import DOCS, TOOLS
 from tool_sources import PACKAGES, PYPROJECT
 from without_ros import make_world
 
@@ -25,7 +25,7 @@ def test_what_is_about_recordings_loads(world):
     names = [*modules(TOOLS, PACKAGES)]
     for of_nodes in ("listening_node", "relay", "state_publisher"):
         names.remove(f"tf2_ros_tools.{of_nodes}")
-    assert "tf2_ros_tools.streams" in names and "tf2_ros_tools.programs.tf2_bag" in names
+    assert "tf2_ros_tools.stream_figures" in names and "tf2_ros_tools.programs.tf2_bag" in names
     world.does(f"""
 import importlib, sys
 for name in {names!r}:

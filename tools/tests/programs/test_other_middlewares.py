@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 from interposing import output_with_library
-from places import PROGRAMS
+from tool_paths import PROGRAMS
 
 pytestmark = pytest.mark.ours
 
@@ -19,10 +19,10 @@ REFUSED = "1 transform of map by {} is refused: frame_id and child_frame_id are 
 
 @pytest.fixture
 def recorded_with(tmp_path):
-    """What `programs/middleware.py` prints after so many messages, with a fault of the middleware."""
+    """What `programs/records_messages.py` prints after so many messages, with a fault of the middleware."""
 
     def run(fault, messages):
-        program, variables = PROGRAMS / "middleware", {"TF2_TEST_MIDDLEWARE": fault}
+        program, variables = PROGRAMS / "records_messages", {"TF2_TEST_MIDDLEWARE": fault}
         return json.loads(
             output_with_library("middleware", tmp_path, str(messages), program=program, **variables)
         )

@@ -7,24 +7,17 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from making import S
-from starting import needs_dot
+from starting_programs import needs_dot
 
 from tf2_py import FrameInfo
 from tf2_ros.records import RECORD
 from tf2_ros_tools.findings import Finding
-from tf2_ros_tools.pictures import (
-    GAP,
-    NOT_YET,
-    Row,
-    file_of,
-    heard_figure,
-    heard_picture,
-    heard_rows,
-    tree_dot,
-)
-from tf2_ros_tools.pictures import drawn as render
+from tf2_ros_tools.heard_picture import NOT_YET, Row, heard_figure, heard_picture, heard_rows
+from tf2_ros_tools.picture_style import GAP, file_of
 from tf2_ros_tools.program import RunError
-from tf2_ros_tools.streams import Stream
+from tf2_ros_tools.stream_figures import Stream
+from tf2_ros_tools.tree_picture import drawn as render
+from tf2_ros_tools.tree_picture import tree_dot
 
 pytestmark = pytest.mark.ours
 

@@ -8,7 +8,7 @@ from making import rotation, translation
 from processes import DEADLINE_S, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
-from starting import running
+from starting_programs import running
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros_tools.program import UsageError

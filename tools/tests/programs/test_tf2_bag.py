@@ -14,8 +14,8 @@ import pytest
 from making import transform
 from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
 from processes import DEADLINE_S, until
-from robots import ARM, description, joint_state
-from starting import ended, needs_dot, running
+from robot_of_all_joints import ARM, description, joint_state
+from starting_programs import ended, needs_dot, running
 from test_pictures import texts_of
 
 from tf2_ros_tools.bag import save

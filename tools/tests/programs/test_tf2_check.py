@@ -11,7 +11,7 @@ import pytest
 from making import S
 from processes import DEADLINE_S, until
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from starting import ROBOT, UNTIL_TOLD, broadcasting, ended, heard, running
+from starting_programs import ROBOT, UNTIL_TOLD, broadcasting, ended, heard, running
 
 from tf2_msgs.msg import TFMessage
 

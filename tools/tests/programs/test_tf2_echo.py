@@ -11,10 +11,10 @@ from processes import DEADLINE_S, until
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
 from spinning import repeated
-from starting import ended, running
+from starting_programs import ended, running
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros_tools.output import rpy_from_matrices
+from tf2_ros_tools.roll_pitch_yaw import rpy_from_matrices
 from tf2_ros_tools.urdf import quaternion_from_rpy
 
 pytestmark = pytest.mark.ours

@@ -6,7 +6,7 @@ import re
 import pytest
 from making import S
 from processes import until
-from starting import broadcasting, running
+from starting_programs import broadcasting, running
 
 pytestmark = pytest.mark.ours
 

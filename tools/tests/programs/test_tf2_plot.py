@@ -6,7 +6,7 @@ import threading
 import pytest
 from making import S
 from processes import DEADLINE_S
-from starting import ROBOT, broadcasting, ended, heard, running
+from starting_programs import ROBOT, broadcasting, ended, heard, running
 from test_pictures import texts_of
 
 pytestmark = pytest.mark.ours

@@ -10,7 +10,7 @@ from processes import DEADLINE_S, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from repetitions import seeds
 from scipy.spatial.transform import Rotation
-from starting import running
+from starting_programs import running
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore

@@ -12,9 +12,9 @@ from processes import answered, until
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from robots import ARM, FIXED, NAMES, expected, random_states
+from robot_of_all_joints import ARM, FIXED, NAMES, expected, random_states
 from sensor_msgs.msg import JointState
-from starting import ended, running
+from starting_programs import ended, running
 from std_msgs.msg import String
 
 from tf2_msgs.msg import TFMessage

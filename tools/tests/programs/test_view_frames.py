@@ -4,7 +4,7 @@ import os
 import re
 
 import pytest
-from starting import ROBOT, broadcasting, ended, needs_dot
+from starting_programs import ROBOT, broadcasting, ended, needs_dot
 from test_pictures import groups
 
 from tf2_ros_tools.output import write_whole

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, scan, write_mcap
-from robots import ARM, NAMES, joint_state
+from robot_of_all_joints import ARM, NAMES, joint_state
 
 from tf2_ros import LookupException
 from tf2_ros_tools import bag

@@ -9,7 +9,7 @@ import pytest
 from making_bags import S, drive, write_mcap
 from numpy.testing import assert_allclose
 from processes import DEADLINE_S
-from starting import ended
+from starting_programs import ended
 
 pytestmark = [
     pytest.mark.ours,

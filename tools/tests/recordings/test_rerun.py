@@ -9,7 +9,7 @@ import pytest
 from making_bags import S, Sent, Tf, drive, raw
 from numpy.testing import assert_allclose
 from processes import DEADLINE_S, until
-from starting import broadcasting, ended, running
+from starting_programs import broadcasting, ended, running
 
 import tf2_ros_tools.rerun
 from tf2_py import BufferCore, LookupException

@@ -5,7 +5,7 @@ import shutil
 import sys
 
 import pages
-from places import DOCS, SAMPLES, SUPPORT, TOOLS
+from tool_paths import DOCS, SAMPLES, SUPPORT, TOOLS
 
 PAGES = [TOOLS / "README.md", *sorted(DOCS.rglob("*.md"))]
 # Those that show programs of the tools.

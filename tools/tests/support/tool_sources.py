@@ -2,7 +2,7 @@
 
 import sys
 
-from places import TOOLS
+from tool_paths import TOOLS
 
 if sys.version_info >= (3, 11):
     import tomllib

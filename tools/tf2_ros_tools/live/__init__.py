@@ -17,7 +17,7 @@ from tf2_ros.records import Recording
 from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.feed import Feed, Heard
 from tf2_ros_tools.live.wire import EXAMPLES, Address, Publisher, Wire, parse
-from tf2_ros_tools.output import MissingLibraryError, require
+from tf2_ros_tools.optional_libraries import MissingLibraryError, require
 
 __all__ = ["Broadcaster", "Feed", "Heard", "Publisher", "StaticBroadcaster", "connect"]
 

@@ -70,7 +70,7 @@ def live_session(
     topics: tuple[str, str],
     cache_time: float | None = None,
 ) -> Iterator[FeedSession]:
-    """A session of a robot, see :func:`tf2_ros_tools.sessions.session`."""
+    """A session of a robot, see :func:`tf2_ros_tools.session_choice.session`."""
     try:
         feed = connect(
             where,

@@ -13,7 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import counted, require, show, show_json, three_digits, write_whole
+from tf2_ros_tools.optional_libraries import require
+from tf2_ros_tools.output import counted, show, show_json, three_digits, write_whole
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from tf2_ros_tools.bag_loader import Heard, Topics, Urdf
     from tf2_ros_tools.bag_reader import RecordedTopic
     from tf2_ros_tools.findings import Report
-    from tf2_ros_tools.streams import Stream
+    from tf2_ros_tools.stream_figures import Stream
 
 DESCRIPTION = """\
 Answer questions about recorded transforms, without ROS: what a recording contains, what is wrong with it, \
@@ -178,25 +179,25 @@ def _size_of(path: str) -> int:
 def lookup(options: Namespace) -> int:
     """Look up, and write a table; return the exit status."""
     from tf2_py import TransformException
-    from tf2_ros_tools import tables
+    from tf2_ros_tools import pose_tables
 
     heard = _heard_of(options, options.at)
     target, source = options.target, options.source
     times_ns = options.times if options.at is None else heard.times_ns
     try:
         if times_ns is None:
-            times_ns = tables.times_when(heard, target, source, options.rate)
-        table = tables.look_up_table(heard.buffer, target, source, times_ns, options.max_gap)
+            times_ns = pose_tables.times_when(heard, target, source, options.rate)
+        table = pose_tables.look_up_table(heard.buffer, target, source, times_ns, options.max_gap)
     except TransformException as failure:
         raise RunError("; ".join([str(failure), *heard.absent])) from None
     if not table.valid.any():
-        reason = tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, options.max_gap)
+        reason = pose_tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, options.max_gap)
         raise RunError(reason)
     kind = "csv" if options.output is None else format_of(options.output)
     if kind == "parquet":
-        contents = tables.as_parquet({"": table}, options.file)
+        contents = pose_tables.as_parquet({"": table}, options.file)
     else:
-        contents = tables.as_tum(table) if kind == "tum" else tables.as_csv(table)
+        contents = pose_tables.as_tum(table) if kind == "tum" else pose_tables.as_csv(table)
     if options.output is None:
         print(contents.decode(), end="")
     else:
@@ -211,7 +212,7 @@ def lookup(options: Namespace) -> int:
 
 def batch(options: Namespace) -> int:
     """Make the tables of many recordings; return the exit status."""
-    from tf2_ros_tools.fleet import map_recordings
+    from tf2_ros_tools.map_recordings import map_recordings
 
     target, source = options.lookup
     try:
@@ -271,7 +272,7 @@ SHORTEST_S = 1.0  # of a picture; one message has no length
 def tree(options: Namespace) -> int:
     """Print the tree of frames, or draw it; return the exit status."""
     from tf2_ros_tools.findings import report
-    from tf2_ros_tools.pictures import drawn, tree_dot
+    from tf2_ros_tools.tree_picture import drawn, tree_dot
 
     if options.output is not None:
         require("graphviz", "cli")
@@ -290,8 +291,9 @@ def tree(options: Namespace) -> int:
 def plot(options: Namespace) -> int:
     """Plot receptions or a path; return the exit status."""
     from tf2_ros_tools.findings import report
-    from tf2_ros_tools.pictures import heard_picture, refuse_plot, write_plot
-    from tf2_ros_tools.trajectory import path_picture
+    from tf2_ros_tools.heard_picture import heard_picture
+    from tf2_ros_tools.path_picture import path_picture
+    from tf2_ros_tools.picture_style import refuse_plot, write_plot
 
     refuse_plot(options)
     heard = _heard_of(options)

@@ -37,7 +37,7 @@ add_live_option(PARSER)
 def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
     from tf2_ros_tools.findings import Limits, conclude, expected_by
-    from tf2_ros_tools.sessions import listening
+    from tf2_ros_tools.session_choice import listening
 
     expected = expected_by(options.expect)
     limits = Limits(min_rate=options.min_rate, max_delay=options.max_delay)

@@ -11,7 +11,7 @@ from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from tf2_py.printable import printable
-from tf2_ros_tools.output import first_names, rpy_from_matrices, show, show_json
+from tf2_ros_tools.output import first_names, show, show_json
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,
@@ -23,6 +23,7 @@ from tf2_ros_tools.program import (
     positive_number,
     run,
 )
+from tf2_ros_tools.roll_pitch_yaw import rpy_from_matrices
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
@@ -128,7 +129,7 @@ def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
     from tf2_py import TransformException
     from tf2_ros_tools.listening import Pace
-    from tf2_ros_tools.sessions import session
+    from tf2_ros_tools.session_choice import session
 
     if None not in (options.rate, options.old_rate):
         raise UsageError("expected RATE or -r RATE, got both")

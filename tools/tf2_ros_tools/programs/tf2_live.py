@@ -10,13 +10,14 @@ from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.output import counted, require, show, show_json, three_digits
+from tf2_ros_tools.optional_libraries import require
+from tf2_ros_tools.output import counted, show, show_json, three_digits
 from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, positive_number, run
 
 if TYPE_CHECKING:
     from tf2_ros_tools.live.feed import Heard
     from tf2_ros_tools.live.wire import Publisher
-    from tf2_ros_tools.streams import Stream
+    from tf2_ros_tools.stream_figures import Stream
 
 LISTEN_S = 5.0  # after which DDS has found all publishers
 

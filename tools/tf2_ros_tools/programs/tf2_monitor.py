@@ -17,7 +17,7 @@ from tf2_ros_tools.program import SUCCESS, Parser, UsageError, add_live_option, 
 
 if TYPE_CHECKING:
     from tf2_ros_tools.listening import Listening, Report
-    from tf2_ros_tools.streams import Stream
+    from tf2_ros_tools.stream_figures import Stream
 
 INTERVAL_S = 10.0  # as in tf2's program
 WINDOW_S = 10.0  # the figures are of this long before a report
@@ -47,13 +47,13 @@ add_live_option(PARSER)
 def monitor(options: Namespace) -> int:
     """Report until interrupted; return the exit status."""
     from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.sessions import listening
+    from tf2_ros_tools.session_choice import listening
 
     ends = _ends(options.frames)
     with listening("tf2_monitor", options, WINDOW_S) as heard:
         look = partial(heard.report, Limits(), ends=ends)
         if not options.json and options.interval is None and _has_screen():
-            from tf2_ros_tools.screen import show_screen
+            from tf2_ros_tools.monitor_screen import show_screen
 
             return show_screen(look, heard.where)
         _print_reports(heard, look, options)

@@ -45,9 +45,10 @@ add_live_option(PARSER)
 def plot(options: Namespace) -> int:
     """Listen and plot; return the exit status."""
     from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.pictures import heard_picture, refuse_plot, write_plot
-    from tf2_ros_tools.sessions import listening
-    from tf2_ros_tools.trajectory import path_picture
+    from tf2_ros_tools.heard_picture import heard_picture
+    from tf2_ros_tools.path_picture import path_picture
+    from tf2_ros_tools.picture_style import refuse_plot, write_plot
+    from tf2_ros_tools.session_choice import listening
 
     refuse_plot(options)
     heard_s = options.t + LEAD_S

@@ -6,7 +6,8 @@ from argparse import Namespace
 from functools import partial
 from os.path import splitext
 
-from tf2_ros_tools.output import counted, require, show, write_whole
+from tf2_ros_tools.optional_libraries import require
+from tf2_ros_tools.output import counted, show, write_whole
 from tf2_ros_tools.program import (
     SUCCESS,
     Parser,
@@ -68,8 +69,8 @@ def output_files(name: str) -> tuple[str, str, str]:
 def view(options: Namespace) -> int:
     """Listen, and print or draw the tree; return the exit status."""
     from tf2_ros_tools.findings import Limits, line_of
-    from tf2_ros_tools.pictures import drawn, tree_dot
-    from tf2_ros_tools.sessions import listening
+    from tf2_ros_tools.session_choice import listening
+    from tf2_ros_tools.tree_picture import drawn, tree_dot
 
     is_drawn = options.output is not None or not options.text
     if is_drawn:

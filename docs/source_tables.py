@@ -1,7 +1,7 @@
 """
-Write the tables of the pages that are made of the sources: `python docs/tables.py`.
+Write the tables of the pages that are made of the sources: `python docs/source_tables.py`.
 
-`tools/docs/options.py` does so for the pages of the tools. Tests compare the tables with the sources.
+`tools/docs/option_tables.py` does so for the pages of the tools. Tests compare the tables with the sources.
 """
 
 import re

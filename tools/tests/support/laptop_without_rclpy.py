@@ -1,4 +1,4 @@
-"""What a laptop does in the tests of `tf2_ros_tools.live`; `obeys.py` has taken rclpy from it."""
+"""What a laptop does in the tests of `tf2_ros_tools.live`; `obeys_orders.py` has taken rclpy from it."""
 
 import ctypes
 import time
@@ -26,7 +26,7 @@ def hold_gil(seconds):
 
 
 def wait_for_each_hundredth(feed, messages, timeout):
-    """Wait in lookups while messages of `robot_side.flood` arrive."""
+    """Wait in lookups while messages of `robot_with_rclpy.flood` arrive."""
     for n in range(0, messages, 100):
         while feed.topics["/tf"].count + (feed.topics["/tf"].lost or 0) <= n:
             time.sleep(0.001)

@@ -6,8 +6,8 @@ import subprocess
 import sys
 import threading
 
-from places import PROGRAMS
 from processes import DEADLINE_S, until
+from tool_paths import PROGRAMS
 
 
 class OrderError(Exception):
@@ -19,7 +19,7 @@ class Obeying:
 
     def __init__(self, *arguments, python=sys.executable, environment=os.environ):
         pipe = subprocess.PIPE
-        command = [str(python), str(PROGRAMS / "obeys.py"), *arguments]
+        command = [str(python), str(PROGRAMS / "obeys_orders.py"), *arguments]
         self.process = subprocess.Popen(
             command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=environment
         )

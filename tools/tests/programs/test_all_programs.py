@@ -18,10 +18,10 @@ import time
 import pytest
 from making import S
 from making_bags import Sent, Tf, drive, write_mcap
-from places import TOOLS
 from processes import DEADLINE_S, run, until
 from sharing import new_name
-from starting import ROBOT, broadcasting, ended, heard, needs_dot, running
+from starting_programs import ROBOT, broadcasting, ended, heard, needs_dot, running
+from tool_paths import TOOLS
 from tool_sources import PYPROJECT
 
 from tf2_ros_tools.listening import Pace

@@ -22,7 +22,7 @@ from making_bags import (
     write_foxglove,
     write_mcap,
 )
-from robots import ARM
+from robot_of_all_joints import ARM
 
 from tf2_ros_tools import bag
 from tf2_ros_tools.bag_loader import hear, wanted

@@ -1,11 +1,11 @@
 """
 Measures worker processes that get a buffer: how soon they can look poses up, and how much memory they need.
 
-`workers.py SAMPLES WORKERS [METHOD ...]` makes a buffer of two frames, hands it to workers that are started
-in each way of multiprocessing, or by Dask, as it was loaded and as it was opened from a frozen file, and lets
-each of them look up the same poses. A small buffer shows what a worker needs without samples. Prints a JSON
-object: lists of a number for each worker, in seconds and bytes, by method and buffer. The seconds are those
-until a worker has its buffer; Dask starts its workers before.
+`measures_workers.py SAMPLES WORKERS [METHOD ...]` makes a buffer of two frames, hands it to workers that are
+started in each way of multiprocessing, or by Dask, as it was loaded and as it was opened from a frozen file,
+and lets each of them look up the same poses. A small buffer shows what a worker needs without samples. Prints
+a JSON object: lists of a number for each worker, in seconds and bytes, by method and buffer. The seconds are
+those until a worker has its buffer; Dask starts its workers before.
 """
 
 import json

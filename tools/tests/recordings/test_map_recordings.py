@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, scan, write_folder, write_mcap, write_split
-from places import PROGRAMS
 from processes import DEADLINE_S, killed, start, until
+from tool_paths import PROGRAMS
 
 bag = pytest.importorskip("tf2_ros_tools.bag")
 dask = pytest.importorskip("dask")
@@ -21,10 +21,10 @@ parquet = pytest.importorskip("pyarrow.parquet")
 pyarrow_csv = pytest.importorskip("pyarrow.csv")
 psutil = pytest.importorskip("psutil")
 
-from deadly_worker import Deadly  # noqa: E402
+from dying_worker import Deadly  # noqa: E402
 
 from tf2_ros import InvalidArgumentException  # noqa: E402
-from tf2_ros_tools.fleet import KEY, find_recordings, local_workers, table_of  # noqa: E402
+from tf2_ros_tools.map_recordings import KEY, find_recordings, local_workers, table_of  # noqa: E402
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("needs Dask")]
 
@@ -301,7 +301,8 @@ def test_options_that_make_no_sense_are_refused_before_anything_is_read(runs, ou
 def test_two_processes_do_the_same_as_one_core(runs, out, tmp_path):
     (runs / "broken.mcap").write_bytes(b"broken")
     one = mapped(runs, tmp_path / "one")
-    with killed(start(PROGRAMS / "mapping.py", str(runs), str(out), stdout=subprocess.PIPE)) as program:
+    command = (PROGRAMS / "maps_recordings.py", str(runs), str(out))
+    with killed(start(*command, stdout=subprocess.PIPE)) as program:
         said, _ = program.communicate(timeout=3 * DEADLINE_S)
     assert said == f"<tf2_ros_tools.bag.MappedRecordings: 4 done, 0 skipped, 1 failed, in {str(out)!r}>\n"
     assert tables(out) == tables(tmp_path / "one")
@@ -341,7 +342,8 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_continues(tmp_path, ou
     for i in range(1, 50):
         os.link(first, tmp_path / "runs" / f"{i}.mcap")
     options = {"stderr": subprocess.PIPE, "start_new_session": True}
-    with killed(start(PROGRAMS / "mapping.py", str(tmp_path / "runs"), str(out), **options)) as program:
+    command = (PROGRAMS / "maps_recordings.py", str(tmp_path / "runs"), str(out))
+    with killed(start(*command, **options)) as program:
         until(lambda: state(out))
         children = psutil.Process(program.pid).children(recursive=True)
         # As a terminal does it: to all of the program's group.

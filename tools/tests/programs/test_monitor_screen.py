@@ -109,7 +109,9 @@ class TestKeys:
             assert termios.tcgetattr(terminal.process.child_fd) == before
 
     def test_an_error_in_it_fails(self):
-        program = "import sys; from tf2_ros_tools.screen import *; sys.exit(show_screen(lambda: 1 / 0, ''))"
+        program = (
+            "import sys; from tf2_ros_tools.monitor_screen import *; sys.exit(show_screen(lambda: 1 / 0, ''))"
+        )
         environment = {**os.environ, "TERM": "xterm-256color"}
         failing = pexpect.spawn(sys.executable, ["-c", program], env=environment, timeout=DEADLINE_S)
         failing.expect("ZeroDivisionError")

@@ -18,7 +18,7 @@ from tf2_py.printable import printable
 from tf2_ros_tools.findings import milliseconds, rate_text
 from tf2_ros_tools.listening import Report
 from tf2_ros_tools.output import counted
-from tf2_ros_tools.streams import Stream
+from tf2_ros_tools.stream_figures import Stream
 
 Kinds = defaultdict[str, list[str]]  # of findings, by frame
 

@@ -5,7 +5,16 @@ import re
 import numpy as np
 import pytest
 from making_bags import FORMATS, S, Sent, Tf, drive, raw, write_mcap
-from robots import ARM, FIXED, JOINT_STATE, NAMES, description, expected, joint_state, random_states
+from robot_of_all_joints import (
+    ARM,
+    FIXED,
+    JOINT_STATE,
+    NAMES,
+    description,
+    expected,
+    joint_state,
+    random_states,
+)
 
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf
@@ -333,7 +342,7 @@ class TestRecordings:
         assert "broadcaster: '/joint_states'" in buffer.all_frames_as_yaml()
 
     def test_more_states_than_a_batch_holds_are_in_order(self, tmp_path, monkeypatch):
-        monkeypatch.setattr("tf2_ros_tools.bag_converters.BATCH", 7)
+        monkeypatch.setattr("tf2_ros_tools.joints_and_poses.BATCH", 7)
         messages, stamps, values = states(100)
         path = write_mcap(tmp_path / "run.mcap", messages)
         check(bag.load(path, urdf=ARM), stamps, values)

@@ -1,4 +1,4 @@
-"""What a robot does with rmw_zenoh, but with eclipse-zenoh alone; the orders are those of `robot_side.py`."""
+"""What a robot with rmw_zenoh does, but with eclipse-zenoh alone; orders as for `robot_with_rclpy.py`."""
 
 import atexit
 import itertools
@@ -11,8 +11,8 @@ import time
 import xxhash
 import zenoh
 from rclpy.serialization import deserialize_message, serialize_message
-from robot_side import *  # noqa: F403
-from robot_side import TFMessage, heard, messages, send
+from robot_with_rclpy import *  # noqa: F403
+from robot_with_rclpy import TFMessage, heard, messages, send
 from zenoh import ext
 from zenoh.handlers import FifoChannel
 

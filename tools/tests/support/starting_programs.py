@@ -6,8 +6,8 @@ import sys
 from contextlib import contextmanager
 
 import pytest
-from places import PROGRAMS
 from processes import DEADLINE_S, end, killed, start
+from tool_paths import PROGRAMS
 
 
 def needs_dot(test):
@@ -21,11 +21,11 @@ def command(name, *arguments, hears=None):
     The words that start one of the programs.
 
     :param hears: what it must have heard before it ends, instead of listening for a time; see
-        `programs/hears.py`.
+        `programs/runs_until_heard.py`.
     """
     if hears is None:
         return [sys.executable, "-m", f"tf2_ros_tools.programs.{name}", *arguments]
-    return [sys.executable, str(PROGRAMS / "hears.py"), hears, name, *arguments]
+    return [sys.executable, str(PROGRAMS / "runs_until_heard.py"), hears, name, *arguments]
 
 
 def heard(*static, **moving):
@@ -60,8 +60,8 @@ def ended(name, *arguments, **how):
 
 @contextmanager
 def broadcasting():
-    """Run `programs/broadcasting.py` during a `with` statement, from when it has its publishers."""
-    with start(PROGRAMS / "broadcasting.py", stdout=subprocess.PIPE) as process:
+    """Run `programs/broadcasts_robot.py` during a `with` statement, from when it has its publishers."""
+    with start(PROGRAMS / "broadcasts_robot.py", stdout=subprocess.PIPE) as process:
         try:
             process.stdout.readline()
             yield process

@@ -5,7 +5,7 @@ import signal
 
 from distributed import WorkerPlugin
 
-from tf2_ros_tools import fleet
+from tf2_ros_tools import map_recordings
 
 
 class Deadly(WorkerPlugin):
@@ -15,11 +15,11 @@ class Deadly(WorkerPlugin):
         self.word = word
 
     def setup(self, worker):
-        hear = fleet.hear
+        hear = map_recordings.hear
 
         def heard(path, *arguments, **options):
             if self.word in path:
                 os.kill(os.getpid(), signal.SIGKILL)
             return hear(path, *arguments, **options)
 
-        fleet.hear = heard
+        map_recordings.hear = heard

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from making import transform
 from making_bags import S, drive, write_db3, write_folder, write_mcap
-from robots import ARM, NAMES, joint_state
+from robot_of_all_joints import ARM, NAMES, joint_state
 from travelling import held
 
 from tf2_py.files import whole_file

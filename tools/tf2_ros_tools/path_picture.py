@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from tf2_py import TransformException, stored_name
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.findings import Limits, longest_interval
-from tf2_ros_tools.output import rpy_from_matrices
-from tf2_ros_tools.pictures import BLUE, GAP, GREEN, ORANGE, VERMILION, Records, label, show_times, style
+from tf2_ros_tools.picture_style import BLUE, GAP, GREEN, ORANGE, VERMILION, Records, label, show_times, style
+from tf2_ros_tools.pose_tables import look_up, why_unanswered
 from tf2_ros_tools.program import RunError
-from tf2_ros_tools.streams import Stream, moving_on, newest_streams, stamps_on
-from tf2_ros_tools.tables import look_up, why_unanswered
+from tf2_ros_tools.roll_pitch_yaw import rpy_from_matrices
+from tf2_ros_tools.stream_figures import Stream, moving_on, newest_streams, stamps_on
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer

@@ -1,5 +1,7 @@
 """
-Write the tables of options and of exit statuses on the pages of the tools: `python tools/docs/options.py`.
+Write the tables of options and of exit statuses on the pages of the tools.
+
+Run: python tools/docs/option_tables.py
 
 They are the help texts of the commands; a test compares them.
 """
@@ -13,7 +15,7 @@ from pathlib import Path
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS.parent.parent / "docs"))
 
-import tables  # noqa: E402
+import source_tables  # noqa: E402
 
 from tf2_ros_tools.program import STATUSES  # noqa: E402
 
@@ -30,14 +32,14 @@ def named(action: Action) -> str:
     return ", ".join(f"`{f'{option} {values}'.strip()}`" for option in action.option_strings) or f"`{values}`"
 
 
-def options_of(command: str) -> tables.Table:
+def options_of(command: str) -> source_tables.Table:
     """The arguments of a command, with the texts of its help."""
     parser = importlib.import_module(f"tf2_ros_tools.programs.{command}").PARSER
     own = [one for one in parser._actions if one.dest not in COMMON and one.help != SUPPRESS]
     return [["option", "meaning"], *([named(one), str(one.help)] for one in own)]
 
 
-def statuses() -> tables.Table:
+def statuses() -> source_tables.Table:
     """What the exit statuses of all commands mean."""
     return [["exit status", "meaning"], *([str(status), meaning] for status, meaning in STATUSES.items())]
 
@@ -45,7 +47,7 @@ def statuses() -> tables.Table:
 def renewed(page: Path) -> str:
     """The text of a page with its tables as the commands have them now."""
     made = {"options": partial(options_of, page.stem), "statuses": statuses}
-    return tables.with_tables(page.read_text(encoding="utf-8"), made)
+    return source_tables.with_tables(page.read_text(encoding="utf-8"), made)
 
 
 if __name__ == "__main__":

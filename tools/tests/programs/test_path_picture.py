@@ -7,8 +7,8 @@ from test_pictures import texts_of
 
 from tf2_ros_tools.bag_loader import hear
 from tf2_ros_tools.findings import report
-from tf2_ros_tools.pictures import file_of
-from tf2_ros_tools.trajectory import path_picture, trajectory_figure
+from tf2_ros_tools.path_picture import path_picture, trajectory_figure
+from tf2_ros_tools.picture_style import file_of
 
 pytestmark = pytest.mark.ours
 

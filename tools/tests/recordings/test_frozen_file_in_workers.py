@@ -7,8 +7,8 @@ import statistics
 
 import pytest
 from pages import named_programs
-from places import DOCS, PROGRAMS, SAMPLES
 from processes import output_of
+from tool_paths import DOCS, PROGRAMS, SAMPLES
 
 pytestmark = pytest.mark.ours
 
@@ -22,7 +22,7 @@ MB = 1_000_000
 def test_workers_share_a_frozen_file(method):
     if method == "dask" and importlib.util.find_spec("distributed") is None:
         pytest.skip("needs distributed")
-    found = json.loads(output_of(PROGRAMS / "workers.py", COUNT, WORKERS, method))
+    found = json.loads(output_of(PROGRAMS / "measures_workers.py", COUNT, WORKERS, method))
     assert found["file"] > 28 * MB
     small, frozen, loaded = (found[method][name] for name in ("small", "frozen", "loaded"))
     assert len({*frozen["totals"], *loaded["totals"]}) == 1

@@ -32,8 +32,9 @@ from tf2_ros_tools.bag_loader import (
 )
 from tf2_ros_tools.bag_reader import SUFFIXES, BagError
 from tf2_ros_tools.findings import report
-from tf2_ros_tools.output import counted, require, write_whole
-from tf2_ros_tools.tables import as_parquet, look_up_frames, times_when
+from tf2_ros_tools.optional_libraries import require
+from tf2_ros_tools.output import counted, write_whole
+from tf2_ros_tools.pose_tables import as_parquet, look_up_frames, times_when
 
 if TYPE_CHECKING:
     from distributed import Client

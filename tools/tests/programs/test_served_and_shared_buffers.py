@@ -8,7 +8,7 @@ import pytest
 from making import S, at, translation
 from processes import DEADLINE_S
 from rclpy.duration import Duration
-from starting import ended, running
+from starting_programs import ended, running
 
 pytestmark = pytest.mark.ours
 

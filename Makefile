@@ -106,7 +106,7 @@ pictures: $(VENV)/installed.stamp
 	$(MAKE) -C tools pictures
 
 guard: $(VENV)/installed.stamp
-	$(PY) -m bench.guard
+	$(PY) -m bench.instruction_guard
 
 # Long searches for faults, see docs/development/reliability.md. OPTIONS go to the program, as
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
@@ -125,17 +125,17 @@ matrix: $(VENV)/dev.stamp
 	$(PY) -m release.wheels --all-pythons --ros jazzy kilted $(OPTIONS)
 
 cross: $(VENV)/dev.stamp
-	$(PY) -m release.cross $(OPTIONS)
+	$(PY) -m release.cross_compile $(OPTIONS)
 
 releases: $(VENV)/dev.stamp
-	$(PY) -m release.overlays $(OPTIONS)
+	$(PY) -m release.rclpy_overlays $(OPTIONS)
 
 oldest: $(VENV)/dev.stamp
 	$(PY) -m release.wheels --oldest $(OPTIONS)
 
 # Without .venv: what it has must not be needed.
 bare:
-	$(PYTHON) release/bare.py $(OPTIONS)
+	$(PYTHON) release/readme_commands.py $(OPTIONS)
 
 # mypy reads the types of all that the packages may import.
 lint: $(VENV)/dev.stamp $(VENV)/test.stamp
@@ -143,13 +143,13 @@ lint: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
-	$(PY) -m build_backend.hints $(PACKAGES)
-	$(PY) -m build_backend.stubs --check
+	$(PY) -m build_backend.cython_hints $(PACKAGES)
+	$(PY) -m build_backend.stub_docstrings --check
 	$(PY) -m mypy $(PACKAGES) tools/tf2_ros_tools
 	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
 stubs: $(VENV)/dev.stamp
-	$(PY) -m build_backend.stubs
+	$(PY) -m build_backend.stub_docstrings
 
 build: $(VENV)/test.stamp
 	$(PY) setup.py -q build_ext --inplace
@@ -168,7 +168,7 @@ include step.mk
 $(VENV_STAMP): $(shell test -x $(PY) || echo new)
 	@command -v $(PYTHON) > /dev/null || { echo "no $(PYTHON): install Python 3.10 or newer"; \
 		echo "On Debian and Ubuntu: sudo apt install make g++ python3-dev python3-venv"; exit 1; }
-	@$(PYTHON) build_backend/environment.py $(VENV_KIND)
+	@$(PYTHON) build_backend/required_tools.py $(VENV_KIND)
 	@mkdir -p $(VENV)
 	$(call step,Creating $(VENV): some seconds,$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV) && $(PY) -m pip install --upgrade pip)
 	@touch $@

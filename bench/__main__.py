@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 
 from bench import report
 from bench.libraries import FETCHED, OURS, PROGRAMS, ROOT, Library, last_line, libraries
-from bench.rows import Rows
-from bench.sizes import FULL, QUICK
+from bench.result_rows import Rows
+from bench.run_sizes import FULL, QUICK
 from release.interpreters import environment_of_children
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -60,7 +60,9 @@ SECTIONS = {
         "receiving.losses", (OURS,), ["lookups", "busy thread", "no reader", "held GIL"], rounds=1
     ),
     "online": Section("receiving.online", ROS2, rounds=5),
-    "nodes": Section("nodes.many", (OURS,), ["one", "listening", "attached", "looking", "idle"], rounds=3),
+    "nodes": Section(
+        "many_nodes.many", (OURS,), ["one", "listening", "attached", "looking", "idle"], rounds=3
+    ),
     "frozen": Section("frozen.frozen", (OURS, "tf_tree"), rounds=3),
     "frozen:workers": Section("frozen.workers", (OURS, "tf_tree"), rounds=3),
 }
@@ -94,7 +96,7 @@ class Run:
     def _run(self, name: str, function: str, who: str, variant: str) -> str | None:
         """Measure one of them for one round; what went wrong, if something did."""
         library = self.libraries[who]
-        command = [library.python, str(PROGRAMS / "library.py"), who, function]
+        command = [library.python, str(PROGRAMS / "measured_library.py"), who, function]
         command += [json.dumps(self.sizes), str(self._out), *([variant] if variant else [])]
         environment = _environment() | library.environment
         try:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from release import debian
+from release import debian_packages
 from release.interpreters import environment_of_children, interpreters
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -110,7 +110,7 @@ def _of_ros2() -> Iterator[Library]:
 
 def _from_debian() -> Iterator[Library]:
     folder = FETCHED / "debian"
-    root = debian.unpack(folder, DEBIAN_PACKAGES)
+    root = debian_packages.unpack(folder, DEBIAN_PACKAGES)
     (binaries,) = {path.parent for path in root.glob("usr/lib/*/libtf2.so")}
     (tf2,) = folder.glob("archives/libtf2-2d_*.deb")
     version = tf2.name.split("_")[1].split("-")[0]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from bench.libraries import OURS, Library
-from bench.rows import Row, Rows
+from bench.result_rows import Row, Rows
 
 TITLES = {
     "lookups": "One lookup, µs",

@@ -20,7 +20,7 @@ from setuptools.build_meta import (
     prepare_metadata_for_build_wheel,
 )
 
-from . import environment, layout
+from . import install_layout, required_tools
 
 __all__ = [
     "build_editable",
@@ -42,7 +42,7 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     """
     for left in Path("build").glob("lib*"):
         shutil.rmtree(left)
-    layout.choose(config_settings)
+    install_layout.choose(config_settings)
     return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
 
 
@@ -55,11 +55,11 @@ def build_editable(wheel_directory, config_settings=None, metadata_directory=Non
 
 def get_requires_for_build_wheel(config_settings=None):
     """Check the tools, and list what the build needs besides the list in pyproject.toml."""
-    environment.refuse_incomplete()
+    required_tools.refuse_incomplete()
     return build_meta.get_requires_for_build_wheel(config_settings)
 
 
 def get_requires_for_build_editable(config_settings=None):
     """The same for an editable install."""
-    environment.refuse_incomplete()
+    required_tools.refuse_incomplete()
     return build_meta.get_requires_for_build_editable(config_settings)

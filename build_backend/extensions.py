@@ -9,7 +9,7 @@ import numpy
 from setuptools import Extension, find_packages
 from setuptools.command.build_ext import build_ext
 
-from . import built_version, environment, layout
+from . import built_version, install_layout, required_tools
 
 # No -ffast-math, because comparisons with NaN and infinity decide what is refused. No contraction into fused
 # multiply-adds, because the last bits would depend on the machine.
@@ -64,8 +64,8 @@ class BuildExtensions(build_ext):
             self.parallel = os.cpu_count()
 
     def run(self):
-        environment.refuse_incomplete()
-        environment.refuse_other_cython()
+        required_tools.refuse_incomplete()
+        required_tools.refuse_other_cython()
         # An in-place build keeps its folders, so that the next one makes only what has changed; an editable
         # install would give it new ones every time.
         if self.inplace:
@@ -91,7 +91,9 @@ class BuildExtensions(build_ext):
         self.copy_file(str(self._made), str(self._made.relative_to(self.build_lib)))
         if self.editable_mode:
             # The wheel of an editable installation has no other files of the project.
-            layout.copy_startup_files(self.get_finalized_command("install").install_lib, is_editable=True)
+            install_layout.copy_startup_files(
+                self.get_finalized_command("install").install_lib, is_editable=True
+            )
 
     def _cythonize(self):
         """

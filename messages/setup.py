@@ -11,10 +11,10 @@ ROOT = Path(__file__).resolve().parent
 # setuptools runs this file without its folder on the path.
 sys.path.insert(0, str(ROOT))
 
-from backend import commands, environment, tf2_msgs  # noqa: E402
+from backend import build_command, build_tf2_msgs, target_ros  # noqa: E402
 
-PACKAGE = ROOT / "src" / tf2_msgs.NAME
-RELEASE = environment.release()
+PACKAGE = ROOT / "src" / build_tf2_msgs.NAME
+RELEASE = target_ros.release()
 VERSION = re.search(r"<version>([\d.]+)</version>", (PACKAGE / "package.xml").read_text(encoding="utf-8"))
 
 
@@ -36,13 +36,13 @@ setup(
     license="BSD-3-Clause",
     license_files=["LICENSE"],
     python_requires=">=3.10",
-    install_requires=["numpy>=1.21", *environment.ros_wheels()],
+    install_requires=["numpy>=1.21", *target_ros.ros_wheels()],
     # A folder below: started in this one, Python finds the installed package and not the sources.
     package_dir={"": "src"},
-    packages=[tf2_msgs.NAME],
-    package_data={tf2_msgs.NAME: ["package.xml", "msg/*.msg", "srv/*.srv", "action/*.action"]},
+    packages=[build_tf2_msgs.NAME],
+    package_data={build_tf2_msgs.NAME: ["package.xml", "msg/*.msg", "srv/*.srv", "action/*.action"]},
     include_package_data=False,
-    ext_modules=[tf2_msgs.MessagesExtension(PACKAGE)],
-    cmdclass={"build_ext": commands.BuildMessages, "sdist": SourcesOfRelease},
+    ext_modules=[build_tf2_msgs.MessagesExtension(PACKAGE)],
+    cmdclass={"build_ext": build_command.BuildMessages, "sdist": SourcesOfRelease},
     zip_safe=False,
 )

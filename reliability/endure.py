@@ -16,8 +16,8 @@ import time
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from reliability.builds import ROOT
-from reliability.domain import use_own_domain
+from reliability.flagged_builds import ROOT
+from reliability.own_ros_domain import use_own_domain
 
 BUSY_LOOPS = 4
 ROBOTS, NODES = 4, 5  # processes, and nodes in each

@@ -21,7 +21,7 @@ from rclpy.serialization import serialize_message
 from rclpy.time import Time
 
 from release.interpreters import environment_of_children
-from reliability.builds import ROOT
+from reliability.flagged_builds import ROOT
 from reliability.stress_readers import Reader
 from reliability.stress_truth import (
     CACHE_S,

@@ -6,7 +6,7 @@ from time import perf_counter_ns
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import PointCloud2, PointField
-from trees import chain
+from trees_and_queries import chain
 
 from tf2_sensor_msgs import deskew, do_transform_cloud
 

@@ -9,7 +9,7 @@ from statistics import median
 from time import perf_counter_ns, process_time_ns
 
 import numpy as np
-from trees import bushy
+from trees_and_queries import bushy
 
 HOPS = 4
 DEADLINE_S = 120.0

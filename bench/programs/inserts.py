@@ -4,8 +4,8 @@ import ctypes
 import itertools
 import os
 
-from library import STEP_NS
-from trees import START_NS, Tree, bushy, chain
+from measured_library import STEP_NS
+from trees_and_queries import START_NS, Tree, bushy, chain
 
 FRAMES = 50
 CACHE_S = 10.0

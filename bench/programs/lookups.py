@@ -3,7 +3,7 @@
 import threading
 from time import perf_counter_ns
 
-from trees import bushy, chain, fork
+from trees_and_queries import bushy, chain, fork
 
 HOPS = (1, 4, 10)
 DEEP_HOPS = 4

@@ -11,8 +11,8 @@ from time import perf_counter_ns
 import numpy as np
 import rclpy
 from geometry_msgs.msg import TransformStamped
-from library import AUTHORITY, time_paced
-from publishing import DEPTH, Publisher, online_tree, stamp_ns
+from load_publisher import DEPTH, Publisher, online_tree, stamp_ns
+from measured_library import AUTHORITY, time_paced
 from rclpy.callback_groups import CallbackGroup
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException

@@ -37,19 +37,19 @@ builtin_interfaces::msg::Time stamp_of(int64_t ns) {
 }
 #endif
 
-// As trees.py has them; frames by index.
+// As trees_and_queries.py has them; frames by index.
 struct Record {
   uint32_t child, parent, is_static, reserved;
   int64_t stamp_ns;
   double pose[7];  // x y z, qx qy qz qw
 };
-static_assert(sizeof(Record) == 80, "as in trees.py");
+static_assert(sizeof(Record) == 80, "as in trees_and_queries.py");
 
 struct Query {
   uint32_t target, source;
   int64_t time_ns;
 };
-static_assert(sizeof(Query) == 16, "as in trees.py");
+static_assert(sizeof(Query) == 16, "as in trees_and_queries.py");
 
 struct Buffer {
   tf2::BufferCore core;

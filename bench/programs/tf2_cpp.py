@@ -4,8 +4,8 @@ import os
 from ctypes import CDLL, POINTER, c_bool, c_char_p, c_double, c_int64, c_size_t, c_void_p
 
 import numpy as np
-from library import Library
-from trees import QUERY, RECORD
+from measured_library import Library
+from trees_and_queries import QUERY, RECORD
 
 EMPTY = 1000
 UNLIMITED_S = 1e6

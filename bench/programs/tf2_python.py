@@ -2,7 +2,7 @@
 
 from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import TransformStamped
-from library import AUTHORITY, Library
+from measured_library import AUTHORITY, Library
 from rclpy.duration import Duration
 from rclpy.time import Time
 

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from reliability.fuzz.building import built, environment
+from reliability.fuzz.fuzzing_build import built, environment
 from reliability.fuzz.targets import IN_PYTHON, MOST_BYTES, PACKAGES, corpus, keep, target
 
 INPUT_S = 20  # an input that takes longer hangs
@@ -52,7 +52,7 @@ def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
         places = [str(found), seeds]
         begun = time.monotonic()
         log = build.parent / f"fuzz-{name}.log"
-        process = ["reliability.fuzz.process", name, *options, *places]
+        process = ["reliability.fuzz.fuzz_one", name, *options, *places]
         code = _run(process, build, python, log)
         took = time.monotonic() - begun
     text = log.read_text(errors="replace")
@@ -85,7 +85,7 @@ def minimise(name: str, build: Path, python: str) -> None:
         options += ["-handle_xfsz=0", "-artifact_prefix=./"]
         places = [merged, seeds, *(str(folder) for folder in found if folder.exists())]
         log = build.parent / f"fuzz-{name}-merge.log"
-        _run(["reliability.fuzz.process", name, *options, *places], build, python, log, merged)
+        _run(["reliability.fuzz.fuzz_one", name, *options, *places], build, python, log, merged)
         crashes = found[1].iterdir() if found[1].exists() else ()
         kept = {one: data for one, data in corpus(name).items() if one.startswith("crash")}
         kept |= {f"crash-{_digest(one)}": one.read_bytes() for one in crashes}

@@ -8,14 +8,14 @@ from paths import ROOT
 pytestmark = [pytest.mark.ours, pytest.mark.long("fetches compilers")]
 
 sys.path.insert(0, str(ROOT))
-from release import cross  # noqa: E402
+from release import cross_compile  # noqa: E402
 
 
-@pytest.mark.parametrize("name", cross.TARGETS)
+@pytest.mark.parametrize("name", cross_compile.TARGETS)
 def test_the_extensions_compile(name):
     try:
-        tools = cross.tools_for(name)
-    except cross.Unavailable as error:
+        tools = cross_compile.tools_for(name)
+    except cross_compile.Unavailable as error:
         pytest.skip(str(error))
-    _, errors = cross.build(name, tools, "-O0")
+    _, errors = cross_compile.build(name, tools, "-O0")
     assert errors == {}

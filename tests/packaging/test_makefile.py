@@ -31,7 +31,7 @@ build_wheel = build_editable
 
 def copied_to(folder):
     """A folder like a checkout, with what make reads before it builds."""
-    for name in ("Makefile", "step.mk", "build_backend/environment.py"):
+    for name in ("Makefile", "step.mk", "build_backend/required_tools.py"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
     return folder

@@ -20,8 +20,8 @@ from tf2_py import _tf2_py
 from tf2_ros_cython import which
 
 # By their places and not by the path: that must not make the checkout's packages importable.
-environment = backend_at(ROOT / "build_backend", "build_backend").environment
-messages = backend_at(ROOT / "messages" / "backend", "messages_backend").environment
+environment = backend_at(ROOT / "build_backend", "build_backend").required_tools
+messages = backend_at(ROOT / "messages" / "backend", "messages_backend").target_ros
 MESSAGES_METADATA = "backend.prepare_metadata_for_build_wheel"
 
 

@@ -12,7 +12,7 @@ from sources import PYPROJECT
 pytestmark = pytest.mark.ours
 
 sys.path.insert(0, str(ROOT))
-from release.versions import contradictions  # noqa: E402
+from release.version_check import contradictions  # noqa: E402
 
 FILES = ("pyproject.toml", "package.xml", "CHANGELOG.md")
 MANIFEST = "messages/src/tf2_msgs/package.xml"

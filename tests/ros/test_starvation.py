@@ -8,7 +8,7 @@ from rclpy.duration import Duration
 from repetitions import times
 from spinning import repeated
 
-from bench.programs.serialised import Template
+from bench.programs.serialized_template import Template
 
 pytestmark = pytest.mark.ours
 

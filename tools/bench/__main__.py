@@ -11,7 +11,7 @@ from pathlib import Path
 from bench import report
 from bench.__main__ import Run, Section, machine, redacted, write
 from bench.libraries import FETCHED, OURS, ours
-from bench.sizes import FULL, QUICK
+from bench.run_sizes import FULL, QUICK
 
 HERE = Path(__file__).resolve().parent
 

@@ -3,7 +3,7 @@
 import time
 
 import numpy as np
-from publishing import Publisher
+from load_publisher import Publisher
 from receiving import LOADS, WAKE_RATE, Listening, look
 
 from tf2_ros_tools.live import connect

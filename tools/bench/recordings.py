@@ -8,7 +8,7 @@ from time import perf_counter_ns
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
-from trees import bushy
+from trees_and_queries import bushy
 
 from tf2_ros_tools import bag
 

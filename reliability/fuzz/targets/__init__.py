@@ -24,7 +24,7 @@ PACKAGES = {
     "frozen": ["tf2_py"],
     "recordings": ["tf2_ros_tools", "rosbags", "mcap"],
     "saved": ["tf2_ros_tools", "mcap"],
-    "segments": ["tf2_py", "tf2_ros._shared"],
+    "shared_ring": ["tf2_py", "tf2_ros._shared"],
 }
 # The sizes of inputs.
 MOST_BYTES = {
@@ -33,7 +33,7 @@ MOST_BYTES = {
     "frozen": 4096,
     "recordings": 12000,
     "saved": 8192,
-    "segments": 512,
+    "shared_ring": 512,
 }
 
 # In these Python does nearly all of the work.

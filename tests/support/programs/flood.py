@@ -14,7 +14,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile
 
-from bench.programs.serialised import NS_PER_S, Template
+from bench.programs.serialized_template import NS_PER_S, Template
 from tf2_msgs.msg import TFMessage
 
 START_NS = 10**12

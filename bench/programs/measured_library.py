@@ -1,9 +1,10 @@
 """
 A measured library, how its calls are timed, and the rows of results.
 
-`library.py LIBRARY MODULE.FUNCTION SIZES OUT [VARIANT...]` measures: a process measures one section of one
-library, and writes its rows to the file OUT. The processes run under the interpreters of the libraries, so
-everything in this folder needs nothing but the standard library and NumPy, unless only ours imports it.
+`measured_library.py LIBRARY MODULE.FUNCTION SIZES OUT [VARIANT...]` measures: a process measures one section
+of one library, and writes its rows to the file OUT. The processes run under the interpreters of the
+libraries, so everything in this folder needs nothing but the standard library and NumPy, unless only ours
+imports it.
 """
 
 import importlib
@@ -18,12 +19,12 @@ import numpy as np
 
 # Module and class of each library.
 CLASSES = {
-    "ours": ("ours", "Ours"),
+    "ours": ("ours_beside_tf2", "Ours"),
     "ros2": ("tf2_python", "Tf2"),
     "ros2_cpp": ("tf2_cpp", "Tf2"),
     "ros1_cpp": ("tf2_cpp", "Tf2"),
-    "schiebung": ("rust", "Schiebung"),
-    "tf_tree": ("rust", "TfTree"),
+    "schiebung": ("rust_libraries", "Schiebung"),
+    "tf_tree": ("rust_libraries", "TfTree"),
 }
 AUTHORITY = "bench"
 STEP_NS = 10_000_000  # from insert to insert
@@ -155,5 +156,5 @@ def main(name, section, sizes, out, *variant):
 
 if __name__ == "__main__":
     # The other modules import this one by its name, which must be the same one.
-    sys.modules["library"] = sys.modules["__main__"]
+    sys.modules["measured_library"] = sys.modules["__main__"]
     main(*sys.argv[1:])

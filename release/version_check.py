@@ -1,5 +1,5 @@
 """
-Check that the versions of a release fit each other: `python -m release.versions [TAG]`.
+Check that the versions of a release fit each other: `python -m release.version_check [TAG]`.
 
 The tag is `v` and the version of tf2-ros-cython. tf2-ros-tools and the messages have versions of their own,
 which the requirements of the others must include.

@@ -5,19 +5,19 @@ from pathlib import Path
 
 from setuptools.command.build_ext import build_ext
 
-from . import environment, tf2_msgs
+from . import build_tf2_msgs, target_ros
 
 
 class BuildMessages(build_ext):
     """Makes what the one extension and the generated Python need, where it is not there yet."""
 
     def run(self):
-        environment.refuse_incomplete()
+        target_ros.refuse_incomplete()
         # An in-place build keeps its folders, so that the next one makes only what has changed; an editable
         # install would give it new ones every time.
         if self.inplace:
             # What was compiled for one release must not be taken for another's.
-            folder = Path("build", "inplace", environment.release())
+            folder = Path("build", "inplace", target_ros.release())
             self.build_lib, self.build_temp = str(folder / "lib"), str(folder / "temp")
             folder.mkdir(parents=True, exist_ok=True)
             # Two builds of one checkout would write into each other's files; the end of the process lets go.
@@ -25,14 +25,16 @@ class BuildMessages(build_ext):
             fcntl.flock(self._lock, fcntl.LOCK_EX)
         [ext] = self.extensions
         made = Path(self.build_lib, self.get_ext_filename(ext.name))
-        if self.force or not tf2_msgs.is_current(ext, made):
-            tf2_msgs.generate(ext, Path(self.build_temp, tf2_msgs.NAME))
+        if self.force or not build_tf2_msgs.is_current(ext, made):
+            build_tf2_msgs.generate(ext, Path(self.build_temp, build_tf2_msgs.NAME))
         super().run()
 
     def build_extension(self, ext):
         if ext.generated is None:
             return
-        tf2_msgs.build(ext, self.compiler, Path(self.get_ext_fullpath(ext.name)).parent, self.build_temp)
+        build_tf2_msgs.build(
+            ext, self.compiler, Path(self.get_ext_fullpath(ext.name)).parent, self.build_temp
+        )
         super().build_extension(ext)
 
     def copy_extensions_to_source(self):
@@ -40,4 +42,4 @@ class BuildMessages(build_ext):
         self.force = True
         super().copy_extensions_to_source()
         [ext] = self.extensions
-        tf2_msgs.copy_made(Path(self.build_lib, tf2_msgs.NAME), ext.source, self.copy_file)
+        build_tf2_msgs.copy_made(Path(self.build_lib, build_tf2_msgs.NAME), ext.source, self.copy_file)

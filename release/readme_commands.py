@@ -1,5 +1,5 @@
 """
-Run the README's commands as a new user would: `python3 release/bare.py`, or `make bare`.
+Run the README's commands as a new user would: `python3 release/readme_commands.py`, or `make bare`.
 
 `make demo`, `make test` and `make -C tools demo` run in a new clone of the last commit, with an empty home
 and without caches. The only variables are those that say how to reach the network, and the only programs in
@@ -37,7 +37,9 @@ tests/ros/test_transform_listener.py tests/packaging/test_public_names.py tests/
 
 
 def main(arguments=None):
-    parser = argparse.ArgumentParser(prog="python3 release/bare.py", description=__doc__.split("\n\n")[1])
+    parser = argparse.ArgumentParser(
+        prog="python3 release/readme_commands.py", description=__doc__.split("\n\n")[1]
+    )
     parser.add_argument("--user", help="run as this user; a superuser may ask for it")
     parser.add_argument(
         "--quick", action="store_true", help="run some of the tests, which take a few minutes"

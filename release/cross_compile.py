@@ -1,5 +1,5 @@
 """
-Compile for machines that this one is not: `python -m release.cross`, behind `make cross`.
+Compile for machines that this one is not: `python -m release.cross_compile`, behind `make cross`.
 
 Compiles every extension for each target. For Linux on ARM, it also runs the tests that need no ROS, under
 qemu. Compilers, libraries and a Python of the target are unpacked into .cross; nothing is installed.
@@ -21,7 +21,7 @@ from Cython.Build import cythonize
 
 from build_backend import extensions
 
-from . import debian
+from . import debian_packages
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / ".cross"
@@ -81,7 +81,9 @@ class Tools:
 
 
 def main(arguments=None):
-    parser = argparse.ArgumentParser(prog="python -m release.cross", description=__doc__.split("\n\n")[1])
+    parser = argparse.ArgumentParser(
+        prog="python -m release.cross_compile", description=__doc__.split("\n\n")[1]
+    )
     parser.add_argument("targets", nargs="*", metavar="target", help=f"of {', '.join(TARGETS)}; default: all")
     parser.add_argument("--untested", action="store_true", help="compile, and run no tests")
     options, of_pytest = parser.parse_known_args(arguments)
@@ -132,8 +134,12 @@ def _zig(name):
 
 
 def _debian(name):
-    target = debian.unpack(FOLDER / "debian-arm64", ["python3", "libpython3-dev", "libstdc++6"], "arm64")
-    here = debian.unpack(FOLDER / "debian-amd64", ["gcc-aarch64-linux-gnu", "qemu-user-static"], "amd64")
+    target = debian_packages.unpack(
+        FOLDER / "debian-arm64", ["python3", "libpython3-dev", "libstdc++6"], "arm64"
+    )
+    here = debian_packages.unpack(
+        FOLDER / "debian-amd64", ["gcc-aarch64-linux-gnu", "qemu-user-static"], "amd64"
+    )
     compiler = [str(here / "usr/bin/aarch64-linux-gnu-gcc"), f"--sysroot={target}", "-pthread"]
     environment = {"LD_LIBRARY_PATH": str(here / "usr/lib/x86_64-linux-gnu")}
     [python] = target.glob("usr/bin/python3.[0-9]*[0-9]")

@@ -1,7 +1,8 @@
 """
-Give the public stubs the docstrings of the compiled modules, for editors: `python -m build_backend.stubs`.
+Give the public stubs the docstrings of the compiled modules, for editors.
 
-With `--check`, for `make lint`: only say which stubs would change.
+`python -m build_backend.stub_docstrings` writes them; with `--check`, for `make lint`, it only says which
+stubs would change.
 """
 
 import ast

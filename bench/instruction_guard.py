@@ -1,9 +1,9 @@
 """
 Count instructions with callgrind, regardless of the load of the machine.
 
-`python -m bench.guard` compares the instructions of a few calls with `guard_baseline.json`, as multiples of
-the instructions of a piece of pure Python, which depend on the machine and on Python in the same way.
-`--renew` writes a new baseline.
+`python -m bench.instruction_guard` compares the instructions of a few calls with `instruction_baseline.json`,
+as multiples of the instructions of a piece of pure Python, which depend on the machine and on Python in the
+same way. `--renew` writes a new baseline.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from typing import Any
 from bench.libraries import PROGRAMS, last_line, ours
 from release.interpreters import environment_of_children
 
-BASELINE = Path(__file__).resolve().parent / "guard_baseline.json"
+BASELINE = Path(__file__).resolve().parent / "instruction_baseline.json"
 REFERENCE = "reference"
-# Cases of programs/counted.py, and how many calls the shorter run makes.
+# Cases of programs/counted_calls.py, and how many calls the shorter run makes.
 CASES = {
     REFERENCE: 200,
     "Buffer.lookup_transform static": 200,
@@ -54,7 +54,7 @@ def count(seed: int) -> dict[str, float]:
         command = ["valgrind", "--tool=callgrind", "--dump-before=getpgid", "--combine-dumps=no"]
         # A Python with ROS wheels starts itself anew with their libraries on its path.
         command += ["--trace-children=yes", f"--callgrind-out-file={folder}/counted.%p"]
-        command += [library.python, str(PROGRAMS / "counted.py")]
+        command += [library.python, str(PROGRAMS / "counted_calls.py")]
         command += [f"{name}={calls}" for name, calls in CASES.items()]
         # Equal hashes, equal paths through dicts.
         environment = environment_of_children(
@@ -81,7 +81,7 @@ def verdict(ratio: float, before: float | None, allowed: float) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     description = "Count the instructions of a few calls, and fail if a count has grown."
-    parser = argparse.ArgumentParser(prog="python -m bench.guard", description=description)
+    parser = argparse.ArgumentParser(prog="python -m bench.instruction_guard", description=description)
     parser.add_argument("--renew", action="store_true", help="write the present counts as the new baseline")
     renew = parser.parse_args(arguments).renew
     if shutil.which("valgrind") is None:
@@ -112,7 +112,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         was = "" if before is None else f"(was {before:.3f})"
         print(f"  {case:34}{counts[case]:10.0f}{ratio:9.3f} {was}  {verdicts[-1]}")
     if failed := {"slower", "no baseline"} & set(verdicts):
-        print("guard: failed. Where the cost is wanted: python -m bench.guard --renew, and say why.")
+        print(
+            "guard: failed. Where the cost is wanted: python -m bench.instruction_guard --renew, and say why."
+        )
     return int(bool(failed))
 
 

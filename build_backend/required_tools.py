@@ -1,7 +1,7 @@
 """
 Check that the machine has the tools that the build needs.
 
-`python3 build_backend/environment.py wheels`, which make runs first, also looks for what a virtual
+`python3 build_backend/required_tools.py wheels`, which make runs first, also looks for what a virtual
 environment and the messages for ROS's wheels need, and prints one line for each tool that is missing.
 """
 

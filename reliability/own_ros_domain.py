@@ -3,7 +3,7 @@
 import os
 import sys
 
-from reliability.builds import ROOT
+from reliability.flagged_builds import ROOT
 
 SUPPORT = ROOT / "tests" / "support"
 sys.path.insert(0, str(SUPPORT))

@@ -1,7 +1,7 @@
 """
 Measure the CPU of many nodes while another process publishes.
 
-`nodes.py KIND NAME` is one of them: a node that is spun, and what it has beside:
+`many_nodes.py KIND NAME` is one of them: a node that is spun, and what it has beside:
 
 `idle`: nothing.
 `listening`: a buffer and a TransformListener.
@@ -20,7 +20,7 @@ import threading
 import time
 
 import rclpy
-from publishing import Publisher
+from load_publisher import Publisher
 from rclpy.executors import ExternalShutdownException
 
 from tf2_ros import Buffer, TransformListener

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from reliability import builds
+from reliability import flagged_builds
 
 ATHERIS = "atheris==3.0.0"
 SANITIZERS = "-fsanitize=fuzzer-no-link,address,undefined"
@@ -31,7 +31,7 @@ def built() -> Path:
         raise SystemExit("fuzzing needs clang 14 or newer: apt-get install clang-14")
     runtime = _runtime()
     # Among the libraries to link with, for a build that allows no undefined symbols.
-    return builds.build(
+    return flagged_builds.build(
         "fuzz",
         cflags=CFLAGS,
         ldflags=[SANITIZERS, str(runtime)],
@@ -65,7 +65,7 @@ def environment(build: Path, *, guarded: bool = True) -> dict[str, str]:
 
 def _atheris() -> Path:
     # Beside the environment, not in it: it has no dependencies, and nothing else needs it.
-    return builds.BUILDS / "atheris"
+    return flagged_builds.BUILDS / "atheris"
 
 
 def _runtime() -> Path:

@@ -6,8 +6,8 @@ import struct
 from collections.abc import Iterator
 from unittest.mock import patch
 
-from reliability.fuzz.faults import answers, ask
-from reliability.fuzz.reading import Input
+from reliability.fuzz.fault_checks import answers, ask
+from reliability.fuzz.fuzzer_input import Input
 from reliability.fuzz.targets import cdr
 from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._shared import owner as sharing

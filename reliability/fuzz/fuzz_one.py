@@ -1,4 +1,4 @@
-"""Fuzz one target: `python -m reliability.fuzz.process <target> <options of libFuzzer>`."""
+"""Fuzz one target: `python -m reliability.fuzz.fuzz_one <target> <options of libFuzzer>`."""
 
 import hashlib
 import sys
@@ -29,7 +29,7 @@ def main() -> None:
             raise
 
     # By this libFuzzer starts itself again, where it compares inputs that may crash it.
-    command = f"{sys.executable} -m reliability.fuzz.process {name}"
+    command = f"{sys.executable} -m reliability.fuzz.fuzz_one {name}"
     atheris.Setup([command, *sys.argv[1:]], run)
     atheris.Fuzz()
 

@@ -1,7 +1,7 @@
 """
-Make calls of this project between marks, so that bench/guard.py can count their instructions.
+Make calls of this project between marks, so that bench/instruction_guard.py can count their instructions.
 
-`counted.py CASE=COUNT...` makes, of each case, COUNT calls and then twice as many.
+`counted_calls.py CASE=COUNT...` makes, of each case, COUNT calls and then twice as many.
 """
 
 import gc
@@ -9,9 +9,9 @@ import os
 import sys
 
 from inserts import Following
-from library import STEP_NS
-from ours import BATCH, Ours
-from trees import Tree, chain
+from measured_library import STEP_NS
+from ours_beside_tf2 import BATCH, Ours
+from trees_and_queries import Tree, chain
 
 WARM_UP = 20
 HOPS = 4

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy
 from setuptools import Extension
 
-from . import environment, interfaces
+from . import interface_generation, target_ros
 
 NAME = "tf2_msgs"
 _NOTE = "_release.py"
@@ -66,11 +66,11 @@ def is_current(ext, extension_path):
     """Whether the extension and what is made beside it are there, and newer than what they are made from."""
     folder = extension_path.parent
     made = [extension_path, *(folder / f"lib{NAME}__{kind}.so" for kind in _LIBRARIES)]
-    made += [folder / kind / "__init__.py" for kind in interfaces.KINDS]
+    made += [folder / kind / "__init__.py" for kind in interface_generation.KINDS]
     note = folder / _NOTE
     if not all(path.is_file() for path in [*made, note]) or note.read_text(encoding="utf-8") != _note():
         return False
-    needed = [ext.source / file for file in interfaces.interface_files(ext.source)]
+    needed = [ext.source / file for file in interface_generation.interface_files(ext.source)]
     needed += Path(__file__).parent.glob("*.py")
     return min(map(os.path.getmtime, made)) > max(map(os.path.getmtime, needed))
 
@@ -78,12 +78,14 @@ def is_current(ext, extension_path):
 def generate(ext, folder):
     """Generate all sources into ``folder``, and note in ``ext`` what it is compiled from."""
     shutil.rmtree(folder, ignore_errors=True)
-    prefix = environment.ros_prefix()
-    interfaces.generate(NAME, ext.source, folder.resolve(), _INTERFACE_PACKAGES, prefix)
+    prefix = target_ros.ros_prefix()
+    interface_generation.generate(NAME, ext.source, folder.resolve(), _INTERFACE_PACKAGES, prefix)
     ext.generated = folder
     ext.sources = _sources(folder / "rosidl_generator_py") + _sources(folder / "rosidl_typesupport_c")
     ext.extra_compile_args = _COMPILE_ARGS
-    ext.include_dirs = [str(folder / name) for name in interfaces.GENERATORS] + [numpy.get_include()]
+    ext.include_dirs = [str(folder / name) for name in interface_generation.GENERATORS] + [
+        numpy.get_include()
+    ]
     headers = prefix / "include"
     ext.include_dirs.append(str(headers))
     ext.include_dirs += [str(headers / name) for name in _RUNTIME_PACKAGES + _INTERFACE_PACKAGES]
@@ -141,8 +143,8 @@ def copy_made(source, target, copy_file):
 def _note():
     # For the check, when a program runs, that it uses the libraries on which this was built.
     return (
-        f'"""Written by the build."""\n\nRELEASE = {environment.release()!r}\n'
-        f"TYPE_SUPPORT = {environment.type_support()!r}\n"
+        f'"""Written by the build."""\n\nRELEASE = {target_ros.release()!r}\n'
+        f"TYPE_SUPPORT = {target_ros.type_support()!r}\n"
     )
 
 

@@ -1,9 +1,9 @@
 """
 A node that publishes on /tf as it is told, and the class that starts it.
 
-`publishing.py messages LISTENERS [DEPTH]` publishes once so many subscribe. It takes lines of standard input:
-RATE TRANSFORMS MESSAGES; and answers each, when it has published, with the seconds that this took.
-`publishing.py tree FRAMES` publishes the static frames of a tree once, and its dynamic frames at 50 Hz.
+`load_publisher.py messages LISTENERS [DEPTH]` publishes once so many subscribe. It takes lines of standard
+input: RATE TRANSFORMS MESSAGES; and answers each, when it has published, with the seconds that this took.
+`load_publisher.py tree FRAMES` publishes the static frames of a tree once, and its dynamic frames at 50 Hz.
 """
 
 import signal
@@ -16,9 +16,9 @@ import rclpy
 from geometry_msgs.msg import TransformStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from serialised import Template
+from serialized_template import Template
 from tf2_python import S, fill
-from trees import bushy
+from trees_and_queries import bushy
 
 from tf2_msgs.msg import TFMessage
 

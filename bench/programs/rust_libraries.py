@@ -1,7 +1,7 @@
 """Libraries from PyPI that are written in Rust, called from Python."""
 
 import numpy as np
-from library import Library, by_pair
+from measured_library import Library, by_pair
 
 BATCH = 1000
 

@@ -2,7 +2,7 @@
 Matrices beside transform-tree, in one process and in turn, so that the load of the machine affects both.
 
 Run: pip install --no-deps --target .bench/beside transform-tree==0.0.9
-     PYTHONPATH=.bench/beside:. python -O bench/programs/matrices.py
+     PYTHONPATH=.bench/beside:. python -O bench/programs/matrices_beside_transform_tree.py
 """
 
 import os
@@ -10,9 +10,9 @@ import statistics
 from time import perf_counter_ns
 
 from lookups import HOPS, MOVING_SAMPLES
-from ours import Ours
-from rust import TfTree
-from trees import chain
+from ours_beside_tf2 import Ours
+from rust_libraries import TfTree
+from trees_and_queries import chain
 
 CALLS = 200  # in a block, after which it is the other's turn
 BLOCKS = 500

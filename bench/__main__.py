@@ -47,10 +47,10 @@ SECTIONS = {
     "lookups": Section("lookups.lookups", EVERY),
     "vectors": Section("lookups.vectors", (OURS, "tf_tree")),
     "growth": Section("lookups.growth", EVERY),
-    "inserts": Section("inserts.inserts", EVERY),
+    "inserts": Section("inserts_waiters_memory.inserts", EVERY),
     "clouds": Section("clouds.clouds", (OURS,)),
-    "waiters": Section("inserts.waiters", (OURS,)),
-    "memory": Section("inserts.memory", EVERY, rounds=1),
+    "waiters": Section("inserts_waiters_memory.waiters", (OURS,)),
+    "memory": Section("inserts_waiters_memory.memory", EVERY, rounds=1),
     "receiving:cpu": Section(
         "receiving.cpu", ROS2, ["listener 1"], ["floor 1", "listener 3", "floor 3", "overridden 1"]
     ),

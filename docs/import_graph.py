@@ -7,7 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from sources import PACKAGES, imports, modules  # noqa: E402
+from project_sources import PACKAGES, imports, modules  # noqa: E402
 
 CIMPORTS, IMPORTS = "══►", "──►"
 

@@ -31,8 +31,9 @@ CERTIFICATES = ("SSL_CERT_FILE", "SSL_CERT_DIR", "REQUESTS_CA_BUNDLE")
 
 # What --quick runs of the core's tests: the engine, topics over DDS, and names.
 QUICK = """
-tests/core/test_lookup.py tests/core/test_conformance.py tests/ros/test_buffer.py tests/ros/test_receiver.py
-tests/ros/test_transform_listener.py tests/packaging/test_public_names.py tests/ros/test_users_programs.py
+tests/core/test_lookup.py tests/core/test_recorded_answers.py tests/ros/test_buffer.py
+tests/ros/test_receiver.py tests/ros/test_transform_listener.py tests/packaging/test_public_names.py
+tests/ros/test_users_programs.py
 """.split()
 
 

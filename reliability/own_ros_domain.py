@@ -8,7 +8,7 @@ from reliability.flagged_builds import ROOT
 SUPPORT = ROOT / "tests" / "support"
 sys.path.insert(0, str(SUPPORT))
 
-from domains import claim_domain  # noqa: E402
+from ros_domains import claim_domain  # noqa: E402
 
 
 def use_own_domain():

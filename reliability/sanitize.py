@@ -29,29 +29,29 @@ TEST_TIMEOUT_S = 240 * SLOWNESS
 # Files and tests that cannot run here, and why; below are those that depend on the kind of build.
 NOT_HERE = {
     "tools/tests/packaging/test_docs.py": "builds the site, and takes hours",
-    "tools/tests/packaging/test_typing.py": "runs only type checkers",
+    "tools/tests/packaging/test_type_checkers.py": "runs only type checkers",
     "tests/packaging/test_adding_a_type.py": "compiles an extension without a sanitizer",
     "tests/core/test_allocation_failures.py": "replaces the allocator, as a sanitizer does",
     "tests/packaging/test_docs.py": "builds the package, and takes hours",
-    "tests/packaging/test_fuzz.py::test_no_input_of_the_corpus_shows_a_fault[shared_ring]": "damages what "
-    "the build checks",
-    "tests/packaging/test_fuzz.py::test_targets_take_their_seeds_and_any_bytes[shared_ring]": "damages what "
-    "the build checks",
+    "tests/packaging/test_fuzz_corpus.py::test_no_input_of_the_corpus_shows_a_fault[shared_ring]": "damages "
+    "what the build checks",
+    "tests/packaging/test_fuzz_corpus.py::test_targets_take_their_seeds_and_any_bytes[shared_ring]": ""
+    "damages what the build checks",
     "tests/packaging/test_packaging.py": "builds the package without a sanitizer",
-    "tests/packaging/test_sourced.py": "builds the package without a sanitizer",
-    "tests/packaging/test_typing.py": "runs only type checkers",
+    "tests/packaging/test_sourced_ros.py": "builds the package without a sanitizer",
+    "tests/packaging/test_type_checkers.py": "runs only type checkers",
     "tests/ros/test_shared_owners.py::test_a_truncated_file_breaks_nothing": "damages what the build checks",
     "tests/core/test_inserting.py::TestLogging::test_many_messages_share_the_lines_of_a_second": "a slow "
     "build does not finish within a second",
 }
 # Tests that start threads, or fork while threads exist, and call the extensions in them.
 THREADED = """
-core/test_engine_forking core/test_lookup core/test_plain_buffer core/test_series core/test_threads
-core/test_travel core/test_waiters core/test_waiters_random ros/test_buffer
-ros/test_buffer_client ros/test_buffer_server ros/test_executors ros/test_forking ros/test_message_filter
-ros/test_rclpy_inside ros/test_receiver ros/test_reception ros/test_shared_listening
-ros/test_shared_owners ros/test_shared_reading ros/test_starvation ros/test_transform_listener
-ros/test_waiting ros/test_waiting_random
+core/test_engine_forking core/test_lookup core/test_buffer_without_node core/test_series
+core/test_concurrent_threads core/test_pickles_and_copies core/test_waiters core/test_waiters_random
+ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_executors ros/test_forking
+ros/test_message_filter ros/test_rclpy_inside ros/test_receiver ros/test_reception_report
+ros/test_shared_listening ros/test_shared_owners ros/test_shared_reading ros/test_starvation
+ros/test_transform_listener ros/test_futures ros/test_random_waits
 """.split()
 THREADED_OF_TOOLS = ["tests/programs/test_received_records.py"]
 # These first: whoever breaks the engine learns it within minutes.

@@ -1,3 +1,3 @@
-"""The fixtures and options of the tests are those of tests/support/suite.py, which the tools' tests share."""
+"""Fixtures and options are those of tests/support/suite_fixtures.py, which the tools' tests share."""
 
-pytest_plugins = ["suite", "fastdds_log"]
+pytest_plugins = ["suite_fixtures", "fastdds_log"]

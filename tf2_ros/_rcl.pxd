@@ -2,9 +2,10 @@
 What the receiver uses of rcl and rmw: functions of the libraries that rclpy has loaded, found at run time.
 
 So nothing of ROS is needed to build this, and one build serves each release that has these functions, also
-one that is newer than this. `tests/ros/test_rcl.py` compares the declarations with the headers of the ROS 2
-that runs. Names, order and types are those of rcl and rmw. Structs that only they fill or read are declared
-as bytes; what they fill has room for members that a release may have beyond those declared here.
+one that is newer than this. `tests/ros/test_rcl_declarations.py` compares the declarations with the headers
+of the ROS 2 that runs. Names, order and types are those of rcl and rmw. Structs that only they fill or read
+are declared as bytes; what they fill has room for members that a release may have beyond those declared
+here.
 """
 
 from libc.stddef cimport size_t

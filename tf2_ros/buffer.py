@@ -12,7 +12,7 @@ from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of, seconds, time_ns
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
-from tf2_ros._fillers import BufferSource, Fillers, add_source, note_filler
+from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, note_filler
 from tf2_ros._message_classes import TransformStamped
 from tf2_ros._shared.shared_names import buffer_name, is_wanted, require_support
 from tf2_ros._wait.changes import Changes

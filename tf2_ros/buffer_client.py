@@ -27,7 +27,7 @@ from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, duration_ns, errors, frame_name
 from tf2_py.printable import printable
 from tf2_py.typing import DurationLike, TimeLike
-from tf2_ros._fillers import SHUT_DOWN
+from tf2_ros._buffer_fillers import SHUT_DOWN
 from tf2_ros._forking import refuse_inherited
 from tf2_ros._hidden_nodes import companion_node
 from tf2_ros._message_classes import time_msg

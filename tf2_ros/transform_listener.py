@@ -33,8 +33,8 @@ from tf2_ros._rclpy import (
 )
 from tf2_ros._receive.inbox import AUTHORITY
 from tf2_ros._receive.listener_topics import Topic, describe_topics
+from tf2_ros._receive.listeners_and_silence import note_listener
 from tf2_ros._receive.receiver import ListenerGroup, Listening, Receiver
-from tf2_ros._receive.silent_topics import note_listener
 from tf2_ros._spinner import Spinner
 from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros.buffer import SETTERS, Buffer

@@ -8,9 +8,9 @@ import gc
 import os
 import sys
 
-from inserts import Following
+from inserts_waiters_memory import Following
 from measured_library import STEP_NS
-from ours_beside_tf2 import BATCH, Ours
+from our_library import BATCH, Ours
 from trees_and_queries import Tree, chain
 
 WARM_UP = 20

@@ -10,7 +10,7 @@ import statistics
 from time import perf_counter_ns
 
 from lookups import HOPS, MOVING_SAMPLES
-from ours_beside_tf2 import Ours
+from our_library import Ours
 from rust_libraries import TfTree
 from trees_and_queries import chain
 

@@ -19,7 +19,7 @@ import numpy as np
 
 # Module and class of each library.
 CLASSES = {
-    "ours": ("ours_beside_tf2", "Ours"),
+    "ours": ("our_library", "Ours"),
     "ros2": ("tf2_python", "Tf2"),
     "ros2_cpp": ("tf2_cpp", "Tf2"),
     "ros1_cpp": ("tf2_cpp", "Tf2"),

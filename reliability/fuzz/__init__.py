@@ -2,6 +2,6 @@
 Coverage-guided fuzzing: `python -m reliability.fuzz --help`.
 
 A target is a module of :mod:`reliability.fuzz.targets` with a function ``run(data)``, which takes any bytes
-and raises what shows a fault. It needs no fuzzer: tests/packaging/test_fuzz.py runs it with
+and raises what shows a fault. It needs no fuzzer: tests/packaging/test_fuzz_corpus.py runs it with
 what its archive in ``corpus/`` holds.
 """

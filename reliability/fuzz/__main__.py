@@ -124,7 +124,7 @@ def main() -> int:
         prog="python -m reliability.fuzz",
         description="Search for inputs that crash this package, or make it answer wrongly. What is found is"
         " written to .reliability/fuzz-crashes; --minimise adds it to the corpus, which"
-        " tests/packaging/test_fuzz.py runs from then on.",
+        " tests/packaging/test_fuzz_corpus.py runs from then on.",
     )
     parser.add_argument("target", nargs="*", help=f"of {', '.join(PACKAGES)}; none: all")
     parser.add_argument("--seconds", type=int, default=600, help="for each (default: %(default)s)")

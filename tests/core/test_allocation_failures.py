@@ -4,7 +4,7 @@ import json
 import os
 
 import pytest
-from interposing import output_with_library
+from interposed_libraries import output_with_library
 
 pytestmark = pytest.mark.ours
 
@@ -14,6 +14,6 @@ SEED = int(os.environ.get("ALLOCATION_SEED", "1"))
 
 
 def test_a_failure_raises_and_changes_nothing(tmp_path):
-    failures = json.loads(output_with_library("allocations", tmp_path, SEED, STEPS))
+    failures = json.loads(output_with_library("failing_allocations", tmp_path, SEED, STEPS))
     assert failures["insert"] and failures["insert_many"] and failures["restore"]
     assert sum(failures.values()) > STEPS // 20

@@ -5,11 +5,11 @@ import threading
 
 import numpy as np
 import pytest
-from encoding import encode
+from cdr_encoder import encode
 from geometry_msgs.msg import TransformStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from making import transform
+from making_objects import transform
 from rclpy.serialization import deserialize_message, serialize_message
 
 from tf2_msgs.msg import TFMessage

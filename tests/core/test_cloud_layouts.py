@@ -8,7 +8,7 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from making import transform
+from making_objects import transform
 from sensor_msgs.msg import PointCloud2, PointField
 
 import tf2_sensor_msgs as tf2

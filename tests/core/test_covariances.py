@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseWithCovariance, Transform
 from hypothesis import given
-from making import transform
+from making_objects import transform
 from numpy.testing import assert_allclose
 from random_messages import transforms
-from turns import Turn
+from rotations import Turn
 
 from tf2_geometry_msgs import do_transform_pose_with_covariance
 from tf2_ros.numpy import propagate, to_arrays, to_matrix

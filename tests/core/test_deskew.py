@@ -5,7 +5,7 @@ import threading
 
 import numpy as np
 import pytest
-from making import S, about_z, at_ns, stamp_ns, transform
+from making_objects import S, about_z, at_ns, stamp_ns, transform
 from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2, PointField

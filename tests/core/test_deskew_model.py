@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import event, given
 from hypothesis import strategies as st
-from making import S, at_ns, transform
+from making_objects import S, at_ns, transform
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header

@@ -6,8 +6,8 @@ import threading
 
 import numpy as np
 import pytest
-from forking import in_a_child, status_of
-from making import at, transform
+from forked_children import in_a_child, status_of
+from making_objects import at, transform
 
 pytestmark = pytest.mark.ours
 

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from making import at, transform
+from making_objects import at, transform
 
 ENDS = {"future": ("base", "map"), "past": ("base", "map"), "single": ("once", "map")}
 # Expressions of public programs, and what each finds in the error of a lookup, by its cause.

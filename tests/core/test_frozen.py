@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from frozen_files import FRAME, HEADER, LINE, FrozenFile
-from making import S, about_z, at_ns, transform
+from frozen_format import FRAME, HEADER, LINE, FrozenFile
+from making_objects import S, about_z, at_ns, transform
+from pickles_and_copies import check_copy, filled, held
 from processes import DEADLINE_S
 from repetitions import first_seed, times
-from travelling import check_copy, filled, held
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer

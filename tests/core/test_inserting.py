@@ -6,9 +6,9 @@ import random
 from types import SimpleNamespace as N
 
 import pytest
-from encoding import encode
-from making import S, at, rotation, transform
-from ros_optional import Duration
+from cdr_encoder import encode
+from making_objects import S, at, rotation, transform
+from messages_with_or_without_ros import Duration
 
 NAN, INF = math.nan, math.inf
 

@@ -1,4 +1,4 @@
-"""What a buffer lists of its frames: texts, facts and its repr; test_model.py holds what they say."""
+"""What a buffer lists of its frames: texts, facts and its repr; test_beside_model.py holds what they say."""
 
 import copy
 import gc
@@ -10,7 +10,7 @@ import pytest
 import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
-from making import S, at, at_ns, transform
+from making_objects import S, at, at_ns, transform
 
 from tf2_py import BufferCore
 from tf2_py._objects import listings

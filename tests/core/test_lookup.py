@@ -3,7 +3,7 @@
 import types
 
 import pytest
-from making import S, at, stamp_ns, transform, translation
+from making_objects import S, at, stamp_ns, transform, translation
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.time import Time

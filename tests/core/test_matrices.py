@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from making import S, about_z, at, transform
-from ros_optional import Duration
+from making_objects import S, about_z, at, transform
+from messages_with_or_without_ros import Duration
 
 from tf2_py import (
     BufferCore,

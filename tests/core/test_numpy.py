@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from expected import matrix
+from expected_transforms import matrix
 from geometry_msgs.msg import (
     Point,
     Pose,
@@ -18,11 +18,11 @@ from geometry_msgs.msg import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from making import S, transform, translation
+from making_objects import S, transform, translation
 from numpy.testing import assert_allclose
 from processes import output_of
 from random_messages import transforms, turns, vectors
-from turns import Turn
+from rotations import Turn
 
 from tf2_ros.numpy import from_matrix, to_arrays, to_columns, to_matrix, to_rotation
 

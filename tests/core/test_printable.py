@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from making import at, transform
+from making_objects import at, transform
 
 from tf2_py.printable import printable
 

@@ -5,13 +5,13 @@ from functools import partial
 
 import numpy as np
 import pytest
-from expected import xyzw
+from expected_transforms import xyzw
 from geometry_msgs.msg import Pose, Quaternion, QuaternionStamped
 from hypothesis import given
-from making import transform
+from making_objects import transform
 from numpy.testing import assert_allclose
 from random_messages import turns
-from turns import Turn
+from rotations import Turn
 
 from tf2_ros.numpy import from_rotation, to_rotation
 

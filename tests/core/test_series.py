@@ -5,9 +5,9 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from making import S, about_z, at, at_ns, rotation, transform, translation
-from ros_optional import Duration, Time
-from turns import Turn
+from making_objects import S, about_z, at, at_ns, rotation, transform, translation
+from messages_with_or_without_ros import Duration, Time
+from rotations import Turn
 
 from tf2_py import BufferCore, ExtrapolationException, TransformException
 
@@ -291,7 +291,7 @@ class TestManyFrames:
 
 
 class TestVelocities:
-    """What a twist is says the model (test_model.py)."""
+    """What a twist is says the model (test_beside_model.py)."""
 
     @pytest.mark.parametrize("names", [*permutations(["map", "odom", "hand", "mast"], 2)], ids=str)
     def test_rows_are_those_of_single_lookups(self, buffer, names):

@@ -1,4 +1,4 @@
-"""Points and poses as tf2 transforms them, and what single types accept; see test_every_type.py for all."""
+"""Points and poses as tf2 transforms them, and what single types accept; all: test_every_message_type.py."""
 
 import array
 import math
@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from expected import covariance_rotated, transformed, turn, xyz, xyzw
+from expected_transforms import covariance_rotated, transformed, turn, xyz, xyzw
 from geometry_msgs.msg import (
     Point,
     Point32,
@@ -21,7 +21,7 @@ from geometry_msgs.msg import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from making import about_z, transform
+from making_objects import about_z, transform
 from nav_msgs.msg import Path
 from numpy.testing import assert_allclose
 from random_messages import AWKWARD_TURNS, Maker, transforms, turns

@@ -10,12 +10,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from expected import transformed
+from expected_transforms import transformed
 from geometry_msgs.msg import Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from leaks import assert_nothing_is_left
-from making import S, stamp_ns, transform
+from making_objects import S, stamp_ns, transform
 from numpy.testing import assert_allclose
 from random_messages import Maker, transforms
 from sensor_msgs.msg import Imu, PointCloud2, PointField

@@ -1,9 +1,9 @@
-"""The times for which two frames can be looked up in each other; test_model.py asks random buffers."""
+"""The times for which two frames can be looked up in each other; test_beside_model.py asks random buffers."""
 
 import math
 
 import pytest
-from making import S, at_ns, transform
+from making_objects import S, at_ns, transform
 
 from tf2_py import (
     BufferCore,

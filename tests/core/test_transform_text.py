@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 from geometry_msgs.msg import Pose, PoseStamped, Transform
-from making import about_z, transform
-from turns import Turn
+from making_objects import about_z, transform
+from rotations import Turn
 
 pytestmark = pytest.mark.ours
 

@@ -5,10 +5,10 @@ import threading
 from functools import partial
 
 import pytest
-from compiling import compiled
-from making import S, at, at_ns, stamp_ns, transform
+from compiling_extensions import compiled
+from making_objects import S, at, at_ns, stamp_ns, transform
+from messages_with_or_without_ros import Duration
 from repetitions import times
-from ros_optional import Duration
 
 pytestmark = pytest.mark.ours
 

@@ -12,8 +12,8 @@ import repetitions
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
-from making import at_ns, transform
-from ros_optional import Duration
+from making_objects import at_ns, transform
+from messages_with_or_without_ros import Duration
 
 from tf2_py import BufferCore, LookupException
 from tf2_py._internal import policy_of

@@ -6,8 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from geometry_msgs.msg import TransformStamped
-from pages import (
+from documentation_pages import (
     PAGES,
     check_blocks,
     check_links,
@@ -19,10 +18,11 @@ from pages import (
     program,
     run_program,
 )
+from geometry_msgs.msg import TransformStamped
 from paths import ROOT
 from processes import killed, output_of, until
+from project_sources import PYPROJECT, modules, words_of_sources
 from sensor_msgs.msg import LaserScan
-from sources import PYPROJECT, modules, words_of_sources
 from std_msgs.msg import Header
 
 from tf2_ros import TransformBroadcaster

@@ -8,7 +8,7 @@ import sysconfig
 from pathlib import Path
 
 import pytest
-from pages import blocks
+from documentation_pages import blocks
 from paths import ROOT
 from processes import output_of
 

@@ -11,8 +11,8 @@ from unittest import mock
 import pytest
 from paths import ROOT
 from processes import output_of
+from project_sources import PYPROJECT
 from public_names import ADDED, LEFT_OUT, NAMES, OURS
-from sources import PYPROJECT
 
 
 def offered(module, name):

@@ -5,7 +5,7 @@ import os
 import installing
 import pytest
 from processes import run
-from sources import PACKAGES, imports, modules
+from project_sources import PACKAGES, imports, modules
 
 from tf2_ros_cython import _pyinstaller
 

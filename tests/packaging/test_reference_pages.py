@@ -4,7 +4,7 @@ import re
 
 import pytest
 from paths import ROOT
-from sources import PACKAGES
+from project_sources import PACKAGES
 
 from tf2_py import typing
 from tf2_ros import Buffer, StaticTransformBroadcaster, TransformBroadcaster, TransformListener

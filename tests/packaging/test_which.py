@@ -1,4 +1,4 @@
-"""The program tf2_which, wherever it is installed; test_sourced.py has what it says beside a sourced ROS."""
+"""The program tf2_which, wherever it is installed; test_sourced_ros.py has it beside a sourced ROS."""
 
 import os
 import subprocess

@@ -3,10 +3,10 @@
 import pickle
 
 import pytest
-from pages import program
+from documentation_pages import program
+from environment_without_ros import make_world
 from paths import ROOT
-from sources import PYPROJECT
-from without_ros import make_world
+from project_sources import PYPROJECT
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
 
@@ -99,7 +99,7 @@ print(pickle.dumps(buffer).hex())
     assert back.can_transform("base_link", "camera", 0, timeout=0.01)
 
 
-@pytest.mark.parametrize("name", ["test_plain_buffer", "test_plain_waits"])
+@pytest.mark.parametrize("name", ["test_buffer_without_node", "test_waits_without_node"])
 def test_a_buffer_works(world, name):
     """The tests of a buffer that need no ROS, in this environment."""
     path = ROOT / "tests" / "core" / f"{name}.py"

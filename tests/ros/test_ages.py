@@ -5,10 +5,10 @@ import math
 import time
 
 import pytest
-from clocks import simulate
-from making import S, insert, transform
+from making_objects import S, insert, transform
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from simulated_clock import simulate
 
 from tf2_py import BufferCore, ConnectivityException, InvalidArgumentException, LookupException
 

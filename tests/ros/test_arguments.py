@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped, PoseStamped, Transform, TransformStamped
-from making import at, stamp_ns, transform
+from making_objects import at, stamp_ns, transform
 from processes import PROMPT_S, seconds_of
 from rclpy.duration import Duration
 from rclpy.time import Time

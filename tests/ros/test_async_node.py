@@ -11,9 +11,9 @@ import threading
 from functools import partial
 
 import pytest
-from async_nodes import AsyncNode, StandIn
+from async_node_standin import AsyncNode, StandIn
 from geometry_msgs.msg import PointStamped
-from making import S, transform, translation
+from making_objects import S, transform, translation
 from paths import ROOT
 from processes import DEADLINE_S
 from rclpy.exceptions import InvalidHandle

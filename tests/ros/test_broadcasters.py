@@ -4,10 +4,10 @@ import math
 from functools import partial
 
 import pytest
-from making import transform, translation
+from making_objects import transform, translation
 from processes import until
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
-from spinning import at_once
+from spinning_nodes import at_once
 
 from tf2_msgs.msg import TFMessage
 

@@ -9,7 +9,7 @@ import weakref
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from making import at, transform
+from making_objects import at, transform
 from processes import DEADLINE_S, PROMPT_S, errors_so_far, seconds_of, start, until
 from rclpy.clock import ClockChange
 from rclpy.duration import Duration
@@ -167,7 +167,7 @@ class TestEndOfTheWait:
         listener.unregister()
 
     def test_ctrl_c_ends_it(self):
-        program = start("blocked.py", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        program = start("waits_until_signal.py", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         assert program.stdout.readline() == "waiting\n"
         program.send_signal(signal.SIGINT)
         _, errors = program.communicate(timeout=DEADLINE_S)

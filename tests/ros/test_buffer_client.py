@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
-from interposing import output_with_library
-from making import S, at, stamp_ns, transform, translation
+from interposed_libraries import output_with_library
+from making_objects import S, at, stamp_ns, transform, translation
 from processes import DEADLINE_S, PROMPT_S, killed, start, until
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.context import Context
@@ -17,7 +17,7 @@ from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 from rclpy.time import Time
-from spinning import shut_down_at_sleep, spun_node
+from spinning_nodes import shut_down_at_sleep, spun_node
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error

@@ -8,7 +8,7 @@ from geometry_msgs.msg import (
     Vector3Stamped,
     Wrench,
 )
-from making import at, transform
+from making_objects import at, transform
 from processes import output_of, until
 from rclpy.duration import Duration
 from rclpy.time import Time

@@ -5,13 +5,13 @@ import threading
 import pytest
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time as TimeMsg
-from forking import in_a_child
-from making import S, transform
+from forked_children import in_a_child
+from making_objects import S, transform
 from processes import DEADLINE_S, until
 from rclpy.action import ActionClient
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from spinning import spinning, spun_node
+from spinning_nodes import spinning, spun_node
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error

@@ -6,7 +6,7 @@ import weakref
 from functools import partial
 
 import pytest
-from making import S, at_ns, stamp_ns, transform
+from making_objects import S, at_ns, stamp_ns, transform
 from processes import until
 
 pytestmark = pytest.mark.ours

@@ -6,11 +6,11 @@ import threading
 import time
 
 import pytest
-from making import at, transform
+from making_objects import at, transform
 from processes import DEADLINE_S, until
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning import EXECUTOR, Observer, knows, repeated, shut_down_at_sleep, spinning
+from spinning_nodes import EXECUTOR, Observer, knows, repeated, shut_down_at_sleep, spinning
 
 from tf2_ros._wait.call_runners import call_queue_of
 

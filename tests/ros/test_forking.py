@@ -7,15 +7,15 @@ import re
 import sys
 
 import pytest
-from forking import in_a_child
+from forked_children import in_a_child
 from known_faults import tried
-from making import transform
+from making_objects import transform
 from paths import PROGRAMS
 from processes import DEADLINE_S, output_of, run
 from rclpy.time import Time
 from rclpy.utilities import get_rmw_implementation_identifier
 from repetitions import times
-from sharing import links, new_name
+from shared_buffers import links, new_name
 
 pytestmark = pytest.mark.ours
 
@@ -40,7 +40,7 @@ fast_dds_only = pytest.mark.skipif(
 def test_children_of_a_process_whose_every_thread_is_busy(what, count, flood):
     """In an insert, a vector lookup, a listing, a wait, a callback, the receiver and an executor."""
     flood(500, 20)
-    done = tried(lambda: run(sys.executable, PROGRAMS / "forks.py", what, count))
+    done = tried(lambda: run(sys.executable, PROGRAMS / "forks_while_busy.py", what, count))
     assert (done.returncode, done.stdout) == (0, f"{[0] * count}\n"), done.stderr
 
 
@@ -51,7 +51,7 @@ def test_a_child_that_spins_a_node_of_its_own_exits():
 
 def test_no_first_use_of_a_buffer_imports_anything():
     """A child that is forked while another thread imports a module waits forever if it needs that module."""
-    assert json.loads(output_of(PROGRAMS / "first_uses.py")) == []
+    assert json.loads(output_of(PROGRAMS / "imports_at_first_use.py")) == []
 
 
 def test_a_child_says_that_its_listeners_receive_nothing(tf2_ros, node, buffer, caplog):

@@ -15,7 +15,7 @@ HIDDEN = ["_buffer_client_impl", "transform_listener_impl", "transform_listener_
 @contextmanager
 def running(*rules):
     arguments = [argument for rule in rules for argument in ("-r", rule)]
-    process = start("hidden_nodes.py", "--ros-args", *arguments, stdin=subprocess.PIPE)
+    process = start("makes_hidden_nodes.py", "--ros-args", *arguments, stdin=subprocess.PIPE)
     try:
         yield
         process.stdin.close()

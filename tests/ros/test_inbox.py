@@ -9,12 +9,12 @@ import time
 from functools import partial
 
 import pytest
-from making import transform
+from making_objects import transform
 from paths import PROGRAMS, SUPPORT
 from processes import DEADLINE_S, errors_so_far, output_of, until
 from rclpy.duration import Duration
 from rclpy.time import Time
-from spinning import repeated
+from spinning_nodes import repeated
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros._receive import receiver
@@ -39,11 +39,11 @@ def output_with_own_settings(program, *arguments):
 
 
 def test_every_read_sees_what_arrived_before_it():
-    assert output_with_own_settings("finds_its_own.py", 50, 5000) == "{}\n"
+    assert output_with_own_settings("finds_own_transforms.py", 50, 5000) == "{}\n"
 
 
 def test_a_large_message_is_inserted_as_a_whole_without_the_gil_and_leaves_no_memory():
-    assert output_with_own_settings("large_message.py").splitlines() == [
+    assert output_with_own_settings("receives_large_messages.py").splitlines() == [
         "whole: 10 of 10; other threads ran: True",
         "memory is given back: True",
     ]

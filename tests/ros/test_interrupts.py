@@ -13,11 +13,11 @@ from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from making import at, transform
+from making_objects import at, transform
 from paths import PROGRAMS
 from processes import DEADLINE_S, output_of, run, until
 from rclpy.time import Time
-from spinning import spinning
+from spinning_nodes import spinning
 
 import tf2_py
 import tf2_ros
@@ -92,8 +92,8 @@ def each_line():
 )
 @pytest.mark.parametrize("how", [[], ["switch"], ["collector", "finalizer"]], ids=lambda how: "-".join(how))
 def test_chance_finds_nothing_that_hangs(how):
-    """For minutes by hand: ``PYTHONPATH=tests/support python tests/support/programs/interrupted.py 600``."""
-    assert "[]" in output_of(PROGRAMS / "interrupted.py", 3, *how)
+    """By hand for minutes: ``cd tests/support; PYTHONPATH=. python programs/interrupted_at_random.py 60``."""
+    assert "[]" in output_of(PROGRAMS / "interrupted_at_random.py", 3, *how)
 
 
 def point(seconds):

@@ -3,7 +3,7 @@
 import gc
 
 import pytest
-from interposing import output_with_library
+from interposed_libraries import output_with_library
 from processes import end, errors_so_far, start, until
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.serialization import serialize_message
@@ -116,7 +116,7 @@ class TestInTheQueueOfTheListener:
 
 @pytest.fixture
 def losing():
-    process = start("losing.py", "/tf", "50")
+    process = start("loses_messages.py", "/tf", "50")
     yield process
     end(process)
 
@@ -155,6 +155,6 @@ class TestOnTheWay:
 def test_a_middleware_without_the_event_loses_nothing_else(tmp_path):
     """The program listens as ever, and logs nothing about it."""
     printed = output_with_library(
-        "middleware", tmp_path, program="hears_once", TF2_TEST_MIDDLEWARE="no_loss_events"
+        "faulty_middleware", tmp_path, program="counts_lost_messages", TF2_TEST_MIDDLEWARE="no_loss_events"
     )
     assert printed == "lost: (0, 0)\n"

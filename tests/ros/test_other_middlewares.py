@@ -1,23 +1,25 @@
 """
 What a middleware may lack is done without.
 
-`interposed/middleware.c` takes it away from the one that the tests run with.
+`interposed/faulty_middleware.c` takes it away from the one that the tests run with.
 """
 
 import pytest
-from interposing import output_with_library
+from interposed_libraries import output_with_library
 
 pytestmark = pytest.mark.ours
 
 
 def test_where_arrivals_are_not_reported_executors_take_the_messages(tmp_path):
     fault = {"TF2_TEST_MIDDLEWARE": "no_arrivals"}
-    printed = output_with_library("middleware", tmp_path, program="unknown_release", **fault).splitlines()
+    printed = output_with_library(
+        "faulty_middleware", tmp_path, program="unknown_rclpy", **fault
+    ).splitlines()
     assert (printed[0], printed[-1]) == ("without an executor: nothing", "threads of listeners")
 
 
 def test_a_message_without_memory_delays_no_others(tmp_path):
     """Nothing reports those that waited behind it again, and no other message arrives."""
     fault = {"TF2_TEST_MIDDLEWARE": "no_memory_once"}
-    printed = output_with_library("middleware", tmp_path, program="takes_again", **fault)
+    printed = output_with_library("faulty_middleware", tmp_path, program="takes_after_failure", **fault)
     assert printed == "received: second third\n"

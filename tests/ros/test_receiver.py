@@ -10,13 +10,13 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from forking import in_a_child
-from making import at, translation
+from forked_children import in_a_child
+from making_objects import at, translation
 from processes import DEADLINE_S, errors_so_far, until
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.time import Time
-from spinning import knows
+from spinning_nodes import knows
 
 from tf2_msgs.msg import TFMessage
 

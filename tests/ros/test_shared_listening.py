@@ -10,14 +10,14 @@ from functools import partial
 
 import pytest
 import rclpy
-from making import S, at_ns, transform
+from making_objects import S, at_ns, transform
 from processes import DEADLINE_S, killed, start, until
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from sharing import new_name, ring_threads
-from spinning import at_once, knows
+from shared_buffers import new_name, ring_threads
+from spinning_nodes import at_once, knows
 
 from tf2_ros import Buffer, TransformListener
 from tf2_ros._forking import LOCK
@@ -28,13 +28,13 @@ pytestmark = pytest.mark.ours
 
 @pytest.fixture
 def shared(monkeypatch):
-    """Starts `programs/owner.py`, and sets the variable; the name of the shared buffer."""
+    """Starts `programs/shares_what_it_receives.py`, and sets the variable; the name of the shared buffer."""
     with ExitStack() as at_end:
 
         def share(*arguments):
             name = new_name()
             at_end.callback(segment_path(name).unlink, missing_ok=True)
-            owner = start("owner.py", name, *arguments, stdout=subprocess.PIPE)
+            owner = start("shares_what_it_receives.py", name, *arguments, stdout=subprocess.PIPE)
             share.process = at_end.enter_context(killed(owner))
             assert share.process.stdout.readline() == "shared\n"
             monkeypatch.setenv("TF2_SHARED_BUFFER", name)

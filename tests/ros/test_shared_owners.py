@@ -13,15 +13,15 @@ from contextlib import suppress
 from functools import partial
 
 import pytest
-from interposing import output_with_library
-from making import S, at_ns, transform
+from interposed_libraries import output_with_library
+from making_objects import S, at_ns, transform
 from processes import PROMPT_S, run, until
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from repetitions import seeds, times
-from sharing import Intruder, Owner, is_sound, links, new_name, pair, ring_threads, small_ring
-from spinning import at_once, repeated
+from shared_buffers import Intruder, Owner, is_sound, links, new_name, pair, ring_threads, small_ring
+from spinning_nodes import at_once, repeated
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer, SharedBufferError
@@ -343,7 +343,7 @@ def test_of_random_records_the_valid_ones_are_inserted_and_the_others_counted(se
 
 def test_a_reader_reads_each_byte_once(tmp_path):
     """The owner could change a byte between the check and the use."""
-    assert output_with_library("reads_once", tmp_path) == "501 frames, 0 malformed messages\n"
+    assert output_with_library("spoiled_records", tmp_path) == "501 frames, 0 malformed messages\n"
 
 
 def test_an_answer_is_delivered_although_malformed_messages_wait_to_be_reported():
@@ -374,7 +374,7 @@ def test_an_answer_is_delivered_although_malformed_messages_wait_to_be_reported(
 def test_memory_that_ends():
     # A small /dev/shm, in a mount namespace of its own.
     code = (
-        "from making import S, transform\n"
+        "from making_objects import S, transform\n"
         "from processes import until\n"
         "from tf2_ros import Buffer\n"
         "b = Buffer(share='small'); r = Buffer(attach='small')\n"

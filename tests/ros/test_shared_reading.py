@@ -10,13 +10,13 @@ import threading
 
 import pytest
 from hypothesis import given
-from making import S, at_ns, transform
+from making_objects import S, at_ns, transform
+from pickles_and_copies import check_copy, everything
 from processes import errors_so_far, until
-from random_histories import apply, steps
+from random_inserts import apply, steps
 from rclpy.duration import Duration
 from repetitions import seeds
-from sharing import LINKS, is_sound, links, new_name, pair, small_ring
-from travelling import check_copy, everything
+from shared_buffers import LINKS, is_sound, links, new_name, pair, small_ring
 
 from tf2_ros import Buffer, SharedBufferError
 

@@ -6,13 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
-from making import at, transform
+from making_objects import at, transform
 from processes import DEADLINE_S, PROMPT_S, until
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from spinning import spinning
+from spinning_nodes import spinning
 
 pytestmark = pytest.mark.ours
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from making import S, at, transform
+from making_objects import S, at, transform
 from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from repetitions import times
-from spinning import repeated
+from spinning_nodes import repeated
 
 from bench.programs.serialized_template import Template
 

@@ -6,8 +6,8 @@ import sys
 import threading
 
 import pytest
-from interposing import output_with_library
-from making import at, transform, translation
+from interposed_libraries import output_with_library
+from making_objects import at, transform, translation
 from paths import PROGRAMS
 from processes import DEADLINE_S, errors_so_far, run, until
 from public_names import NAMES
@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from spinning import knows, shut_down_at_sleep
+from spinning_nodes import knows, shut_down_at_sleep
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros._wait.call_runners import call_queue_of
@@ -225,18 +225,20 @@ class TestEnd:
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future", "called back"])
     def test_the_interpreter_exits_without_output(self, how, inserter):
-        done = run(sys.executable, PROGRAMS / "exits.py", how, inserter)
+        done = run(sys.executable, PROGRAMS / "exits_while_active.py", how, inserter)
         assert (done.returncode, done.stdout, done.stderr) == (0, "at the end\n", "")
 
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["thread", "interrupted"])
     def test_a_node_spun_by_a_thread_keeps_the_program_until_its_context_ends(self, how, inserter):
-        done = run(sys.executable, PROGRAMS / "exits.py", how, inserter)
+        done = run(sys.executable, PROGRAMS / "exits_while_active.py", how, inserter)
         assert (done.returncode, done.stdout) == (0, "at the end\nafter the end\n")
         # Python itself speaks of an interrupt that finds it waiting for its last thread.
         assert how == "interrupted" or done.stderr == ""
 
     @pytest.mark.ours
     def test_the_interpreter_exits_while_rclpy_handles_a_signal(self, inserter, tmp_path):
-        printed = output_with_library("late_signals", tmp_path, "interrupted", inserter, program="exits")
+        printed = output_with_library(
+            "late_signals", tmp_path, "interrupted", inserter, program="exits_while_active"
+        )
         assert printed == "at the end\nafter the end\n"

@@ -9,10 +9,7 @@ import itertools
 import math
 
 import numpy as np
-from geometry_msgs.msg import PointStamped
-from making import S, stamp_ns
-from model_math import added, turned
-from model_pair import (
+from buffer_beside_model import (
     FRAMES,
     ODD_NAMES,
     RELATIVE,
@@ -25,6 +22,9 @@ from model_pair import (
     same_kind,
     same_velocity,
 )
+from geometry_msgs.msg import PointStamped
+from making_objects import S, stamp_ns
+from model_math import added, turned
 from model_terms import STAMPS_END, TF2, Policy
 from rclpy.duration import Duration
 
@@ -38,7 +38,7 @@ CHANGES = {
     "set_transform_static",
     "set_transforms",
     "set_transforms_cdr",
-    "add_source",  # see test_plain_waits.py
+    "add_source",  # see test_waits_without_node.py
     "clear",
     "forget",
     "freeze",

@@ -13,7 +13,7 @@ a class, and checks it when it is made:
 
 If one of these does not hold, ``by_slot`` is False: messages of the class are made with its constructor and
 read and filled through their attributes, with the same results. Tested with the messages of ROS 2 Jazzy
-(CPython 3.10 to 3.13) and Kilted (to 3.14); tests/core/test_messages.py has a test for each assumption.
+(CPython 3.10 to 3.13) and Kilted (to 3.14); tests/core/test_message_slots.py has a test for each assumption.
 """
 
 cdef extern from "Python.h":

@@ -24,7 +24,7 @@ from tf2_py._internal import log
 from tf2_py.printable import counted
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_simulated
-from tf2_ros._receive.silent_topics import open_topics, watch_listeners
+from tf2_ros._receive.listeners_and_silence import open_topics, watch_listeners
 from tf2_ros._shared.ring import RingWriter
 from tf2_ros._shared.shared_names import FOLDER, SharedBufferError, segment_path
 from tf2_ros._threads import check_regularly

@@ -16,7 +16,7 @@ from threading import get_ident, main_thread
 
 from tf2_py._internal import log
 from tf2_ros._forking import is_inherited
-from tf2_ros._fillers import Fillers
+from tf2_ros._buffer_fillers import Fillers
 from tf2_ros._node_lifetimes import keep_in_children, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._threads import check_regularly

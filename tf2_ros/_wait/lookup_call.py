@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import errors, time_ns
-from tf2_ros._fillers import Shutdown
+from tf2_ros._buffer_fillers import Shutdown
 
 
 class Lookup(NamedTuple):

@@ -11,7 +11,7 @@ from tf2_py import BufferCore
 
 # The format, written a second time.
 sys.path.insert(0, str(ROOT / "tests" / "support"))
-from frozen_files import HEADER, FrozenFile
+from frozen_format import HEADER, FrozenFile
 
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
 _path = Path(_folder.name, "frozen.tf2")

@@ -1,9 +1,9 @@
 """Asks a buffer server that is discovered in part, see `interposed/partial_discovery.c`."""
 
 import rclpy
-from making import transform
+from making_objects import transform
 from processes import DEADLINE_S
-from spinning import spun_node
+from spinning_nodes import spun_node
 
 from tf2_ros import Buffer, BufferClient, BufferServer
 

@@ -6,10 +6,10 @@ import sys
 
 import installing
 import pytest
-from domains import claim_domain
 from obeying_processes import Obeying, OrderError
 from paths import ROOT
 from processes import run, until
+from ros_domains import claim_domain
 from tool_paths import SUPPORT
 
 from tf2_ros.serialization import serialize_arrays

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 import pytest
-from making import S, transform, translation
+from making_objects import S, transform, translation
 from processes import DEADLINE_S, until
 
 from tf2_ros import Buffer, TransformException

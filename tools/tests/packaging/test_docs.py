@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 import pytest
-from pages import (
+from documentation_pages import (
     check_blocks,
     check_links,
     commands_and_spans,
@@ -21,7 +21,7 @@ from pages import (
 )
 from paths import ROOT
 from processes import DEADLINE_S, killed, run
-from sources import words_of_sources
+from project_sources import words_of_sources
 from starting_programs import ended, heard
 from tool_pages import ALL_PAGES, PAGES, provide_torch, run_program
 from tool_paths import DOCS, TOOLS

@@ -10,7 +10,7 @@ import tempfile
 from contextlib import ExitStack
 
 import pytest
-from pages import blocks, commands
+from documentation_pages import blocks, commands
 from processes import DEADLINE_S, until
 from starting_programs import broadcasting, command, heard, running
 from tool_pages import ALL_PAGES

@@ -10,7 +10,7 @@ import installing
 import pytest
 from packaging.requirements import Requirement
 from processes import output_of, run
-from sources import PYPROJECT as CORE
+from project_sources import PYPROJECT as CORE
 from tool_paths import TOOLS
 from tool_sources import PYPROJECT
 

@@ -1,12 +1,12 @@
 """An environment without ROS, with the tools and all of their libraries: recordings need no more."""
 
+import project_sources
 import pytest
-import sources
-from sources import modules
+from environment_without_ros import make_world
+from project_sources import modules
 from tool_pages import provide_torch, run_program
 from tool_paths import DOCS, TOOLS
 from tool_sources import PACKAGES, PYPROJECT
-from without_ros import make_world
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
 
@@ -15,7 +15,7 @@ EXTRAS = ("bag", "fleet", "rerun", "cli", "plot", "zenoh", "dds", "foxglove")
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    core, tools = sources.PYPROJECT["project"], PYPROJECT["project"]
+    core, tools = project_sources.PYPROJECT["project"], PYPROJECT["project"]
     wanted = ["pytest", "pandas", *core["dependencies"], *core["optional-dependencies"]["scipy"]]
     wanted += [one for extra in EXTRAS for one in tools["optional-dependencies"][extra]]
     return make_world(tmp_path_factory.mktemp("without_ros"), wanted, TOOLS / "tf2_ros_tools")
@@ -43,7 +43,9 @@ def test_a_program_says_in_one_line_what_is_missing(world, command):
     assert "; or listen without ROS 2: --live dds://;" in ended.stderr
 
 
-@pytest.mark.parametrize("page", ["recordings.md", "other-sources.md", "saved-buffers.md", "datasets.md"])
+@pytest.mark.parametrize(
+    "page", ["recordings.md", "other-project_sources.md", "saved-buffers.md", "datasets.md"]
+)
 def test_the_pages_about_recordings_hold(world, tmp_path, page):
     if page == "datasets.md":
         provide_torch(tmp_path)

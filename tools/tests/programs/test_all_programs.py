@@ -16,10 +16,10 @@ import threading
 import time
 
 import pytest
-from making import S
 from making_bags import Sent, Tf, drive, write_mcap
+from making_objects import S
 from processes import DEADLINE_S, run, until
-from sharing import new_name
+from shared_buffers import new_name
 from starting_programs import ROBOT, broadcasting, ended, heard, needs_dot, running
 from tool_paths import TOOLS
 from tool_sources import PYPROJECT

@@ -10,7 +10,7 @@ import time
 from itertools import takewhile
 
 import pytest
-from making import S
+from making_objects import S
 from processes import DEADLINE_S
 
 pytest.importorskip("pexpect")

@@ -1,7 +1,7 @@
 """
 Recordings of what arrives, where the middleware lacks something.
 
-`interposed/middleware.c` of the core's tests takes it away from the one that the tests run with.
+`interposed/faulty_middleware.c` of the core's tests takes it away from the one that the tests run with.
 """
 
 import json
@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from interposing import output_with_library
+from interposed_libraries import output_with_library
 from tool_paths import PROGRAMS
 
 pytestmark = pytest.mark.ours
@@ -24,7 +24,7 @@ def recorded_with(tmp_path):
     def run(fault, messages):
         program, variables = PROGRAMS / "records_messages", {"TF2_TEST_MIDDLEWARE": fault}
         return json.loads(
-            output_with_library("middleware", tmp_path, str(messages), program=program, **variables)
+            output_with_library("faulty_middleware", tmp_path, str(messages), program=program, **variables)
         )
 
     return run

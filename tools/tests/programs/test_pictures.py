@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from making import S
+from making_objects import S
 from starting_programs import needs_dot
 
 from tf2_py import FrameInfo

@@ -4,7 +4,7 @@ from tf2_ros_tools.listening_node import NodeSession, filled_buffer
 
 import numpy as np
 import pytest
-from making import S, transform
+from making_objects import S, transform
 from processes import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage

@@ -5,7 +5,7 @@ import sys
 from contextlib import contextmanager
 
 import pytest
-from making import S, at, translation
+from making_objects import S, at, translation
 from processes import DEADLINE_S
 from rclpy.duration import Duration
 from starting_programs import ended, running

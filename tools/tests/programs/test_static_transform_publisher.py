@@ -4,7 +4,7 @@ import re
 import signal
 
 import pytest
-from making import rotation, translation
+from making_objects import rotation, translation
 from processes import DEADLINE_S, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation

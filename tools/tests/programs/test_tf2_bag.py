@@ -11,8 +11,8 @@ import sys
 
 import numpy as np
 import pytest
-from making import transform
 from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
+from making_objects import transform
 from processes import DEADLINE_S, until
 from robot_of_all_joints import ARM, description, joint_state
 from starting_programs import ended, needs_dot, running

@@ -8,7 +8,7 @@ import threading
 import time
 
 import pytest
-from making import S
+from making_objects import S
 from processes import DEADLINE_S, until
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from starting_programs import ROBOT, UNTIL_TOLD, broadcasting, ended, heard, running

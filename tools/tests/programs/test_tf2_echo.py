@@ -6,11 +6,11 @@ import re
 
 import numpy as np
 import pytest
-from making import S, transform
+from making_objects import S, transform
 from processes import DEADLINE_S, until
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
-from spinning import repeated
+from spinning_nodes import repeated
 from starting_programs import ended, running
 
 from tf2_msgs.msg import TFMessage

@@ -4,7 +4,7 @@ import json
 import re
 
 import pytest
-from making import S
+from making_objects import S
 from processes import until
 from starting_programs import broadcasting, running
 

@@ -4,7 +4,7 @@ import re
 import threading
 
 import pytest
-from making import S
+from making_objects import S
 from processes import DEADLINE_S
 from starting_programs import ROBOT, broadcasting, ended, heard, running
 from test_pictures import texts_of

@@ -5,7 +5,7 @@ from itertools import count, permutations
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
-from making import S, about_z, stamp_ns, transform, translation
+from making_objects import S, about_z, stamp_ns, transform, translation
 from processes import DEADLINE_S, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from repetitions import seeds

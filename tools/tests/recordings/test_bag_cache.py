@@ -8,10 +8,10 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from making import transform
 from making_bags import S, drive, write_db3, write_folder, write_mcap
+from making_objects import transform
+from pickles_and_copies import held
 from robot_of_all_joints import ARM, NAMES, joint_state
-from travelling import held
 
 from tf2_py.files import whole_file
 from tf2_ros import Buffer

@@ -6,7 +6,7 @@ import shutil
 import statistics
 
 import pytest
-from pages import named_programs
+from documentation_pages import named_programs
 from processes import output_of
 from tool_paths import DOCS, PROGRAMS, SAMPLES
 

@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
-from making import about_z
 from making_bags import (
     FORMATS,
     ODOMETRY,
@@ -22,6 +21,7 @@ from making_bags import (
     write_foxglove,
     write_mcap,
 )
+from making_objects import about_z
 from robot_of_all_joints import ARM
 
 from tf2_ros_tools import bag

@@ -4,16 +4,16 @@ import os
 import resource
 
 import pytest
-from making import rotation, stamp_ns, transform, translation
+from making_objects import rotation, stamp_ns, transform, translation
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
+from pickles_and_copies import HISTORIES, check_copy, filled, held
 from processes import output_of
 from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 from rosbags.typesys import Stores, get_typestore
-from travelling import HISTORIES, check_copy, filled, held
 
 from tf2_py import BufferCore
 from tf2_ros import Buffer

@@ -1,15 +1,15 @@
-"""The pages of the tools, and running their programs beside the samples; see `pages.py` of the core."""
+"""The pages of the tools, and running their programs beside the samples; as `documentation_pages.py`."""
 
 import importlib.util
 import shutil
 import sys
 
-import pages
+import documentation_pages
 from tool_paths import DOCS, SAMPLES, SUPPORT, TOOLS
 
 PAGES = [TOOLS / "README.md", *sorted(DOCS.rglob("*.md"))]
 # Those that show programs of the tools.
-ALL_PAGES = [*pages.PAGES, *PAGES]
+ALL_PAGES = [*documentation_pages.PAGES, *PAGES]
 
 
 def run_program(page, folder, python=sys.executable, environment=None):
@@ -18,7 +18,7 @@ def run_program(page, folder, python=sys.executable, environment=None):
         shutil.copytree(SAMPLES, folder / SAMPLES.relative_to(TOOLS.parent))
     else:
         shutil.copytree(SAMPLES, folder, dirs_exist_ok=True)
-    pages.run_program(page, folder, python, environment)
+    documentation_pages.run_program(page, folder, python, environment)
 
 
 def provide_torch(folder):

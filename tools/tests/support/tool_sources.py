@@ -1,4 +1,4 @@
-"""Read the sources of the tools; see `sources.py` of the core."""
+"""Read the sources of the tools; see `project_sources.py` of the core."""
 
 import sys
 

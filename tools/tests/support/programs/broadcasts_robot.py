@@ -7,7 +7,7 @@ Prints a line when it begins to wait for subscribers.
 import signal
 
 import rclpy
-from making import transform
+from making_objects import transform
 from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster

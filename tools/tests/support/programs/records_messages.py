@@ -1,5 +1,5 @@
 """
-Records so many messages: `records_messages.py MESSAGES`, with `interposed/middleware.c`.
+Records so many messages: `records_messages.py MESSAGES`, with `interposed/faulty_middleware.c`.
 
 Prints a line of JSON: when the transforms were received, and what a report says; or why none can be recorded.
 """

@@ -1,0 +1,122 @@
+"""What somebody has begun to read stays as it is, whatever is written meanwhile."""
+
+import numpy as np
+import pytest
+from making_objects import at_ns, transform
+from messages_with_or_without_ros import Duration
+
+from tf2_py import BufferCore
+
+pytestmark = pytest.mark.ours
+
+HISTORY = ("stamps", "transforms", "parents")
+
+
+def state_during(buffer, write):
+    """The state of a buffer into which `write` writes when its histories are pinned and not yet copied."""
+    written = []
+    empty = np.empty
+
+    def write_and_make(*arguments):
+        if not written:
+            written.append(True)
+            write(buffer)
+        return empty(*arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(np, "empty", write_and_make)
+        state = buffer.__getstate__()
+    assert written
+    return state
+
+
+def filled():
+    buffer = BufferCore(Duration(nanoseconds=200))
+    for ns in range(100, 170):
+        buffer.set_transform(transform("map", "odom", ns=ns, xyz=(ns, 0, 0)), "x")
+    for i in range(64):
+        buffer.set_transform(transform("map", "base", ns=150, xyz=(i, 0, 0)), "x")
+    buffer.set_transform(transform("odom", "base", ns=160), "x")
+    buffer.set_transform_static(transform("base", "camera", xyz=(1, 0, 0)), "x")
+    return buffer
+
+
+def insert(parent, child, *stamps):
+    def write(buffer):
+        for ns in stamps:
+            buffer.set_transform(transform(parent, child, ns=ns, xyz=(-ns, 0, 0)), "x")
+
+    return write
+
+
+def insert_static(parent, child):
+    return lambda buffer: buffer.set_transform_static(transform(parent, child, xyz=(2, 0, 0)), "x")
+
+
+WRITES = {
+    "a sample": insert("map", "odom", 180),
+    "many samples": insert("map", "odom", *range(180, 1000)),
+    "samples that end all others": insert("map", "odom", 1000, 2000, 3000),
+    "many that are written where they were": insert("map", "odom", 1000, 2000, *range(3000, 3100)),
+    "a late sample": insert("map", "odom", 110),
+    "many late samples": insert("map", "odom", *[110, 165] * 30, *range(101, 169)),
+    "an older sample": insert("map", "odom", 90),
+    "the 65th sample of a stamp": insert("map", "base", 150),
+    "another parent": insert("map", "base", 155, 165),
+    "another static transform": insert_static("odom", "camera"),
+    "a static transform of a dynamic frame": insert_static("map", "odom"),
+    "a dynamic transform of a static frame": insert("base", "camera", 100, 110),
+    "clear": BufferCore.clear,
+    "samples after a clear": lambda buffer: (buffer.clear(), insert("map", "odom", *range(180, 190))(buffer)),
+    "init": BufferCore.__init__,
+}
+
+
+@pytest.mark.parametrize("write", WRITES)
+def test_a_copy_holds_what_the_buffer_held_when_it_was_begun(write):
+    buffer, twin = filled(), filled()
+    before = buffer.__getstate__()
+    state = state_during(buffer, WRITES[write])
+    assert all(np.array_equal(state[part], before[part]) for part in HISTORY)
+    # And what was written is there.
+    WRITES[write](twin)
+    buffer._self_check()
+    after, wanted = buffer.__getstate__(), twin.__getstate__()
+    assert all(np.array_equal(after[part], wanted[part]) for part in HISTORY)
+    arrived = BufferCore()
+    arrived.__setstate__(state)
+    arrived._self_check()
+
+
+def test_a_copy_within_a_copy_is_of_its_own_moment():
+    buffer, twin = filled(), filled()
+    inner = []
+
+    def write(buffer):
+        insert("map", "odom", 180)(buffer)
+        inner.append(buffer.__getstate__())
+        insert("map", "odom", 110, *range(181, 300))(buffer)
+
+    outer = state_during(buffer, write)
+    assert np.array_equal(outer["stamps"], twin.__getstate__()["stamps"])
+    insert("map", "odom", 180)(twin)
+    assert np.array_equal(inner[0]["stamps"], twin.__getstate__()["stamps"])
+
+
+@pytest.mark.parametrize("ns", [50, 1050, 2000])
+def test_a_full_buffer_takes_a_sample_while_it_is_read(ns):
+    # Its ring has free slots, but may not grow; in other memory it is as large as before.
+    def eighty(**limits):
+        buffer = BufferCore(Duration(nanoseconds=10_000), **limits)
+        for i in range(80):
+            buffer.set_transform(transform("map", "odom", ns=100 + 20 * i), "x")
+        return buffer
+
+    size = eighty().statistics()["bytes"]
+    buffer = eighty(max_bytes=size + 10)
+    state = state_during(buffer, insert("map", "odom", ns))
+    statistics = buffer.statistics()
+    assert (statistics["samples"], statistics["bytes"]) == (81, size)
+    assert len(state["stamps"]) == 80
+    assert buffer.can_transform_core("map", "odom", at_ns(ns))[0]
+    buffer._self_check()

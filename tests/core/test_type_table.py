@@ -1,0 +1,81 @@
+"""What follows from a line in a package's table of types: registration, names, and the stub that it needs."""
+
+import importlib
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+from registered_types import TABLES
+
+from tf2_ros._registration import _REGISTERED_BY
+from tf2_ros.buffer_interface import ConvertRegistration, TransformRegistration
+
+pytestmark = pytest.mark.ours
+
+every_package = pytest.mark.parametrize("package", TABLES)
+every_row = pytest.mark.parametrize(
+    ("package", "cls"),
+    [(package, cls) for package, table in TABLES.items() for cls in table],
+    ids=lambda x: x if isinstance(x, str) else x.__name__,
+)
+
+
+@every_row
+def test_a_type_of_the_table_is_registered_and_its_message_package_says_by_whom(package, cls):
+    function = TABLES[package][cls]
+    assert TransformRegistration().get(cls) is function
+    message = cls()
+    assert ConvertRegistration().get_to_msg(cls)(message) is message
+    assert ConvertRegistration().get_from_msg(cls)(message) is message
+    messages = cls.__module__.partition(".")[0]
+    assert _REGISTERED_BY.get(messages) == package, (
+        f'tf2_ros/_registration.py needs in _REGISTERED_BY: "{messages}": "{package}",'
+    )
+
+
+@every_package
+def test_functions_of_the_table_import_from_the_package(package):
+    for function in TABLES[package].values():
+        assert getattr(importlib.import_module(package), function.__name__) is function
+
+
+def stub_line(function, table):
+    """What a stub has for a function of the table."""
+    message, transform = list(inspect.signature(function).parameters)[:2]
+    classes = [cls for cls in table if table[cls] is function]
+    wanted = "TransformStamped" if hasattr(classes[0], "header") else "TransformStamped | Transform"
+    name = " | ".join(cls.__name__ for cls in classes)
+    return f"def {function.__name__}({message}: {name}, {transform}: {wanted}) -> {name}: ..."
+
+
+def root_of(package):
+    return Path(importlib.import_module(package).__file__).parents[1]
+
+
+@every_package
+def test_a_function_of_the_table_has_its_line_in_the_stub_beside_its_source(package):
+    root = root_of(package)
+    for function in set(TABLES[package].values()):
+        path = root / (function.__module__.replace(".", "/") + ".pyi")
+        # Whether the parameters agree finds stubtest, in tests/packaging/test_type_checkers.py.
+        if f"def {function.__name__}(" not in path.read_text():
+            pytest.fail(f"{path.relative_to(root)} needs: {stub_line(function, TABLES[package])}")
+
+
+def test_the_documentation_lists_the_types_of_the_tables():
+    page = root_of("tf2_ros") / "docs" / "adding-a-type.md"
+    rows = re.findall(
+        r"^\| `(\w+)` \| (.*) \| (.*) \| `(\w+)` \|$", page.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    listed = {
+        (package, messages, name, stamped)
+        for messages, *columns, package in rows
+        for names, stamped in zip(columns, (True, False), strict=True)
+        for name in re.findall(r"`(\w+)`", names)
+    }
+    assert listed == {
+        (package, cls.__module__.partition(".")[0], cls.__name__, hasattr(cls, "header"))
+        for package, table in TABLES.items()
+        for cls in table
+    }

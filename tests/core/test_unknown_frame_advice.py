@@ -1,0 +1,106 @@
+"""What the error about an unknown frame says beyond that: which known name may have been meant."""
+
+import pytest
+from making_objects import at, transform
+
+from tf2_py import BufferCore
+from tf2_py._objects import errors
+
+pytestmark = pytest.mark.ours
+
+LATEST = at(0)
+
+
+def knowing(*children):
+    """A buffer that knows `map` and these frames."""
+    buffer = BufferCore()
+    buffer.set_transforms([transform("map", child) for child in children], "test", True)
+    return buffer
+
+
+def reason(buffer, name, other="map"):
+    """Why a frame cannot be looked up."""
+    return buffer.can_transform_core(name, other, LATEST)[1]
+
+
+def advice(buffer, name):
+    """What is said after the error."""
+    return reason(buffer, name).partition("frame does not exist")[2].removeprefix(". ")
+
+
+@pytest.mark.parametrize(
+    ("known", "name", "meant"),
+    [
+        (["base_link", "odom"], "bas_link", "[base_link]"),
+        (["base_link", "odom"], "BASE_LINK", "[base_link]"),
+        (["robot1/base_link", "odom"], "base_link", "[robot1/base_link]"),
+        (["base_link"], "a_rather_long_namespace/base_link", "[base_link]"),
+        (["left_camera", "right_camera", "lidar"], "camera", "[left_camera] or [right_camera]"),
+        (["link_1", "link_2", "link_3", "link_4"], "link_22", "[link_2] or [link_4] or [link_3]"),
+        (["机器人/激光"], "激光", "[机器人/激光]"),
+    ],
+)
+def test_the_closest_known_names_are_asked_for(known, name, meant):
+    assert advice(knowing(*known), name) == f"Did you mean {meant}?"
+
+
+def test_it_follows_the_text_of_tf2_in_every_error(tf2_py):
+    buffer, wrong = knowing("base_link"), "bas_link"
+    for call in (
+        lambda: buffer.lookup_transform_full_core(wrong, LATEST, "map", LATEST, "map"),
+        lambda: buffer.lookup_transform_full_core("map", LATEST, wrong, LATEST, "map"),
+        lambda: buffer.lookup_transform_full_core("map", LATEST, "map", LATEST, wrong),
+        lambda: buffer.lookup_transforms("map", wrong, [1, 2]),
+        lambda: buffer.lookup_matrices("map", wrong, [1, 2]),
+        lambda: buffer.lookup_matrix("map", wrong, LATEST),
+        lambda: buffer._chain("map", LATEST, wrong, LATEST, "map"),
+        lambda: buffer.get_latest_common_time("map", wrong),
+        lambda: buffer.parent(wrong),
+        lambda: buffer.children(wrong),
+    ):
+        with pytest.raises(tf2_py.LookupException, match=r"does not exist\. Did you mean \[base_link\]\?$"):
+            call()
+    reason = buffer.can_transform_full_core("map", LATEST, "map", LATEST, wrong)[1]
+    assert reason.endswith(" - frame does not exist. Did you mean [base_link]?")
+
+
+def test_it_is_as_new_as_the_frames():
+    buffer = knowing("odom")
+    assert advice(buffer, "bas_link") == ""
+    buffer.set_transform(transform("map", "base_link", 1), "test")
+    assert advice(buffer, "bas_link") == "Did you mean [base_link]?"
+    buffer.__init__()
+    assert advice(buffer, "bas_link") == "The buffer is empty"
+    buffer.set_transforms([transform("map", "bas_lin", 1), transform("map", "link", 1)], "test")
+    assert advice(buffer, "bas_link") == "Did you mean [bas_lin] or [link]?", "as many frames, others"
+
+
+@pytest.mark.parametrize("name", ["base_\x1b[31mlink", 'base"link', "base[link", "base]link"])
+def test_names_that_programs_would_misread_are_not_shown_as_they_are(name):
+    text = reason(knowing(name), "base_link")
+    assert text.endswith("frame does not exist")
+    text = reason(knowing("base_\nlink"), "base_link")
+    assert text.endswith(r"Did you mean [base_\nlink]?")
+
+
+def test_long_names_and_in_a_big_tree_nothing_is_compared():
+    known, wanted = "x" * 101, "x" * 100
+    assert advice(knowing(known), wanted) == ""
+    assert advice(knowing(wanted), known) == ""
+    assert advice(knowing(wanted), "x" * 99) == f"Did you mean [{wanted}]?"
+    buffer = knowing(*[f"link_{i}" for i in range(199)])  # and the map
+    assert advice(buffer, "lnk_17").startswith("Did you mean [link_17]")
+    buffer.set_transform(transform("map", "one_more", 1), "test")
+    assert advice(buffer, "lnk_17") == ""
+
+
+def test_a_lookup_that_is_repeated_compares_once_and_what_is_remembered_is_limited(monkeypatch):
+    compared, closest = [], errors.closest
+    monkeypatch.setattr(errors, "closest", lambda name, known: compared.append(name) or closest(name, known))
+    buffer = knowing("base_link")
+    names = [f"bas_link{i}" for i in range(65)]
+    for name in names:
+        assert {advice(buffer, name) for _ in range(3)} == {"Did you mean [base_link]?"}
+    assert compared == names
+    advice(buffer, names[0])
+    assert compared[-1] == names[0]

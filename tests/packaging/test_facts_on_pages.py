@@ -1,0 +1,169 @@
+"""Facts that pages state and sources decide: numbers, versions, names of distributions and extras."""
+
+import re
+import runpy
+
+import pytest
+from documentation_pages import PAGES, SPAN, prose
+from paths import ROOT
+from project_sources import PYPROJECT, tomllib
+
+from tf2_py import _tf2_py
+from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH
+
+pytestmark = pytest.mark.ours
+
+TOOLS = tomllib.loads((ROOT / "tools" / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+CORE = PYPROJECT["project"]
+FOR_DEVELOPERS = {"test", "test-all", "docs", "dev"}
+
+
+def text_of(name):
+    return " ".join((ROOT / name).read_text(encoding="utf-8").split())
+
+
+def first_number(pattern, text):
+    return int(re.search(pattern, text)[1].replace(",", "").replace("_", ""))
+
+
+CONFORMANCE = first_number(
+    r"for s in SCENARIOS\) == ([\d_]+)", text_of("tests/core/test_recorded_answers.py")
+)
+
+
+@pytest.mark.parametrize(
+    ("page", "pattern", "value"),
+    [
+        ("SECURITY.md", r"up to ([\d,]+) messages of `/tf`", DYNAMIC_DEPTH),
+        ("SECURITY.md", r"([\d,]+) of `/tf_static`", STATIC_DEPTH),
+        ("docs/differences.md", r"queue of `/tf_static` \|[^|]*\| ([\d,]+) messages", STATIC_DEPTH),
+        ("docs/limits.md", r"\| frames \| ([\d,]+) \|", _tf2_py.LIMITS["max_frames"]),
+        ("docs/limits.md", r"\| memory [^|]*\| (\d+) GiB", _tf2_py.LIMITS["max_bytes"] >> 30),
+        ("README.md", r"replay ([\d,]+) recorded calls", CONFORMANCE),
+        ("CONTRIBUTING.md", r"replays ([\d,]+) calls", CONFORMANCE),
+        ("docs/development/reliability.md", r"all ([\d,]+) answers", CONFORMANCE),
+    ],
+)
+def test_a_number_on_a_page_is_that_of_the_sources(page, pattern, value):
+    assert first_number(pattern, text_of(page)) == value
+
+
+LENGTHS = ("1 hop", "4 hops", "10 hops")
+
+
+@pytest.mark.parametrize(
+    ("page", "pattern", "hops"),
+    [
+        ("README.md", r"\*\*Lookups are (\d+) to (\d+) times faster\*\*.*over 1 to 10 hops", LENGTHS),
+        ("docs/performance.md", r"\*\*Lookups\*\* over 4 hops .* (\d+) to (\d+) times faster", LENGTHS[1:2]),
+    ],
+)
+def test_how_much_faster_lookups_are_is_in_the_results(page, pattern, hops):
+    speed = runpy.run_path(str(ROOT / "docs" / "speed_figures.py"))
+    lines = {line.replace("4 hops", number): line for line in speed["LOOKUPS"].values() for number in hops}
+    speed["LOOKUPS"].clear()
+    speed["LOOKUPS"].update({line: line for line in lines})
+    ratios = [jazzy / ours for ours, jazzy, *_ in speed["medians"]().values()]
+    found = re.search(pattern, text_of(page))
+    assert [int(found[1]), int(found[2])] == [int(min(ratios)), int(max(ratios))]
+
+
+def projects():
+    """The distributions, with the files that state their versions."""
+    messages = {f"{CORE['name']}-msgs-{release}" for release in ("jazzy", "kilted")}
+    return {
+        CORE["name"]: ("pyproject.toml", "package.xml", "release/conda/recipe.yaml"),
+        TOOLS["name"]: ("tools/pyproject.toml", "tools/package.xml"),
+        **dict.fromkeys(messages, ("messages/src/tf2_msgs/package.xml",)),
+    }
+
+
+def test_the_table_of_versions_has_all_distributions_and_the_files_that_state_a_version():
+    page = (ROOT / "docs" / "development" / "release.md").read_text(encoding="utf-8")
+    table = page[page.index("| distribution |") :].partition("\n\n")[0]
+    spans = {one for one in SPAN.findall(table) if "." in one or one.startswith("tf2-ros")}
+    assert spans == {name for name, files in projects().items() for name in (name, *files)}
+    assert "all four distributions" in " ".join(page.split())
+    found = {
+        str(path.relative_to(ROOT))
+        for folder in (
+            ROOT,
+            ROOT / "tools",
+            ROOT / "messages",
+            ROOT / "messages/src/tf2_msgs",
+            ROOT / "release/conda",
+        )
+        for path in [*folder.glob("*.toml"), *folder.glob("package.xml"), *folder.glob("recipe.yaml")]
+        if re.search(
+            r'^version = "|<version>|^  version: "?\d', path.read_text(encoding="utf-8"), re.MULTILINE
+        )
+    }
+    assert found == {file for files in projects().values() for file in files}
+
+
+def extras_in(text):
+    """The distribution, and the extra, of each requirement with extras in a text."""
+    of = {"tf2-ros-tools": TOOLS, "./tools": TOOLS, "tf2-ros-cython": CORE, ".": CORE}
+    for name, extras in re.findall(
+        r"(tf2-ros-tools|\./tools|tf2-ros-cython|(?<=['\" ])\.)\[([\w, -]+)\]", text
+    ):
+        for extra in extras.split(","):
+            yield extra.strip(), of[name]["optional-dependencies"]
+
+
+def sources_with_texts():
+    folders = (
+        "tf2_py",
+        "tf2_ros",
+        "tf2_geometry_msgs",
+        "tf2_sensor_msgs",
+        "tf2_ros_cython",
+        "tools/tf2_ros_tools",
+    )
+    for folder in folders:
+        yield from (path for path in (ROOT / folder).rglob("*.p[xy]*") if path.suffix != ".pyc")
+
+
+def test_an_extra_that_an_error_or_a_page_names_exists():
+    paths = [
+        *sources_with_texts(),
+        *PAGES,
+        *(ROOT / "tools").glob("*.md"),
+        *(ROOT / "tools/docs").rglob("*.md"),
+    ]
+    named = [(path, *one) for path in paths for one in extras_in(path.read_text(encoding="utf-8"))]
+    assert len({extra for _, extra, _ in named}) > 5
+    assert [(str(path), extra) for path, extra, known in named if extra not in known] == []
+
+
+def test_every_extra_for_users_is_in_the_table_of_its_page():
+    for page, project in (("docs/installing.md", CORE), ("tools/README.md", TOOLS)):
+        text = (ROOT / page).read_text(encoding="utf-8")
+        table = text[text.index("| extra |") :].partition("\n\n")[0]
+        rows = set(re.findall(r"^\| `([\w-]+)` \|", table, re.MULTILINE))
+        assert rows == project["optional-dependencies"].keys() - FOR_DEVELOPERS, page
+
+
+def test_the_releases_that_users_read_of_are_those_that_were_tested():
+    def versions(name):
+        return set(re.findall(r"(?<![\d.])\d{1,2}\.\d+\.\d+(?=[ ,|])", rows(name)))
+
+    def rows(name):
+        lines = (ROOT / "docs" / name).read_text(encoding="utf-8").splitlines()
+        releases = ("Humble", "Jazzy", "Kilted", "Lyrical", "Rolling")
+        return "\n".join(line for line in lines if re.match(rf"\| (\S+ \| )?({'|'.join(releases)}) \|", line))
+
+    assert versions("limits.md") == versions("development/tested-releases.md") != set()
+
+
+PYTHONS = [one.rpartition(" ")[2] for one in CORE["classifiers"] if re.search(r":: 3\.\d+$", one)]
+
+
+OF_USERS = [page for page in PAGES if page.parent.name != "development"]
+
+
+@pytest.mark.parametrize("page", OF_USERS, ids=lambda page: page.name)
+def test_the_range_of_pythons_on_a_page_is_that_of_the_package(page):
+    ranges = re.findall(r"Python (3\.\d+) to (3\.\d+)", " ".join(prose(page).split()))
+    of_fuzzer = ("3.11", "3.13")  # atheris
+    assert {*ranges} <= {(PYTHONS[0], PYTHONS[-1]), of_fuzzer}

@@ -1,0 +1,21 @@
+"""No input that fuzzing found or keeps shows a fault; `make fuzz` searches for more."""
+
+import pytest
+from fuzz_target_checks import check_corpus, check_seeds
+
+from reliability.fuzz.targets import OF_TOOLS, PACKAGES
+
+pytestmark = pytest.mark.ours
+
+TARGETS = sorted(PACKAGES.keys() - OF_TOOLS)
+
+
+@pytest.mark.repeated
+@pytest.mark.parametrize("name", TARGETS)
+def test_no_input_of_the_corpus_shows_a_fault(name):
+    check_corpus(name)
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_targets_take_their_seeds_and_any_bytes(name):
+    check_seeds(name)

@@ -1,0 +1,97 @@
+"""What `help` says: every public class has an example, which runs; lookups begin with the direction."""
+
+import doctest
+import importlib
+import inspect
+
+import pytest
+from spinning_nodes import spun_node
+
+from tf2_ros_cython import _installation
+
+pytestmark = pytest.mark.ours
+
+OF_ARRAYS = importlib.import_module("tf2_ros.numpy")
+# The texts of these modules and of their functions have examples.
+WHOLE = [importlib.import_module(name) for name in ("tf2_ros.records", "tf2_ros.serialization")]
+
+
+def public():
+    """The classes and functions of this project that its packages offer, each once, by name."""
+    found = {}
+    for package in map(importlib.import_module, _installation.PACKAGES):
+        for name in dir(package):
+            thing = getattr(package, name)
+            is_ours = getattr(thing, "__module__", "").partition(".")[0] in _installation.PACKAGES
+            if is_ours and not name.startswith("_") and (inspect.isclass(thing) or inspect.isroutine(thing)):
+                found[name] = thing
+    return found | {name: getattr(OF_ARRAYS, name) for name in OF_ARRAYS.__all__}
+
+
+PUBLIC = public()
+OF_SCIPY = ("from_rotation", "to_rotation")
+CLASSES = [name for name, thing in PUBLIC.items() if inspect.isclass(thing)]
+
+
+def examples(thing):
+    """The lines to type, and what they print, in the text of a class and of its public methods."""
+    members = vars(thing) if inspect.isclass(thing) else {}
+    texts = [thing.__doc__, *(m.__doc__ for n, m in members.items() if n[0] != "_" and inspect.isroutine(m))]
+    parse = doctest.DocTestParser().get_examples
+    return [example for text in texts for example in parse(inspect.cleandoc(text or ""))]
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_a_public_class_has_an_example(name):
+    # One of the base shows how to catch an exception, or what a class with other defaults does.
+    assert any(examples(cls) for cls in PUBLIC[name].__mro__ if cls in PUBLIC.values())
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_the_text_of_a_method_is_that_of_the_base(name):
+    # A second one would sooner or later say something else.
+    cls = PUBLIC[name]
+    bases = [one for one in cls.__mro__[1:] if one in PUBLIC.values()]
+    methods = [(n, m) for n, m in vars(cls).items() if n[0] != "_" and inspect.isroutine(m) and m.__doc__]
+    assert [n for n, _ in methods if any(vars(base)[n].__doc__ for base in bases if n in vars(base))] == []
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_no_text_refers_to_files_that_are_not_installed(name):
+    members = vars(PUBLIC[name]).values() if inspect.isclass(PUBLIC[name]) else ()
+    assert not [one for one in (PUBLIC[name], *members) if ".md" in (getattr(one, "__doc__", None) or "")]
+
+
+@pytest.mark.parametrize("name", OF_ARRAYS.__all__)
+def test_a_function_of_arrays_has_an_example(name):
+    assert examples(PUBLIC[name])
+
+
+def with_examples():
+    """The names whose docstrings have one."""
+    for name in filter(lambda name: examples(PUBLIC[name]), PUBLIC):
+        yield pytest.param(name, marks=[pytest.mark.long("needs SciPy")] if name in OF_SCIPY else [])
+
+
+@pytest.mark.parametrize("name", [*with_examples()])
+def test_an_example_runs_and_prints_what_it_says(name):
+    if name in OF_SCIPY:
+        pytest.importorskip("scipy")
+    with spun_node("example") as node:
+        assert faults(examples(PUBLIC[name]), {"node": node}) == []
+
+
+@pytest.mark.parametrize("module", WHOLE, ids=lambda module: module.__name__)
+def test_the_examples_of_a_module_run_and_print_what_they_say(module):
+    assert examples(module)
+    for thing in (module, *(getattr(module, name) for name in module.__all__)):
+        assert faults(examples(thing), {}) == []
+
+
+def faults(lines, variables):
+    """What these lines of examples print that they do not say."""
+    said = []
+    # Otherwise it would follow the -v of pytest.
+    runner = doctest.DocTestRunner(verbose=False)
+    runner.run(doctest.DocTest(lines, variables, "example", None, None, None), out=said.append)
+    return said

@@ -1,0 +1,132 @@
+"""The direction of imports: the table in docs/development/internals.md, and what the sources import."""
+
+import re
+import runpy
+import sys
+
+import pytest
+from paths import ROOT
+from project_sources import PACKAGES, chapters, code_of, defined, imports, modules
+
+pytestmark = pytest.mark.ours
+
+INTERNALS = ROOT / "docs" / "development" / "internals.md"
+HEADER = ["package", "owns", "imports", "beside the standard libraries", "underscored modules open to others"]
+ANYTHING = ["anything"]
+# What Cython brings: C's, POSIX's and Python's own declarations.
+STANDARD = {"libc", "posix", "cpython", "cython", *sys.stdlib_module_names}
+
+
+def read_table():
+    """The rows of the table by their packages, each a list of the names in each of its columns."""
+    lines = INTERNALS.read_text(encoding="utf-8").splitlines()
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    rows = cells[cells.index(HEADER) + 2 :]
+    rows = rows[: [len(row) == len(HEADER) for row in rows].index(False)]
+    return {row[0].strip("`"): [re.findall(r"`([^`]+)`", cell) or [cell] for cell in row] for row in rows}
+
+
+TABLE = read_table()
+# The imports of each module, of all its files; those of the packages themselves are among them.
+IMPORTS = {name: [one for path in paths for one in imports(path)] for name, paths in modules().items()}
+OPEN = {f"{name}.{module}" for name, row in TABLE.items() for module in row[4]}
+
+
+def package_of(module):
+    """The package of the table that a module belongs to: the longest name that is a part of its own."""
+    return max((name for name in TABLE if f"{module}.".startswith(f"{name}.")), key=len, default=None)
+
+
+def top(module):
+    return module.partition(".")[0]
+
+
+def is_allowed(module, imported):
+    """Whether the table allows an import."""
+    package, other = package_of(module), package_of(imported)
+    _, _, allowed, outside, _ = TABLE[package]
+    if other is None:
+        return outside == ANYTHING or top(imported) in {*STANDARD, *outside}
+    if allowed == ANYTHING:
+        return True
+    is_private = top(imported) != top(module) and "._" in imported and imported not in OPEN
+    return other in (package, *allowed) and not is_private
+
+
+def test_modules_import_and_cimport_what_the_table_allows():
+    assert [name for name in IMPORTS if package_of(name) is None] == []
+    assert [
+        f"{module}, line {one.line}: {one.module}"
+        for module, found in IMPORTS.items()
+        for one in found
+        if not is_allowed(module, one.module)
+    ] == []
+
+
+def test_the_engine_asks_the_installation_only_for_the_version():
+    of_engine = [one.module for module, found in IMPORTS.items() if top(module) == "tf2_py" for one in found]
+    assert [one for one in of_engine if top(one) == "tf2_ros_cython"] == ["tf2_ros_cython._version"]
+
+
+OF_TOOLS = {
+    *("tf2_ros_tools", "rosbags", "mcap", "mcap_protobuf", "mcap_ros2"),
+    *("textual", "matplotlib", "graphviz"),
+}
+
+
+def test_the_core_and_its_tests_import_neither_the_tools_nor_their_libraries():
+    assert "tests.conftest" in IMPORTS
+    assert [
+        f"{module}, line {one.line}: {one.module}"
+        for module, found in IMPORTS.items()
+        for one in found
+        if top(one.module) in OF_TOOLS
+    ] == []
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    # Without the packages themselves, which import their modules for their users.
+    graph = {
+        module: {one.module for one in found if one.module in modules() and one.module not in PACKAGES}
+        for module, found in IMPORTS.items()
+        if top(module) in PACKAGES and module not in PACKAGES
+    }
+    for module in graph:
+        graph[module].discard(module)  # a .pyx and its .pxd
+    while free := {module for module, needed in graph.items() if not needed & graph.keys()}:
+        for module in free:
+            del graph[module]
+    assert graph == {}
+
+
+@pytest.mark.parametrize("module", ["tf2_py._core", "tf2_py._tf2_py", "tf2_ros._shared.ring"])
+def test_a_chapter_uses_those_before_it_and_says_which(module):
+    texts = {
+        name: "\n".join(path.read_text(encoding="utf-8") for path in modules()[name])
+        for name in chapters(module)
+    }
+    codes = {name: code_of(text) for name, text in texts.items()}
+    words = {name: set(re.findall(r"\w+", code)) for name, code in codes.items()}
+    names = {name: defined(code) for name, code in codes.items()}
+    known: set[str] = set()
+    for chapter, text in texts.items():
+        own = names[chapter] | known
+        later = {
+            other: found
+            for other in list(texts)[list(texts).index(chapter) + 1 :]
+            if (found := words[chapter] & (names[other] - own))
+        }
+        assert later == {}, f"{chapter} uses later chapters"
+        used = [
+            other.rpartition(".")[2]
+            for other in list(texts)[: list(texts).index(chapter)]
+            if words[chapter] & (names[other] - names[chapter])
+        ]
+        assert f"# Uses: {', '.join(used) or 'no chapter'}.\n" in text, chapter
+        known |= names[chapter]
+
+
+def test_the_drawing_on_the_page_is_what_the_sources_import_and_cimport():
+    drawn = runpy.run_path(str(ROOT / "docs" / "import_graph.py"))["drawing"]()
+    page = INTERNALS.read_text(encoding="utf-8")
+    assert f"```text\n{drawn}\n```" in page, f"put this into docs/development/internals.md:\n{drawn}"

@@ -1,0 +1,50 @@
+"""What is assumed of rclpy's inside stands in one module, ``tf2_ros._rclpy``."""
+
+import re
+from functools import cache
+
+import pytest
+from project_sources import PACKAGES, code_of, modules
+
+pytestmark = pytest.mark.ours
+
+# Of Python, of the messages of rosidl, and of the build, which writes that module.
+OF_OTHERS = {"_getframe", "_replace", "_check_fields", "_built"}
+# Public, but not documented: parts of goals and frames, and attributes of rclpy's objects that are set.
+UNDOCUMENTED = re.compile(
+    r"\b(Impl|ClientGoalHandle|co_filename|pybind11_type)\b|(?<!self)\.(callback|destroy) = "
+)
+
+
+def test_only_one_module_knows_rclpys_inside():
+    of_rclpy = {
+        (path.name, found[0].lstrip("."))
+        for path, code in code_of_packages()
+        for found in re.finditer(r"\._[a-z]\w*", code)
+        if found[0][1:] not in own_private_names()
+    }
+    assert ("_rclpy.py", "_is_shutdown") in of_rclpy
+    assert {name for name, _ in of_rclpy} == {"_rclpy.py", "times.pxi"}, of_rclpy
+
+
+def test_only_one_module_uses_what_rclpy_does_not_document():
+    users = {path.name for path, code in code_of_packages() if UNDOCUMENTED.search(code)}
+    assert users == {"_rclpy.py"}
+
+
+@cache
+def own_private_names():
+    """Modules, and whatever the packages define, assign or declare."""
+    names = {part for module in modules(packages=PACKAGES) for part in module.split(".")} | OF_OTHERS
+    for path, code in code_of_packages():
+        names.update(re.findall(r"(?:\bdef |\bclass |\b(?:self|cls)\.|^\s*)(_[a-z]\w*)", code, re.MULTILINE))
+        if path.suffix in (".pyx", ".pxd", ".pxi"):
+            declared = re.findall(r"^\s*(?:cdef|cpdef|ctypedef)\b[^\n=]*", code, re.MULTILINE)
+            names.update(name for line in declared for name in re.findall(r"\b_[a-z]\w*", line))
+    return names
+
+
+@cache
+def code_of_packages():
+    paths = {path for all_of in modules(packages=PACKAGES).values() for path in all_of}
+    return [(path, code_of(path.read_text())) for path in sorted(paths) if path.suffix != ".pyi"]

@@ -1,0 +1,426 @@
+"""Where a ROS 2 is sourced: which tf2 a program imports, from each kind of install, and what it is told."""
+
+import os
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import installing
+import numpy
+import pytest
+from installing import INDEX, OURS, PACKAGES, SITE, Prefix, sourced, unsourced
+from processes import run
+from project_sources import PYPROJECT
+from workspaces import OWNERS, Installation, Workspace, add_tf2_ros_py, distribution_with_tf2
+
+pytestmark = [
+    pytest.mark.ours,
+    pytest.mark.long("builds and installs the project"),
+    pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
+]
+
+STARTED = "import sys; print(*[name for name in sys.modules if name.startswith('tf2')])"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return tmp_path_factory.mktemp("made")
+
+
+@pytest.fixture(scope="module")
+def wheel(made):
+    """Built as for a Python whose own flags ask for debug information."""
+    project = installing.checkout_copy(made / "project")
+    installing.reuse_builds(project)
+    flags = installing.unoptimised(made, {**os.environ, "CFLAGS": "-g"})
+    return installing.build("build_backend.build_wheel", project, made / "wheel", environment=flags)
+
+
+@pytest.fixture(scope="module")
+def ros(made):
+    return distribution_with_tf2(made / "ros")
+
+
+@pytest.fixture(scope="module")
+def in_venv(made, wheel):
+    python = installing.new_venv(made / "venv", wheel)
+    return Installation(python, made / "venv" / PACKAGES)
+
+
+@pytest.fixture(scope="module")
+def of_user(made, wheel):
+    python, base = Path(sys._base_executable), str(made / "user")
+    installing.pip_install(python, wheel, "--user", "--break-system-packages", PYTHONUSERBASE=base)
+    return Installation(python, made / "user" / PACKAGES, PYTHONUSERBASE=base)
+
+
+@pytest.fixture(scope="module")
+def editable(made):
+    checkout = installing.checkout_copy(made / "checkout")
+    installing.reuse_builds(checkout)
+    wheel = installing.build("build_backend.build_editable", checkout, made / "editable-wheel")
+    return Installation(installing.new_venv(made / "editable", wheel), checkout)
+
+
+@pytest.fixture(scope="module")
+def colcon(made, ros):
+    return Workspace(made / "colcon", ros)
+
+
+@pytest.fixture(scope="module")
+def linked(made, ros):
+    return Workspace(made / "linked", ros, "--symlink-install")
+
+
+@pytest.fixture(scope="module")
+def merged(made, ros):
+    """With tf2's own packages in the same folder."""
+    return Workspace(made / "merged", ros, "--merge-install", packages=add_tf2_ros_py)
+
+
+@pytest.fixture(scope="module")
+def system(made, wheel):
+    """What a Debian package of this project holds; `wheel` has built it."""
+    return installing.setup_install(made / "project", made / "system", "/opt/ros/jazzy")
+
+
+@pytest.fixture
+def conda(tmp_path, wheel, ros):
+    """ROS 2 and its tf2 in the folder of all packages of a Python, and ours, installed there by pip."""
+    python = installing.new_venv(tmp_path / "conda")
+    prefix = tmp_path / "conda"
+    for entry in (ros.path / SITE).iterdir():
+        copied = shutil.copytree if entry.name in OURS else lambda source, link: link.symlink_to(source)
+        copied(entry, prefix / SITE / entry.name)
+    (prefix / "share").symlink_to(ros.path / "share")
+    installing.pip_install(python, wheel)
+    libraries = sourced(ros)["LD_LIBRARY_PATH"]
+    return Installation(python, prefix / PACKAGES, LD_LIBRARY_PATH=libraries)
+
+
+def each_of(*names):
+    """A fixture that is each of these."""
+    return pytest.fixture(params=names)(lambda request: request.getfixturevalue(request.param))
+
+
+installation = each_of("in_venv", "of_user", "editable")
+workspace = each_of("colcon", "linked")
+anywhere = each_of("in_venv", "of_user", "editable", "colcon", "linked", "merged")
+
+
+def all_of(owner, **others):
+    return {**dict.fromkeys(OURS, owner), **others}
+
+
+def messages_of(prefix):
+    return str(prefix.path / SITE / "tf2_msgs")
+
+
+def test_ours_precedes_the_distributions_but_for_the_messages(anywhere, ros):
+    assert anywhere.owners(sourced(ros)) == all_of("ours", tf2_msgs=messages_of(ros))
+
+
+@pytest.mark.parametrize("is_activated", [False, True], ids=["plain", "activated"])
+def test_beside_tf2_in_one_folder_ours_is_first_and_tf2_stays(conda, is_activated):
+    prefix = str(conda.home.parents[4])
+    environment = {**unsourced(), **({"AMENT_PREFIX_PATH": prefix} if is_activated else {})}
+    messages = str(conda.home.parents[1] / "tf2_msgs")
+    assert conda.owners(environment) == all_of("ours", tf2_msgs=messages)
+    theirs = all_of("distribution", tf2_msgs=messages)
+    assert conda.owners({**environment, "TF2_ROS_CYTHON": "0"}) == theirs
+    installing.pip_uninstall(conda.python, "tf2-ros-cython")
+    assert conda.owners(environment) == theirs
+    assert not list(conda.home.parents[1].glob("tf2_ros_cython*"))
+
+
+@pytest.mark.skipif(shutil.which("dpkg-deb") is None, reason="there are no Debian packages here")
+def test_a_debian_package_is_installed_beside_that_of_tf2(system, tmp_path):
+    theirs = tmp_path / "theirs"
+    Prefix(theirs / "opt" / "ros" / "jazzy").add_stubs("distribution", *OURS)
+    ours = shutil.copytree(system.parents[2], tmp_path / "ours")
+    packages = [
+        installing.debian_package(tmp_path / f"{name}.deb", name, tree)
+        for name, tree in (("ros-jazzy-tf2-ros-py", theirs), ("ros-jazzy-tf2-ros-cython", ours))
+    ]
+    installing.debian_install(tmp_path / "root", *packages)
+    site = tmp_path / "root" / "opt" / "ros" / "jazzy" / SITE
+    assert (site / "tf2_ros" / "__init__.py").read_text() == "OWNER = 'distribution'\n"
+    assert (site / "tf2_ros_cython" / "packages" / "tf2_ros" / "__init__.py").is_file()
+
+
+@pytest.mark.parametrize("shell", ["sh", "bash", "zsh"])
+@pytest.mark.parametrize(("value", "expected"), [("", "ours"), ("0", "distribution")])
+def test_the_setup_files_of_a_prefix_put_it_first(system, ros, tmp_path, shell, value, expected):
+    if shutil.which(shell) is None:
+        pytest.skip(f"there is no {shell}")
+    python = installing.new_venv(tmp_path / "venv")
+    hook = '. "$AMENT_CURRENT_PREFIX/share/tf2_ros_cython/hook/packages.sh"'
+    script = f'{hook}; {hook}; echo "$PYTHONPATH"; exec {python} -S -c "$1"'
+    environment = sourced(ros, AMENT_CURRENT_PREFIX=str(system), TF2_ROS_CYTHON=value)
+    environment["PYTHONPATH"] = f"{system / SITE}{os.pathsep}{environment['PYTHONPATH']}"
+    started = run(shell, "-uc", script, "-", OWNERS, env=environment, cwd="/")
+    path, *lines = started.stdout.splitlines()
+    assert started.returncode == 0, started.stderr
+    first = [] if value else [str(system / PACKAGES)]
+    assert path.split(":") == [*first, *environment["PYTHONPATH"].split(":")]
+    owners = dict(line.split() for line in lines)
+    where = str(system / PACKAGES / "tf2_ros") if expected == "ours" else expected
+    assert owners["tf2_ros"] == where
+
+
+def test_the_tools_of_ros_know_what_must_be_sourced_before(system):
+    marker = (system / INDEX).with_name("package_run_dependencies") / "tf2_ros_cython"
+    depends = ElementTree.parse(system / "share" / "tf2_ros_cython" / "package.xml").findall("depend")
+    assert marker.read_text().split(";") == [one.text for one in depends]
+
+
+class TestWhereNoStartupFileIsRead:
+    def test_it_tells_which_folder_the_path_lacks(self, wheel, ros, tmp_path):
+        python = installing.new_venv(tmp_path / "venv")
+        installing.pip_install(python, wheel, "--target", str(tmp_path / "target"))
+        other = Installation(python, tmp_path / "target" / "tf2_ros_cython" / "packages")
+        environment = sourced(ros)
+        environment["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'target'}"
+        told = other.run(environment, "-m", "tf2_ros_cython")
+        assert told.returncode == 1
+        assert f"; add {other.home} to PYTHONPATH" in told.stdout
+        environment["PYTHONPATH"] = f"{other.home}{os.pathsep}{environment['PYTHONPATH']}"
+        assert other.owners(environment) == all_of("ours", tf2_msgs=messages_of(ros))
+        assert other.run(environment, "-m", "tf2_ros_cython").returncode == 0
+
+
+class TestUnknownRclpy:
+    def test_the_distributions_tf2_is_used_and_it_is_said_once(self, in_venv, ros, tmp_path):
+        newer = rclpy_of(tmp_path / "newer", "99.1.2")
+        environment = sourced(newer, ros)
+        ended = in_venv.run(environment, "-c", "import tf2_ros, tf2_geometry_msgs; print(tf2_ros.OWNER)")
+        assert (ended.returncode, ended.stdout) == (0, "distribution\n")
+        assert ended.stderr.count("tf2-ros-cython steps aside: ") == 1
+        assert "and this ROS 2 has 99.1.2" in ended.stderr
+        told = in_venv.run(environment, "-m", "tf2_ros_cython")
+        assert told.returncode == 1
+        assert "and this ROS 2 has 99.1.2" in told.stdout
+        quiet = in_venv.run({**environment, "TF2_ROS_CYTHON": "0"}, "-c", "import tf2_ros")
+        assert (quiet.returncode, quiet.stderr) == (0, "")
+
+    def test_without_another_tf2_ours_is_used_and_it_is_said_once(self, in_venv, tmp_path):
+        newer = rclpy_of(tmp_path / "newer", "99.1.2")
+        program = "from importlib.util import find_spec as f; print(f('tf2_py').origin, f('tf2_ros').origin)"
+        ended = in_venv.run(sourced(newer), "-c", program)
+        assert ended.stdout.count(str(in_venv.home)) == 2, ended.stderr
+        said = "tf2-ros-cython is used, because there is no other tf2, but it was tried with rclpy "
+        assert ended.stderr.count(said) == 1
+
+    def test_a_variable_tries_it(self, in_venv, ros, tmp_path):
+        newer = rclpy_of(tmp_path / "newer", "99.1.2")
+        found = in_venv.owners(sourced(newer, ros, TF2_ROS_CYTHON="1"))
+        assert found == all_of("ours", tf2_msgs=messages_of(ros))
+
+    def test_an_old_one_is_named_where_there_is_no_other_tf2(self, in_venv, ros, tmp_path):
+        older = rclpy_of(tmp_path / "older", "1.0.6")
+        (older.path / SITE / "rclpy").mkdir()
+        (older.path / SITE / "rclpy" / "__init__.py").touch()
+        refused = in_venv.run(sourced(older, ros, TF2_ROS_CYTHON="1"), "-c", "import tf2_ros")
+        assert "ImportError: tf2_ros needs rclpy " in refused.stderr
+        assert "this is rclpy 1.0.6 in " in refused.stderr
+
+
+def rclpy_of(path, version):
+    """An overlay whose rclpy has a version, and no modules."""
+    prefix = Prefix(path).mark("rclpy")
+    (prefix.path / "share" / "rclpy").mkdir()
+    (prefix.path / "share" / "rclpy" / "package.xml").write_text(f"<version>{version}</version>")
+    return prefix
+
+
+@pytest.mark.parametrize("checker", ["mypy", "pyright"])
+@pytest.mark.parametrize("is_sourced", [False, True], ids=["plain", "sourced"])
+def test_type_checkers_find_ours(in_venv, ros, tmp_path, checker, is_sourced):
+    (tmp_path / "program.py").write_text("import tf2_ros\nreveal_type(tf2_ros.Buffer)\n")
+    python = {"mypy": "--python-executable", "pyright": "--pythonpath"}[checker]
+    command = [sys.executable, "-m", checker, python, in_venv.python, "program.py"]
+    checked = run(*command, cwd=tmp_path, env=sourced(ros) if is_sourced else unsourced())
+    assert {"mypy": "-> tf2_ros.buffer.Buffer", "pyright": '"type[Buffer]"'}[checker] in checked.stdout
+
+
+def test_one_package_is_built_and_it_has_none_of_tf2s_names(workspace):
+    folders = [path.name for path in (workspace.path / "install").iterdir() if path.is_dir()]
+    assert folders == [marker.name for marker in (workspace.prefix / INDEX).iterdir()] == ["tf2_ros_cython"]
+    assert (workspace.prefix / "share" / "tf2_ros_cython" / "package.xml").is_file()
+
+
+def test_links_lead_to_the_sources(linked):
+    place = Path("tf2_ros", "__init__.py")
+    assert (linked.home / place).resolve() == (linked.source / place).resolve()
+
+
+def test_its_programs_are_where_ros2_run_looks(workspace, ros):
+    program = "from ament_index_python import get_package_prefix; print(get_package_prefix('tf2_ros_cython'))"
+    prefix = Path(workspace.run(sourced(ros), "-c", program).stdout.strip())
+    programs = prefix / "lib" / "tf2_ros_cython"
+    assert {path.name for path in programs.iterdir()} == set(PYPROJECT["project"]["scripts"])
+    assert all(os.access(path, os.X_OK) for path in programs.iterdir())
+    started = workspace.start(sourced(ros), programs / "tf2_which", "-h")
+    assert started.stdout.startswith("usage: tf2_which "), started.stderr
+
+
+def test_a_variable_turns_it_off(installation, ros):
+    off = sourced(ros, TF2_ROS_CYTHON="0")
+    assert installation.owners(off) == all_of("distribution", tf2_msgs=messages_of(ros))
+
+
+def test_nothing_is_loaded_at_the_start_but_where_a_ros_is_sourced(installation, ros):
+    assert installation.run(unsourced(), "-c", STARTED).stdout.split() == []
+    assert installation.run(sourced(ros, TF2_ROS_CYTHON="0"), "-c", STARTED).stdout.split() == []
+    loaded = installation.run(sourced(ros), "-c", STARTED).stdout.split()
+    finder = [] if installation.home.name == "packages" else ["tf2_ros_cython._finder"]
+    assert sorted(loaded) == sorted(
+        [*(f"tf2_ros_cython{one}" for one in ("", "._installation", "._startup")), *finder]
+    )
+
+
+@pytest.mark.parametrize(
+    ("forked", "others", "expected"),
+    [
+        ("tf2_py", [], all_of("distribution", tf2_py="fork")),
+        ("tf2_ros", [], all_of("distribution", tf2_ros="fork", tf2_py="ours")),
+        ("tf2_geometry_msgs", [], all_of("ours", tf2_geometry_msgs="fork", tf2_sensor_msgs="distribution")),
+        ("tf2_sensor_msgs", [], all_of("ours", tf2_sensor_msgs="fork")),
+        ("tf2_sensor_msgs", ["rclpy"], all_of("ours", tf2_sensor_msgs="fork")),  # still no distribution
+    ],
+)
+def test_a_workspaces_fork_stays_with_what_stands_on_it(in_venv, ros, tmp_path, forked, others, expected):
+    overlay = Prefix(tmp_path / "overlay").mark(*others).add_stubs("fork", forked)
+    found = in_venv.owners(sourced(overlay, ros))
+    assert found == {**expected, "tf2_msgs": messages_of(ros)}
+
+
+def test_a_distribution_may_have_a_folder_for_each_package(in_venv, ros, tmp_path):
+    """As colcon builds it from source."""
+    (tmp_path / ".colcon_install_layout").write_text("isolated\n")
+    with_rclpy = Prefix(tmp_path / "rclpy").mark("rclpy")
+    with_tf2 = [Prefix(tmp_path / name).add_stubs("distribution", name) for name in OURS]
+    environment = sourced(*with_tf2, with_rclpy, ros)
+    environment["AMENT_PREFIX_PATH"] = environment["AMENT_PREFIX_PATH"].removesuffix(f":{ros.path}")
+    assert in_venv.owners(environment) == all_of("ours", tf2_msgs=messages_of(ros))
+
+
+def test_a_python_whose_checkout_is_gone_starts_in_silence(editable, made, ros):
+    startup_files = sorted((made / "editable" / SITE).glob("tf2_ros_cython.*"))
+    assert [path.suffix for path in startup_files] == [
+        ".pth"
+    ]  # Python 3.15 tells of a .start that it cannot call
+    assert startup_files[0].read_text().startswith("import ")
+    hidden = editable.home.with_name("hidden")
+    editable.home.rename(hidden)
+    try:
+        ended = editable.run(sourced(ros), "-c", "import tf2_ros; print(tf2_ros.OWNER)")
+    finally:
+        hidden.rename(editable.home)
+    assert (ended.stdout, ended.stderr) == ("distribution\n", "")
+
+
+class TestWhich:
+    @pytest.mark.parametrize("is_same", [False, True], ids=["another", "the_same"])
+    def test_it_names_programs_that_another_python_starts(self, in_venv, ros, tmp_path, is_same):
+        overlay = Prefix(tmp_path / "overlay")
+        program = overlay.path / "lib" / "my_robot" / "scan_pose"
+        program.parent.mkdir()
+        named = "/usr/bin/env python3" if is_same else sys._base_executable
+        program.write_text(f"#!{named}\nimport tf2_ros\n")
+        environment = sourced(overlay, ros)
+        environment["PATH"] = f"{in_venv.python.parent}{os.pathsep}{environment['PATH']}"
+        ended = in_venv.run(environment, "-m", "tf2_ros_cython")
+        told = [line for line in ended.stdout.splitlines() if line.startswith("programs: ")]
+        assert (ended.returncode, len(told)) == ((0, 0) if is_same else (1, 1))
+        if told:
+            theirs = ros.path / SITE / "tf2_ros" / "__init__.py"
+            assert told[0].startswith(f"programs: {program} start {named}, where tf2_ros is {theirs}; ")
+
+    def test_it_tells_what_is_imported_and_before_what(self, anywhere, ros):
+        ended = anywhere.run(sourced(ros), "-m", "tf2_ros_cython")
+        assert ended.returncode == 0, ended.stderr
+        lines = ended.stdout.splitlines()
+        for name in OURS:
+            place = lines.index(f"{name}: tf2-ros-cython, {anywhere.home / name}")
+            # The first may be that of the same workspace.
+            assert f"    takes precedence over {ros.path / SITE / name}" in lines[place + 1 : place + 3]
+        assert f"tf2_msgs: the environment's, {messages_of(ros)}" in lines
+        assert "receiver: in use; listeners need no executor" in lines
+        assert any(line.startswith("ROS 2: Jazzy (rclpy 7.") for line in lines)
+
+    @pytest.mark.parametrize(
+        ("variable", "reason"),
+        [({}, "a workspace or a folder of your own"), ({"TF2_ROS_CYTHON": "0"}, "TF2_ROS_CYTHON=0 is set")],
+    )
+    def test_it_tells_why_another_is_imported(self, in_venv, ros, tmp_path, variable, reason):
+        overlay = Prefix(tmp_path / "overlay").add_stubs("fork", *([] if variable else ["tf2_ros"]))
+        ended = in_venv.run(sourced(overlay, ros, **variable), "-m", "tf2_ros_cython")
+        assert ended.returncode == 1
+        [line] = [line for line in ended.stdout.splitlines() if line.startswith("tf2_ros: ")]
+        assert line.startswith("tf2_ros: not tf2-ros-cython, ")
+        assert reason in line
+
+    def test_without_ros_it_is_right_if_buffers_load(self, in_venv, tmp_path):
+        for entry in Path(numpy.__file__).parents[1].glob("numpy*"):
+            (tmp_path / entry.name).symlink_to(entry)
+        with_numpy = {**unsourced(), "PYTHONPATH": str(tmp_path)}
+        ended = in_venv.run(with_numpy, "-m", "tf2_ros_cython")
+        assert (ended.returncode, ended.stderr) == (0, "")
+        assert "\ndoes not load: " not in ended.stdout
+        assert "ROS 2: none found; buffers and recordings work without it" in ended.stdout
+        assert "receiver: not in use without ROS 2" in ended.stdout
+        ended = in_venv.run(with_numpy, "-c", "import tf2_ros; tf2_ros.Buffer().all_frames_as_string()")
+        assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def of_release(path, ros, rclpy_version, type_support_version):
+    """Another ROS 2: the versions of its rclpy and type support, in the place of the others."""
+    prefix = Prefix(path).mark("rclpy")
+    shutil.copytree(ros.path / SITE, prefix.path / SITE, symlinks=True, dirs_exist_ok=True)
+    rclpy = prefix.path / SITE / "rclpy"
+    rclpy.unlink()  # its place decides, so it must lie in there
+    rclpy.mkdir()
+    (rclpy / "__init__.py").touch()
+    versions = {"rclpy": rclpy_version, "rosidl_typesupport_fastrtps_c": type_support_version}
+    for package, version in versions.items():
+        (prefix.path / "share" / package).mkdir()
+        (prefix.path / "share" / package / "package.xml").write_text(f"<version>{version}</version>")
+    shutil.rmtree(prefix.path / SITE / "tf2_msgs")
+    return prefix
+
+
+@pytest.mark.parametrize(
+    ("name", "version", "type_support", "from_pypi"),
+    [("Humble", "3.3.21", "2.2.3", False), ("Kilted", "9.1.2", "3.8.1", True)],
+)
+def test_messages_of_another_release_or_none_are_refused_with_what_to_install(
+    in_venv, ros, tmp_path, name, version, type_support, from_pypi
+):
+    prefix = tmp_path / name
+    environment = sourced(of_release(prefix, ros, version, type_support))
+    said = in_venv.run(environment, "-c", "import tf2_ros").stderr
+    lacking = (
+        f"ModuleNotFoundError: tf2_ros needs tf2_msgs, which is missing in ROS 2 {name} (rclpy {version}) in "
+    )
+    assert lacking in said
+    installing.copy_messages(tmp_path / "messages")
+    environment["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'messages'}"
+    refused = in_venv.run(environment, "-c", "import tf2_ros").stderr
+    assert f"ImportError: the tf2_msgs in {tmp_path / 'messages' / 'tf2_msgs'} was built for" in refused
+    running = f"but this is ROS 2 {name} (rclpy {version}) in {prefix} "
+    assert f"{running}(rosidl_typesupport_fastrtps_c {type_support[:3]})" in refused
+    release = name.lower()
+    for one in (said, refused):
+        assert f"apt install ros-{release}-tf2-msgs" in one
+        built = f"in a clone of tf2-ros-cython: pip install ./messages -C ros={release}" in one
+        assert built == from_pypi and ("./messages" in one) == from_pypi
+
+
+def test_the_wheel_holds_no_debug_information(wheel):
+    with zipfile.ZipFile(wheel) as opened:
+        extensions = [name for name in opened.namelist() if name.endswith(".so")]
+        assert extensions
+        assert not [name for name in extensions if b".debug_info" in opened.read(name)]

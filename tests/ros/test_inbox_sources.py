@@ -1,0 +1,328 @@
+"""What an inbox does with the parcels of a source: here, of one that needs no middleware."""
+
+import gc
+import signal
+import threading
+import weakref
+
+import pytest
+from compiling_extensions import compiled
+from forked_children import in_a_child
+from making_objects import S, at, transform, translation
+from processes import errors_so_far, until
+from rclpy.serialization import serialize_message
+from rclpy.time import Time
+
+from tf2_msgs.msg import TFMessage
+from tf2_ros import Buffer
+from tf2_ros._receive.inbox import Inbox, Inboxes, Informed
+from tf2_ros._threads import add_owner
+from tf2_ros.records import Recording
+
+pytestmark = pytest.mark.ours
+
+LATEST = Time()
+NOTHING, MESSAGE, REMOVAL, DAMAGE = range(4)
+MANY = 5000  # transforms, of more bytes than are inserted under the lock of all inboxes
+
+
+def serialised(*transforms):
+    return bytes(serialize_message(TFMessage(transforms=transforms)))
+
+
+@pytest.fixture
+def source():
+    return compiled("listed_source").ListedSource()
+
+
+@pytest.fixture
+def inboxes():
+    """Those of a test, for which no thread of the process does anything."""
+    inboxes = Inboxes()
+    yield inboxes
+    inboxes.stop()
+
+
+@pytest.fixture
+def inbox(source, buffer, inboxes):
+    """Fills the buffer from the source."""
+    inbox = Inbox(source, list, inboxes=inboxes)
+    inbox.fill(buffer)
+    yield inbox
+    inbox.close()
+
+
+def test_a_read_finds_all_parcels_in_their_order(source, inbox, buffer):
+    for second in (1, 2):
+        source.put(serialised(transform("map", "robot", second, (second, 0, 0))))
+    source.put(b"", NOTHING)
+    source.put(serialised(transform("robot", "arm")), is_static=True, authority=b"arm_driver")
+    assert translation(buffer.lookup_transform("map", "robot", at(2))) == (2, 0, 0)
+    assert buffer.lookup_transform("robot", "arm", at(9))
+    listing = buffer.all_frames_as_yaml()
+    assert (
+        listing.count("broadcaster: 'default_authority'") == listing.count("broadcaster: 'arm_driver'") == 1
+    )
+
+
+def test_a_malformed_message_and_a_damaged_source_are_counted_and_logged(
+    source, inbox, inboxes, buffer, capfd
+):
+    source.put(b"", DAMAGE)
+    source.put(b"\0\1\0\0\1")
+    source.put(serialised(transform("map", "robot", 1)))
+    assert buffer.can_transform("map", "robot", LATEST)
+    inboxes.report_next()
+    assert buffer.statistics()["malformed_messages"] == 2
+    # Once a second for a topic.
+    assert "on the list: malformed TFMessage: it is torn, at byte 0 of 0\n" in errors_so_far()
+
+
+@pytest.mark.parametrize("closes", [False, True])
+def test_a_message_that_moves_a_long_history_is_inserted_as_others(closes, source, inbox):
+    # Its memory is full, so that the first message moves it.
+    buffer = Buffer(cache_time=1.0)
+    buffer.set_transforms([transform("map", "robot", ns=100 + 2 * i) for i in range(MANY + 166)], "x")
+    before = buffer.statistics()["bytes"]
+    inbox.fill(buffer)
+    for ns in (101, 50_000, 60_000):
+        source.put(serialised(transform("map", "robot", ns=ns), transform("map", "person", ns=ns)))
+    if closes:
+        inbox.catch_up()
+        inbox.close()
+    assert buffer.statistics()["bytes"] > 1.3 * before
+    assert buffer.frames()["robot"].count == MANY + 166 + 3
+    assert buffer.frames()["person"].count == 3
+    buffer._self_check()
+
+
+def test_other_threads_go_on_while_a_read_takes_a_large_message(source, inbox, buffer):
+    answers = []
+    source.put(serialised(transform("map", "robot", 1)))
+    source.slow_down()
+    reader = threading.Thread(target=lambda: answers.append(buffer.can_transform("map", "robot", at(1))))
+    reader.start()
+    until(source.is_taking)  # which needs the GIL
+    assert source.go_on()
+    reader.join()
+    assert answers == [True]
+
+
+def test_a_read_takes_from_every_inbox_although_one_ends_meanwhile(source, inbox, buffer, inboxes):
+    slow, other = (compiled("listed_source").ListedSource() for _ in range(2))
+    ending = Inbox(other, list, inboxes=Inboxes())  # another lock: it ends while the first one is read
+    first = Inbox(slow, list, inboxes=inboxes)
+    for one in (ending, first):
+        one.fill(buffer)
+    source.put(serialised(transform("map", "robot", 1)))
+    slow.put(serialised(transform("map", "person", 1)))
+    slow.slow_down()
+    answers = []
+    reader = threading.Thread(target=lambda: answers.append(buffer.can_transform("map", "robot", at(1))))
+    reader.start()
+    until(slow.is_taking)
+    ending.close()
+    assert slow.go_on()
+    reader.join()
+    assert answers == [True]
+    first.close()
+
+
+class Owner:
+    """Of an inbox that the threads of the process serve."""
+
+    kind = "listed source"
+
+    def __init__(self, inbox):
+        self.inbox, self.stop = inbox, inbox.close
+
+    def _tf2_check(self):
+        pass
+
+
+def test_a_child_forked_during_the_insert_of_a_large_message_can_drop_the_buffer(source):
+    owner = Owner(Inbox(source, list))
+    buffer = Buffer()
+    owner.inbox.fill(buffer)
+    add_owner(owner)
+    waiting = buffer.wait_for_transform_async("map", "last", at(1))
+    held = [buffer, waiting]
+    del buffer
+    many = [transform("map", f"robot {number}", 1) for number in range(100_000)]
+    source.put(serialised(*many, transform("map", "last", 1)))
+
+    def drop():
+        nonlocal waiting
+        waiting = None
+        held.clear()
+        gc.collect()
+
+    statuses = [in_a_child(drop)]
+    while not waiting.done():
+        statuses.append(in_a_child(drop))
+    owner.stop()
+    assert set(statuses) == {0}
+
+
+def test_the_last_part_of_a_large_message_is_logged_as_others(source, inbox, inboxes, buffer, capfd):
+    many = [transform("map", f"robot {number}", 1) for number in range(MANY)]
+    source.put(serialised(*many, unnormalised()))
+    assert buffer.can_transform("map", "odd", LATEST)
+    inboxes.report_next()
+    assert errors_so_far().count("to child_frame_id 'odd' ") == 1
+
+
+def unnormalised():
+    odd = transform("map", "odd", 1)
+    odd.transform.rotation.w = 1.1
+    return odd
+
+
+def test_a_removal_concerns_one_frame_or_all(source, inbox, buffer):
+    source.put(serialised(transform("map", "robot", 1), transform("map", "person", 1)))
+    source.put(b"robot", REMOVAL)
+    assert buffer.can_transform("map", "person", LATEST)
+    assert not buffer.can_transform("map", "robot", LATEST)
+    source.put(b"", REMOVAL)
+    assert not buffer.can_transform("map", "person", LATEST)
+
+
+def test_a_prefix_is_put_before_all_names(source, buffer, inboxes):
+    inbox = Inbox(source, list, prefix="left/", inboxes=inboxes)
+    inbox.fill(buffer)
+    source.put(serialised(transform("/map", "robot", 1)))
+    assert buffer.can_transform("left/map", "left/robot", LATEST)
+    inbox.close()
+
+
+def test_each_transform_is_recorded_with_its_sender_and_time(source, buffer, inboxes):
+    recording = Recording()
+    inbox = Inbox(source, list, recording, inboxes=inboxes)
+    inbox.fill(buffer)
+    source.put(serialised(transform("map", "robot", 1), transform("map", "map", 2)), received_ns=7 * S)
+    source.put(b"torn")
+    assert buffer.can_transform("map", "robot", LATEST)
+    assert [(one["received_ns"], one["stamp_ns"]) for one in recording.take()] == [(7 * S, S), (7 * S, 2 * S)]
+    assert recording.publishers() == [b"0123456789abcdef"]
+    assert (recording.messages, recording.malformed) == (1, 1)
+    inbox.close()
+
+
+def test_what_was_put_before_a_large_message_and_after_it_is_found_too(source, inbox, buffer):
+    source.put(serialised(transform("map", "before", 1)))
+    source.put(serialised(*(transform("map", f"frame{i}", 1) for i in range(MANY))))
+    source.put(serialised(transform("map", "after", 1)))
+    assert buffer.can_transform("map", "after", LATEST)
+    assert len(buffer.frames()) == MANY + 3  # with the map
+    buffer._self_check()
+
+
+def test_what_was_put_while_there_was_no_buffer_goes_into_the_next_one(source, inbox, buffer, tf2_ros):
+    inbox.fill(None)
+    source.put(serialised(transform("map", "robot", 1)))
+    assert not buffer.can_transform("map", "robot", LATEST)
+    other = tf2_ros.Buffer()
+    inbox.fill(other)
+    assert other.can_transform("map", "robot", LATEST)
+    assert not buffer.can_transform("map", "robot", LATEST)
+
+
+def test_an_interrupt_while_answers_are_handed_over_is_raised_after_the_last_one(
+    source, buffer, tf2_ros, inboxes
+):
+    handed = []
+
+    def hand_over(call):
+        handed.append(call)
+        if len(handed) == 1:
+            signal.raise_signal(signal.SIGINT)
+
+    inbox = Inbox(source, hand_over, inboxes=inboxes)
+    inbox.fill(buffer)
+    futures = [buffer.wait_for_transform_async("map", "robot", at(second)) for second in (1, 2)]
+    for future in futures:
+        future.add_done_callback(lambda _: None)
+    for second in (1, 2):
+        source.put(serialised(transform("map", "robot", second)))
+    inbox.catch_up()
+    with pytest.raises(KeyboardInterrupt):
+        inbox.fill(tf2_ros.Buffer())
+    assert set(handed) == set(futures)
+    inbox.close()
+
+
+def test_one_thread_drains_without_a_reader_and_another_reports_until_they_are_stopped(
+    source, inbox, inboxes, buffer, capfd
+):
+    draining = threading.Thread(target=inboxes.drain_when_due)
+    draining.start()
+    source.put(serialised(transform("map", "map", 1)))
+    until(lambda: inboxes.await_report() and not inboxes.report_next() and "TF_SELF" in errors_so_far())
+    inboxes.stop()
+    draining.join()
+    inboxes.drain_when_due()
+    assert not inboxes.await_report()
+
+
+def test_inboxes_report_in_the_order_in_which_they_had_something_to_report(tf2_ros, inboxes):
+    handed, buffers, sources, filled = [], [], [], []
+    for number in range(4):
+        sources.append(compiled("listed_source").ListedSource())
+        buffers.append(tf2_ros.Buffer())
+        filled.append(Inbox(sources[-1], lambda _, number=number: handed.append(number), inboxes=inboxes))
+        filled[-1].fill(buffers[-1])
+    futures = [one.wait_for_transform_async("map", "robot", LATEST) for one in buffers]
+    for future in futures:
+        future.add_done_callback(lambda _: None)
+    for number in (2, 0, 3):
+        sources[number].put(serialised(transform("map", "robot", 1)))
+        filled[number].catch_up()
+    filled[0].close()  # which reports
+    assert handed == [0]
+    for expected in ([0, 2], [0, 2, 3], [0, 2, 3]):
+        inboxes.report_next()
+        assert handed == expected
+    for one in filled:
+        one.close()
+
+
+def test_a_closed_inbox_fills_no_buffer(source, buffer, inboxes):
+    inbox = Inbox(source, list, inboxes=inboxes)
+    source.put(serialised(*[transform("map", f"robot {number}", 1) for number in range(MANY)]))
+    inbox.close()
+    inbox.fill(buffer)  # as a thread does that gives a listener another buffer meanwhile
+    assert not buffer.can_transform("map", "robot 0", at(1))
+    alive = weakref.ref(inbox)
+    del inbox
+    assert alive() is None
+
+
+def test_an_inbox_in_garbage_ends_before_the_collector_clears_what_threads_use(inboxes):
+    class Listed(compiled("listed_source").ListedSource):
+        pass
+
+    source, are_whole = Listed(), []
+    source.informed = Informed()
+    source.when_silent = lambda source: are_whole.append(hasattr(source, "informed"))
+    source.inbox_of_it = inbox = Inbox(source, list, inboxes=inboxes)
+    inbox.inform(source.informed)
+    del inbox, source
+    gc.collect()
+    assert are_whole == [True]
+
+
+def test_an_inbox_that_is_destroyed_reports_nothing(buffer, inboxes):
+    for _ in range(3):
+        source = compiled("listed_source").ListedSource()
+        inbox = Inbox(source, list, inboxes=inboxes)
+        inbox.fill(buffer)
+        source.put(b"torn")
+        inbox.catch_up()
+        other = Buffer()
+        inbox.fill(other)  # which reports
+        source.put(b"torn")
+        other.can_transform("map", "robot", LATEST)
+        del other  # before its inbox
+        del inbox
+    inboxes.report_next()
+    assert buffer.statistics()["malformed_messages"] == 3

@@ -1,0 +1,691 @@
+"""Lookups of the latest transform under a `max_age`, and limits for single frames."""
+
+import asyncio
+import copy
+import gc
+import pickle
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from making_objects import S, insert, stamp_ns, transform
+from processes import DEADLINE_S, errors_so_far, until
+from rclpy.clock import Clock, ClockType
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+from simulated_clock import simulate
+
+from tf2_py import BufferCore
+
+pytestmark = pytest.mark.ours
+
+LATEST = Time()
+ROBOT = ("map", "base", LATEST)
+
+
+@pytest.fixture
+def buffer(tf2_ros, node):
+    """A localiser at 2 Hz, odometry at 64 Hz, and a camera fixed to the robot; the clock is at 100 s."""
+    simulate(node, seconds=100)
+    buffer = tf2_ros.Buffer(node=node)
+    insert(buffer, "map", "odom", 98, 98.5, 99)
+    insert(buffer, "odom", "base", *(98 + i / 64 for i in range(125)))
+    buffer.set_transform_static(transform("base", "camera", 3), "x")
+    return buffer
+
+
+def test_each_moving_frame_of_the_path_must_have_a_recent_sample(tf2_ros, buffer):
+    assert buffer.ages("map", "camera") == {"base": 0.0625, "odom": 1.0}
+    for target, source, limit_ns in (
+        ("map", "base", S),
+        ("map", "camera", S),
+        ("camera", "map", S),
+        ("odom", "base", S // 16),
+        ("base", "camera", 0),
+        ("base", "base", 0),
+    ):
+        assert buffer.lookup_transform(target, source, LATEST, max_age=limit_ns / S)
+        if limit_ns:
+            with pytest.raises(tf2_ros.ExtrapolationException):
+                buffer.lookup_transform(target, source, LATEST, max_age=(limit_ns - 1) / S)
+
+
+def test_a_frame_that_keeps_the_common_time_before_a_change_of_parents_is_judged_too(tf2_ros, buffer):
+    buffer.set_transform_static(transform("map", "table", 0), "x")
+    insert(buffer, "map", "gripper", 91, 92, 93)  # which has stopped
+    insert(buffer, "table", "cup", 91, 92, 92.5)
+    insert(buffer, "gripper", "cup", 94, 97, 100)  # so it is there that the cup is now
+    assert buffer.ages("map", "cup") == {"cup": 0.0, "gripper": 7.0}
+    assert buffer.lookup_transform("map", "cup", LATEST).header.stamp.sec == 93
+    with pytest.raises(tf2_ros.ExtrapolationException, match="the newest sample of gripper in map, at 93"):
+        buffer.lookup_transform("map", "cup", LATEST, max_age=0.5)
+    assert not buffer.can_transform("map", "cup", LATEST, max_age={"gripper": 6})
+    assert buffer.can_transform("map", "cup", LATEST, max_age=7)
+
+
+def test_in_a_loop_the_path_by_the_newest_samples_is_judged_too(tf2_ros, buffer):
+    insert(buffer, "left", "middle", 99.9)
+    insert(buffer, "middle", "right", 0)  # which is no answer at 99.9
+    buffer.set_transform_static(transform("right", "left", 0), "x")
+    assert buffer.can_transform("left", "right", LATEST)
+    with pytest.raises(tf2_ros.ExtrapolationException, match="the newest sample of right in middle, at 0"):
+        buffer.lookup_transform("left", "right", LATEST, max_age=5)
+
+
+def test_the_answer_is_that_of_a_lookup_without_a_limit(buffer):
+    assert buffer.lookup_transform(*ROBOT, max_age=1) == buffer.lookup_transform(*ROBOT)
+    assert buffer.lookup_transform(*ROBOT, max_age=float("inf"), tolerance=1) == buffer.lookup_transform(
+        *ROBOT
+    )
+
+
+def test_each_frame_may_have_a_limit_of_its_own(tf2_ros, buffer):
+    for limits in (
+        {"odom": 1, "base": 0.0625},
+        {"odom": 2},
+        {"base": 0.1},
+        {"camera": 0},  # it does not move
+        {},
+    ):
+        assert buffer.can_transform("map", "camera", LATEST, max_age=limits), limits
+    for limits in ({"odom": 0.9}, {"odom": 2, "base": 0.06}, {"odom": 0.9, "base": 0.1}):
+        assert not buffer.can_transform("map", "camera", LATEST, max_age=limits), limits
+
+
+def test_a_tolerance_may_differ_between_frames(tf2_ros, buffer):
+    now, wide = Time(seconds=100), {"odom": 2, "base": 0.1}
+    answer = buffer.lookup_transform("map", "camera", now, tolerance=wide)
+    assert stamp_ns(answer) == 99 * S
+    for limits, late in (
+        ({"odom": 2}, "base"),
+        ({"odom": 0.9, "base": 0.1}, "odom"),
+        ({"odom": 2, "base": 0}, "base"),
+    ):
+        with pytest.raises(tf2_ros.ExtrapolationException, match=f"the newest sample of {late} .* too old"):
+            buffer.lookup_transform("map", "camera", now, tolerance=limits)
+    translations, _ = buffer.lookup_transforms(
+        "map", "base", [100 * S] * 3, tolerance={"odom": 2, "base": 0.1}
+    )
+    assert translations.shape == (3, 3)
+
+
+def test_the_error_names_the_frame_that_is_furthest_beyond_its_limit(tf2_ros, buffer):
+    def error(**limits):
+        with pytest.raises(tf2_ros.ExtrapolationException) as raised:
+            buffer.lookup_transform("map", "camera", LATEST, **limits)
+        return str(raised.value)
+
+    assert error(max_age=0.01) == (
+        "The latest transform from frame [camera] to frame [map] is too old; the newest sample of odom in "
+        "map, at 99.000000000, is 1.000000000 s old by the clock of the buffer, at 100.000000000; max_age "
+        "allows 0.010000000 s"
+    )
+    assert "of base in odom, at 99.937500000, is 0.062500000 s" in error(max_age={"odom": 0.99, "base": 0.01})
+
+
+def test_frames_without_a_common_time_are_called_stale(tf2_ros, buffer):
+    insert(buffer, "base", "arm", 80)
+    with pytest.raises(tf2_ros.ExtrapolationException, match="arm in base, at 80.0*, is 20.0* s old"):
+        buffer.lookup_transform("map", "arm", LATEST, max_age=1)
+    # Unless none is.
+    with pytest.raises(tf2_ros.ExtrapolationException, match="extrapolation into the past"):
+        buffer.lookup_transform("map", "arm", LATEST, max_age=20)
+
+
+def test_both_halves_of_a_lookup_at_two_times_are_judged(tf2_ros, buffer):
+    two = ("map", LATEST, "base", LATEST, "odom")
+    assert buffer.lookup_transform_full(*two, max_age=1)
+    for limits, late in (({"odom": 0.5}, "odom in map"), ({"base": 0.05}, "base in odom")):
+        with pytest.raises(tf2_ros.ExtrapolationException, match=f"newest sample of {late}"):
+            buffer.lookup_transform_full(*two, max_age=limits)
+
+
+def test_a_moving_frame_whose_stamp_is_0_has_an_age(tf2_ros, buffer):
+    """Not its stamp but its kind decides whether a frame moves."""
+    insert(buffer, "base", "arm", 0)
+    buffer.set_transform_static(transform("arm", "hand", 0), "x")
+    assert buffer.ages("base", "hand") == {"arm": 100.0}
+    assert buffer.ages("map", "hand") == {"arm": 100.0, "base": 0.0625, "odom": 1.0}
+    for frames, limits in ((("base", "hand"), 1), (("arm", "base"), {"arm": 1}), (("map", "arm"), 1)):
+        with pytest.raises(tf2_ros.ExtrapolationException, match="of arm in base, at 0.0*, is 100.0* s old"):
+            buffer.lookup_transform(*frames, LATEST, max_age=limits)
+        assert not buffer.can_transform(*frames, LATEST, max_age=limits)
+    assert buffer.lookup_transform("base", "hand", LATEST, max_age=100)
+    assert buffer.lookup_transform("arm", "hand", LATEST, max_age=0)  # which is static
+
+
+def test_a_stamp_of_0_seems_not_to_be_set_to_a_clock_that_shows_the_date(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    insert(buffer, "map", "base", 0)
+    with pytest.raises(tf2_ros.ExtrapolationException, match=r"\. Its stamp is 0: was it never set\?$"):
+        buffer.lookup_transform(*ROBOT, max_age=1)
+
+
+# Every method.
+
+DATA = transform("base", "data", 0)
+WAYS = {
+    "lookup_transform": lambda b, **p: b.lookup_transform(*ROBOT, **p),
+    "with a timeout": lambda b, **p: b.lookup_transform(*ROBOT, 0.01, **p),
+    "full": lambda b, **p: b.lookup_transform_full("map", LATEST, "base", LATEST, "odom", **p),
+    "full, with a timeout": lambda b, **p: b.lookup_transform_full(
+        "map", LATEST, "base", LATEST, "odom", 0.01, **p
+    ),
+    "async": lambda b, **p: asyncio.run(b.lookup_transform_async(*ROBOT, timeout=0.01, **p)),
+    "full async": lambda b, **p: asyncio.run(
+        b.lookup_transform_full_async("map", LATEST, "base", LATEST, "odom", timeout=0.01, **p)
+    ),
+    "future": lambda b, **p: ended(b.wait_for_transform_async(*ROBOT, timeout=0.01, **p)),
+    "full future": lambda b, **p: ended(
+        b.wait_for_transform_full_async("map", LATEST, "base", LATEST, "odom", timeout=0.01, **p)
+    ),
+    "transform": lambda b, **p: b.transform(DATA, "map", **p),
+    "transform_full": lambda b, **p: b.transform_full(DATA, "map", LATEST, "odom", **p),
+    "transform_async": lambda b, **p: asyncio.run(b.transform_async(DATA, "map", timeout=0.01, **p)),
+    "can": lambda b, **p: can(b.can_transform(*ROBOT, return_debug_tuple=True, **p)),
+    "can full": lambda b, **p: can(
+        b.can_transform_full("map", LATEST, "base", LATEST, "odom", 0.01, return_debug_tuple=True, **p)
+    ),
+    "many": lambda b, **p: b.lookup_transforms("map", ["base", "camera"], [LATEST], **p),
+    "matrix": lambda b, **p: b.lookup_matrix("map", "base", LATEST, **p),
+    "full matrix": lambda b, **p: b.lookup_matrix(
+        "map", "base", LATEST, fixed_frame="odom", target_time=LATEST, **p
+    ),
+    "matrices": lambda b, **p: b.lookup_matrices("map", ["base", "camera"], [LATEST], **p),
+    "points": lambda b, **p: b.transform_points([(0, 0, 0)], [0], "map", "base", **p),
+}
+
+
+def ended(future):
+    until(future.done)
+    return future.result()
+
+
+def can(answer):
+    from tf2_py import TransformException
+
+    if not answer[0]:
+        raise TransformException(answer[1])
+    return answer
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_every_way_to_look_up_takes_limits(tf2_ros, buffer, way):
+    pytest.importorskip("tf2_geometry_msgs")
+    for limits in (1, {"odom": 1, "base": 0.1}):
+        assert WAYS[way](buffer, max_age=limits) is not None
+    for limits in (0.5, {"odom": 0.5}):
+        with pytest.raises(tf2_ros.TransformException, match="is too old; the newest sample of odom in map"):
+            WAYS[way](buffer, max_age=limits)
+    with pytest.raises(ValueError, match=r'"odm" .* max_age does not exist\. Did you mean \[odom\]\?'):
+        WAYS[way](buffer, max_age={"odm": 1})
+    assert buffer.statistics()["waiters"] == 0
+
+
+@pytest.mark.parametrize("way", ["lookup_transform", "with a timeout", "async", "future", "many"])
+@pytest.mark.parametrize(
+    ("limits", "error", "text"),
+    [
+        ({"max_age": -1}, ValueError, r"max_age must not be negative, got -1\.0"),
+        ({"max_age": {"odom": -1}}, ValueError, r"max_age\['odom'\] must not be negative"),
+        ({"tolerance": {"odom": -0.5}}, ValueError, r"tolerance\['odom'\] must not be negative, got -0\.5"),
+        ({"max_age": float("nan")}, ValueError, "max_age: expected .* NaN"),
+        ({"max_age": {"odom": float("nan")}}, ValueError, r"max_age\['odom'\]: expected .* NaN"),
+        ({"max_age": "1"}, TypeError, "max_age: expected a duration"),
+        ({"max_age": True}, TypeError, "max_age: expected a duration"),
+        ({"max_age": [("odom", 1)]}, TypeError, "max_age: expected a duration"),
+        ({"max_age": {"odom": None}}, TypeError, r"max_age\['odom'\]: expected a duration"),
+        ({"max_age": {1: 1}}, TypeError, "a frame of max_age: expected a str, got int"),
+        ({"max_age": {"od\0m": 1}}, ValueError, "NUL"),
+        ({"max_age": {"": 1}}, ValueError, "max_age.* cannot be empty"),
+        ({"max_age": {"/odom": 1}}, ValueError, r"max_age.* cannot start with a '/'.*\[odom\]"),
+        ({"tolerance": {"Odom": 1}}, ValueError, r'"Odom" .*argument tolerance .*\[odom\]'),
+        ({"maxage": 1}, TypeError, "'maxage'. Did you mean 'max_age'"),
+    ],
+    ids=str,
+)
+def test_wrong_limits_are_refused(buffer, way, limits, error, text):
+    with pytest.raises(error, match=text):
+        WAYS[way](buffer, **limits)
+
+
+def test_only_the_latest_transform_has_an_age(tf2_ros, buffer):
+    pytest.importorskip("tf2_geometry_msgs")
+    at = Time(seconds=99)
+    for call, argument in (
+        (lambda: buffer.lookup_transform("map", "base", at, max_age=1), "time"),
+        (lambda: buffer.can_transform("map", "base", 99 * S, 0.1, max_age=1), "time"),
+        (lambda: buffer.lookup_transform_full("map", at, "base", 0, "odom", max_age=1), "target_time"),
+        (lambda: buffer.lookup_transform_full("map", 0, "base", at, "odom", max_age=1), "source_time"),
+        (lambda: buffer.transform(transform("base", "data", 99), "map", max_age=1), "time"),
+        (lambda: buffer.lookup_transforms("map", "base", [0, 99 * S], max_age=1), "every time"),
+        (lambda: buffer.lookup_matrices("map", "base", [99 * S], max_age=1), "every time"),
+        (lambda: buffer.transform_points([(0, 0, 0)], [99 * S], "map", "base", max_age={}), "every time"),
+        (lambda: buffer.lookup_matrix("map", "base", at, max_age=1), "time"),
+        (
+            lambda: buffer.lookup_matrix("map", "base", at, fixed_frame="odom", target_time=0, max_age=1),
+            "time",
+        ),
+        (lambda: buffer.wait_for_transform_async("map", "base", at, max_age=1), "time"),
+    ):
+        with pytest.raises(ValueError, match=rf"so {argument} must be 0, got 99\.000000000 s"):
+            call()
+
+
+# Frames of limits that are not known.
+
+
+def test_a_limit_of_an_unknown_frame_is_refused_where_the_path_is_known(tf2_ros, buffer):
+    # The answer to a program that starts is that of a lookup without limits.
+    empty = tf2_ros.Buffer()
+    limits = {"odom": 1, "base": 1}
+    assert not empty.can_transform(*ROBOT, max_age=limits)
+    with pytest.raises(tf2_ros.LookupException, match="The buffer is empty"):
+        empty.lookup_transform(*ROBOT, max_age=limits)
+    insert(empty, "odom", "base", 1)
+    with pytest.raises(tf2_ros.LookupException, match='"map"'):
+        empty.lookup_transform(*ROBOT, max_age=limits)
+    with pytest.raises(ValueError, match='"arm" .* argument max_age does not exist'):
+        empty.lookup_transform("odom", "base", LATEST, max_age={"arm": 1})
+    buffer.forget("camera")
+    with pytest.raises(ValueError, match='"camera"'):
+        buffer.can_transform(*ROBOT, max_age={"camera": 1, "odom": 1})
+
+
+def test_where_no_path_is_known_many_lookups_do_not_refuse_a_limit_either(tf2_ros, buffer):
+    insert(buffer, "house", "kitchen", 99)
+    for limits in ({"odm": 1}, {"map": 1}):
+        translations, _ = buffer.lookup_transforms("map", "kitchen", [0], on_missing="nan", max_age=limits)
+        assert np.isnan(translations).all()
+        with pytest.raises(tf2_ros.ConnectivityException):
+            buffer.lookup_transforms("map", "kitchen", [0], max_age=limits)
+        with pytest.raises(ValueError, match="max_age"):
+            buffer.lookup_transforms("map", "base", [0], on_missing="nan", max_age=limits)
+
+
+@pytest.mark.parametrize("argument", ["max_age", "tolerance"])
+@pytest.mark.parametrize("way", ["lookup_transform", "with a timeout", "can", "async", "future", "many"])
+def test_a_limit_of_a_root_is_refused_and_its_child_on_the_path_named(buffer, way, argument):
+    """It would never apply, so a localiser that has stopped would not be noticed."""
+    for child in ("a", "b", "c", "d"):
+        insert(buffer, "map", child, 99)
+    with pytest.raises(
+        ValueError,
+        match=rf"{argument} has a limit for \[map\], which has no parent.*: limit \[odom\] instead$",
+    ):
+        WAYS[way](buffer, **{argument: {"map": 0.5, "base": 1}})
+    with pytest.raises(ValueError, match=r"limit \[odom\] or \[a\] or \[b\] instead$"):
+        buffer.lookup_transform("base", "camera", LATEST, **{argument: {"map": 1}})
+    # Once it is a child, it may have a limit.
+    insert(buffer, "earth", "map", 99)
+    assert WAYS[way](buffer, **{argument: {"map": 0.5}})
+
+
+@pytest.mark.parametrize("way", ["with a timeout", "async", "future"])
+@pytest.mark.parametrize("argument", ["max_age", "tolerance"])
+def test_a_misspelt_limit_ends_a_wait_when_the_path_is_there(tf2_ros, node, way, argument):
+    simulate(node, seconds=100)
+    buffer = tf2_ros.Buffer(node=node)
+    waits = {
+        "with a timeout": lambda: buffer.lookup_transform(*ROBOT, DEADLINE_S, **{argument: {"odm": 1}}),
+        "async": lambda: asyncio.run(buffer.lookup_transform_async(*ROBOT, **{argument: {"odm": 1}})),
+        "future": lambda: ended(buffer.wait_for_transform_async(*ROBOT, **{argument: {"odm": 1}})),
+    }
+    with ThreadPoolExecutor() as pool:
+        pending = pool.submit(waits[way])
+        until(lambda: buffer.statistics()["waiters"] == 1)
+        insert(buffer, "map", "odom", 100)
+        assert buffer.statistics()["waiters"] == 1
+        insert(buffer, "odom", "base", 100)
+        with pytest.raises(ValueError, match=r'"odm" .*Did you mean \[odom\]'):
+            pending.result(DEADLINE_S)
+    assert buffer.statistics()["waiters"] == 0
+
+
+def test_simulated_time_that_stands_still_is_warned_of_once(tf2_ros, node, capfd, monkeypatch):
+    """Then nothing becomes stale, so a stopped localiser would not be noticed."""
+    monkeypatch.setattr(tf2_ros.buffer, "STANDSTILL_S", 0.0)
+    buffer = tf2_ros.Buffer(node=node)
+    warning = "/clock, which nobody publishes, has been at 100.000000000 for "
+    simulate(node, seconds=99)  # which clears the buffer
+    insert(buffer, "map", "base", 99)
+    for times in (1, 2, 3):
+        simulate(node, seconds=100)
+        until(lambda times=times: buffer.ages("map", "base") and errors_so_far().count(warning) == times)
+        for _ in range(10):
+            assert buffer.can_transform("map", "base", LATEST, max_age=1)
+        simulate(node, seconds=100.5)
+        assert not buffer.can_transform("map", "base", LATEST, max_age=1)
+    assert errors_so_far().count(warning) == 3
+
+
+# Waits.
+
+
+@pytest.fixture(params=["blocking", "can", "await", "future"])
+def wait(request, buffer):
+    """Begins a wait for the robot in a way; its result is the stamp of the answer, in nanoseconds."""
+    calls = {
+        "blocking": lambda **p: stamp_ns(buffer.lookup_transform(*ROBOT, DEADLINE_S, **p)),
+        "can": lambda **p: (
+            buffer.can_transform(*ROBOT, DEADLINE_S, **p) and stamp_ns(buffer.lookup_transform(*ROBOT))
+        ),
+        "await": lambda **p: stamp_ns(asyncio.run(buffer.lookup_transform_async(*ROBOT, **p))),
+        "future": lambda **p: stamp_ns(ended(buffer.wait_for_transform_async(*ROBOT, **p))),
+    }
+    with ThreadPoolExecutor() as pool:
+
+        def begin(**limits):
+            before = buffer.statistics()["waiters"]
+            pending = pool.submit(calls[request.param], **limits)
+            until(lambda: buffer.statistics()["waiters"] == before + 1)
+            return pending
+
+        yield begin
+    assert buffer.statistics()["waiters"] == 0
+
+
+def test_a_wait_ends_with_the_last_frame_that_was_stale(wait, buffer, node):
+    simulate(node, seconds=200)
+    pending = wait(max_age=1)
+    insert(buffer, "map", "odom", 199.5)
+    insert(buffer, "odom", "base", 198, 198.5)
+    assert not pending.done()
+    insert(buffer, "odom", "base", 199)
+    assert pending.result(DEADLINE_S) == 199 * S
+
+
+def test_a_frame_that_has_become_stale_again_is_waited_for(wait, buffer, node):
+    simulate(node, seconds=200)
+    pending = wait(max_age={"odom": 1, "base": 2})
+    insert(buffer, "map", "odom", 199.5)
+    simulate(node, seconds=201)
+    insert(buffer, "odom", "base", 199, 201)  # which is enough, by the clock when the wait began
+    until(lambda: buffer.statistics()["waiters"] == 1)
+    insert(buffer, "odom", "base", 201.25)
+    until(lambda: buffer.statistics()["waiters"] == 1)
+    assert not pending.done()
+    insert(buffer, "map", "odom", 200.5)
+    assert pending.result(DEADLINE_S) == 200.5 * S
+
+
+@pytest.mark.parametrize("seconds", [99.9, 50])
+def test_waits_follow_a_clock_that_jumps_back(wait, buffer, node, seconds):
+    simulate(node, seconds=200)
+    pending = wait(max_age=0.5)
+    simulate(node, seconds=200 - 0.75)
+    assert not pending.done()
+    simulate(node, seconds=seconds)  # which clears the buffer
+    insert(buffer, "map", "odom", seconds - 0.75, seconds - 0.25)
+    insert(buffer, "odom", "base", seconds - 0.5)
+    assert pending.result(DEADLINE_S) == round((seconds - 0.5) * S)
+
+
+def test_a_small_step_back_may_be_what_a_wait_lacks(wait, buffer, node):
+    simulate(node, seconds=100.5)
+    pending = wait(max_age=1.25)
+    simulate(node, seconds=100.25)
+    assert pending.result(DEADLINE_S) == 99 * S
+
+
+def test_simulated_time_that_begins_late(tf2_ros, node):
+    node.set_parameters([Parameter("use_sim_time", value=True)])
+    buffer = tf2_ros.Buffer(node=node)
+    insert(buffer, "map", "base", 100)
+    with pytest.raises(tf2_ros.ExtrapolationException, match="has no known age: .* has not begun"):
+        buffer.lookup_transform("map", "base", LATEST, max_age=1)
+    waiting = buffer.wait_for_transform_async("map", "base", LATEST, max_age=1)
+    with ThreadPoolExecutor() as pool:
+        blocked = pool.submit(buffer.lookup_transform, "map", "base", LATEST, 10 * DEADLINE_S, max_age=1)
+        awaited = pool.submit(asyncio.run, buffer.lookup_transform_async("map", "base", LATEST, max_age=1))
+        until(lambda: buffer.statistics()["waiters"] == 3)
+        simulate(node, seconds=100)
+        assert buffer.lookup_transform("map", "base", LATEST, max_age=1)
+        until(waiting.done)  # without another insert
+        assert waiting.result() == blocked.result(DEADLINE_S) == awaited.result(DEADLINE_S)
+
+
+def test_simulated_time_that_is_switched_while_something_waits(tf2_ros, node):
+    buffer = tf2_ros.Buffer(node=node)
+    now_ns = time.time_ns()
+    waiting = buffer.wait_for_transform_async("map", "base", LATEST, max_age=60)
+    simulate(node, seconds=50)
+    buffer.set_transform(transform("map", "base", 45), "x")
+    assert waiting.done()
+    waiting = buffer.wait_for_transform_async("map", "base", LATEST, max_age=1)
+    node.set_parameters([Parameter("use_sim_time", value=False)])
+    buffer.set_transform(transform("map", "base", 49.5), "x")
+    assert not waiting.done()
+    buffer.set_transform(transform("map", "base", ns=now_ns + 60 * S), "x")
+    assert waiting.done()
+
+
+def test_system_time_is_read_at_each_insert(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    age_s = 0.25
+    pending = buffer.wait_for_transform_async("map", "arm", LATEST, max_age=age_s)
+    stamp = time.time_ns()
+    buffer.set_transform(transform("map", "base", ns=stamp), "x")
+    until(lambda: time.time_ns() - stamp > age_s * S)
+    late = time.time_ns()
+    buffer.set_transforms([transform("base", "arm", ns=ns) for ns in (stamp, late)], "x")
+    assert not pending.done()
+    buffer.set_transforms(
+        [transform(*pair, ns=late + 60 * S) for pair in (("map", "base"), ("base", "arm"))], "x"
+    )
+    assert pending.done()
+
+
+def test_a_thread_that_stalls_while_it_reads_the_clock_is_not_a_step_of_it(tf2_ros):
+    stall_s = 1.2  # a step is at least a second
+
+    def show_time(_):
+        threading.Event().wait(stall_s)
+        return time.time_ns(), True, False
+
+    buffer = tf2_ros.Buffer()
+    buffer._tf2_follow_clock(show_time)
+    buffer.set_transform(transform("map", "base", ns=time.time_ns() + 1000 * S), "x")
+    assert buffer.ages("map", "base")["base"] < -800
+    stall_s = 0
+    assert buffer.ages("map", "base")["base"] < -800
+
+
+@pytest.mark.parametrize("ends", ["cancel", "drop"])
+def test_a_wait_that_ends_while_the_clock_is_read_is_removed(tf2_ros, ends):
+    waiting, seconds = [], [10]
+
+    def show_time(_):
+        if seconds[0] == 20 and waiting:
+            one = waiting.pop()
+            if ends == "cancel":
+                one.cancel()
+        return seconds[0] * S, False, False
+
+    buffer = tf2_ros.Buffer()
+    buffer._tf2_follow_clock(show_time)
+    insert(buffer, "map", "base", 1)
+    waiting.append(buffer.wait_for_transform_async("map", "base", LATEST, max_age=0.5))
+    seconds[0] = 20
+    insert(buffer, "map", "base", 10)  # answered by the clock that was read last, and then judged
+    assert waiting == []
+    gc.collect()
+    assert buffer.statistics()["waiters"] == 0
+    insert(buffer, "map", "base", 20)
+    buffer._self_check()
+
+
+def test_a_second_step_back_does_not_make_the_same_data_younger(tf2_ros):
+    begin_ns, shown = time.monotonic_ns(), [3600 * S]
+
+    def show_time(_):
+        return shown[0] + time.monotonic_ns() - begin_ns, True, False
+
+    buffer = tf2_ros.Buffer()
+    buffer._tf2_follow_clock(show_time)
+    buffer.set_transform(transform("map", "base", ns=3600 * S), "x")
+    assert buffer.ages("map", "base")["base"] >= 0
+    shown[0] = 1000 * S
+    first = buffer.ages("map", "base")["base"]
+    assert 0 <= first < 900
+    shown[0] = 900 * S
+    for one in (buffer, copy.copy(buffer), pickle.loads(pickle.dumps(buffer))):
+        one._tf2_follow_clock(show_time)
+        second = one.ages("map", "base")["base"]
+        assert second > first
+    # New data that is ahead of the clock was not overtaken, and then is.
+    buffer.set_transform(transform("map", "base", ns=3700 * S), "x")
+    assert buffer.ages("map", "base")["base"] < -900
+    shown[0] = 800 * S
+    assert 0 <= buffer.ages("map", "base")["base"] < 900
+
+
+def test_a_simulated_clock_that_a_program_assigns_is_followed_too(tf2_ros, node):
+    """Also where it is set back: nothing reports that to this buffer."""
+    buffer = tf2_ros.Buffer()
+    simulate(node, seconds=100)
+    buffer.clock = node.get_clock()
+    insert(buffer, "map", "base", 99)
+    assert buffer.ages("map", "base") == {"base": 1}
+    simulate(node, seconds=50)
+    with pytest.raises(tf2_ros.TransformException):
+        buffer.ages("map", "base")
+    insert(buffer, "map", "base", 49)
+    assert buffer.ages("map", "base") == {"base": 1}
+
+
+def test_a_clock_of_a_program(tf2_ros):
+    class Mine(Clock):
+        seconds = 10
+
+        def now(self):
+            return Time(seconds=self.seconds)
+
+    buffer = tf2_ros.Buffer()
+    buffer.clock = clock = Mine(clock_type=ClockType.SYSTEM_TIME)
+    insert(buffer, "map", "base", 9)
+    assert buffer.ages("map", "base") == {"base": 1}
+    assert buffer.can_transform("map", "base", LATEST, max_age=1)
+    pending = buffer.wait_for_transform_async("map", "base", LATEST, max_age=0.5)
+    clock.seconds = 20
+    insert(buffer, "map", "base", 19)
+    assert not pending.done()
+    insert(buffer, "map", "base", 19.5)
+    assert pending.done()
+
+
+def test_an_answer_that_was_delivered_is_the_answer(buffer, node):
+    pending = buffer.wait_for_transform_async(*ROBOT, max_age=0.5)
+    insert(buffer, "map", "odom", 99.75)
+    simulate(node, seconds=200)
+    assert stamp_ns(pending.result()) == 99.75 * S
+
+
+def test_what_an_await_returns_is_fresh_at_that_moment(buffer, node):
+    async def follow():
+        answer = asyncio.ensure_future(buffer.lookup_transform_async(*ROBOT, max_age=0.5))
+        await asyncio.sleep(0)
+        insert(buffer, "map", "odom", 99.75)  # which completes it; but before it runs again, time passes
+        simulate(node, seconds=200)
+        while not buffer.statistics()["waiters"]:
+            await asyncio.sleep(0)
+        assert not answer.done()
+        insert(buffer, "map", "odom", 200)
+        insert(buffer, "odom", "base", 200)
+        return await answer
+
+    assert stamp_ns(asyncio.run(follow())) == 200 * S
+
+
+def test_a_timeout_counts_from_the_beginning_of_an_await(tf2_ros, buffer, node):
+    async def follow():
+        answer = asyncio.ensure_future(buffer.lookup_transform_async(*ROBOT, max_age=0.5, timeout=1))
+        await asyncio.sleep(0)
+        insert(buffer, "map", "odom", 99.75)
+        simulate(node, seconds=200)
+        await answer
+
+    began = time.monotonic()
+    with pytest.raises(tf2_ros.TimeoutException, match=r"Waited 1 s .* odom in map, at 99\.75"):
+        asyncio.run(follow())
+    assert time.monotonic() - began >= 1
+
+
+def test_at_the_timeout_the_error_describes_what_is_stale_then(tf2_ros, buffer, node):
+    pending = buffer.wait_for_transform_async(*ROBOT, max_age={"odom": 0.5, "base": 0.5}, timeout=1)
+    insert(buffer, "odom", "base", 100)
+    simulate(node, seconds=105)
+    insert(buffer, "map", "odom", 105)
+    with pytest.raises(tf2_ros.TimeoutException, match=r"sample of base in odom, at 100.0*, is 5\.0"):
+        ended(pending)
+    with pytest.raises(tf2_ros.ExtrapolationException, match=r"max_age allows 0\.5.*\. Waited 0\.1 s$"):
+        buffer.lookup_transform(*ROBOT, 0.1, max_age=0.5)
+
+
+def test_many_threads_wait_while_others_insert(buffer, node):
+    stop = threading.Event()
+
+    def drive():
+        for i in range(400):
+            simulate(node, seconds=100 + i / 8)
+            insert(buffer, "odom", "base", 100 + i / 8)
+            if i % 8 == 7:
+                insert(buffer, "map", "odom", 100 + i / 8)
+        stop.set()
+
+    def look():
+        found = []
+        while not stop.is_set():
+            try:
+                found.append(stamp_ns(buffer.lookup_transform(*ROBOT, 0.05, max_age=0.5)))
+            except buffer_error:
+                continue
+        return found
+
+    from tf2_py import TransformException as buffer_error
+
+    with ThreadPoolExecutor() as pool:
+        looking = [pool.submit(look) for _ in range(4)]
+        pool.submit(drive).result(DEADLINE_S)
+        found = [one.result(DEADLINE_S) for one in looking]
+    assert all(one == sorted(one) for one in found)
+    assert buffer.statistics()["waiters"] == 0
+    buffer._self_check()
+
+
+# Buffers without a clock.
+
+
+def test_what_has_no_clock_says_so(tf2_ros):
+    buffer = BufferCore()
+    insert(buffer, "map", "base", 1)
+    for call in (
+        lambda: buffer.lookup_transforms("map", "base", [0], max_age=1),
+        lambda: buffer.lookup_matrix("map", "base", 0, max_age=1),
+        lambda: buffer.transform_points([(0, 0, 0)], [0], "map", "base", max_age={"base": 1}),
+    ):
+        with pytest.raises(ValueError, match="ages need a clock, which this buffer does not have"):
+            call()
+    without = tf2_ros.Buffer()
+    without.clock = None  # as that of a recording
+    for call in (
+        lambda: without.lookup_transform("map", "base", LATEST, max_age=1),
+        lambda: without.wait_for_transform_async("map", "base", LATEST, max_age=1),
+        lambda: asyncio.run(without.lookup_transform_async("map", "base", LATEST, max_age=1)),
+    ):
+        with pytest.raises(ValueError, match="ages need a clock, which this buffer does not have"):
+            call()
+    insert(without, "map", "base", 1)
+    for other in (copy.copy(without), copy.deepcopy(without), pickle.loads(pickle.dumps(without))):
+        with pytest.raises(ValueError, match="ages need a clock, which this buffer does not have"):
+            other.ages("map", "base")
+    assert without.statistics()["waiters"] == 0
+    assert buffer.lookup_transforms("map", "base", [2 * S], tolerance={"base": 1})
+
+
+def test_stamps_of_simulated_time_seem_decades_old_to_a_buffer_without_a_node(tf2_ros, buffer):
+    text = r"\. The sample is from 1970: is it in simulated time, which this clock does not follow\?"
+    with pytest.raises(tf2_ros.ExtrapolationException, match=text):
+        copy.deepcopy(buffer).lookup_transform(*ROBOT, max_age=1)

@@ -1,0 +1,42 @@
+"""With an rclpy that nobody knows yet, everything works, if need be through executors."""
+
+import os
+from pathlib import Path
+
+import pytest
+import rclpy
+from paths import PROGRAMS
+from processes import output_of
+
+pytestmark = pytest.mark.ours
+
+TOPICS = "without an executor: /tf, /tf_static"
+NOTHING = "without an executor: nothing"
+THE_REST = ["filter", "on_change", "future", "await", "server and client", "threads of listeners"]
+
+
+@pytest.mark.parametrize(
+    ("missing", "received"),
+    [
+        ([], TOPICS),
+        (["attributes"], TOPICS),
+        (["functions"], NOTHING),
+        (["functions", "attributes"], NOTHING),
+    ],
+)
+def test_what_it_lacks_is_done_without(missing, received):
+    assert output_of(PROGRAMS / "unknown_rclpy.py", *missing).splitlines() == [received, *THE_REST]
+
+
+def test_its_number_does_not_matter(tmp_path):
+    site = Path(rclpy.__file__).parents[1]
+    newer = tmp_path / site.relative_to(site.parents[2])
+    newer.mkdir(parents=True)
+    (newer / "rclpy").symlink_to(site / "rclpy")
+    (tmp_path / "share" / "rclpy").mkdir(parents=True)
+    (tmp_path / "share" / "rclpy" / "package.xml").write_text("<version>99.0.0</version>")
+    environment = {**os.environ, "PYTHONPATH": f"{newer}{os.pathsep}{os.environ['PYTHONPATH']}"}
+    version = "from tf2_ros_cython import _ros; print(_ros.rclpy_version(_ros.running_prefix()))"
+    assert output_of("-c", version, env=environment) == "99.0.0\n"
+    printed = output_of(PROGRAMS / "unknown_rclpy.py", env=environment)
+    assert printed.splitlines() == [TOPICS, *THE_REST]

@@ -1,0 +1,60 @@
+"""The time of day is set while something waits: timeouts count steady time, and nothing hangs or spins."""
+
+import json
+import re
+
+import pytest
+from interposed_libraries import output_with_library
+from processes import PROMPT_S
+
+pytestmark = pytest.mark.ours
+
+TIMEOUT_S = 0.4
+# Of processor time after the step: a wait takes some milliseconds, and a loop that spins most of the timeout.
+WORK_S = 0.1
+
+EXPIRED = {
+    "blocking": "LookupException",
+    "can": False,
+    "awaiting": "TimeoutException",
+    "in_an_executor": "TimeoutException",
+    "filtering": "TIMEOUT",
+}
+ANSWERED = {**dict.fromkeys(EXPIRED, "map"), "can": True}
+
+
+def test_the_time_of_day_is_set_back_behind_data_whose_age_is_judged(tmp_path):
+    """Nothing becomes younger, and waits go on until there is new data."""
+    lines = output_with_library("time_of_day", tmp_path, program="ages_at_clock_back").splitlines()
+    found = {one["what"]: one["outcome"] for one in map(json.loads, lines)}
+    text = found.pop("error")
+    assert found == dict.fromkeys(
+        (
+            *("block", "future", "awaiting", "stale data", "the clock catches up"),
+            *("copies", "new data after stale data", "copies of a file", "never read before"),
+        ),
+        True,
+    )
+    assert re.search(
+        r"newest sample of odom in map, at .*, is \d\.\d+ s old; the clock of the buffer, at .*, was set "
+        r"back; max_age allows 2\.0+ s\. Clear the buffer if new samples are refused as too old$",
+        text,
+    ), text
+
+
+@pytest.mark.parametrize("seconds", [3600, -3600])
+def test_the_time_of_day_is_set_during_waits(tmp_path, seconds):
+    lines = output_with_library(
+        "time_of_day", tmp_path, seconds, TIMEOUT_S, program="waits_while_time_is_set"
+    ).splitlines()
+    found = {one.pop("what"): one for one in map(json.loads, lines)}
+    for way in EXPIRED:
+        expired, answered = found[way], found[f"{way}, then inserts"]
+        assert expired["outcome"] == EXPIRED[way]
+        assert TIMEOUT_S <= expired["s"] < PROMPT_S, (way, expired)  # a busy machine is late, and not an hour
+        assert answered["outcome"] == ANSWERED[way]
+        assert answered["s"] < PROMPT_S, (way, answered)
+        assert expired["cpu_s"] < WORK_S, (way, expired)
+    assert found["receives 1"]["outcome"] and found["receives 2"]["outcome"]
+    assert found["spin_once"]["outcome"] == "TimeoutException"
+    assert TIMEOUT_S <= found["spin_once"]["s"] < PROMPT_S

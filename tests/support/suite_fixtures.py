@@ -1,0 +1,294 @@
+"""What all tests share: a ROS domain of their own, and the tf2 under test."""
+
+import gc
+import importlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import hypothesis
+import pytest
+import repetitions
+from hypothesis.internal.conjecture import providers
+from paths import ROOT, SUPPORT
+from processes import Peer, end, start
+from ros_domains import claim_domain
+
+from tf2_ros_cython._ros import running_release
+
+# What the shell of a developer may say, and tests must not depend on.
+FOREIGN = (
+    *("PYTHONDEVMODE", "PYTHONDONTWRITEBYTECODE", "PYTHONINSPECT", "PYTHONIOENCODING", "PYTHONOPTIMIZE"),
+    *("PYTHONSAFEPATH", "PYTHONUNBUFFERED", "PYTHONUTF8", "PYTHONWARNINGS", "PYTHON_COLORS"),
+    *("FORCE_COLOR", "NO_COLOR", "LINES", "LANGUAGE", "PYTEST_ADDOPTS"),
+    *("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_NAMESPACE"),
+    *("ROS_DISABLE_LOANED_MESSAGES", "ROS_SECURITY_ENABLE", "ROS_SECURITY_ENCLAVE_OVERRIDE", "ROS_HOME"),
+    *("CYCLONEDDS_URI", "ZENOH_CONFIG_OVERRIDE", "TF2_SHARED_BUFFER"),
+)
+FOREIGN_PREFIXES = ("RCUTILS_", "RMW_FASTRTPS_", "FASTRTPS_", "FASTDDS_")
+
+# Before anything imports rclpy.
+for _name in [*os.environ]:
+    if _name in FOREIGN or _name.startswith(FOREIGN_PREFIXES):
+        del os.environ[_name]
+DOMAIN = claim_domain()
+_log_folder = tempfile.TemporaryDirectory(prefix="tf2-ros-cython-log-")
+os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
+os.environ["ROS_LOG_DIR"] = _log_folder.name
+os.environ["COLUMNS"] = "80"
+os.environ["LC_ALL"] = "C.UTF-8"
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+# Kilted warns of the variable that earlier ones read, also in programs that must print nothing.
+_profiles = "FASTRTPS" if running_release() in ("Humble", "Jazzy") else "FASTDDS"
+os.environ[f"{_profiles}_DEFAULT_PROFILES_FILE"] = str(SUPPORT / "fastdds.xml")
+# For the tests' own programs.
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    filter(None, [str(ROOT), str(SUPPORT), os.environ.get("PYTHONPATH", "")])
+)
+
+# A busy machine takes its time. Nothing is stored between runs: the seed repeats a failure.
+hypothesis.settings.register_profile(
+    "tests",
+    hypothesis.settings.get_profile("default"),
+    deadline=None,
+    database=None,
+    suppress_health_check=[
+        hypothesis.HealthCheck.too_slow,
+        hypothesis.HealthCheck.function_scoped_fixture,
+    ],
+)
+hypothesis.settings.load_profile("tests")
+# It would also draw constants that it finds in the modules imported so far, and these depend on the tests
+# that ran before in the same process.
+providers._get_local_constants = lambda: providers._local_constants
+
+# Helpers that assert.
+pytest.register_assert_rewrite(
+    "buffer_beside_model", "documentation_pages", "fuzz_target_checks", "recorded_answers", "shared_buffers"
+)
+
+# Of a test marked `long`: some build and install for a minute on an idle machine.
+LONG_TIMEOUT_S = 1200
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--all",
+        action="store_true",
+        help="run the tests marked `long`, too, and those marked `repeated` more often",
+    )
+    parser.addoption("--long", action="store_true", help="run only what `--all` adds")
+    parser.addoption(
+        "--seed",
+        default="0",
+        help="search from this seed, or from a `new` one, in everything that depends on chance; default: 0",
+    )
+    parser.addoption(
+        "--reference",
+        action="store_true",
+        help="run the tests against the tf2_py and tf2_ros of the environment instead of this project's",
+    )
+    parser.addoption(
+        "--record",
+        action="store_true",
+        help="with --reference: write down what the programs of tests/support/programs/users print there",
+    )
+
+
+def pytest_configure(config):
+    # A shell starts what it runs in the background without Ctrl-C, and the tests' own programs inherit that.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    config.addinivalue_line("markers", "ours: what this project does otherwise than tf2, or in addition")
+    config.addinivalue_line(
+        "markers", "long(why): run by `pytest --all` only, as it takes long or needs more than the others"
+    )
+    config.addinivalue_line("markers", "repeated: more often by `pytest --all` and `pytest --long`")
+    repetitions.all_of_them = config.getoption("--all") or config.getoption("--long")
+    seed = config.getoption("--seed")
+    # The processes of `pytest -n` have it from the first one, and so have the tests' own programs.
+    if not hasattr(config, "workerinput"):
+        os.environ[repetitions.VARIABLE] = str(random.randrange(10**6)) if seed == "new" else seed
+    config.option.hypothesis_seed = os.environ[repetitions.VARIABLE]
+    if config.getoption("--reference"):
+        _reveal_reference()
+    elif config.getoption("--record"):
+        raise pytest.UsageError("--record: what this project prints is no recording; add --reference")
+
+
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--all"):
+        left_out = [item for item in items if _is_left_out(item, config.getoption("--long"))]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in set(left_out)]
+    for item in items:
+        is_long = any(item.iter_markers("long")) or any(item.iter_markers("repeated"))
+        if is_long and not any(item.iter_markers("timeout")):
+            item.add_marker(pytest.mark.timeout(LONG_TIMEOUT_S))
+    # The processes of `pytest -n` begin the files in this order. A long file of waits must not be the last.
+    items.sort(key=lambda item: item.path.parent.name not in ("ros", "programs"))
+    if not config.getoption("--reference"):
+        return
+    for item in items:
+        if item.get_closest_marker("ours") is not None:
+            item.add_marker(pytest.mark.skip(reason="not so in the reference"))
+
+
+def _is_left_out(item, only_long):
+    if only_long:
+        return not any(item.iter_markers("long")) and not any(item.iter_markers("repeated"))
+    return any(item.iter_markers("long"))
+
+
+def pytest_report_header(config):
+    return f"seed {repetitions.first_seed()}: `pytest --seed` repeats a run with another one"
+
+
+def _reveal_reference():
+    sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != ROOT]
+    editable = [finder for finder in sys.meta_path if "__editable__" in getattr(finder, "__module__", "")]
+    sys.meta_path[:] = [
+        finder
+        for finder in sys.meta_path
+        if finder not in editable and getattr(finder, "__module__", "") != "tf2_ros_cython._finder"
+    ]
+    os.environ["TF2_ROS_CYTHON"] = "0"  # the same for the tests' own programs
+    os.environ["PYTHONPATH"] = os.pathsep.join(
+        entry for entry in os.environ["PYTHONPATH"].split(os.pathsep) if entry != str(ROOT)
+    )
+    try:
+        reference = importlib.import_module("tf2_py")
+    except ModuleNotFoundError:
+        raise pytest.UsageError("--reference: there is no tf2_py here; source a ROS 2 first") from None
+    if hasattr(reference.BufferCore, "statistics"):
+        raise pytest.UsageError(f"--reference: {reference.__file__} is this project's own tf2_py")
+
+
+@pytest.fixture(scope="session")
+def tf2_py():
+    """The tf2_py under test; tests do not import it."""
+    return importlib.import_module("tf2_py")
+
+
+@pytest.fixture(scope="session")
+def tf2_ros():
+    """The tf2_ros under test; tests do not import it."""
+    return importlib.import_module("tf2_ros")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def only_its_own_garbage():
+    """
+    A module's tests collect the garbage of that module alone: tests that collect hundreds of times would pay
+    each time for all that other modules' tests have imported.
+    """
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture(scope="module")
+def no_refusals_logged():
+    """No log lines of refused transforms."""
+    from rclpy.logging import LoggingSeverity, set_logger_level
+
+    set_logger_level("tf2_py", LoggingSeverity.FATAL)
+    yield
+    set_logger_level("tf2_py", LoggingSeverity.UNSET)
+
+
+@pytest.fixture
+def ros():
+    """A running rclpy."""
+    import rclpy
+
+    rclpy.init(args=[])
+    yield rclpy
+    rclpy.try_shutdown()
+    # Here, where nothing runs, and not in a thread of a later test: what is left of the middleware is
+    # destroyed with the GIL held, and may wait for threads of the middleware.
+    gc.collect()
+
+
+@pytest.fixture
+def new_node(ros):
+    """Makes nodes as `rclpy.create_node` does; they are destroyed before the next test."""
+    nodes = []
+
+    def create(*arguments, **options):
+        nodes.append(ros.create_node(*arguments, **options))
+        return nodes[-1]
+
+    yield create
+    for node in nodes:
+        node.destroy_node()
+
+
+@pytest.fixture
+def node(new_node):
+    """A node without an executor."""
+    return new_node("listening")
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    return tf2_ros.Buffer()
+
+
+@pytest.fixture
+def listener(tf2_ros, buffer, node):
+    listener = tf2_ros.TransformListener(buffer, node)
+    yield listener
+    listener.unregister()
+
+
+@pytest.fixture(params=["inbox", pytest.param("executor", marks=pytest.mark.ours)])
+def inserter(request, monkeypatch):
+    """What inserts the transforms of a listener: its inbox, or the executor that spins the node."""
+    if request.param == "executor":
+        monkeypatch.setattr("tf2_ros.transform_listener.problem", lambda: "it is new")
+    return request.param
+
+
+@pytest.fixture
+def executor(ros, node):
+    """An executor that holds `node`; see `until`."""
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    yield executor
+    executor.shutdown()
+
+
+@pytest.fixture
+def peer():
+    """Starts peers, other processes that publish on command; see `processes.Peer`."""
+    peers = []
+
+    def start(*ros_arguments):
+        peers.append(Peer(*ros_arguments))
+        return peers[-1]
+
+    yield start
+    for one in peers:
+        one.end()
+
+
+@pytest.fixture
+def flood():
+    """Starts `programs/floods_tf.py`: messages per second, transforms each, how many messages."""
+    processes = []
+
+    def start_flood(rate, count, messages=0):
+        arguments = map(str, (rate, count, messages))
+        processes.append(start("floods_tf.py", *arguments, stdout=subprocess.PIPE))
+        return processes[-1]
+
+    yield start_flood
+    for process in processes:
+        end(process)
+        process.stdout.close()

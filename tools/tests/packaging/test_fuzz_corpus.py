@@ -1,0 +1,21 @@
+"""No recording or saved buffer that fuzzing found shows a fault; `make fuzz` searches for more."""
+
+import pytest
+from fuzz_target_checks import check_corpus, check_seeds
+
+from reliability.fuzz.targets import OF_TOOLS
+
+pytestmark = pytest.mark.ours
+
+TARGETS = sorted(OF_TOOLS)
+
+
+@pytest.mark.repeated
+@pytest.mark.parametrize("name", TARGETS)
+def test_no_input_of_the_corpus_shows_a_fault(name):
+    check_corpus(name)
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_targets_take_their_seeds_and_any_bytes(name):
+    check_seeds(name)

@@ -8,7 +8,7 @@ try:
 except ModuleNotFoundError as missing:
     if not (missing.name or "").startswith("tf2_py."):
         raise
-    from tf2_py._unbuilt import advice
+    from tf2_py._unbuilt_advice import advice
 
     raise ModuleNotFoundError(f"{missing.name} is missing: {advice()}", name=missing.name) from None
 

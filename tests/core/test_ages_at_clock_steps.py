@@ -9,5 +9,7 @@ pytestmark = [pytest.mark.ours, pytest.mark.repeated]
 
 def test_ages_count_on_as_the_model_says(tmp_path):
     runs = repetitions.times(1_000, 20_000)
-    output = output_with_library("set_clocks", tmp_path, runs, repetitions.first_seed())
+    output = output_with_library(
+        "set_clocks", tmp_path, runs, repetitions.first_seed(), program="ages_under_set_clocks"
+    )
     assert output == f"as the model {runs}\n"

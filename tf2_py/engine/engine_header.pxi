@@ -1,6 +1,6 @@
 """The tree behind its lock, with the waiters for it."""
 
-# Uses: times, messages, advice, queries, tree_as_objects, frozen_buffers, engine_hooks.
+# Uses: times, messages, advice, queries_and_errors, tree_as_objects, frozen_buffers, engine_hooks.
 
 cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds

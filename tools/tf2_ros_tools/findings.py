@@ -1,36 +1,30 @@
-"""Find what is wrong with received transforms, by rules and expectations, and describe it."""
+"""Find what is wrong with received transforms, by rules and expectations."""
 
 from __future__ import annotations
 
-from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.output import counted, first_names, show, show_json, three_digits
-from tf2_ros_tools.program import FAILURE, KINDS, SUCCESS, UsageError
+from tf2_ros_tools.output import counted, first_names, three_digits
+from tf2_ros_tools.program import KINDS, UsageError
 from tf2_ros_tools.roll_pitch_yaw import rpy_from_matrices
 from tf2_ros_tools.stream_figures import (
     JUMP_BACK_NS,
     Refused,
     Stream,
-    Streams,
     newest_streams,
     path_to_root,
     taken,
     without_delays,
 )
 from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, frame_name, read_keys, read_yaml
-
-if TYPE_CHECKING:
-    from tf2_ros_tools.bag_loader import Heard
 
 
 @dataclass(frozen=True)
@@ -457,144 +451,3 @@ def _told_apart_by(poses: NDArray[np.float64]) -> list[str]:
         shown = np.arange(len(COMPONENTS))
     digits = [3 if one >= 1e-3 else 6 for one in spread]
     return [" ".join(f"{COMPONENTS[k]} {row[k]:.{digits[k]}f}" for k in shown) for row in table.tolist()]
-
-
-# A whole recording.
-
-
-# A recording often ends with the shutdown of the robot, for which launch allows five seconds.
-LIMITS = Limits(stale=5.0)
-
-
-@dataclass(frozen=True)
-class Report:
-    """All that is known about a recording; times are log times, in seconds."""
-
-    streams: list[Stream]  # as they are at the end; ``silence`` is before the last transform
-    refused: list[Refused]
-    findings: list[Finding]
-    begin: float | None  # when the first transform was received; None: there is none
-    end: float | None
-    transforms: int
-    clocks_differ: bool  # stamps and log times come from two clocks, so all delays are None
-    saved: bool  # by a buffer, so log times are stamps, and all delays are None
-
-    @property
-    def seconds(self) -> float:
-        """The time from the first transform to the last one."""
-        return 0.0 if self.begin is None or self.end is None else self.end - self.begin
-
-
-def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Expectation] = {}) -> Report:
-    """
-    Report the contents of a recording, and its problems by the rules of ``tf2_check``.
-
-    :param limits: what is accepted.
-    :param expectations: of frames, by their names.
-
-    The time of the report is the time of the last dynamic transform, because a recorder often outlives the
-    robot. If it outlives the robot for long, this is one finding, not one for each frame.
-    """
-    records = heard.records
-    also = [Finding("malformed", "", text) for text in heard.left_out]
-    if not len(records):
-        where = f"({'; '.join(heard.absent)})" if heard.absent else ""
-        found = find([], limits, expectations, where=where, also=also)
-        return Report([], [], found, None, None, 0, False, heard.saved)
-    times, static = records["received_ns"], records["static"] != 0
-    now_ns = int((times if static.all() else times[~static]).max())
-    figures = Streams()
-    figures.add(records)
-    streams, refused = figures.report(now_ns, heard.frames, heard.publishers)
-    delays = [abs(one.delay) for one in streams if one.delay is not None]
-    differ = not heard.saved and bool(delays) and float(np.median(delays)) > SAME_CLOCK_S
-    if heard.saved:
-        # A frame whose last stamp is old may have been late.
-        limits = replace(limits, stale=inf)
-    if differ or heard.saved:
-        streams = [without_delays(one) for one in streams]
-    received = Received(records, heard.frames, heard.publishers, heard.values, _at_log_time)
-    also += received.findings()
-    if (back := received.stamps_back()) is not None:
-        also.append(back)
-    # Stamps that went back are not newer than all before, but they advance.
-    advancing = () if back is None else back.frames
-    judged = [replace(one, stalled=one.silence) if one.frame in advancing else one for one in streams]
-    found = find(judged, limits, expectations, refused=refused, recorded=True, also=also)
-    silence = 0.0 if heard.end_ns is None or static.all() else (heard.end_ns - now_ns) / S
-    if silence > limits.stale:
-        text = f"no dynamic transform was received in the last {three_digits(silence)} s"
-        found.insert(0, Finding("stale", "", text))
-    begin, end = int(times.min()) / S, int(times.max()) / S
-    return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
-
-
-def _at_log_time(time_ns: int) -> str:
-    return f"at log time {time_ns / S:.3f} s"
-
-
-# As text.
-
-
-def stream_line(stream: Stream) -> str:
-    """Describe a stream: frame, parent, publisher, rate and delays."""
-    parts = [f"parent {stream.parent}", f"publisher {stream.publisher}", rate_label(stream)]
-    if stream.delay is not None:
-        parts += [delay_label(stream), f"jitter {milliseconds(stream.jitter)} ms"]
-    return f"{stream.frame}: {', '.join(parts)}"
-
-
-def rate_text(stream: Stream) -> str:
-    """The rate in Hz; a question mark if it is unknown."""
-    return "?" if stream.rate is None else f"{stream.rate:.1f}"
-
-
-def rate_label(stream: Stream) -> str:
-    """Describe how often transforms are received."""
-    return "static" if stream.static else f"{rate_text(stream)} Hz"
-
-
-def delay_label(stream: Stream) -> str:
-    """Describe how old transforms are when they are received; empty if that is unknown."""
-    if stream.delay is None:
-        return ""
-    return f"delay {milliseconds(stream.delay)} ms, max {milliseconds(stream.delay_max)} ms"
-
-
-def milliseconds(seconds: float | None) -> str:
-    """A duration in ms; empty if there is none."""
-    return "" if seconds is None else f"{1e3 * seconds:.1f}"
-
-
-def line_of(finding: Finding) -> str:
-    """Describe a finding on one line."""
-    return f"{finding.kind}: {finding.text}"
-
-
-def lines_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) -> Iterator[str]:
-    """
-    Describe findings, each on a line, and on the last line their number.
-
-    :param of_what: how much was received, for example ``12 messages, 5 s``.
-    """
-    yield from map(line_of, wrong)
-    # Including roots, as in the list of trees.
-    names = {name for stream in streams for name in (stream.frame, stream.parent)}
-    verdict = counted(len(wrong), "problem") if wrong else "no problems"
-    yield f"{verdict} in {counted(len(names), 'frame')} ({of_what})"
-
-
-def conclude(options: Namespace, report: Any, of_what: str, head: Mapping[str, Any]) -> int:
-    """
-    Print the findings of a report that are not ignored, as the options of a check say; return the status.
-
-    :param report: of this module, or of :mod:`tf2_ros_tools.listening`.
-    :param of_what: see :func:`lines_of`.
-    :param head: what a JSON object begins with, after the verdict.
-    """
-    wrong = [finding for finding in report.findings if finding.kind not in options.ignore]
-    if options.json:
-        show_json({"ok": not wrong, **head, **asdict(replace(report, findings=wrong))})
-    else:
-        show(*lines_of(wrong, report.streams, of_what))
-    return FAILURE if wrong else SUCCESS

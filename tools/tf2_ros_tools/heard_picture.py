@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import stored_name
-from tf2_ros_tools.findings import Limits, delay_label, longest_interval, rate_label
+from tf2_ros_tools.finding_texts import delay_label, rate_label
+from tf2_ros_tools.findings import Limits, longest_interval
 from tf2_ros_tools.output import not_known
 from tf2_ros_tools.picture_style import BLUE, GAP, GREY, ORANGE, Records, Style, label, show_times, style
 from tf2_ros_tools.program import RunError

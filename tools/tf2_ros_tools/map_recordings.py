@@ -31,10 +31,10 @@ from tf2_ros_tools.bag_loader import (
     wanted,
 )
 from tf2_ros_tools.bag_reader import SUFFIXES, BagError
-from tf2_ros_tools.findings import report
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, write_whole
 from tf2_ros_tools.pose_tables import as_parquet, look_up_frames, times_when
+from tf2_ros_tools.recording_report import report
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -6,9 +6,9 @@ from making_bags import S, Sent, Tf, drive, write_mcap
 from test_pictures import texts_of
 
 from tf2_ros_tools.bag_loader import hear
-from tf2_ros_tools.findings import report
 from tf2_ros_tools.path_picture import path_picture, trajectory_figure
 from tf2_ros_tools.picture_style import file_of
+from tf2_ros_tools.recording_report import report
 
 pytestmark = pytest.mark.ours
 

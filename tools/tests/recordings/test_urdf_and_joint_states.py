@@ -19,7 +19,8 @@ from robot_of_all_joints import (
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf
 from tf2_ros_tools.bag_loader import hear, wanted
-from tf2_ros_tools.findings import line_of, report
+from tf2_ros_tools.finding_texts import line_of
+from tf2_ros_tools.recording_report import report
 
 pytestmark = pytest.mark.ours
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from tf2_ros_tools.bag_loader import Heard, Topics, Urdf
     from tf2_ros_tools.bag_reader import RecordedTopic
-    from tf2_ros_tools.findings import Report
+    from tf2_ros_tools.recording_report import Report
     from tf2_ros_tools.stream_figures import Stream
 
 DESCRIPTION = """\
@@ -113,7 +113,8 @@ def _judged_of(options: Namespace, at: str | None = None) -> Heard:
 def info(options: Namespace) -> int:
     """Print the contents of a recording; return the exit status."""
     from tf2_ros_tools.bag_reader import open_recording
-    from tf2_ros_tools.findings import lines_of, report, stream_line
+    from tf2_ros_tools.finding_texts import lines_of, stream_line
+    from tf2_ros_tools.recording_report import report
 
     with open_recording(options.file) as recorded:
         topics = sorted(recorded.topics.values(), key=lambda topic: topic.name)
@@ -139,7 +140,9 @@ def info(options: Namespace) -> int:
 
 def check(options: Namespace) -> int:
     """Print the problems of a recording; return the exit status."""
-    from tf2_ros_tools.findings import LIMITS, conclude, expected_by, report
+    from tf2_ros_tools.finding_texts import conclude
+    from tf2_ros_tools.findings import expected_by
+    from tf2_ros_tools.recording_report import LIMITS, report
 
     expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
@@ -271,7 +274,7 @@ SHORTEST_S = 1.0  # of a picture; one message has no length
 
 def tree(options: Namespace) -> int:
     """Print the tree of frames, or draw it; return the exit status."""
-    from tf2_ros_tools.findings import report
+    from tf2_ros_tools.recording_report import report
     from tf2_ros_tools.tree_picture import drawn, tree_dot
 
     if options.output is not None:
@@ -290,10 +293,10 @@ def tree(options: Namespace) -> int:
 
 def plot(options: Namespace) -> int:
     """Plot receptions or a path; return the exit status."""
-    from tf2_ros_tools.findings import report
     from tf2_ros_tools.heard_picture import heard_picture
     from tf2_ros_tools.path_picture import path_picture
     from tf2_ros_tools.picture_style import refuse_plot, write_plot
+    from tf2_ros_tools.recording_report import report
 
     refuse_plot(options)
     heard = _heard_of(options)

@@ -36,7 +36,8 @@ add_live_option(PARSER)
 
 def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
-    from tf2_ros_tools.findings import Limits, conclude, expected_by
+    from tf2_ros_tools.finding_texts import conclude
+    from tf2_ros_tools.findings import Limits, expected_by
     from tf2_ros_tools.session_choice import listening
 
     expected = expected_by(options.expect)

@@ -1,6 +1,6 @@
 """
 Sets both clocks while random buffers judge ages, and compares each answer with the model:
-`set_clocks.py RUNS SEED`, with `interposed/set_clocks.c`.
+`ages_under_set_clocks.py RUNS SEED`, with `interposed/set_clocks.c`.
 """
 
 import copy

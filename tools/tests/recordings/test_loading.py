@@ -41,7 +41,7 @@ from tf2_ros.serialization import MessageSource, insert_messages
 from tf2_ros_tools import bag
 from tf2_ros_tools.bag_loader import hear, wanted
 from tf2_ros_tools.bag_reader import is_static, open_recording
-from tf2_ros_tools.findings import report
+from tf2_ros_tools.recording_report import report
 
 pytestmark = pytest.mark.ours
 

@@ -13,7 +13,7 @@ import pytest
 from installing import INDEX, OURS, PACKAGES, SITE, Prefix, sourced, unsourced
 from processes import run
 from project_sources import PYPROJECT
-from workspaces import OWNERS, Installation, Workspace, add_tf2_ros_py, distribution_with_tf2
+from sourced_installations import OWNERS, Installation, Workspace, add_tf2_ros_py, distribution_with_tf2
 
 pytestmark = [
     pytest.mark.ours,

@@ -6,9 +6,9 @@ import shutil
 import installing
 import pytest
 from installing import INDEX, sourced
+from sourced_installations import Installation, Workspace, distribution_with_tf2
 from tool_paths import TOOLS
 from tool_sources import PYPROJECT
-from workspaces import Installation, Workspace, distribution_with_tf2
 
 pytestmark = [
     pytest.mark.ours,

@@ -50,10 +50,11 @@ def _state_of_file(path: Path) -> list[Any]:
 def _ends_of(path: Path, facts: os.stat_result) -> str:
     if not stat.S_ISREG(facts.st_mode):
         return ""  # opening a pipe would wait for its writer
-    with open(path, "rb") as file:
+    with suppress(PermissionError), open(path, "rb") as file:
         begin = file.read(END_BYTES)
         file.seek(max(facts.st_size - END_BYTES, 0))
         return hashlib.sha256(begin + file.read(END_BYTES)).hexdigest()[:16]
+    return ""  # a file beside the recording that this user cannot read
 
 
 class Cached:

@@ -21,7 +21,6 @@ from tf2_ros.serialization import MessageSource, insert_messages, read_transform
 from tf2_ros_tools import foxglove_messages
 from tf2_ros_tools.bag_cache import Cached
 from tf2_ros_tools.bag_reader import (
-    SUFFIXES,
     TF_TYPES,
     BagError,
     RawMessage,
@@ -29,6 +28,7 @@ from tf2_ros_tools.bag_reader import (
     is_static,
     listed,
     open_recording,
+    resolved,
     stamps_of,
     typestore,
 )
@@ -192,9 +192,7 @@ def load(
     buffer = new_buffer(cache_time)
     cached = None
     if cache is not None:
-        real = os.path.realpath(path)
-        if os.path.isdir(real) or real.endswith(SUFFIXES):  # otherwise, the link tells the format
-            path = real  # a link may lead to another recording while this one is read
+        path = resolved(path)  # a link may lead to another recording while this one is read
         cached = Cached(cache, path, asdict(what), buffer.cache_time_ns)
     opened = None if cached is None else cached.open()
     if opened is None:

@@ -1,6 +1,7 @@
 """Read recordings of all formats as raw messages in CDR, with rosbags, and explain its errors."""
 
 import errno
+import os
 import re
 import shutil
 import struct
@@ -303,6 +304,12 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
         for log in logs_of(part):
             advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
             raise BagError(f"{printable(str(part))} is incomplete without {printable(log.name)}: {advice}")
+
+
+def resolved(path: "str | PathLike[str]") -> str:
+    """Get the path of a recording without links, or the path itself if only a link has the extension."""
+    real = os.path.realpath(path)
+    return real if os.path.isdir(real) or real.endswith(SUFFIXES) else os.path.abspath(path)
 
 
 def logs_of(database: Path) -> Iterator[Path]:

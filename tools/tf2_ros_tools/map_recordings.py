@@ -30,7 +30,7 @@ from tf2_ros_tools.bag_loader import (
     progress_bar,
     wanted,
 )
-from tf2_ros_tools.bag_reader import SUFFIXES, BagError
+from tf2_ros_tools.bag_reader import SUFFIXES, BagError, resolved
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, write_whole
 from tf2_ros_tools.pose_tables import as_parquet, look_up_frames, times_when
@@ -58,7 +58,7 @@ def find_recordings(recordings: Recordings) -> list[str]:
     found = [one for name in names for one in _meant_by(name)]
     if not found:
         raise FileNotFoundError(errno.ENOENT, "there is no recording", ", ".join(names))
-    return list(dict.fromkeys(map(os.path.realpath, found)))
+    return list(dict.fromkeys(map(resolved, found)))
 
 
 def _meant_by(path: str) -> list[str]:

@@ -1,5 +1,6 @@
 """The argument `cache`: transforms of recordings as frozen files, which later calls map."""
 
+import builtins
 import errno
 import os
 import pickle
@@ -146,6 +147,26 @@ def test_the_target_of_a_link_may_have_any_name(path, tmp_path, cache, monkeypat
     assert held(first) == held(bag.load(path))
     monkeypatch.setattr("tf2_ros_tools.bag_loader.fill_buffer", None)
     assert held(bag.load(path, cache=cache)) == held(first)
+
+
+def test_a_file_beside_the_recording_may_be_unreadable(tmp_path, cache):
+    folder = write_folder(tmp_path / "run", drive(20), "mcap")
+    loop = folder / "loop"
+    loop.symlink_to(loop)
+    notes = folder / "notes.txt"
+    notes.write_text("private")
+    opened = builtins.open
+
+    def refuse(path, *arguments, **options):
+        if path == notes:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return opened(path, *arguments, **options)
+
+    with pytest.MonkeyPatch.context() as refusing:  # root may read everything
+        refusing.setattr("builtins.open", refuse)
+        first = bag.load(folder, cache=cache)
+        assert held(bag.load(folder, cache=cache)) == held(first) == held(bag.load(folder))
+    assert len(files(cache)) == 1
 
 
 def test_a_link_that_is_moved_meanwhile_has_no_file(path, tmp_path, cache, monkeypatch):

@@ -33,7 +33,7 @@ from tf2_ros_tools.bag_loader import (
 from tf2_ros_tools.bag_reader import SUFFIXES, BagError, resolved
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, write_whole
-from tf2_ros_tools.pose_tables import as_parquet, look_up_frames, times_when
+from tf2_ros_tools.pose_tables import as_parquet, look_up_frames, metadata_of, times_when
 from tf2_ros_tools.recording_report import report
 
 if TYPE_CHECKING:
@@ -202,18 +202,11 @@ def cached_of(request: Request, recording: str, cache: str) -> Cached:
 
 def done_before(request: Request, recording: str, table: str) -> list[Row] | None:
     """Get the findings of an earlier run with the same request, unless the recording has changed since."""
-    require("pyarrow", "fleet")
-    from pyarrow import ArrowException, parquet
-
     try:
-        with open(table, "rb") as file:
-            content = json.loads((parquet.read_metadata(file).metadata or {})[KEY])
+        content = json.loads(metadata_of(table)[KEY])
         found: list[Row] = content.pop("found")
-        if content != _made_from(request, recording):
-            return None
-        parquet.read_table(table, page_checksum_verification=True)
-        return found
-    except (OSError, ArrowException, KeyError, TypeError, ValueError):
+        return found if content == _made_from(request, recording) else None
+    except (OSError, KeyError, TypeError, ValueError):
         return None  # no table, a table of another program, or a damaged one: it is written again
 
 

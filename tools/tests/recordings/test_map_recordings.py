@@ -179,11 +179,11 @@ def test_a_table_that_was_damaged_is_written_again(tmp_path, out):
     [table] = map(Path, mapped(path, out).done.values())
     whole, wanted = table.read_bytes(), parquet.read_table(table)
     kept = 0
-    for at in range(0, len(whole), len(whole) // 50):
+    for at in range(0, len(whole), len(whole) // 150):
         table.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
         kept += len(mapped(path, out).skipped)
         assert parquet.read_table(table).equals(wanted), at
-    assert kept < 25  # some bits mean nothing to a reader
+    assert kept < 75  # some bits mean nothing to a reader
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ bench: $(VENV)/installed.stamp $(VENV)/test.stamp
 
 # The site of the pages in docs and tools/docs, and of the docstrings: build/docs/index.html.
 docs: $(VENV)/docs.stamp $(VENV)/installed.stamp
-	$(MAKE) -C tools installed-all
+	$(MAKE) -C tools installed
 	$(PY) -m sphinx -E -W --keep-going -q -d build/doctrees -c docs . build/docs
 
 # The pictures of docs/images and tools/docs/images, anew.
@@ -187,7 +187,9 @@ $(VENV)/test.stamp: pyproject.toml
 	@touch $@
 
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
+dev_SIZE := up to 1 GB
+docs_SIZE := 100 MB
 $(foreach extra,dev docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
 	@$(MAKE) -s $(VENV)/installed.stamp
-	$(call step,Installing the extra $*: up to 1 GB,$(PY) -m pip install 'tf2-ros-cython[$*]')
+	$(call step,Installing the extra $*: $($*_SIZE),$(PY) -m pip install 'tf2-ros-cython[$*]')
 	@touch $@

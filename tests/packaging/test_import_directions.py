@@ -11,7 +11,13 @@ from project_sources import PACKAGES, chapters, code_of, defined, imports, modul
 pytestmark = pytest.mark.ours
 
 INTERNALS = ROOT / "docs" / "development" / "internals.md"
-HEADER = ["package", "owns", "imports", "beside the standard libraries", "underscored modules open to others"]
+HEADER = [
+    "package",
+    "contains",
+    "imports",
+    "beside the standard libraries",
+    "underscored modules open to others",
+]
 ANYTHING = ["anything"]
 # What Cython brings: C's, POSIX's and Python's own declarations.
 STANDARD = {"libc", "posix", "cpython", "cython", *sys.stdlib_module_names}

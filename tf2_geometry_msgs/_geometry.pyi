@@ -42,7 +42,7 @@ def do_transform_point(point: _Point, transform: TransformStamped | Transform) -
     :param point: a PointStamped, Point or Point32, meters.
     :param transform: a TransformStamped; for a point without a header also a Transform; meters.
     :return: a new message of the same class; its header, if any, has the transform's frame and stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
     :raises ValueError: the transform's rotation is not finite.
     """
 
@@ -68,7 +68,7 @@ def do_transform_pose_with_covariance(
     :param pose: a PoseWithCovariance, meters and radians.
     :param transform: a TransformStamped or Transform, meters.
     :return: a new PoseWithCovariance.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
     :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite.
     """
 
@@ -105,7 +105,7 @@ def do_transform_transform(content: Transform, transform: TransformStamped | Tra
     :param content: a Transform, meters.
     :param transform: a TransformStamped or Transform, meters.
     :return: a new Transform; its rotation has length one and w >= 0.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
     :raises ValueError: the rotation of ``transform`` is not finite.
     """
 

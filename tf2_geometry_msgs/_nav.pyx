@@ -60,7 +60,7 @@ def do_transform_path(path: Path, transform: TransformStamped) -> Path:
     :param path: a Path, meters; its poses may leave their frame empty.
     :param transform: a TransformStamped, meters.
     :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
     :raises ValueError: a pose names another frame than the path, or the transform's rotation is not finite.
     """
     cdef Transform tf
@@ -81,7 +81,7 @@ def do_transform_odometry(odometry: Odometry, transform: TransformStamped) -> Od
     :param odometry: an Odometry, meters, radians and seconds.
     :param transform: a TransformStamped, meters.
     :return: a new Odometry with the transform's frame and stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
     :raises ValueError: a covariance is not 36 numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf

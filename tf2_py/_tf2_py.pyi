@@ -142,7 +142,7 @@ class BufferCore:
         self, transforms: Iterable[TransformStamped], authority: str, static: bool = False
     ) -> int:
         """
-        Add many transforms; other threads may see the first ones before the last ones are added.
+        Add many transforms. Other threads may see the first ones before the last ones are added.
 
         :param transforms: an iterable of objects that :meth:`set_transform` accepts.
         :param str authority: the publisher; listings and log lines show it.
@@ -184,8 +184,8 @@ class BufferCore:
         Get the contents of this buffer at one moment, for pickles and copies. Other threads may continue to
         insert.
 
-        :return: a dict of the samples, as NumPy arrays, of who sent them, of cache time and limits, and in
-            ``"attributes"`` of the attributes of a subclass, except for those in slots. Pending waits, names
+        :return: a dict with the samples as NumPy arrays, who sent them, the cache time, the limits, and under
+            ``"attributes"`` the attributes of a subclass, except for those in slots. Pending waits, names
             without samples, the order of listings and the counters of :meth:`statistics` are not included.
             If the buffer was opened from a frozen file and is unchanged, and the file is still there,
             ``"frozen"`` with the path of the file stands for the contents, cache time and limits.
@@ -197,8 +197,9 @@ class BufferCore:
         """
         Replace the contents of this buffer by a state; pending waits continue.
 
-        :raises ValueError: it is not the state of a buffer, or one of its transforms is refused; or it names
-            a frozen file that is damaged, or was replaced by another. The buffer is unchanged.
+        :param state: a dict that :meth:`__getstate__` returned.
+        :raises ValueError: ``state`` is not the state of a buffer, contains a transform that buffers refuse,
+            or names a frozen file that is damaged or was replaced by another. The buffer is unchanged.
         :raises OSError: this frozen file cannot be opened.
         """
     def freeze(self, path: str | PathLike[str]) -> None:
@@ -219,21 +220,21 @@ class BufferCore:
         Open a buffer that :meth:`~tf2_py.BufferCore.freeze` wrote; its answers are identical to the last bit.
 
         The samples stay in the file, which is mapped into memory, so that all processes that open it share
-        them. The buffer can do what others can: the first insert into a frame copies the samples of this
+        them. It behaves like any other buffer: the first insert into a frame copies the samples of this
         frame into memory of the process, and ``max_bytes`` limits only such memory. A pickle or copy of an
         unchanged buffer opens the same file. ``__init__`` is not called.
 
         All samples are checked first, 10 million in 0.3 s; unpickling does not check them again unless
         the file has changed since.
 
-        :param path: the file. It must not be written to while it is mapped: if it shrinks, the process dies
-            with a SIGBUS. Replacing and deleting it are safe, except over a network.
+        :param path: the file. It must not be written to while it is mapped: if it shrinks, the process is
+            killed by SIGBUS. Replacing and deleting it are safe, except over a network.
         :param bool copy: read the file into memory of this process, where nothing can change it. Pickles
             then contain the samples.
         :raises TypeError: ``path`` is not a path.
         :raises FileNotFoundError, OSError: the file cannot be opened.
-        :raises ValueError: it is not a frozen buffer, has another version of the format, or is damaged; the
-            text names the file, and the frame and sample where possible.
+        :raises ValueError: the file is not a frozen buffer, has another version of the format, or is damaged;
+            the text names the file, and the frame and sample where possible.
         """
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: TimeLike) -> TransformStamped:
         """
@@ -298,8 +299,8 @@ class BufferCore:
         :param fixed_frame: with ``target_time``, look up the source at each of ``times``, and the target at
             ``target_time``.
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
-            ``'nan'`` fills in NaN there. Of several frames, the first one with an error raises it. Unknown
-            and invalid names always raise, before anything else.
+            ``'nan'`` fills in NaN there. With several frames, the error of the first frame that fails is
+            raised. Unknown and invalid names always raise, before anything else.
         :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`. With an option,
             each lookup takes as long as a single one.
         :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), meters, and (N, 4), x y z w;
@@ -505,18 +506,18 @@ class BufferCore:
         Get the times for which ``source_frame`` can be looked up in ``target_frame``.
 
         :return: ``(first_ns, last_ns)``, in nanoseconds, both included: every time between them has an
-            answer. If a frame on the path moves, ``last_ns`` is what :meth:`get_latest_common_time` returns,
-            and from ``first_ns`` on, all frames on the path have data. The path may differ
-            between the times, where a frame had several parents. A time at which the tree contains a loop
-            ends the range. If all frames on the path are static, or the two frames are the same, every other
-            time has an answer, and the range ends at the latest stamp that fits a message:
-            ``(0, 2147483647999999999)``, or begins later where a frame above them has been part of a loop. So
-            the range of several pairs is from the largest ``first_ns`` to the smallest ``last_ns``.
+            answer. ``last_ns`` is what :meth:`get_latest_common_time` returns, if a frame on the path moves.
         :raises ExtrapolationException: the latest common time has no answer, because the data of one frame on
             the path begins after the data of another frame ends.
         :raises ConnectivityException: the frames are in different trees, or one has no data.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
+
+        To find the range for several pairs of frames, take the largest ``first_ns`` and the smallest
+        ``last_ns``. If all frames on the path are static, or the two frames are the same, the range is
+        ``(0, 2147483647999999999)``, which ends at the latest stamp that fits into a message. The path may
+        differ within the range if a frame had several parents. A time at which the tree contains a loop ends
+        the range; for static frames, the range begins after such a time.
 
         >>> from tf2_py import BufferCore
         >>> from geometry_msgs.msg import TransformStamped
@@ -582,10 +583,9 @@ class BufferCore:
         """
         Get the twist of ``tracking_frame``'s origin relative to ``observation_frame``, in the latter's axes.
 
-        It is that of :meth:`lookupVelocityFullCore`, which has the other arguments, and the formula, and
-        raises the same.
+        The arguments, the formula and the errors are described in :meth:`lookupVelocityFullCore`.
 
-        :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s, and means over the interval.
+        :return: ``((vx, vy, vz), (wx, wy, wz))``: means over the interval, in m/s and rad/s.
         """
     def lookupVelocityFullCore(
         self,
@@ -607,8 +607,8 @@ class BufferCore:
             is the velocity of the point of the tracked body that is there at ``time``.
         :param reference_point_frame: a frame name.
         :param time: the middle of the interval; 0 is the time 0, not the latest common time.
-        :param averaging_interval: a duration; the interval ends no later than the latest common time, or than
-            ``time`` where that is later, which only a frame that has had several parents answers. 0 results
+        :param averaging_interval: a duration. The interval ends at the latest common time at the latest, or
+            at ``time`` if that is later, which only a frame that has had several parents allows. 0 results
             in NaN.
         :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s.
         :raises TransformException: one of the lookups failed; see :meth:`lookup_transform_core`.
@@ -629,16 +629,17 @@ class BufferCore:
         """
         Get the twists of ``tracking_frame`` relative to ``observation_frame`` around many times.
 
-        :param observation_frame: the frame in which it is observed, and whose axes the twists have.
+        :param tracking_frame: the frame that moves.
+        :param observation_frame: the frame in which it is observed, and in whose axes the twists are given.
         :param times: N times: integer nanoseconds, datetime64, or time objects; 0 is the time 0.
-        :param averaging_interval: a duration, centred at each time; as in :meth:`lookupVelocityFullCore`, it
+        :param averaging_interval: a duration, centered at each time; as in :meth:`lookupVelocityFullCore`, it
             ends no later than the latest common time, and 0 results in NaN.
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
             ``'nan'`` fills in NaN there. Unknown and invalid names, and frames without a path between them,
             always raise.
-        :return: ``(linear, angular)``: float64 arrays of shape (N, 3), in m/s and rad/s. Their formula is
-            that of :meth:`lookupVelocityFullCore`, with the poses that :meth:`lookup_transforms` has at both
-            ends of each interval. Within it, no answer is needed.
+        :return: ``(linear, angular)``: float64 arrays of shape (N, 3), in m/s and rad/s. The formula of
+            :meth:`lookupVelocityFullCore` computes them from the poses that :meth:`lookup_transforms` returns
+            for both ends of each interval; the times between the ends need no answer.
         :raises TransformException: a lookup failed; the text contains the index of the time.
         :raises TypeError: ``times`` are not times, or the interval is not a duration.
         :raises ValueError: ``averaging_interval`` is negative, ``times`` do not have one dimension, are NaT
@@ -681,9 +682,10 @@ class BufferCore:
         Get the frames whose parent is ``frame`` in their newest sample, in the order of first appearance.
 
         :param frame: the parent frame.
+        :return: the names; an empty list if it has no children.
         :raises LookupException: the frame is unknown.
 
-        Its cost grows with the number of all frames.
+        The cost grows with the number of all frames.
         """
     def path(self, target_frame: str, source_frame: str, time: TimeLike = 0) -> list[str]:
         """
@@ -692,7 +694,8 @@ class BufferCore:
         :param target_frame: the last frame of the path.
         :param source_frame: the first frame of the path.
         :param time: when; 0: at the latest common time.
-        :raises TransformException: as :meth:`lookup_transform_core`.
+        :return: the names, both ends included.
+        :raises TransformException: see :meth:`lookup_transform_core`.
         """
     def tree(self) -> str:
         """
@@ -779,9 +782,8 @@ class BufferCore:
         """
         Count what this buffer has done, and what it contains.
 
-        :return: a dict with the numbers of transforms ``taken``, and ``refused`` by reason; of ``frames`` and
-            ``samples``; of ``bytes`` allocated for these; of pending ``waiters``; and of
-            ``malformed_messages``.
+        :return: a dict of numbers: transforms ``taken``, and ``refused`` by reason (a dict); ``frames`` and
+            ``samples``, and the ``bytes`` allocated for them; pending ``waiters``; ``malformed_messages``.
         """
     def _self_check(self) -> None:
         """Check the tree, histories and waiters; an AssertionError names an invariant that does not hold."""

@@ -27,19 +27,20 @@ class Recording:
     """
     Records who sent which transform when, for a listener or for ``insert_messages``.
 
-    :param int capacity: how many transforms may arrive between two calls of :meth:`take`.
+    :param int capacity: how many transforms may arrive between two calls of :meth:`take`. Default: 131,072.
     """
     def __new__(cls, capacity: int = ...) -> Recording: ...
     def take(self) -> NDArray[np.void]:
         """
         Get the records since the last call.
 
-        :return: an array of :data:`RECORD`, in the order of arrival. ``child`` and ``parent`` are indices
-            into :meth:`frames`, ``publisher`` into :meth:`publishers`; ``refusals`` is not 0 if every
-            buffer refuses the transform, see :func:`refusal_text`; ``unnormalised`` is 1 if buffers
-            accept it, but those of tf2 of Kilted and later refuse it because the length of its rotation is
-            not 1; ``value`` is an index into :meth:`values` if the transform is static, otherwise a larger
-            number.
+        :return: an array of shape (N,) and dtype :data:`RECORD`, in the order of arrival, with these fields:
+            ``received_ns`` and ``stamp_ns`` in nanoseconds; ``child`` and ``parent``, indices into
+            :meth:`frames`; ``publisher``, an index into :meth:`publishers`; ``static``, 0 or 1;
+            ``refusals``, not 0 if every buffer refuses the transform, see :func:`refusal_text`;
+            ``unnormalised``, 1 if buffers accept the transform, but tf2 of Kilted and later refuses it
+            because the length of its rotation is not 1; ``value``, an index into :meth:`values` if the
+            transform is static, otherwise a larger number.
         """
     def frames(self) -> list[str]:
         """Get the names of the frames; the list only grows, and is the same object each time."""
@@ -53,17 +54,17 @@ class Recording:
         """
         Get the numbers of static transforms, each once: x y z in meters, and the quaternion x y z w.
 
-        The list only grows, and is the same object each time. Only the first 65,536 are noted.
+        The list only grows, and is the same object each time. Only the first 65,536 are recorded.
         """
     @property
     def messages(self) -> int:
-        """How many messages were noted."""
+        """How many messages were recorded."""
     @property
     def malformed(self) -> int:
         """How many messages could not be read."""
     @property
     def lost(self) -> int:
-        """Get how many transforms were lost, because there was no place or no memory for them."""
+        """How many transforms were lost: beyond ``capacity``, with too many names, or without memory."""
 
 def refusal_text(refusals: int) -> str:
-    """Say in a clause why every buffer refuses a transform, from the ``refusals`` of a record."""
+    """Return, as a clause, why every buffer refuses a transform with these ``refusals`` in its record."""

@@ -117,7 +117,7 @@ cdef class Recording:
     """
     Records who sent which transform when, for a listener or for ``insert_messages``.
 
-    :param int capacity: how many transforms may arrive between two calls of :meth:`take`.
+    :param int capacity: how many transforms may arrive between two calls of :meth:`take`. Default: 131,072.
     """
 
     def __cinit__(self, size_t capacity=CAPACITY):
@@ -146,12 +146,13 @@ cdef class Recording:
         """
         Get the records since the last call.
 
-        :return: an array of :data:`RECORD`, in the order of arrival. ``child`` and ``parent`` are indices
-            into :meth:`frames`, ``publisher`` into :meth:`publishers`; ``refusals`` is not 0 if every
-            buffer refuses the transform, see :func:`refusal_text`; ``unnormalised`` is 1 if buffers
-            accept it, but those of tf2 of Kilted and later refuse it because the length of its rotation is
-            not 1; ``value`` is an index into :meth:`values` if the transform is static, otherwise a larger
-            number.
+        :return: an array of shape (N,) and dtype :data:`RECORD`, in the order of arrival, with these fields:
+            ``received_ns`` and ``stamp_ns`` in nanoseconds; ``child`` and ``parent``, indices into
+            :meth:`frames`; ``publisher``, an index into :meth:`publishers`; ``static``, 0 or 1;
+            ``refusals``, not 0 if every buffer refuses the transform, see :func:`refusal_text`;
+            ``unnormalised``, 1 if buffers accept the transform, but tf2 of Kilted and later refuses it
+            because the length of its rotation is not 1; ``value``, an index into :meth:`values` if the
+            transform is static, otherwise a larger number.
         """
         cdef size_t count
         taken, fresh = self._array, np.empty(self._records.capacity, RECORD)
@@ -182,7 +183,7 @@ cdef class Recording:
         """
         Get the numbers of static transforms, each once: x y z in meters, and the quaternion x y z w.
 
-        The list only grows, and is the same object each time. Only the first 65,536 are noted.
+        The list only grows, and is the same object each time. Only the first 65,536 are recorded.
         """
         new = self._new_names(&self._records.values, self._values)
         self._values += [unpack("7d", value) for value in new]
@@ -190,7 +191,7 @@ cdef class Recording:
 
     @property
     def messages(self):
-        """How many messages were noted."""
+        """How many messages were recorded."""
         return self._counted(&self._records.messages)
 
     @property
@@ -200,7 +201,7 @@ cdef class Recording:
 
     @property
     def lost(self):
-        """Get how many transforms were lost, because there was no place or no memory for them."""
+        """How many transforms were lost: beyond ``capacity``, with too many names, or without memory."""
         return self._counted(&self._records.lost)
 
     cdef uint64_t _counted(self, const uint64_t* count) noexcept:
@@ -226,5 +227,5 @@ cdef class Recording:
 
 
 def refusal_text(int refusals):
-    """Say in a clause why every buffer refuses a transform, from the ``refusals`` of a record."""
+    """Return, as a clause, why every buffer refuses a transform with these ``refusals`` in its record."""
     return log.because(refusals)

@@ -32,7 +32,7 @@ class MessageSource:
 
     :param str topic: its name, which is also the authority of its transforms.
     :param bool static: whether its transforms are valid at all times.
-    :param str prefix: is put in front of the names of its frames.
+    :param str prefix: a text that is put in front of the names of its frames.
     """
 
     topic: str
@@ -67,7 +67,7 @@ def insert_messages(
     :param progress: called from time to time with the number of messages since the last call.
     :return: the number of messages.
     :raises KeyError: a topic has no source.
-    :raises ValueError: a message cannot be read, a time does not fit into 64 bits, or data are not bytes.
+    :raises ValueError: a message cannot be read, a time does not fit into 64 bits, or a message is not bytes.
 
     It holds the GIL. If it is interrupted, the buffer keeps the transforms that were inserted before.
     """
@@ -77,6 +77,7 @@ def read_transforms(raw: bytes | memoryview, source: MessageSource) -> list[Tran
     Read the transforms of one message.
 
     :param raw: a serialized TFMessage.
+    :param source: the topic of the message: whether it is static, and the prefix for the names of frames.
     :return: a list of ``geometry_msgs/TransformStamped``; without ROS, a list of objects with the same
         fields.
     :raises ValueError: the message is malformed.
@@ -89,7 +90,7 @@ def serialize_transforms(transforms: TransformStamped | Iterable[TransformStampe
     :param transforms: a ``geometry_msgs/TransformStamped``, or an iterable of them, as for a broadcaster.
         What every buffer refuses, such as a rotation of zero length, is serialized as it is.
     :return: the bytes that a publisher sends and a recording stores.
-    :raises TypeError: something else, or a name is not a str.
+    :raises TypeError: ``transforms`` is something else, or a name is not a str.
     :raises ValueError: a name contains a NUL character.
     :raises OverflowError: a stamp does not fit into a message.
 
@@ -111,7 +112,7 @@ def serialize_arrays(frames: Iterable[tuple[str, str]], stamps_ns: ArrayLike, tr
     :param transforms: x y z in meters, and the quaternion x y z w, which is not changed: shape (N, 7).
     :return: the bytes that a publisher sends and a recording stores.
     :raises TypeError: a name is not a str.
-    :raises ValueError: a name contains a NUL character, or there are not as many of one as of the others.
+    :raises ValueError: a name contains a NUL character, or the three arguments have different lengths.
 
     >>> from tf2_ros.serialization import MessageSource, read_transforms, serialize_arrays
     >>> data = serialize_arrays([("map", "base")], [2_000_000_000], [[1, 0, 0, 0, 0, 0, 1]])

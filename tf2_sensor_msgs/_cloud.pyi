@@ -31,7 +31,7 @@ def do_transform_cloud(
     :param transform: a TransformStamped, or a Transform, which leaves the cloud's frame unchanged; meters.
     :param only_xyz: leave normals and viewpoints unchanged.
     :return: a new PointCloud2 with the transform's frame and the cloud's own stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
     :raises ValueError: x, y or z is missing, not a number or beyond ``point_step`` (as in tf2 also an
         AssertionError), ``data`` is too short for the points, or a row too long for ``row_step`` (also a
         TypeError), or the transform's rotation is not finite.

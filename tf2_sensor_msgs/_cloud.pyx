@@ -356,10 +356,12 @@ cdef int _read_coordinate(object field, str name, Py_ssize_t point_step, Triples
     datatype = get_field(field_layout, field, "datatype")
     size = number_size(datatype) if isinstance(datatype, int) and 0 < datatype < <int>OTHER_ORDER else 0
     if size == 0:
-        raise FieldError(f"field {name!r} is of datatype {datatype}, which is not a number")
+        raise FieldError(
+            f"field {name!r}: expected a datatype from 1 (INT8) to 8 (FLOAT64), got {datatype!r}"
+        )
     count = get_field(field_layout, field, "count")
     if count > 1:
-        raise FieldError(f"field {name!r} holds {count} numbers, not one")
+        raise FieldError(f"field {name!r}: expected a count of 1, got {count}")
     if offset + size > point_step:
         raise FieldError(f"field {name!r} at offset {offset} reaches beyond point_step {point_step}")
     out.offsets[axis] = offset
@@ -372,7 +374,7 @@ cdef int _read_triples(dict fields, tuple names, bint is_other_order, Py_ssize_t
     cdef int axis
     for axis, name in enumerate(names):
         if name not in fields:
-            raise FieldError(f"the cloud has no field {name!r}")
+            raise FieldError(f"the cloud has no field {name!r}; its fields are {list(fields)}")
         _read_coordinate(fields[name], name, point_step, out, axis)
         if is_other_order:
             out.numbers[axis] |= OTHER_ORDER
@@ -568,7 +570,7 @@ def do_transform_cloud(
     :param transform: a TransformStamped, or a Transform, which leaves the cloud's frame unchanged; meters.
     :param only_xyz: leave normals and viewpoints unchanged.
     :return: a new PointCloud2 with the transform's frame and the cloud's own stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
     :raises ValueError: x, y or z is missing, not a number or beyond ``point_step`` (as in tf2 also an
         AssertionError), ``data`` is too short for the points, or a row too long for ``row_step`` (also a
         TypeError), or the transform's rotation is not finite.

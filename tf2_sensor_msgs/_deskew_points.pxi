@@ -169,7 +169,7 @@ def read_times(cloud, field, cnp.ndarray times):
 cdef int _require_times(const Grid* grid, cnp.ndarray times) except -1:
     if cnp.PyArray_DIM(times, 0) != grid.rows * grid.columns:
         raise ValueError(
-            f"expected one time for each point, got {len(times)} for {grid.rows * grid.columns} points"
+            f"times: expected one for each of {grid.rows * grid.columns} points, got {len(times)}"
         )
     return 0
 

@@ -15,7 +15,7 @@ def do_transform_imu(imu: Imu, transform: TransformStamped) -> Imu:
     :param imu: an Imu, radians per second and meters per second squared.
     :param transform: a TransformStamped.
     :return: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
     :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite.
     """
 
@@ -28,6 +28,6 @@ def do_transform_magnetic_field(magnetic_field: MagneticField, transform: Transf
     :param magnetic_field: a MagneticField, tesla.
     :param transform: a TransformStamped.
     :return: a new MagneticField with the transform's frame and stamp.
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
     :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite.
     """

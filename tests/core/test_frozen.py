@@ -291,7 +291,7 @@ def test_unpickling_checks_the_samples_of_a_file_that_was_written_to(file, path)
 
 @pytest.mark.parametrize("frozen", [None, (), ("/x", 1, 2), ("/x", 1, 2, "now"), (b"/x", 1, 2, 3)])
 def test_a_state_without_a_file_is_refused(frozen, buffer):
-    with pytest.raises(ValueError, match="not the state of a buffer: frozen is not"):
+    with pytest.raises(ValueError, match='not the state of a buffer: "frozen" must be'):
         buffer.__setstate__({"frozen": frozen})
     check_copy(buffer, filled(BufferCore(20.0, max_frames=20, max_bytes=50_000)))
 

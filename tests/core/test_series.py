@@ -377,7 +377,7 @@ WRONG = {
     ],
     "integer nanoseconds": [lambda b: b.lookup_velocities("base", "map", [0.5], ZERO)],
     "averaging_interval": [lambda b: b.lookup_velocities("base", "map", [1], "0.5")],
-    "negative": [
+    "averaging_interval: expected 0 or more, got -0.000000001 s": [
         lambda b: b.lookup_velocities("base", "map", [1], BACKWARDS),
         lambda b: b.lookupVelocityCore("base", "map", at(3), BACKWARDS),
     ],

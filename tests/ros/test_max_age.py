@@ -219,7 +219,7 @@ def test_every_way_to_look_up_takes_limits(tf2_ros, buffer, way):
     for limits in (0.5, {"odom": 0.5}):
         with pytest.raises(tf2_ros.TransformException, match="is too old; the newest sample of odom in map"):
             WAYS[way](buffer, max_age=limits)
-    with pytest.raises(ValueError, match=r'"odm" .* max_age does not exist\. Did you mean \[odom\]\?'):
+    with pytest.raises(ValueError, match=r"max_age .* \[odm\], .* not exist\. Did you mean \[odom\]\?"):
         WAYS[way](buffer, max_age={"odm": 1})
     assert buffer.statistics()["waiters"] == 0
 
@@ -241,7 +241,7 @@ def test_every_way_to_look_up_takes_limits(tf2_ros, buffer, way):
         ({"max_age": {"od\0m": 1}}, ValueError, "NUL"),
         ({"max_age": {"": 1}}, ValueError, "max_age.* cannot be empty"),
         ({"max_age": {"/odom": 1}}, ValueError, r"max_age.* cannot start with a '/'.*\[odom\]"),
-        ({"tolerance": {"Odom": 1}}, ValueError, r'"Odom" .*argument tolerance .*\[odom\]'),
+        ({"tolerance": {"Odom": 1}}, ValueError, r"^tolerance .* \[Odom\], which does not exist.*\[odom\]"),
         ({"maxage": 1}, TypeError, "'maxage'. Did you mean 'max_age'"),
     ],
     ids=str,
@@ -287,10 +287,10 @@ def test_a_limit_of_an_unknown_frame_is_refused_where_the_path_is_known(tf2_ros,
     insert(empty, "odom", "base", 1)
     with pytest.raises(tf2_ros.LookupException, match='"map"'):
         empty.lookup_transform(*ROBOT, max_age=limits)
-    with pytest.raises(ValueError, match='"arm" .* argument max_age does not exist'):
+    with pytest.raises(ValueError, match=r"^max_age has a limit for \[arm\], which does not exist"):
         empty.lookup_transform("odom", "base", LATEST, max_age={"arm": 1})
     buffer.forget("camera")
-    with pytest.raises(ValueError, match='"camera"'):
+    with pytest.raises(ValueError, match=r"\[camera\]"):
         buffer.can_transform(*ROBOT, max_age={"camera": 1, "odom": 1})
 
 
@@ -339,7 +339,7 @@ def test_a_misspelt_limit_ends_a_wait_when_the_path_is_there(tf2_ros, node, way,
         insert(buffer, "map", "odom", 100)
         assert buffer.statistics()["waiters"] == 1
         insert(buffer, "odom", "base", 100)
-        with pytest.raises(ValueError, match=r'"odm" .*Did you mean \[odom\]'):
+        with pytest.raises(ValueError, match=r"\[odm\], .*Did you mean \[odom\]"):
             pending.result(DEADLINE_S)
     assert buffer.statistics()["waiters"] == 0
 

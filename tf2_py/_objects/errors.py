@@ -199,6 +199,13 @@ def stale(
     return ExtrapolationException(text)
 
 
+def limit_of_unknown(name: str, argument: str, call: str) -> str:
+    """The error text for a limit of a frame that is unknown or has an invalid name."""
+    if is_invalid_name(name):
+        return str(bad_name(name, argument, call))
+    return f"{argument} has a limit for [{printable(name)}], which does not exist"
+
+
 def limit_of_root(name: str, argument: str, children: list[str]) -> str:
     """The error text for a limit of a frame that is not a child, so that the limit could never apply."""
     some = " or ".join(f"[{printable(child)}]" for child in children[:MOST_SUGGESTED])

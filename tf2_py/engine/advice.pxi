@@ -28,8 +28,7 @@ cdef class Advice:
             self._look_for_silence(buffer)
         return 0
 
-    cdef str unknown(self, str name, str argument, str call, object list_names):
-        text = str(bad_name(name, argument, call))
+    cdef str extend(self, str text, str name, object list_names):
         for sentence in (self.suggestion(name, list_names), self._state()):
             if sentence:
                 text += f"{'' if text.endswith('?') else '.'} {sentence}"
@@ -38,8 +37,10 @@ cdef class Advice:
     cdef str suggestion(self, str name, object list_names):
         # If the names change meanwhile, this dict is not used any more.
         cdef dict suggestions = self._suggestions
-        if not 0 < self._count <= MOST_COMPARED:
+        if self._count == 0:
             return ""
+        if self._count > MOST_COMPARED:
+            return f"With more than {MOST_COMPARED} frames, no similar names are suggested"
         if name not in suggestions:
             found = errors.closest(name, list_names())
             text = f"Did you mean {' or '.join([f'[{printable(one)}]' for one in found])}?" if found else ""

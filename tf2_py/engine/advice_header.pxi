@@ -16,7 +16,7 @@ cdef class Advice:
     # Must be called before each of the following. `count`: the number of known names.
     cdef int begin(self, object buffer, size_t count) except -1
     # The text of the error about an unknown name; `list_names` returns the known ones.
-    cdef str unknown(self, str name, str argument, str call, object list_names)
+    cdef str extend(self, str text, str name, object list_names)
     # A question that suggests similar names; "": none is similar, or there are too many to compare.
     cdef str suggestion(self, str name, object list_names)
     # Adds to the error which topics are silent now: of all topics, or only of those of dynamic transforms.

@@ -75,11 +75,11 @@ cdef bint require_matrix(object out) except -1:
     if not PyArray_Check(out):
         raise TypeError(f"out: expected a NumPy array of floats, got {type(out).__name__}")
     if not PyArray_ISFLOAT(array):
-        raise TypeError(f"out: expected an array of floats, got one of {out.dtype}")
+        raise TypeError(f"out: expected an array of floats, got dtype {out.dtype}")
     if PyArray_NDIM(array) != 2 or PyArray_DIM(array, 0) != 4 or PyArray_DIM(array, 1) != 4:
         raise ValueError(f"out: expected the shape (4, 4), got {out.shape}")
     if not PyArray_ISWRITEABLE(array):
-        raise ValueError("out: the array is read-only")
+        raise ValueError("out: expected a writable array, got a read-only one")
     return PyArray_CheckExact(out) and PyArray_TYPE(array) == NPY_DOUBLE and PyArray_ISCARRAY(array)
 
 

@@ -45,7 +45,7 @@ cdef const char* name_utf8(object name, Py_ssize_t* size, str argument="frame na
         raise TypeError(f"{argument}: expected a str, got {type(name).__name__}")
     text = PyUnicode_AsUTF8AndSize(name, size)
     if memchr(text, 0, size[0]) != NULL:
-        raise ValueError(f"a frame name cannot hold a NUL character: {name!r}")
+        raise ValueError(f"a frame name must not contain a NUL character: {name!r}")
     return text
 
 
@@ -85,7 +85,9 @@ cdef int read_any_rotation(object message, Transform* out) except -1:
         raise _misfit(message, wanted, missing, "; pass the message first, then the transform") from None
     squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     if not isfinite(squared):
-        raise ValueError("the rotation of a transform must have a finite length")
+        raise ValueError(
+            f"transform.rotation: expected a quaternion of finite length, got {(q[0], q[1], q[2], q[3])}"
+        )
     if squared < DBL_EPSILON:
         q[0] = q[1] = q[2] = 0.0
         q[3] = 1.0

@@ -182,7 +182,8 @@ cdef tuple _ends(const Query* query, Status status):
 cdef object _bad_name(str name, str argument, str call, Advice advice, object list_names):
     if errors.is_invalid_name(name):
         return errors.bad_name(name, argument, call)
-    return errors.LookupException(advice.unknown(name, argument, call, list_names))
+    unknown = str(errors.bad_name(name, argument, call))
+    return errors.LookupException(advice.extend(unknown, name, list_names))
 
 
 cdef object _bad_limit(const Query* query, Status status, list children, str call, Advice advice,
@@ -195,7 +196,7 @@ cdef object _bad_limit(const Query* query, Status status, list children, str cal
         argument, limit = "max_age", &query.policy.max_age.named[status.parent - tolerances]
     name = limit.name[:limit.size].decode("utf-8")
     if children is None:
-        return ValueError(advice.unknown(name, argument, call, list_names))
+        return ValueError(advice.extend(errors.limit_of_unknown(name, argument, call), name, list_names))
     return ValueError(errors.limit_of_root(name, argument, children))
 
 

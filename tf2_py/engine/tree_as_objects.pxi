@@ -216,13 +216,13 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
 
 
 cdef object _not_a_state(what):
-    return ValueError(f"not the state of a buffer: {what}")
+    return ValueError(f"this is not the state of a buffer: {what}")
 
 
 cdef object _number(dict state, str key, least, most):
     value = state[key]
     if type(value) is not int or not least <= value <= most:
-        raise _not_a_state(f"{key} is not an int within {least} and {most}")
+        raise _not_a_state(f"{key}: expected an int from {least} to {most}, got {value!r}")
     return value
 
 
@@ -230,13 +230,13 @@ cdef dict overtaken_of(state):
     cdef Py_ssize_t size
     ages_ns = state.get("overtaken", {})
     if type(ages_ns) is not dict:
-        raise _not_a_state("overtaken is not a dict")
+        raise _not_a_state(f"overtaken: expected a dict, got {type(ages_ns).__name__}")
     for name, age_ns in ages_ns.items():
         name_utf8(name, &size)
         if type(age_ns) is not int or not 0 <= age_ns <= INT64_MAX:
-            raise _not_a_state(f"overtaken[{name!r}] is not an int within 0 and {INT64_MAX}")
+            raise _not_a_state(f"overtaken[{name!r}]: expected an int from 0 to {INT64_MAX}, got {age_ns!r}")
     if ages_ns and "overtaken_when" not in state:
-        raise _not_a_state("it has overtaken, and no overtaken_when")
+        raise _not_a_state("overtaken needs overtaken_when, which is missing")
     when_ns = _number(dict(state), "overtaken_when", 0, INT64_MAX) if ages_ns else 0
     since_ns = max(0, system_ns() - when_ns)
     return {name: min(age_ns + since_ns, INT64_MAX) for name, age_ns in ages_ns.items()}
@@ -273,7 +273,7 @@ cdef int _insert_frames(Tree* tree, list frames, const Samples* samples) except 
     for name, is_static, authority, count in frames:
         first = end
         if type(count) is not int or not 0 <= count <= samples.count - first:
-            raise _not_a_state(f"it does not hold {count} samples of {name}")
+            raise _not_a_state(f"it does not contain {count} samples of {name}")
         end = first + <uint64_t>count
         child.start = name_utf8(name, &child.size)
         sender.start = name_utf8(authority, &sender.size, "authority")
@@ -287,7 +287,7 @@ cdef int _insert_frames(Tree* tree, list frames, const Samples* samples) except 
         if refused:
             raise _not_a_state(f"a transform of {printable(name)} is refused: {log.because(refused)}")
     if end != samples.count:
-        raise _not_a_state(f"it holds {samples.count} samples, {end} of them of its frames")
+        raise _not_a_state(f"its arrays contain {samples.count} samples, but its frames list {end}")
     return 0
 
 
@@ -305,7 +305,8 @@ cdef int _insert_state(Tree* tree, dict state) except -1:
     samples.transforms = doubles_of(transforms, TRANSFORM_DOUBLES)
     samples.parents = uint32s_of(parents, 0)
     if not len(stamps) == len(transforms) == len(parents):
-        raise _not_a_state("its arrays are of different lengths")
+        raise _not_a_state(f"expected arrays of one length, got {len(stamps)} stamps, "
+                           f"{len(transforms)} transforms and {len(parents)} parents")
     parent_names = <Text*>PyMem_Malloc(len(names) * sizeof(Text))
     if parent_names == NULL:
         raise MemoryError

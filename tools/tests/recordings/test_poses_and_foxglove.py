@@ -84,7 +84,7 @@ class TestPoses:
             ({"/odom": "gps"}, TypeError, r"poses: expected \(parent, child\) or None for /odom"),
             ({"/odom": ("a",)}, TypeError, "poses: expected "),
             ({"/bad": None}, bag.BagError, "run.mcap, topic /bad, log time 5 ns: "),
-            ({"/nul": None}, bag.BagError, "topic /nul, log time .*a frame name cannot hold a NUL"),
+            ({"/nul": None}, bag.BagError, "topic /nul, log time .*a frame name must not contain a NUL"),
         ],
     )
     def test_what_does_not_fit_is_told_in_one_sentence(self, poses, error, said, tmp_path):

@@ -119,6 +119,8 @@ class TransformRegistration:
         """
         Find the function that transforms objects of one type.
 
+        :param key: the type.
+        :return: the function; it takes an object and a ``TransformStamped``.
         :raises TypeException: none is registered.
         """
         return _find(self.__type_map, key, "TransformRegistration().add()")
@@ -174,6 +176,8 @@ class ConvertRegistration:
         """
         Find the function that makes objects of a type from messages.
 
+        :param key: the type of the objects.
+        :return: the function; it takes a message.
         :raises TypeException: none is registered.
         """
         return _find(self.__from_msg_map, key, "ConvertRegistration().add_from_msg()")
@@ -182,6 +186,8 @@ class ConvertRegistration:
         """
         Find the function that makes messages from objects of a type.
 
+        :param key: the type of the objects.
+        :return: the function; it takes an object and returns a message.
         :raises TypeException: none is registered.
         """
         return _find(self.__to_msg_map, key, "ConvertRegistration().add_to_msg()")
@@ -190,6 +196,8 @@ class ConvertRegistration:
         """
         Find the function that converts the first type of ``key`` to the second directly.
 
+        :param key: the type converted from, and the type converted to.
+        :return: the function; it takes an object of the first type and returns one of the second.
         :raises TypeException: none is registered.
         """
         return _find(self.__convert_map, key, "ConvertRegistration().add_convert()")

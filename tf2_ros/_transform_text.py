@@ -16,11 +16,11 @@ def format_transform(transform: Any) -> str:
 
     :param transform: a ``TransformStamped``, ``Transform``, ``PoseStamped`` or ``Pose``, or an object with
         the fields of one.
-    :return: the stamp in seconds, to the nanosecond; x y z in meters, to the millimetre; roll, pitch and yaw
+    :return: the stamp in seconds, to the nanosecond; x y z in meters, to the millimeter; roll, pitch and yaw
         in degrees, to a tenth. These turn about the fixed axes x, y and z, one after the other. At a pitch of
         +-90 degrees, where only their sum or difference is known, the roll is 0.
     :raises TypeError: the type is wrong.
-    :raises ValueError: the rotation has no finite length above zero.
+    :raises ValueError: the length of the rotation is zero or not finite.
 
     >>> from geometry_msgs.msg import TransformStamped
     >>> from tf2_ros import format_transform
@@ -33,7 +33,7 @@ def format_transform(transform: Any) -> str:
     numbers = numbers_of(transform)
     length = math.hypot(*numbers[3:])
     if not 0 < length < math.inf:
-        raise ValueError("the rotation must have a finite length above zero")
+        raise ValueError(f"the rotation must have a finite, non-zero length, got {tuple(numbers[3:])}")
     xyz = _fixed(numbers[:3], 3)
     rpy = _fixed(map(math.degrees, _roll_pitch_yaw(*(number / length for number in numbers[3:]))), 1)
     return f"{_where(transform)}xyz [{xyz}] m, rpy [{rpy}] deg"

@@ -81,7 +81,7 @@ _OF_INIT = frozenset(
 
 class Buffer(BufferCore, BufferInterface):
     """
-    Keep the transforms of the last seconds, and say where a frame is relative to another.
+    A history of recent transforms that answers where one frame is relative to another.
 
     A :class:`TransformListener` fills it; lookups can wait for what has not arrived yet.
 
@@ -300,7 +300,9 @@ class Buffer(BufferCore, BufferInterface):
         :param source_frame: the frame that the data is in.
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
-        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
+        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
+        :return: a future that can also be awaited. Its result is a ``TransformStamped``, or the error of the
+            lookup.
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
 
         If a listener receives the transform, done callbacks run in the executor that spins the listener's
@@ -335,9 +337,10 @@ class Buffer(BufferCore, BufferInterface):
         :param source_time: the time of the data; 0 is the latest time.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
-        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
+        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
+        :return: a future that can also be awaited. Its result is a ``TransformStamped``.
 
-        :meth:`wait_for_transform_async` describes where callbacks run.
+        :meth:`wait_for_transform_async` describes where callbacks run, and the errors.
         """
         accepted = policy_of("wait_for_transform_full_async", True, **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
@@ -386,8 +389,6 @@ class Buffer(BufferCore, BufferInterface):
             path, one or two with each of its transforms. A loop body that is slower than the changes gets the
             latest one and misses those before it. The iteration ends with the shutdown of the context.
 
-        A transform that does not change costs nothing.
-
         >>> async def follow(buffer):
         ...     async for transform in buffer.changes("map", "base_link"):
         ...         print(transform.header.stamp)
@@ -413,12 +414,12 @@ class Buffer(BufferCore, BufferInterface):
 
     def add_source(self, name: str, silence: "Callable[[bool], str] | None" = None) -> "BufferSource":
         """
-        Say that something other than a listener fills this buffer, such as a connection of the program's own.
+        Register a source that fills this buffer instead of a listener, such as a connection of the program.
 
-        :param name: what errors call it.
-        :param silence: called when an error is made, with whether static transforms matter for it, too.
-            Returns a clause about what has not been received, such as ``nothing has been received on /tf for
-            3 s``, which the error then contains; or ``""``.
+        :param name: the name of the source in error texts.
+        :param silence: a function that an error calls to explain why data is missing. Its argument is True if
+            a static transform may be missing, too. It returns a clause such as ``nothing has been received on
+            /tf for 3 s``, which the error text then contains; or ``""``. None: errors explain nothing.
         :return: a source, whose ``end(reason)`` ends lookups and awaits that still wait, once nothing else
             fills the buffer. The iteration of :meth:`changes` ends, too.
         :raises TypeError: ``name`` is not a str, or ``silence`` cannot be called.

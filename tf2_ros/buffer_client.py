@@ -205,7 +205,7 @@ class GoalSender:
         pending.set_exception(error)
 
     def _forget(self, pending: PendingGoal) -> None:
-        """Take no more steps of a goal; it is cancelled in the server, if it was sent and has no result."""
+        """Take no more steps of a goal; it is canceled in the server, if it was sent and has no result."""
         steps = self._pending.pop(pending, None)
         if steps is not None:
             steps.close()

@@ -229,7 +229,7 @@ class BufferInterface:
         self, target_frame: str, source_frame: str, time: TimeLike, timeout: DurationLike = NO_TIMEOUT
     ) -> TransformStamped:
         """
-        Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
+        Get the pose of ``source_frame`` in ``target_frame``, which converts data from source to target.
 
         A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
         translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
@@ -273,7 +273,7 @@ class BufferInterface:
         """
         Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
 
-        It carries data from the source to the target: a point at p in ``source_frame`` at ``source_time`` is
+        It converts data from the source to the target: a point at p in ``source_frame`` at ``source_time`` is
         at R p + t in ``target_frame`` at ``target_time``, if ``fixed_frame`` does not move in between.
         ``Time()``, which is 0, means the latest time. The default ``timeout`` does not wait.
 
@@ -292,7 +292,7 @@ class BufferInterface:
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
-        carries data from the source to the target. Without ``timeout`` it waits forever.
+        converts data from the source to the target. Without ``timeout`` it waits forever.
 
         :param timeout: how long to wait, in steady time. None: until the context is shut down. The other
             arguments are those of :meth:`lookup_transform`.
@@ -341,14 +341,14 @@ class BufferInterface:
         Return whether :meth:`lookup_transform` would return the pose of ``source_frame`` in ``target_frame``.
         ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
 
-        :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty if the
-            answer is yes. The other arguments are those of :meth:`lookup_transform`.
+        :param return_debug_tuple: return ``(True, "")`` or ``(False, reason)`` instead of a bool. The other
+            arguments are those of :meth:`lookup_transform`.
         :raises TypeError: an argument has the wrong type.
         :raises ValueError: a name contains a NUL character, a time is NaT, or a limit in ``policy`` is
             invalid.
         :raises OverflowError: a time does not fit into a message.
 
-        A frame that is unknown or has no data, or an invalid name, is not an error: the answer is no.
+        A frame that is unknown or has no data, or an invalid name, is not an error: the answer is False.
 
         >>> from tf2_ros import Buffer, Time
         >>> Buffer().can_transform("base_link", "camera", Time())

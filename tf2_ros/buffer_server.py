@@ -65,7 +65,7 @@ class BufferServer:
     :param ns: the name of the action.
     :param check_period: has no effect, and exists because tf2 has it: a waiting goal is answered when its
         transform is inserted.
-    :raises TypeError: ``buffer`` is not a buffer.
+    :raises TypeError: ``buffer`` is not a buffer, or ``node`` is not a node.
 
     A waiting goal does not occupy a thread. A goal whose timeout passes gets ``TIMEOUT_ERROR`` with the
     reason of the last attempt; a goal without a timeout gets the error of its only attempt. The node keeps
@@ -126,7 +126,7 @@ class BufferServer:
         return hidden, name
 
     def destroy(self) -> None:
-        """End the server; waiting goals get no result. May be called again; in a forked child, it is dead."""
+        """End the server; pending goals get no result. Again, or in a forked child, it has no effect."""
         # The action server refers to this, so as long as this refers to it, only the collector frees both.
         server, self._server = self._server, None
         if server is None or is_inherited(self._process):
@@ -182,7 +182,7 @@ class BufferServer:
             handle.canceled()
             # A client that reads only the error must not mistake the empty transform for an answer.
             result.error.error = TF2Error.TRANSFORM_ERROR
-            result.error.error_string = "The goal was cancelled"
+            result.error.error_string = "The goal was canceled"
             return result
         error = lookup.exception()
         if error is None:

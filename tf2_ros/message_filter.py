@@ -199,7 +199,8 @@ class MessageFilter(Generic[_Message]):
         Add a message, from any thread; without effect after :meth:`close`.
 
         :param message: of any type with a ``header``.
-        :raises TypeError: it has no header, or one without a frame and a time.
+        :raises TypeError: ``message`` has no header with ``frame_id`` and ``stamp``.
+        :raises ValueError: the name of its frame contains a NUL character.
         """
         refuse_inherited(self, self._process)
         if self._closed:
@@ -232,6 +233,7 @@ class MessageFilter(Generic[_Message]):
         :param arguments: passed to it after the message.
         :return: the key of the callback in the dictionary ``callbacks``; removing the entry removes the
             callback.
+        :raises TypeError: ``callback`` cannot be called.
         """
         connection = self._connect_callback("registerCallback", callback)
         self.callbacks[connection] = callback, arguments
@@ -262,7 +264,8 @@ class MessageFilter(Generic[_Message]):
         :param callback: ``reason`` is a :class:`FilterFailureReason`.
         :param with_text: call ``callback(message, reason, text, *arguments)``. The text is that of the error
             that a lookup raised when the message was dropped: it names the frames and what they lacked.
-        :return: a number, which no other callback of this filter has.
+        :return: a number that identifies the callback among those of this filter.
+        :raises TypeError: ``callback`` cannot be called.
         """
         connection = self._connect_callback("registerFailureCallback", callback)
         self._calls.failure_callbacks[connection] = callback, arguments, with_text
@@ -274,13 +277,13 @@ class MessageFilter(Generic[_Message]):
         return next(self._connections)
 
     def clear(self) -> None:
-        """Remove the messages that wait, and those for which no callback was called yet."""
+        """Remove the waiting messages, and those whose callbacks were not called yet."""
         refuse_inherited(self, self._process)
         for queued in list(self._calls.waiting):
             queued.cancel()
 
     def close(self) -> None:
-        """Take no more messages, remove those that wait, and end the iterations; may be called again."""
+        """Stop taking messages, remove the waiting ones, and end the iterations; may be called again."""
         if is_inherited(self._process):
             return
         self._closed = True

@@ -72,7 +72,7 @@ def to_matrix(transforms: Message | Pair, *, dtype: npt.DTypeLike = np.float64) 
     :return: shape (4, 4) or (N, 4, 4): ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in meters,
         transformed by ``t``. Where a row of ``rotations`` is NaN, the matrix is.
     :raises TypeError: the type is wrong, or an element is not a number.
-    :raises ValueError: a shape is wrong, or a rotation has no finite length above zero.
+    :raises ValueError: a shape is wrong, or the length of a rotation is zero or not finite.
 
     >>> from tf2_ros.numpy import to_matrix
     >>> to_matrix(([[1.0, 2.0, 3.0]], [[0.0, 0.0, 0.0, 1.0]]))[0, :3, 3]
@@ -156,7 +156,7 @@ def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, 
     :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), meters, and (N, 4), x y z w of
         length one; NaN for a matrix of NaN. Rotations of matrices have w >= 0.
     :raises TypeError: the type is wrong.
-    :raises ValueError: a rotation has no finite length above zero, or a matrix is not a rigid transform.
+    :raises ValueError: the length of a rotation is zero or not finite, or a matrix is not a rigid transform.
 
     >>> import numpy
     >>> from tf2_ros.numpy import to_arrays
@@ -179,7 +179,7 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
     :return: one rotation, or N. A row of NaN becomes a rotation that turns everything into NaN.
     :raises ImportError: SciPy is not installed.
     :raises TypeError: the type is wrong, or an element is not a number.
-    :raises ValueError: the shape is wrong, or a rotation has no finite length above zero.
+    :raises ValueError: the shape is wrong, or the length of a rotation is zero or not finite.
 
     >>> from tf2_ros.numpy import to_rotation
     >>> to_rotation([0.0, 0.0, 1.0, 1.0]).apply([1.0, 0.0, 0.0]).round(6).tolist()  # a quarter turn
@@ -215,7 +215,7 @@ def from_rotation(rotation: Rotation) -> Quaternion:
     """
     quaternion = np.asarray(rotation.as_quat())
     if quaternion.shape != (4,):
-        raise ValueError(f"expected one rotation, got {len(quaternion)}; as_quat() makes an array of them")
+        raise ValueError(f"rotation: expected one, got {len(quaternion)}; as_quat() makes an array of them")
     message = Quaternion()
     _set_quaternion(message, _unit(quaternion))
     return message
@@ -238,8 +238,8 @@ def to_columns(
         ``qx``, ``qy``, ``qz``, ``qw``, float64, of length one. NaN where the rotation is NaN.
     :raises TypeError: the type is wrong, arrays have no times, or messages have times.
     :raises AttributeError: a message has no header.
-    :raises ValueError: shapes are wrong, the numbers of times and transforms differ, or a rotation has no
-        finite length above zero.
+    :raises ValueError: shapes are wrong, the numbers of times and transforms differ, or the length of
+        a rotation is zero or not finite.
 
     >>> from tf2_ros.numpy import to_columns
     >>> list(to_columns(([[1.0, 2.0, 3.0]], [[0.0, 0.0, 0.0, 1.0]]), [1_000_000_000]))
@@ -257,7 +257,10 @@ def to_columns(
         stamps_ns = np.array([time_ns(msg.header.stamp, "header.stamp") for msg in msgs], dtype=np.int64)
         translations, rotations = to_arrays(msgs)
     if rotations.shape != (len(stamps_ns), 4):
-        raise ValueError(f"{len(stamps_ns)} times, but rotations of shape {rotations.shape}")
+        raise ValueError(
+            f"times: expected one for each transform, got {len(stamps_ns)} times and rotations of shape "
+            f"{rotations.shape}"
+        )
     return {
         "stamp_ns": stamps_ns.copy(),
         **{name: translations[:, i].copy() for i, name in enumerate(("x", "y", "z"))},
@@ -281,8 +284,8 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
         same rigid body; the lever arm turns angular into linear uncertainty.
     :return: float64, shape (N, 6, 6): in the axes of the target frame. NaN where the transform is NaN.
     :raises TypeError: the type is wrong, or there are no numbers.
-    :raises ValueError: a shape is wrong, the numbers of covariances and transforms differ, or a rotation has
-        no finite length above zero.
+    :raises ValueError: a shape is wrong, the numbers of covariances and transforms differ, or the length of a
+        rotation is zero or not finite.
 
     A C A^T, where A has the blocks R, [t]x R / 0, R: the adjoint of the transform (R, t). T. D. Barfoot and
     P. T. Furgale, Associating Uncertainty with Three-Dimensional Poses for Use in Estimation Problems, IEEE
@@ -300,7 +303,10 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
     translations, turns = _translations_and_turns(transforms)
     many, others = values.shape[:-2], turns.shape[:-2]
     if many and others and many != others:
-        raise ValueError(f"covariances of shape {values.shape}, but rotations of shape {(*others, 4)}")
+        raise ValueError(
+            f"covariances: expected one for each transform, got the shape {values.shape} for rotations of "
+            f"shape {(*others, 4)}"
+        )
     adjoint = np.zeros((*others, 6, 6))
     adjoint[..., :3, :3] = adjoint[..., 3:, 3:] = turns
     if lever_arm:
@@ -331,7 +337,8 @@ def _arrays(rows: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
     rotations = numbers[:, 3:].copy()
     bad = normalise(rotations)
     if bad >= 0:
-        raise ValueError(f"the rotation of message {bad} must have a finite length above zero")
+        given = rows[bad][3:]
+        raise ValueError(f"the rotation of message {bad} must have a finite, non-zero length, got {given}")
     return numbers[:, :3].copy(), rotations
 
 
@@ -352,7 +359,7 @@ def _floats(values: Any, wanted: str) -> Array:
     try:
         numbers = np.asarray(values)
         if numbers.dtype.kind == "c":
-            raise TypeError("got complex numbers")
+            raise TypeError("complex numbers are not supported")
         floats = numbers.astype(np.float64, copy=False)
     except (TypeError, ValueError) as reason:
         raise TypeError(f"{wanted}: {reason}") from None
@@ -394,7 +401,8 @@ def _unit(rotations: Array) -> Array:
     bad = normalise(units, nan_missing=True)
     if bad >= 0:
         which = _which("rotations", "the rotation", rotations.shape[:-1], bad)
-        raise ValueError(f"{which} must have a finite length above zero")
+        given = rotations.reshape(-1, 4)[bad].tolist()
+        raise ValueError(f"{which} must have a finite, non-zero length, got {given}")
     return units.reshape(rotations.shape)
 
 

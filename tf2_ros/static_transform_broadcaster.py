@@ -60,8 +60,8 @@ class StaticTransformBroadcaster(Broadcaster):
         Send one transform, or several; each replaces what was sent before for its child frame.
 
         :param transform: a ``TransformStamped``, or an iterable of them. Static transforms are valid
-            at all times, regardless of their stamps.
-        :raises AttributeError: ``transform`` is neither.
+            at all times, regardless of their stamps. Translations are in meters, rotations unit quaternions.
+        :raises AttributeError: ``transform`` is neither; the error is also a ``TypeError``.
         :raises TypeError: a name is not a ``str``.
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them.
         :raises RuntimeError: this is a forked child of the process that made the broadcaster.

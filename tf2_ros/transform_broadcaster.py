@@ -105,7 +105,8 @@ class TransformBroadcaster(Broadcaster):
         Send one transform, or several in one message.
 
         :param transform: a ``TransformStamped``, or an iterable of them: translations in meters, rotations as
-            unit quaternions. A receiver takes a stamp of 0 as a time like any other.
+            unit quaternions. A stamp of 0 is the time 0 (1970), not "now": buffers with newer samples of the
+            frame usually refuse it as too old.
         :raises AttributeError: ``transform`` is neither; the error is also a ``TypeError``.
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them; nothing is sent.
         :raises RuntimeError: this is a forked child of the process that made the broadcaster.

@@ -92,6 +92,8 @@ class TransformListener:
     :param recording: a :class:`tf2_ros.records.Recording`, which records the sender and time of each
         transform. Call its ``take`` regularly: it has a limited capacity.
     :raises NotImplementedError: ``recording`` is given, but an executor would take messages, see below.
+    :raises ValueError: ``spin_thread`` is True for a node that an event loop runs, or ``prefix`` contains a
+        NUL character.
 
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
     callbacks block. The executor that spins the node inserts the transforms instead, as in tf2,

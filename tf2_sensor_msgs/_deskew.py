@@ -134,9 +134,9 @@ def deskew(
     if on_missing not in ("raise", "nan"):
         raise ValueError(f"on_missing: expected 'raise' or 'nan', got {on_missing!r}")
     if target_time is not None and fixed_frame is None:
-        raise TypeError("target_time needs a fixed_frame")
+        raise TypeError("target_time needs a fixed_frame, which does not move between the times")
     if times is not None and time_unit is not None:
-        raise TypeError("pass time_unit, the unit of a field, or times, not both")
+        raise TypeError("times and time_unit, the unit of a field in the cloud, are mutually exclusive")
     accepted = policy_of("deskew", True, **policy)
     if accepted is not None and accepted.judges_age:
         raise ValueError("max_age applies only to the latest transform: for points, use tolerance")
@@ -206,7 +206,7 @@ def _read_sweep(
     if times is not None:
         given = as_times_ns(times, accepts_nat=True)
         if len(given) != count:
-            raise ValueError(f"expected one time for each point, got {len(given)} for {count} points")
+            raise ValueError(f"times: expected one for each of {count} points, got {len(given)}")
         first, last, _ = _without_garbage(given, LONGEST_NS)
         return Sweep(None, given, int(first), int(last), LONGEST_NS, count)
     field = find_time_field(cloud, stamp_ns, time_unit)

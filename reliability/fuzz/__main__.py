@@ -76,7 +76,7 @@ def _named(files: set[Path]) -> list[Path]:
     return sorted(names)
 
 
-def minimise(name: str, build: Path, python: str) -> None:
+def minimize(name: str, build: Path, python: str) -> None:
     """Keep in the repository the smallest inputs that reach what the seeds do not."""
     found = [build.parent / folder / name for folder in ("fuzz-corpus", "fuzz-crashes")]
     with tempfile.TemporaryDirectory() as merged, tempfile.TemporaryDirectory() as seeds:
@@ -123,13 +123,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m reliability.fuzz",
         description="Search for inputs that crash this package, or make it answer wrongly. What is found is"
-        " written to .reliability/fuzz-crashes; --minimise adds it to the corpus, which"
+        " written to .reliability/fuzz-crashes; --minimize adds it to the corpus, which"
         " tests/packaging/test_fuzz_corpus.py runs from then on.",
     )
     parser.add_argument("target", nargs="*", help=f"of {', '.join(PACKAGES)}; none: all")
     parser.add_argument("--seconds", type=int, default=600, help="for each (default: %(default)s)")
     parser.add_argument(
-        "--minimise",
+        "--minimize",
         action="store_true",
         help="instead, update the corpus in the repository with what was found",
     )
@@ -141,8 +141,8 @@ def main() -> int:
     build = built()
     lines, failed = [], False
     for name in names:
-        if arguments.minimise:
-            minimise(name, build, sys.executable)
+        if arguments.minimize:
+            minimize(name, build, sys.executable)
             sizes = [len(data) for data in corpus(name).values()]
             lines.append(f"{name}: {len(sizes)} inputs, {sum(sizes)} bytes")
             continue

@@ -107,11 +107,16 @@ def test_one_transform_serves_all_covariances_and_one_covariance_all_transforms(
         (np.eye(3), Transform(), ValueError, r"shape \(N, 6, 6\), got \(3, 3\)"),
         (np.zeros(36), Transform(), ValueError, r"shape \(N, 6, 6\), got \(36,\)"),
         ("no numbers", Transform(), TypeError, "covariances: expected numbers"),
-        (np.eye(6) * 1j, Transform(), TypeError, "covariances: expected numbers: got complex numbers"),
-        (np.zeros((2, 6, 6)), poses(3), ValueError, r"shape \(2, 6, 6\), but rotations of shape \(3, 4\)"),
-        (np.zeros((1, 6, 6)), poses(3), ValueError, r"shape \(1, 6, 6\), but rotations of shape \(3, 4\)"),
+        (
+            np.eye(6) * 1j,
+            Transform(),
+            TypeError,
+            "covariances: expected numbers: complex numbers are",
+        ),
+        (np.zeros((2, 6, 6)), poses(3), ValueError, r"shape \(2, 6, 6\) for rotations of shape \(3, 4\)"),
+        (np.zeros((1, 6, 6)), poses(3), ValueError, r"shape \(1, 6, 6\) for rotations of shape \(3, 4\)"),
         (np.eye(6), np.eye(4), TypeError, "expected a TransformStamped"),
-        (np.eye(6), (np.zeros(3), np.zeros(4)), ValueError, "finite length above zero"),
+        (np.eye(6), (np.zeros(3), np.zeros(4)), ValueError, "finite, non-zero length, got "),
     ],
 )
 def test_wrong_arguments(covariances, transforms, error, text):

@@ -666,7 +666,7 @@ def test_a_time_unit_is_from_1_ns_to_1_hour(buffer, unit):
     cloud, _, times = measured("ouster")
     with pytest.raises(ValueError, match="time_unit: expected 1e-9 to 3600 s, got "):
         deskew(cloud, buffer, "odom", time_unit=unit)
-    with pytest.raises(TypeError, match="pass time_unit, the unit of a field, or times, not both"):
+    with pytest.raises(TypeError, match="times and time_unit, .* are mutually exclusive"):
         deskew(cloud, buffer, "odom", times=times, time_unit=1)
 
 
@@ -708,7 +708,7 @@ def test_a_cloud_without_times_names_its_fields_and_takes_them_as_an_argument(bu
     assert np.array_equal(times, before)
     moved = deskew(cloud, buffer, "lidar", "odom", times=times)
     assert np.array_equal(points_of(moved, points.dtype)["time"], points["time"])
-    with pytest.raises(ValueError, match="got 3 for 4000 points"):
+    with pytest.raises(ValueError, match="expected one for each of 4000 points, got 3"):
         deskew(cloud, buffer, "odom", times=times[:3])
 
 

@@ -51,5 +51,5 @@ def test_what_is_no_transform_is_refused(text):
         text("map")
     m = Transform()
     m.rotation.w = 0.0
-    with pytest.raises(ValueError, match="length above zero"):
+    with pytest.raises(ValueError, match="finite, non-zero length, got"):
         text(m)

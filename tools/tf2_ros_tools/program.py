@@ -92,18 +92,19 @@ class Parser(ArgumentParser):
                 help="put the node into the namespace NS, and use NS/tf and NS/tf_static",
             )
 
-    def add_command(self, name: str, summary: str, example: str) -> "Parser":
+    def add_command(self, name: str, summary: str, example: str, more: str = "") -> "Parser":
         """
         Add a command, which is the first argument of the command line and has its own arguments.
 
         :param summary: what it does, in a sentence without a full stop that begins in lower case.
+        :param more: further paragraphs of its help.
         :return: the parser of its arguments.
         """
         if self._commands is None:
             self._commands = self.add_subparsers(
                 title="commands", metavar="COMMAND", dest="command", required=True
             )
-        text = f"{summary[0].upper()}{summary[1:]}."
+        text = "\n\n".join(filter(None, (f"{summary[0].upper()}{summary[1:]}.", more)))
         made: Parser = self._commands.add_parser(
             name, help=summary, description=text, example=example, node=self._node
         )
@@ -178,7 +179,7 @@ def add_live_option(parser: Parser) -> None:
         "--live",
         metavar="WHERE",
         help="listen to the robot at dds://, zenoh://HOST:7447 or ws://HOST:8765, without ROS 2 on this "
-        "machine",
+        "machine; not together with --namespace, --qos-* or --ros-args",
     )
 
 

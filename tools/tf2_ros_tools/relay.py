@@ -51,7 +51,7 @@ EXAMPLE = "{to: [/remote/tf, /remote/tf_static], frames: [map, base_link], rate:
 
 @dataclass(frozen=True)
 class Threshold:
-    """Only what has moved further is sent: meters, radians; or what was sent ``repeat`` seconds ago."""
+    """Send what has moved by more than this, in meters and radians, or is due after ``repeat`` seconds."""
 
     translation: float
     rotation: float

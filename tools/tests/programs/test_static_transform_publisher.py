@@ -72,7 +72,7 @@ def test_what_a_command_line_asks_for_is_published(line, node, executor, tmp_pat
 @pytest.mark.parametrize("line", ["--frame-id /map --child-frame-id map", "0 0 0 0 0 0 map /map"])
 def test_a_frame_in_itself_is_refused_also_with_a_leading_slash(line):
     options = PARSER.read([NAME, *line.split()])
-    with pytest.raises(UsageError, match="must differ, both are 'map'"):
+    with pytest.raises(UsageError, match="must differ, but both are 'map'"):
         transforms_of(options)
 
 
@@ -91,7 +91,7 @@ def test_a_transform_is_published_under_the_stored_names():
         # As in a buffer, one leading slash is not a part of a name.
         ("{frame_id: c, child_frame_id: /b}", "the frame 'b' has two transforms"),
         ("{frame_id: /b, child_frame_id: /a}", "is its own ancestor"),
-        ("{frame_id: /c, child_frame_id: c}", "frame_id and child_frame_id must differ, both are 'c'"),
+        ("{frame_id: /c, child_frame_id: c}", "frame_id and child_frame_id must differ, but both are 'c'"),
         ("{frame_id: c, child_frame_id: //d}", "'child_frame_id': expected the name of a frame, got '//d'"),
         ("{frame_id: /, child_frame_id: d}", "'frame_id': expected the name of a frame, got '/'"),
     ],

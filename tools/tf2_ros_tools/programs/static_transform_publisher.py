@@ -15,6 +15,8 @@ from tf2_ros_tools.program import SUCCESS, Parser, UsageError, finite_number, ru
 from tf2_ros_tools.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from geometry_msgs.msg import TransformStamped
 
 FRAMES = ("frame_id", "child_frame_id")
@@ -29,10 +31,13 @@ TOLERANCE = 0.01
 
 DESCRIPTION = """\
 Publish the transform from a child frame to its parent on /tf_static, until interrupted. Omitted values \
-default to the identity. Lengths are in meters, angles in radians.
+default to the identity. Lengths are in meters, angles in radians. Give the rotation either as a quaternion \
+(--qx, --qy, --qz, --qw) or as angles (--roll, --pitch, --yaw).
 
 The old form, X Y Z YAW PITCH ROLL FRAME_ID CHILD_FRAME_ID or X Y Z QX QY QZ QW FRAME_ID CHILD_FRAME_ID, \
-also works, with a warning."""
+also works, with a warning.
+
+Exit status: 0 when interrupted, 1 if publishing failed, 2 after wrong usage."""
 
 ENTRY = "{frame_id: base_link, child_frame_id: camera, x: 0.3, yaw: -1.57}"  # of a file
 
@@ -46,6 +51,8 @@ where transforms.yaml uses the names of the options:
 
 # The meaning of the values of the old form, by their number: with Euler angles, or with a quaternion.
 OLD_FORMS = {8: (*TRANSLATION, *reversed(EULER), *FRAMES), 9: (*TRANSLATION, *QUATERNION, *FRAMES)}
+
+COMMAND_LINE = "the command line"  # a label, which errors leave out
 
 
 PARSER = Parser("static_transform_publisher", DESCRIPTION, EXAMPLE)
@@ -84,14 +91,18 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
         if not options.old:
             for name in FRAMES:
                 if name not in given:
-                    raise UsageError(f"--{name.replace('_', '-')} is required, or --file")
-            return [transform_of("the command line", given)]
+                    raise UsageError(f"{_option(name)} is required, or --file")
+            return [transform_of(COMMAND_LINE, given, _option)]
         names = OLD_FORMS.get(len(options.old))
         if names is None:
             raise UsageError(f"expected 8 or 9 values in the old form, got {len(options.old)}")
         return [transform_of("the old form", dict(zip(names, options.old, strict=True)))]
     except ValueError as refusal:
-        raise UsageError(str(refusal)) from None
+        raise UsageError(str(refusal).removeprefix(f"{COMMAND_LINE}: ")) from None
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def _period_of_ros1(values: list[str]) -> str | None:
@@ -184,11 +195,12 @@ def read_file(path: Path) -> list[TransformStamped]:
     return transforms
 
 
-def transform_of(label: str, given: Any) -> TransformStamped:
+def transform_of(label: str, given: Any, spelled: Callable[[str], str] = str) -> TransformStamped:
     """
     Make a transform from a mapping with the names of FRAMES and NUMBERS.
 
     :param label: what it is, for errors.
+    :param spelled: how the user spells a name, for errors.
     :raises ValueError: its contents are wrong.
     """
     from geometry_msgs.msg import TransformStamped
@@ -196,16 +208,17 @@ def transform_of(label: str, given: Any) -> TransformStamped:
     read = read_keys(label, given, KEYS, ENTRY)
     frame, child = (read[name] for name in FRAMES)
     if frame == child:
-        raise ValueError(f"{label}: frame_id and child_frame_id must differ, both are {frame!r}")
+        both = " and ".join(map(spelled, FRAMES))
+        raise ValueError(f"{label}: {both} must differ, but both are {frame!r}")
     rotation = tuple(read.get(name, float(name == "qw")) for name in QUATERNION)
     if read.keys() & set(EULER):
         from tf2_ros_tools.urdf import quaternion_from_rpy
 
         if read.keys() & set(QUATERNION):
-            raise ValueError(f"{label}: expected a quaternion or Euler angles, got both")
+            raise ValueError(f"{label}: quaternion and Euler angles are mutually exclusive")
         rotation = quaternion_from_rpy(*(read.get(name, 0.0) for name in EULER))
     if not 0.0 < hypot(*rotation) < inf:
-        raise ValueError(f"{label}: expected a quaternion with a finite length above 0, got {rotation}")
+        raise ValueError(f"{label}: expected a quaternion of finite, non-zero length, got {rotation}")
     made = TransformStamped(child_frame_id=child)
     made.header.frame_id = frame
     t, q = made.transform.translation, made.transform.rotation

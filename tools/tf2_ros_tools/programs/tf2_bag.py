@@ -60,6 +60,17 @@ EXAMPLE = """\
 S = 1_000_000_000
 RECORDED = "recorded"  # in place of the name of a URDF
 JSON = "print one JSON object"  # the help of an option
+# Further paragraphs of the help of commands.
+KINDS_EXPLAINED = "The page of tf2_check in the documentation explains the kinds of problems."
+TABLE = """\
+The columns are stamp_ns, x, y, z (meters), qx, qy, qz, qw, valid (false without an answer; the numbers are \
+then nan) and gap (seconds between the samples that a pose was interpolated from).
+
+Exit status: 0 on success; 1 if no time has an answer, or the recording cannot be read; 2 after wrong \
+usage."""
+BATCH_STATUS = """\
+Exit status: 0 on success; 1 if a recording could not be read or has no answer at any time; 2 after wrong \
+usage."""
 
 
 def _topics_of(options: Namespace) -> Topics:
@@ -340,9 +351,11 @@ def _parser() -> Parser:
     """Make the command line."""
     made = Parser("tf2_bag", DESCRIPTION, EXAMPLE, node=False)
 
-    def add(name: str, work: Callable[[Namespace], int], summary: str, *examples: str) -> Parser:
+    def add(
+        name: str, work: Callable[[Namespace], int], summary: str, *examples: str, more: str = ""
+    ) -> Parser:
         example = "\n".join(f"  tf2_bag {name} {one}" for one in examples)
-        command = made.add_command(name, summary, example)
+        command = made.add_command(name, summary, example, more)
         command.set_defaults(work=work)
         return command
 
@@ -360,6 +373,7 @@ def _parser() -> Parser:
         "print a line for each problem with the transforms; the exit status is 1 if there are any",
         "drive.mcap --expect robot.yaml",
         "drive.mcap --min-rate 10 --ignore stale",
+        more=KINDS_EXPLAINED,
     )
     _add_recording(command)
     command.add_argument("--json", action="store_true", help=JSON)
@@ -372,12 +386,13 @@ def _parser() -> Parser:
         "drive.mcap map base_link > path.csv",
         "drive.mcap map lidar --at /points -o lidar.tum",
         "drive.mcap map base_link --times 1795210034.5 1795210035",
+        more=TABLE,
     )
     _add_recording(command)
     command.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
     command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
     when = _add_when(command)
-    summary = "look up at these times, in seconds"
+    summary = "look up at these times, in seconds since 1970; 0 is the time 0, not the latest time"
     when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help=summary)
     command.add_argument(
         "--max-gap",
@@ -412,10 +427,11 @@ def _parser() -> Parser:
         "problems; tables that an earlier run completed are skipped",
         "recordings/ --lookup map base_link --rate 10 --out tables",
         "day1/*.mcap --lookup map lidar --at /points --out tables --workers 4",
+        more=BATCH_STATUS,
     )
     summary = "a recording, or a folder that is searched for recordings"
     command.add_argument("recordings", nargs="+", metavar="RECORDING", help=summary)
-    ends, summary = ("TARGET", "SOURCE"), "the pose of SOURCE in TARGET"
+    ends, summary = ("TARGET", "SOURCE"), "write the poses of the frame SOURCE in the frame TARGET"
     command.add_argument("--lookup", nargs=2, metavar=ends, type=_frame, required=True, help=summary)
     _add_when(command)
     command.add_argument("--out", metavar="DIR", required=True, help="the folder for the tables")

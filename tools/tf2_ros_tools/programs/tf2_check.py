@@ -13,6 +13,7 @@ PARSER = Parser(
     "unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
     "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
     "file of expectations.\n\n"
+    "The page of tf2_check in the documentation explains the kinds of problems.\n\n"
     "Exit status: 0 if there are no problems, 1 if there are any, or the check failed; 2 after wrong usage.",
     """\
   tf2_check -t 10 --expect robot.yaml
@@ -27,7 +28,8 @@ PARSER.add_argument(
     type=positive_number,
     metavar="S",
     default=5.0,
-    help="listen for S seconds; 5 by default",
+    help="listen for S seconds; 5 by default; with less, a publisher that is not found yet may look like a "
+    "problem",
 )
 add_check_options(PARSER)
 PARSER.add_argument("--json", action="store_true", help="print the result as one line of JSON")

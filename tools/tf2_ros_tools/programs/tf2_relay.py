@@ -33,8 +33,8 @@ keys of a rule:
   exclude    leave out this frame, or these, with all frames below
   collapse   true: leave out the frames between the chosen ones
   rate       send at most this often, in Hz, from 0.0001 to 1000; 10 by default
-  threshold  {translation: METERS, rotation: RADIANS, repeat: SECONDS}: send a frame only if it has moved
-             further, or every `repeat` seconds, 1 by default
+  threshold  {translation: METERS, rotation: RADIANS, repeat: SECONDS}: send a frame only when it has
+             moved by more than this, and at least every `repeat` seconds (1 by default)
   rename     {OLD: NEW}: new names for frames
   prefix     put this before the names of all other frames
   as         PoseStamped: send the pose of the second of two `frames` in the first one"""

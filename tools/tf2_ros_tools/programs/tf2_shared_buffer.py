@@ -14,7 +14,7 @@ interrupted. Processes whose environment contains TF2_SHARED_BUFFER=auto, or =NA
 of subscribing on their own."""
 
 EXAMPLE = """\
-  tf2_shared_buffer                                      under the name auto: one for each ROS domain
+  tf2_shared_buffer                                      under the name domain-N, where N is the ROS domain
   tf2_shared_buffer --name simulated --cache-time 30 --ros-args -p use_sim_time:=true"""
 
 
@@ -23,7 +23,7 @@ PARSER.add_argument(
     "--name",
     metavar="NAME",
     default="auto",
-    help="name of the shared buffer; by default auto, which stands for the ROS domain",
+    help="name of the shared buffer; by default auto, which stands for domain-N in the ROS domain N",
 )
 PARSER.add_argument(
     "--cache-time",

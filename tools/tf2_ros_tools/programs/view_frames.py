@@ -47,12 +47,18 @@ PARSER.add_argument(
     "-o",
     "--output",
     metavar="NAME",
-    help="write NAME.gv and NAME.pdf; if NAME ends in .pdf, .svg or .png, write that picture",
+    help="write NAME.gv and NAME.pdf; if NAME ends in .pdf, .svg or .png, write that picture; by default "
+    "frames_DATE, with the present date and time",
 )
 PARSER.add_argument("--text", action="store_true", help="print the tree; write files only with -o")
-PARSER.add_argument("--tf_topic", metavar="TOPIC", default="/tf", help="the topic of dynamic transforms")
 PARSER.add_argument(
-    "--tf_static_topic", metavar="TOPIC", default="/tf_static", help="the topic of static transforms"
+    "--tf_topic", metavar="TOPIC", default="/tf", help="the topic of dynamic transforms; /tf by default"
+)
+PARSER.add_argument(
+    "--tf_static_topic",
+    metavar="TOPIC",
+    default="/tf_static",
+    help="the topic of static transforms; /tf_static by default",
 )
 
 

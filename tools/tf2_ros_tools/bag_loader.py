@@ -107,7 +107,7 @@ def wanted(
         raise ValueError("topics: expected at least one topic, got none")
     start_ns, end_ns = _log_time("start", start), _log_time("end", end)
     if start_ns is not None and end_ns is not None and end_ns < start_ns:
-        raise ValueError(f"expected an end after start, got {end_ns} ns after {start_ns} ns")
+        raise ValueError(f"end: expected a time after start ({start_ns} ns), got {end_ns} ns")
     given: Mapping[str, Urdf | None] = urdf if isinstance(urdf, Mapping) else {JOINT_STATES: urdf}
     robots = {topic: _robot(one) for topic, one in given.items() if one is not None}
     posed = dict(poses or {})
@@ -154,9 +154,9 @@ def load(
     :param topics: the names of the topics, or a mapping of their names to prefixes for their frames, for
         example ``{"/robot1/tf": "robot1/"}``. A topic whose last component is ``tf_static`` has static
         transforms.
-    :param start: the log time, at which a message was recorded, of the first dynamic transforms. None: from
-        the beginning. All static transforms are read, whenever they were recorded.
-    :param end: the log time of the last dynamic transforms. None: to the end.
+    :param start: load only dynamic transforms that were recorded at or after this log time. None: from the
+        beginning. All static transforms are loaded, whenever they were recorded.
+    :param end: load only dynamic transforms that were recorded at or before this log time. None: to the end.
     :param poses: also read the poses of these topics as transforms: of type ``nav_msgs/Odometry``,
         ``geometry_msgs/TransformStamped``, ``geometry_msgs/PoseStamped`` or
         ``geometry_msgs/PoseWithCovarianceStamped``. The names are mapped to the parent and the child, for

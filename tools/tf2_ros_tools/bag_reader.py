@@ -473,7 +473,7 @@ class ForeignMcap:
 
             decode = DecoderFactory().decoder_for(foxglove_messages.PROTOBUF, self._schemas[connection.id])
             if decode is None:
-                raise ValueError("the definition of its type is not one of protobuf")
+                raise ValueError("its schema is not a protobuf schema")
             self._decoders[connection.id] = decode
         return self._decoders[connection.id]
 

@@ -57,7 +57,7 @@ def find_recordings(recordings: Recordings) -> list[str]:
     names = [os.fspath(path) for path in paths]
     found = [one for name in names for one in _meant_by(name)]
     if not found:
-        raise FileNotFoundError(errno.ENOENT, "there is no recording", ", ".join(names))
+        raise FileNotFoundError(errno.ENOENT, "no recordings were found in", ", ".join(names))
     return list(dict.fromkeys(map(resolved, found)))
 
 
@@ -121,7 +121,7 @@ class Request:
 
     def __post_init__(self) -> None:
         if self.at is not None and self.rate is not None:
-            raise ValueError("at and rate exclude each other")
+            raise ValueError("at and rate are mutually exclusive")
         if self.rate is not None and not 0.0 < self.rate < np.inf:
             raise ValueError(f"rate: expected a number above 0 Hz, got {self.rate:g}")
         sources = [self.source] if isinstance(self.source, str) else self.source
@@ -131,9 +131,9 @@ class Request:
                 with suppress(LookupException):
                     BufferCore().lookup_transform_core(*ends, 0)
         if not isinstance(self.source, str) and self.at is None:
-            raise ValueError("several frames need a topic with the times, at")
+            raise ValueError("several frames need at, the topic whose stamps are the times")
         if not sources or len(set(sources)) < len(sources):
-            raise ValueError("frames must be one or more different names")
+            raise ValueError(f"frames: expected one or more different names, got {sources!r}")
 
 
 def table_of(recording: str, out: str) -> str:
@@ -320,7 +320,7 @@ def _on_cluster(
     try:
         for future in as_completed(futures, loop=client.loop):
             if future.cancelled():
-                raise ConnectionError("Dask cancelled the work, because the scheduler has ended")
+                raise ConnectionError("Dask canceled the work, because the scheduler has ended")
             recording = recordings[future.key]
             try:
                 found = future.result()
@@ -418,6 +418,8 @@ def map_recordings(
 
     :param recordings: the path of a recording, or of a folder, which is searched with all its subfolders; or
         several of them.
+    :param target: the frame in which the poses are given.
+    :param source: the frame whose pose is looked up; or a list of frames.
     :param out: the folder for the files; it is created if it does not exist.
     :param at: look up at the stamps of the messages of this topic, which begin with a ``std_msgs/Header``.
     :param rate: look up this many times per second. Without ``at`` and ``rate``, the times are the stamps of
@@ -435,15 +437,15 @@ def map_recordings(
         workers do the work. They need this package, and the same folders under the same paths.
     :param progress: whether to show a bar. None: only if standard error is a terminal, after one second.
     :raises FileNotFoundError: the folders contain no recording.
-    :raises ValueError: both ``at`` and ``rate``, or both ``workers`` and ``scheduler``, were given; or a
-        number is too small.
+    :raises ValueError: both ``at`` and ``rate``, or both ``workers`` and ``scheduler``, were given; several
+        frames have no ``at``; ``rate`` is not above 0; or ``workers`` is below 1.
     :raises InvalidArgumentException: a name of a frame is invalid.
     :raises ModuleNotFoundError: a library is not installed, or a worker does not have it.
     """
     source = source if isinstance(source, str) else list(source)
     request = Request(target, source, at, rate, wanted(topics, poses=poses, urdf=urdf))
     if workers is not None and scheduler is not None:
-        raise ValueError("workers and scheduler exclude each other: a scheduler has its own workers")
+        raise ValueError("workers and scheduler are mutually exclusive: a scheduler has its own workers")
     if workers is not None and workers < 1:
         raise ValueError(f"workers: expected at least 1, got {workers}")
     paths = find_recordings(recordings)

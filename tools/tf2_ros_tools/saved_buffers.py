@@ -99,6 +99,8 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
     messages cannot hold is metadata of the file. :func:`load_saved` returns an equal buffer. An existing file
     is replaced when the new one is complete. Attributes of a subclass are not saved.
 
+    :param buffer: a ``BufferCore`` or a ``Buffer``.
+    :param path: the file, usually with the ending ``.mcap``.
     :raises OSError: the file cannot be written; an existing file remains unchanged.
     :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
     """
@@ -130,9 +132,11 @@ def load_saved(path: str | os.PathLike[str], kind: type[BufferCore] = Buffer) ->
 
     :func:`load` reads other recordings.
 
+    :param path: the file.
     :param kind: the class of the buffer, whose ``__init__`` is not called.
     :raises FileNotFoundError, OSError: the file cannot be opened or read.
-    :raises ValueError: it is not an mcap file, not whole, or does not hold a buffer; the text names the file.
+    :raises ValueError: it is not an mcap file, is damaged or truncated, or does not contain a buffer; the
+        text names the file.
     :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
     """
     require("mcap", "bag")
@@ -164,7 +168,7 @@ class _Bounded:
 
     def read(self, size: int) -> bytes:
         if size > self._left:
-            raise ValueError("it is damaged, or not whole: a length goes beyond its end")
+            raise ValueError("it is damaged or truncated: a length field points beyond its end")
         data = self._file.read(size)
         self._left -= len(data)
         return data
@@ -242,7 +246,9 @@ def _read(records: Iterator[Any], scratch: BufferCore) -> dict[str, Any]:
             case "Message" if topics[record.channel_id] in QOS:
                 scratch.set_transforms_cdr(record.data, "", topics[record.channel_id] == STATIC)
     if metadata is None:
-        raise ValueError("it holds no buffer that save() wrote; tf2_ros_tools.bag.load reads recordings")
+        raise ValueError(
+            "it does not contain a buffer written by save(); tf2_ros_tools.bag.load reads recordings"
+        )
     return _with_metadata(scratch.__getstate__(), metadata)
 
 
@@ -250,10 +256,13 @@ def _with_metadata(state: dict[str, Any], metadata: dict[str, str]) -> dict[str,
     as_in_state = state.keys() - NOT_IN_METADATA
     missing = {*as_in_state, "samples", "authorities"} - metadata.keys()
     if missing:
-        raise ValueError(f"its metadata {METADATA} lack {', '.join(sorted(missing))}")
+        raise ValueError(f"its metadata {METADATA} lacks {', '.join(sorted(missing))}")
     kept = {key: json.loads(text) for key, text in metadata.items()}
     if kept["samples"] != len(state["stamps"]):
-        raise ValueError(f"its messages hold {len(state['stamps'])} transforms of {kept['samples']}")
+        listed, found = kept["samples"], len(state["stamps"])
+        raise ValueError(
+            f"it is incomplete: its metadata lists {listed} transforms, its messages contain {found}"
+        )
     if kept["authorities"].keys() != {name for name, *_ in state["frames"]}:
         raise ValueError(f"its metadata {METADATA} and its messages name different frames")
     frames = [

@@ -100,13 +100,13 @@ class Robot:
         :param positions: radians or meters, shape (K,), or (N, K) for N times.
         :return: M joints, their translations in meters, shape (M, 3) or (N, M, 3), and their rotations x y z
             w, shape (M, 4) or (N, M, 4). A position of NaN makes the numbers of its joint NaN.
-        :raises ValueError: the shapes do not fit.
+        :raises ValueError: ``positions`` has another shape.
         """
         values = np.asarray(positions, np.float64)
         joints, compute = _plan(self, tuple(names))
         if values.ndim not in (1, 2) or values.shape[-1] != len(names):
             raise ValueError(
-                f"expected a position for each of {len(names)} names, got the shape {values.shape}"
+                f"positions: expected the shape ({len(names)},) or (N, {len(names)}), got {values.shape}"
             )
         with np.errstate(invalid="ignore", over="ignore"):  # the sine of infinity is NaN
             return [*joints], *compute(values)
@@ -415,5 +415,5 @@ def _numbers(element: ElementTree.Element | None, name: str, where: str, default
 def _unit(axis: Numbers, where: str) -> Numbers:
     length = hypot(*axis)
     if not 0.0 < length < inf:
-        raise UrdfError(f"{where}: its axis has no direction")
+        raise UrdfError(f"{where}: its axis must not be (0, 0, 0)")
     return tuple(one / length for one in axis)

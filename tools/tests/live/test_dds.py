@@ -399,9 +399,12 @@ def test_awaiting_with_asyncio(robot, laptop):
         ("", ": pip install 'tf2-ros-tools[dds]'"),
         (
             "import platform; platform.machine = lambda: 'aarch64'",
-            ", and PyPI has no wheel of it for Linux on aarch64: use another wire",
+            ", and PyPI has no wheel of it for Linux on aarch64: use zenoh:// or ws://",
         ),
-        ("sys.version_info = (3, 14)", ", and PyPI has no wheel of it for Python 3.14: use another wire"),
+        (
+            "sys.version_info = (3, 14)",
+            ", and PyPI has no wheel of it for Python 3.14: use zenoh:// or ws://",
+        ),
     ],
 )
 def test_the_library_is_missing(new_laptop, platform, advice):

@@ -132,7 +132,7 @@ def test_parquet_has_a_column_for_each_number(path, tmp_path):
     ("frames", "how", "error", "said"),
     [
         ("camera", {}, TypeError, r"frames: expected a list of names, got a str: use \['camera'\]"),
-        (["camera", "camera"], {}, ValueError, "frames must be one or more different names"),
+        (["camera", "camera"], {}, ValueError, "frames: expected one or more different names, got "),
         (["camera", "camra"], {}, LookupException, "camra"),
         (["camera"], {"at": "/image"}, bag.BagError, "topic /image: this topic does not exist; the topics"),
         (["camera"], {"relative_to": "mapp"}, LookupException, "mapp"),

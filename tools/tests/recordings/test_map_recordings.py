@@ -279,8 +279,8 @@ def test_paths_are_taken_as_they_are_and_each_once(runs):
 @pytest.mark.parametrize(
     "options, text",
     [
-        ({"at": "/scan", "rate": 1.0}, "at and rate exclude each other"),
-        ({"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, "workers and scheduler exclude each other"),
+        ({"at": "/scan", "rate": 1.0}, "at and rate are mutually exclusive"),
+        ({"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, "workers and scheduler are mutually exclusive"),
         ({"workers": 0}, "workers: expected at least 1, got 0"),
         ({"rate": 0.0}, "rate: expected a number above 0 Hz, got 0"),
         ({"topics": []}, "topics: expected at least one topic, got none"),

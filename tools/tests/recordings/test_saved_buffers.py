@@ -227,14 +227,14 @@ def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
 
 # How metadata and messages are changed, by what is said of that.
 REFUSED = {
-    "holds no buffer that save.. wrote; tf2_ros_tools.bag.load": lambda data, messages: (None, messages),
-    "holds no buffer that save": lambda data, messages: (None, []),
-    "lack samples": lambda data, messages: (data.pop("samples") and data, messages),
+    "not contain a buffer written by save..; tf2_ros_tools.bag.load": lambda data, messages: (None, messages),
+    "not contain a buffer written by save": lambda data, messages: (None, []),
+    "lacks samples": lambda data, messages: (data.pop("samples") and data, messages),
     "Expecting value": with_metadata(cache_time_ns="two"),
-    "messages hold 10 transforms of 11": lambda data, messages: (data, messages[:-1]),
+    "its metadata lists 11 transforms, its messages contain 10": lambda data, messages: (data, messages[:-1]),
     "and its messages name different frames": with_metadata(authorities="{}"),
     "has no attribute 'keys'": with_metadata(authorities="7"),
-    "max_bytes is not an int": with_metadata(max_bytes='"all"'),
+    "max_bytes: expected an int": with_metadata(max_bytes='"all"'),
     "malformed TFMessage: the data ends": lambda data, messages: (
         data,
         [(*messages[0][:2], messages[0][2][:-9])],

@@ -70,9 +70,8 @@ class TestRobot:
     def test_positions_of_another_shape_are_refused(self, names, positions, shape):
         with pytest.raises(ValueError) as refused:
             urdf.load(ARM).transforms(names, positions)
-        assert (
-            str(refused.value) == f"expected a position for each of {len(names)} names, got the shape {shape}"
-        )
+        expected = f"({len(names)},) or (N, {len(names)})"
+        assert str(refused.value) == f"positions: expected the shape {expected}, got {shape}"
 
 
 LINKS = "".join(f'<link name="{name}"/>' for name in "abc")
@@ -123,7 +122,7 @@ def with_more(more):
         ),
         (with_more('<mimic joint="ab" offset="x"/>'), "joint bc: offset: expected a finite number, got 'x'"),
         (with_more('<origin xyz="1 2"/>'), "joint bc: xyz: expected three finite numbers, got '1 2'"),
-        (with_more('<axis xyz="0 0 0"/>'), "joint bc: its axis has no direction"),
+        (with_more('<axis xyz="0 0 0"/>'), "joint bc: its axis must not be (0, 0, 0)"),
     ],
 )
 def test_what_is_not_a_tree_of_joints_is_refused_in_one_sentence(text, said):

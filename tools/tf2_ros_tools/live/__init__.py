@@ -37,16 +37,18 @@ def connect(
 
     :param where: ``dds://``, ``dds://?peers=192.168.0.7`` (or several, with commas), ``zenoh://robot:7447``
         or ``ws://robot:8765``.
-    :param domain: of ROS. None: the environment variable ROS_DOMAIN_ID, or 0.
-    :param buffer: what is filled. None: a new ``Buffer``.
-    :param topic: of dynamic transforms.
-    :param static_topic: of static transforms.
-    :param prefix: is put in front of the names of all frames that arrive, as in ``"robot1/"``.
+    :param domain: the ROS domain, 0 to 232. None: the environment variable ROS_DOMAIN_ID, or 0.
+    :param buffer: the buffer to fill. None: a new ``Buffer``.
+    :param topic: the topic of dynamic transforms.
+    :param static_topic: the topic of static transforms.
+    :param prefix: a text to put in front of the names of all frames that arrive, as in ``"robot1/"``.
     :param recording: records who sent which transform when.
     :return: a feed, which receives until it is closed; its attribute ``buffer`` is the buffer.
-    :raises ValueError: an argument is not what it must be.
+    :raises TypeError: ``prefix`` is not a str.
+    :raises ValueError: the address, the domain or the name of a topic is invalid.
     :raises ConnectionError: the robot cannot be reached; the text says what to do.
-    :raises ModuleNotFoundError: the library of this wire is not installed; the text says how to install it.
+    :raises ModuleNotFoundError: the library for this transport is not installed; the text says how to install
+        it.
     """
     address = parse(where, domain, (topic, static_topic))
     wire = _wire_of(address)
@@ -79,6 +81,8 @@ def _require_cyclonedds() -> None:
     if sys.platform == "linux" and platform.machine() != "x86_64":
         lacking = f"Linux on {platform.machine()}"
     if lacking and find_spec("cyclonedds") is None:
-        text = f"cyclonedds is not installed, and PyPI has no wheel of it for {lacking}: use another wire"
+        text = (
+            f"cyclonedds is not installed, and PyPI has no wheel of it for {lacking}: use zenoh:// or ws://"
+        )
         raise MissingLibraryError(text, name="cyclonedds")
     require("cyclonedds", "dds")

@@ -22,12 +22,13 @@ class Broadcaster:
         """
         Send one transform, or several in one message.
 
-        :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
-            unit quaternions. What every buffer refuses is sent anyway, as in tf2, and the buffer of the feed
-            logs it.
-        :raises TypeError: ``transform`` is neither, or a part of one has the wrong type; nothing is sent.
+        :param transform: a ``TransformStamped``, or an iterable of them: translations in meters, rotations as
+            unit quaternions. Transforms that every buffer refuses are sent anyway, as in tf2, and the buffer
+            of the feed logs them.
+        :raises TypeError: ``transform`` is neither, or a field has the wrong type; nothing is sent.
         :raises ValueError: a name contains a NUL character; nothing is sent.
-        :raises ConnectionError: the feed has ended.
+        :raises OverflowError: a stamp does not fit into a message; nothing is sent.
+        :raises ConnectionError: the feed has ended, or sending failed.
         """
         self._sender.send(serialize_transforms(transform))
 
@@ -49,6 +50,9 @@ class StaticBroadcaster(Broadcaster):
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """
         Send one transform, or several; each replaces what was sent before for its child frame.
+
+        :param transform: a ``TransformStamped``, or an iterable of them. Static transforms are valid at all
+            times, regardless of their stamps.
 
         It raises what :meth:`Broadcaster.sendTransform` raises, and then neither sends nor keeps anything.
         """

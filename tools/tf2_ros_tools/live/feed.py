@@ -54,17 +54,19 @@ class _Topic:
 
 class Feed:
     """
-    Fills a buffer with the transforms of a robot. :func:`connect` makes one with a wire; a program that
-    receives messages in its own way makes one without, and calls :meth:`take` for each.
+    Fills a buffer with the transforms of a robot.
 
-    :param buffer: what it fills. None: a new ``Buffer``.
-    :param name: of the source of the data, in errors.
+    :func:`connect` makes a feed that receives over a transport (DDS, Zenoh or foxglove_bridge). A program
+    that receives messages in another way makes a feed itself, and calls :meth:`take` for each message.
+
+    :param buffer: the buffer to fill. None: a new ``Buffer``.
+    :param name: the name of the source in error texts.
     :param topics: the topic of dynamic transforms and the topic of static transforms.
-    :param prefix: is put in front of the names of all frames that arrive.
-    :param wire: receives messages and publishes them.
+    :param prefix: a text to put in front of the names of all frames that arrive.
+    :param wire: the transport, for :func:`connect`.
     :param recording: records who sent which transform when.
     :raises TypeError: ``prefix`` is not a str.
-    :raises ConnectionError: the wire receives nothing; the text says what to do.
+    :raises ConnectionError: the transport cannot receive; the text says what to do.
 
     The attribute ``buffer`` is the buffer. In a ``with`` statement the feed closes at the end.
     """
@@ -167,18 +169,18 @@ class Feed:
 
     @property
     def topics(self) -> dict[str, Heard]:
-        """What was received on each topic, by its name."""
+        """What was received on each topic: a :class:`Heard` by the name of the topic."""
         with self._lock:
             return {topic.name: topic.heard() for topic in self._topics}
 
     @property
     def clock_offset(self) -> float | None:
         """
-        The clock of this machine minus the clock of the robot, in seconds: the smallest time from sending to
-        receiving in the last minute, with the delay of the network. None: not known.
+        The clock of this machine minus the robot's, in seconds, including the network delay: the shortest
+        time from sending to reception in the last minute. None if unknown.
 
-        Ages are wrong by as much: those of ``max_age``, which compare stamps of the robot with the clock of
-        this machine.
+        Ages, as for ``max_age``, are off by this amount, because they compare stamps of the robot with the
+        clock of this machine.
         """
         oldest = time.monotonic_ns() // PERIOD_NS - PERIODS
         with self._lock:
@@ -186,7 +188,7 @@ class Feed:
         return min(delays) / S if delays else None
 
     def publishers(self) -> list[Publisher]:
-        """Who publishes on the topics. Without a wire, the list is empty."""
+        """The publishers on the two topics; an empty list for a feed that :func:`connect` did not make."""
         self._refuse_fork()
         return [] if self._wire is None else self._wire.publishers()
 
@@ -194,8 +196,8 @@ class Feed:
         """
         Wait until a message was received on each of the two topics.
 
-        :raises TimeoutError: this took too long; the text says on which topic nothing was received, and, as
-            far as the wire knows, why.
+        :param seconds: how long to wait.
+        :raises TimeoutError: nothing was received on a topic; the text says on which one, and why, if known.
         :raises ConnectionError: the feed has ended.
         :raises RuntimeError: this is a forked child of the process that made the feed.
         """
@@ -208,7 +210,7 @@ class Feed:
 
     def why_silent(self, seconds: float) -> str:
         """
-        Say on which of the two topics nothing was received, and, as far as the wire knows, why.
+        Say on which of the two topics nothing was received, and why if that is known.
 
         :param seconds: how long this program has listened, for the text.
         :return: a text; ``""`` if a message was received on both.
@@ -224,7 +226,8 @@ class Feed:
 
         The first call makes it. Listeners receive what is sent after they have found it.
 
-        :raises ConnectionError: the wire cannot send, or the feed has no wire or has ended.
+        :raises ConnectionError: the feed only receives, as over foxglove_bridge or with :meth:`take`, or has
+            ended.
         :raises RuntimeError: this is a forked child of the process that made the feed.
         """
         self._require_open()
@@ -343,7 +346,7 @@ class Feed:
 
     def _sender(self, is_static: bool) -> Sender:
         if self._wire is None:
-            raise ConnectionError(f"{self._name} only receives: it was made without a wire")
+            raise ConnectionError(f"{self._name} only receives; to send, use a feed that connect() has made")
         return _Echo(self, self._wire.sender(self._topics[is_static].name, is_static), is_static)
 
     def _require_open(self) -> None:
@@ -353,7 +356,7 @@ class Feed:
 
     def _refuse_fork(self) -> None:
         if self._process != os.getpid():
-            text = "this feed is dead in this forked process: make another one in the process that uses it"
+            text = "this feed belongs to the parent process: create a new one after the fork"
             raise RuntimeError(text)
 
 

@@ -117,7 +117,7 @@ def parse(where: str, domain: int | None, topics: tuple[str, str]) -> Address:
     """
     Take apart what ``connect`` was given.
 
-    :raises ValueError: a part is not what it must be.
+    :raises ValueError: the address, the domain or the name of a topic is invalid.
     """
     try:
         parts = urlsplit(where)
@@ -126,7 +126,7 @@ def parse(where: str, domain: int | None, topics: tuple[str, str]) -> Address:
         raise ValueError(f"expected an address such as {EXAMPLES}, got {where!r}: {error}") from None
     names = tuple(_topic(name) for name in topics)
     if names[0] == names[1]:
-        raise ValueError(f"topic and static_topic are both {names[0]}")
+        raise ValueError(f"topic and static_topic must differ, but both are {names[0]!r}")
     return Address(
         where,
         parts.scheme,
@@ -156,7 +156,7 @@ def _domain(domain: int | None) -> int:
     if domain is None:
         text = os.environ.get("ROS_DOMAIN_ID") or "0"
         if not text.isdecimal():
-            raise ValueError(f"ROS_DOMAIN_ID: expected a number, got {text!r}")
+            raise ValueError(f"ROS_DOMAIN_ID: expected a number from 0 to 232, got {text!r}")
         domain = int(text)
     if not isinstance(domain, int) or not 0 <= domain <= 232:
         raise ValueError(f"domain: expected a number from 0 to 232, got {domain!r}")

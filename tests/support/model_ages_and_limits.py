@@ -212,13 +212,13 @@ class Policies:
         for argument, limits in (("tolerance", policy.tolerance), ("max_age", policy.max_age)):
             for name, _ in limits if isinstance(limits, tuple) else ():
                 if name not in self.names:
-                    try:
-                        self._check_name(f"lookupTransform argument {argument}", name)
-                    except ModelError as error:
-                        text = error.texts[0]
-                        if "does not exist" not in text:
-                            text += self._unknown()
-                        raise ModelError("ValueError", text) from None
+                    text = f"{argument} has a limit for [{name}], which does not exist"
+                    if name == "" or name.startswith("/"):
+                        try:
+                            self._check_name(f"lookupTransform argument {argument}", name)
+                        except ModelError as error:
+                            text = error.texts[0]
+                    raise ModelError("ValueError", text + self._unknown())
                 elif name not in self.frames:
                     raise ModelError("ValueError", self._of_root(argument, name, target, source))
 

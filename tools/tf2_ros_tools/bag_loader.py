@@ -181,7 +181,9 @@ def load(
     :raises UrdfError: see :func:`tf2_ros_tools.urdf.load`.
     :raises OSError: the file in ``cache`` cannot be written.
     :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
-    :raises TypeError, ValueError: ``topics``, ``start`` or ``end`` are not as described.
+    :raises TypeError: ``topics`` is a str, ``start`` or ``end`` is not a time, or a value in ``poses`` is not
+        a pair.
+    :raises ValueError: ``topics`` is empty, or ``end`` is before ``start``.
 
     The recording need not have all of the topics, and a topic may be empty. Transforms that a buffer refuses,
     such as those with NaN, are logged. Reading a recording warns of messages that are left out, which are
@@ -307,7 +309,7 @@ def _described(recorded: Recorded, states: str) -> Robot:
     _check_type(recorded, topic, STRING)
     raws = [raw for _, _, raw in recorded.checked(recorded.raw([topic]))]
     if not raws:
-        raise BagError(f"{where}: it is empty; pass the path of a URDF")
+        raise BagError(f"{where}: it has no messages; pass the path of a URDF")
     try:
         message: Any = typestore().deserialize_cdr(raws[-1], STRING)
         return parse(message.data)
@@ -408,6 +410,10 @@ def transforms(
     """
     Read the transforms of a recording one by one, in constant memory.
 
+    :param path: see :func:`load`.
+    :param topics: see :func:`load`.
+    :param start: see :func:`load`.
+    :param end: see :func:`load`.
     :return: an iterator over ``(log time in ns, whether it is static, TransformStamped)``. Without ROS, the
         last is an object with the same fields.
 
@@ -433,9 +439,10 @@ def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
     """
     Read the stamps of all messages of a topic, for lookups at these times.
 
+    :param path: the recording, see :func:`load`.
     :param topic: a topic of any type whose messages begin with a ``std_msgs/Header``, or a type of Foxglove
         with a ``timestamp``.
-    :return: nanoseconds, shape (N,), in the order of the recording.
+    :return: int64, shape (N,), nanoseconds, in the order of the recording.
     :raises FileNotFoundError, ModuleNotFoundError: see :func:`load`.
     :raises BagError: the recording is broken, does not have the topic, or its messages have no header.
     """

@@ -85,7 +85,14 @@ class Dataset:
         return (self[row] for row in range(len(self)))
 
     def where(self, mask: ArrayLike) -> Dataset:
-        """Get the rows for which a mask of bools, shape (N,), is true."""
+        """
+        Get the rows for which a mask is true.
+
+        :param mask: bools, shape (N,).
+        :return: a new data set.
+        :raises TypeError: ``mask`` does not consist of bools.
+        :raises IndexError: ``mask`` has another shape.
+        """
         chosen = np.asarray(mask).astype(np.bool_, casting="no")  # not indices
         return replace(self, **{name: getattr(self, name)[chosen] for name in ROWS})
 
@@ -95,6 +102,9 @@ class Dataset:
 
         It has the columns ``file``, ``episode_index``, ``frame_index``, ``timestamp`` and ``stamp_ns``, and
         ``<frame>.x`` to ``<frame>.qw``, ``<frame>.valid`` and ``<frame>.gap`` for each frame.
+
+        :param path: the file.
+        :raises OSError: the file cannot be written; an existing file remains unchanged.
         """
         import pyarrow
         from pyarrow import parquet
@@ -165,7 +175,7 @@ def dataset(
         raise TypeError(f"frames: expected a list of names, got a str: use [{frames!r}]")
     names = list(frames)
     if out is None and (workers is not None or scheduler is not None):
-        raise ValueError("workers and scheduler need out, a folder for the tables")
+        raise ValueError("workers and scheduler need out, the folder for the tables")
     require("pyarrow", "fleet")
     import pyarrow
     from pyarrow import parquet

@@ -86,6 +86,8 @@ def save(buffer: BufferCore, path: str | os.PathLike[str], **how: Any) -> None:
     """
     Write a buffer to a recording of rerun, which ``rerun FILE.rrd`` opens.
 
+    :param buffer: the frames and samples.
+    :param path: the file, usually with the ending ``.rrd``.
     :param how: further arguments of :func:`log`, for example ``axes=0.1``.
     :raises OSError: the file cannot be written; an existing file remains unchanged.
 
@@ -101,6 +103,7 @@ def view(buffer: BufferCore, **how: Any) -> None:
     """
     Show a buffer in the viewer of rerun until the viewer is closed.
 
+    :param buffer: the frames and samples.
     :param how: further arguments of :func:`log`.
     :raises ViewerError: the viewer did not open, for example without a screen, which :func:`save` does not
         need.

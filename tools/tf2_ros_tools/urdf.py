@@ -50,9 +50,9 @@ class Joint:
     :param type: fixed, revolute, continuous or prismatic.
     :param parent: the frame of its parent link, with the prefix.
     :param child: the frame of its child link, which is also the frame of the joint.
-    :param translation: of the joint at position 0 in its parent, meters.
-    :param rotation: of the joint at position 0 in its parent, a quaternion x y z w.
-    :param axis: in the frame of the joint, of length one.
+    :param translation: x y z of the child in the parent at position 0, meters.
+    :param rotation: the rotation of the child in the parent at position 0, a quaternion x y z w.
+    :param axis: the axis of motion in the frame of the joint, a vector of length one.
     :param mimic: the joint that this one follows, the multiplier and the offset; or None. If there is no such
         joint, this one moves only by its own position.
     """
@@ -195,8 +195,9 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     expanded, unless joints or links may be missing for that reason.
 
     :param source: the path of a file, or the text itself, whose first character is ``<``.
-    :param prefix: is put in front of the names of all frames, for several robots. One leading ``/`` of a
-        link, and of the resulting name, is removed, as a buffer does.
+    :param prefix: a text to put in front of the names of all frames, for several robots. One leading ``/`` of
+        a link, and of the resulting name, is removed, as a buffer does.
+    :return: the robot.
     :raises FileNotFoundError: the file does not exist.
     :raises UrdfError: it is not a URDF, or does not describe a tree.
     """

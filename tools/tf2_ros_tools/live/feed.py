@@ -29,9 +29,9 @@ class Heard:
     """
     What a feed has received on a topic.
 
-    Fields: ``count``, the number of messages; ``lost``, how many more were lost, or None if the wire does not
-    count losses; ``malformed``, how many more could not be read; ``last``, the seconds since the last
-    message, or None if there was none.
+    Fields: ``count``, the number of messages; ``lost``, how many more were lost, or None if the transport
+    does not count losses; ``malformed``, how many more could not be read; ``last``, the seconds since the
+    last message, or None if there was none.
     """
 
     count: int

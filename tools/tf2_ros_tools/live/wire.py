@@ -25,9 +25,9 @@ class Publisher(NamedTuple):
     """
     Who publishes on a topic.
 
-    Fields: ``topic``; ``node``, its name with its namespace, or ``""`` if it is not known; ``detail``, what
-    else the wire knows of the publisher, such as its quality of service; ``id``, what `take` calls it while
-    its node is not known.
+    Fields: ``topic``; ``node``, the name of the node with its namespace, or ``""`` if it is not known;
+    ``detail``, further facts, such as the quality of service; ``id``, the name of the publisher in listings
+    and log lines while its node is not known.
     """
 
     topic: str

@@ -482,7 +482,7 @@ class Buffer(BufferCore, BufferInterface):
                     return now_ns, False, False
         except InvalidHandle:  # an AsyncNode has ended, and its clock with it
             return time.time_ns(), True, False
-        if type(clock).now is Clock.now and not is_simulated(clock):
+        if getattr(type(clock), "now", None) is Clock.now and not is_simulated(clock):
             return now_ns, not is_steady(clock), False
         # A clock that the program has assigned may say anything, and reports no jumps here.
         if self._tf2_shown_ns == shown_ns or now_ns > self._tf2_shown_ns > shown_ns:

@@ -6,7 +6,9 @@ import gc
 import pickle
 import threading
 import time
+import types
 import weakref
+from unittest import mock
 
 import pytest
 
@@ -299,6 +301,21 @@ class TestClocks:
             buffer.ages("map", "base")
         insert(buffer, 97 * S)
         assert buffer.ages("map", "base") == {"base": 1.0}
+
+    @pytest.mark.parametrize(
+        "new_clock",
+        [
+            lambda: types.SimpleNamespace(now=lambda: 100 * S),
+            lambda: mock.Mock(now=lambda: 100 * S),
+            lambda: type("Class", (), {"now": classmethod(lambda _: 100 * S)}),
+            lambda: type("Proxy", (), {"__getattr__": lambda _, name: lambda: 100 * S})(),
+        ],
+    )
+    def test_it_may_be_any_object_that_has_now(self, buffer, new_clock):
+        buffer.clock = new_clock()
+        insert(buffer, 99 * S)
+        assert buffer.ages("map", "base") == {"base": 1.0}
+        assert not buffer.can_transform("map", "base", 0, max_age=0.5)
 
     def test_a_clock_may_begin_below_0(self, buffer):
         insert(buffer, 1 * S)

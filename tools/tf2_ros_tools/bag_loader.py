@@ -110,6 +110,8 @@ def wanted(
         raise ValueError(f"end: expected a time after start ({start_ns} ns), got {end_ns} ns")
     given: Mapping[str, Urdf | None] = urdf if isinstance(urdf, Mapping) else {JOINT_STATES: urdf}
     robots = {topic: _robot(one) for topic, one in given.items() if one is not None}
+    if not isinstance(poses or {}, Mapping):
+        raise TypeError(f"poses: expected a dict of topics and frames, got {type(poses).__name__}")
     posed = dict(poses or {})
     for topic, frames in posed.items():
         if frames is not None and (isinstance(frames, str) or len(frames) != 2):

@@ -112,7 +112,7 @@ guard: $(VENV)/installed.stamp
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
 endure fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(MAKE) -C tools installed-all
-	$(PY) -m reliability.$@ $(OPTIONS)
+	$(PY) -m reliability.$(if $(filter endure,$@),tests_under_load,$@) $(OPTIONS)
 
 stress: $(VENV)/installed.stamp
 	$(PY) -m reliability.stress $(if $(MINUTES),--minutes $(MINUTES)) $(OPTIONS)
@@ -128,7 +128,7 @@ cross: $(VENV)/dev.stamp
 	$(PY) -m release.cross_compile $(OPTIONS)
 
 releases: $(VENV)/dev.stamp
-	$(PY) -m release.rclpy_overlays $(OPTIONS)
+	$(PY) -m release.rclpy_release_tests $(OPTIONS)
 
 oldest: $(VENV)/dev.stamp
 	$(PY) -m release.wheels --oldest $(OPTIONS)

@@ -24,7 +24,7 @@ from bench import report
 from bench.libraries import FETCHED, OURS, PROGRAMS, ROOT, Library, last_line, libraries
 from bench.result_rows import Rows
 from bench.run_sizes import FULL, QUICK
-from release.interpreters import environment_of_children
+from release.child_environment import environment_of_children
 
 RESULTS = Path(__file__).resolve().parent / "results"
 DOMAIN = 60 + os.getpid() % 40  # one that hardly anyone else on this machine uses
@@ -63,8 +63,8 @@ SECTIONS = {
     "nodes": Section(
         "many_nodes.many", (OURS,), ["one", "listening", "attached", "looking", "idle"], rounds=3
     ),
-    "frozen": Section("frozen.frozen", (OURS, "tf_tree"), rounds=3),
-    "frozen:workers": Section("frozen.workers", (OURS, "tf_tree"), rounds=3),
+    "frozen": Section("frozen_files.frozen", (OURS, "tf_tree"), rounds=3),
+    "frozen:workers": Section("frozen_files.workers", (OURS, "tf_tree"), rounds=3),
 }
 
 
@@ -96,7 +96,7 @@ class Run:
     def _run(self, name: str, function: str, who: str, variant: str) -> str | None:
         """Measure one of them for one round; what went wrong, if something did."""
         library = self.libraries[who]
-        command = [library.python, str(PROGRAMS / "measured_library.py"), who, function]
+        command = [library.python, str(PROGRAMS / "measure.py"), who, function]
         command += [json.dumps(self.sizes), str(self._out), *([variant] if variant else [])]
         environment = _environment() | library.environment
         try:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.libraries import PROGRAMS, last_line, ours
-from release.interpreters import environment_of_children
+from release.child_environment import environment_of_children
 
 BASELINE = Path(__file__).resolve().parent / "instruction_baseline.json"
 REFERENCE = "reference"

@@ -12,8 +12,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from release import debian_packages
-from release.interpreters import environment_of_children, interpreters
+from release import unpacking_debs
+from release.child_environment import environment_of_children
+from release.interpreters import interpreters
 
 ROOT = Path(__file__).resolve().parents[1]
 FETCHED = ROOT / ".bench"
@@ -110,7 +111,7 @@ def _of_ros2() -> Iterator[Library]:
 
 def _from_debian() -> Iterator[Library]:
     folder = FETCHED / "debian"
-    root = debian_packages.unpack(folder, DEBIAN_PACKAGES)
+    root = unpacking_debs.unpack(folder, DEBIAN_PACKAGES)
     (binaries,) = {path.parent for path in root.glob("usr/lib/*/libtf2.so")}
     (tf2,) = folder.glob("archives/libtf2-2d_*.deb")
     version = tf2.name.split("_")[1].split("-")[0]

@@ -11,10 +11,10 @@ ROOT = Path(__file__).resolve().parent
 # setuptools runs this file without its folder on the path.
 sys.path.insert(0, str(ROOT))
 
-from backend import build_command, build_tf2_msgs, target_ros  # noqa: E402
+from backend import build_command, build_tf2_msgs, ros_to_build_for  # noqa: E402
 
 PACKAGE = ROOT / "src" / build_tf2_msgs.NAME
-RELEASE = target_ros.release()
+RELEASE = ros_to_build_for.release()
 VERSION = re.search(r"<version>([\d.]+)</version>", (PACKAGE / "package.xml").read_text(encoding="utf-8"))
 
 
@@ -36,7 +36,7 @@ setup(
     license="BSD-3-Clause",
     license_files=["LICENSE"],
     python_requires=">=3.10",
-    install_requires=["numpy>=1.21", *target_ros.ros_wheels()],
+    install_requires=["numpy>=1.21", *ros_to_build_for.ros_wheels()],
     # A folder below: started in this one, Python finds the installed package and not the sources.
     package_dir={"": "src"},
     packages=[build_tf2_msgs.NAME],

@@ -21,7 +21,7 @@ from Cython.Build import cythonize
 
 from build_backend import extensions
 
-from . import debian_packages
+from . import unpacking_debs
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / ".cross"
@@ -135,10 +135,10 @@ def _zig(name):
 
 
 def _debian(name):
-    target = debian_packages.unpack(
+    target = unpacking_debs.unpack(
         FOLDER / "debian-arm64", ["python3", "libpython3-dev", "libstdc++6"], "arm64"
     )
-    here = debian_packages.unpack(
+    here = unpacking_debs.unpack(
         FOLDER / "debian-amd64", ["gcc-aarch64-linux-gnu", "qemu-user-static"], "amd64"
     )
     compiler = [str(here / "usr/bin/aarch64-linux-gnu-gcc"), f"--sysroot={target}", "-pthread"]

@@ -1,6 +1,5 @@
-"""Find the interpreters for which wheels are built, and give another Python a clean environment."""
+"""Find the interpreters for which wheels are built."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -17,19 +16,6 @@ def interpreters(paths=()):
     """
     found = {version: _find(version) for version in VERSIONS}
     return found | {_version_of(path): str(Path(path).absolute()) for path in paths}
-
-
-def environment_of_children(**variables):
-    """
-    This environment with these variables, for another Python.
-
-    A Python that has the ROS wheels leaves a mark and its own library path to its children. One of another
-    environment would take the mark for its own and not find its libraries.
-    """
-    environment = {**os.environ, **variables}
-    if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
-        environment.pop("LD_LIBRARY_PATH", None)
-    return environment
 
 
 def _find(version):

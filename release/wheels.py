@@ -15,7 +15,8 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from release.interpreters import environment_of_children, interpreters
+from release.child_environment import environment_of_children
+from release.interpreters import interpreters
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 
-from release.interpreters import environment_of_children
+from release.child_environment import environment_of_children
 from reliability.flagged_builds import ROOT
 from reliability.stress_readers import Reader
 from reliability.stress_truth import (

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from setuptools import build_meta
 
-from . import target_ros
+from . import ros_to_build_for
 
 __all__ = [
     "build_editable",
@@ -21,7 +21,7 @@ __all__ = [
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     """Generate, compile, pack; anew, for setuptools takes what another release left in its folder."""
-    target_ros.choose(config_settings)
+    ros_to_build_for.choose(config_settings)
     for left in Path("build").glob("[lt]*"):
         shutil.rmtree(left)
     return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
@@ -29,22 +29,22 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
 
 def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
     """Build in place."""
-    target_ros.choose(config_settings)
+    ros_to_build_for.choose(config_settings)
     return build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
 
 
 def build_sdist(sdist_directory, config_settings=None):
     """The sources for one release, whose name they have."""
-    target_ros.choose(config_settings)
+    ros_to_build_for.choose(config_settings)
     return build_meta.build_sdist(sdist_directory, config_settings)
 
 
 def get_requires_for_build_wheel(config_settings=None):
     """The wheels of that release."""
-    target_ros.choose(config_settings)
-    target_ros.refuse_sourced()
-    target_ros.refuse_incomplete()
-    return build_meta.get_requires_for_build_wheel(config_settings) + target_ros.ros_wheels()
+    ros_to_build_for.choose(config_settings)
+    ros_to_build_for.refuse_sourced()
+    ros_to_build_for.refuse_incomplete()
+    return build_meta.get_requires_for_build_wheel(config_settings) + ros_to_build_for.ros_wheels()
 
 
 def get_requires_for_build_editable(config_settings=None):
@@ -54,17 +54,17 @@ def get_requires_for_build_editable(config_settings=None):
 
 def get_requires_for_build_sdist(config_settings=None):
     """Nothing but setuptools."""
-    target_ros.choose(config_settings)
+    ros_to_build_for.choose(config_settings)
     return build_meta.get_requires_for_build_sdist(config_settings)
 
 
 def prepare_metadata_for_build_wheel(metadata_directory, config_settings=None):
     """Metadata without a build: the name is that of the release."""
-    target_ros.choose(config_settings)
+    ros_to_build_for.choose(config_settings)
     return build_meta.prepare_metadata_for_build_wheel(metadata_directory, config_settings)
 
 
 def prepare_metadata_for_build_editable(metadata_directory, config_settings=None):
     """The same for an editable install."""
-    target_ros.choose(config_settings)
+    ros_to_build_for.choose(config_settings)
     return build_meta.prepare_metadata_for_build_editable(metadata_directory, config_settings)

@@ -5,19 +5,19 @@ from pathlib import Path
 
 from setuptools.command.build_ext import build_ext
 
-from . import build_tf2_msgs, target_ros
+from . import build_tf2_msgs, ros_to_build_for
 
 
 class BuildMessages(build_ext):
     """Makes what the one extension and the generated Python need, where it is not there yet."""
 
     def run(self):
-        target_ros.refuse_incomplete()
+        ros_to_build_for.refuse_incomplete()
         # An in-place build keeps its folders, so that the next one makes only what has changed; an editable
         # install would give it new ones every time.
         if self.inplace:
             # What was compiled for one release must not be taken for another's.
-            folder = Path("build", "inplace", target_ros.release())
+            folder = Path("build", "inplace", ros_to_build_for.release())
             self.build_lib, self.build_temp = str(folder / "lib"), str(folder / "temp")
             folder.mkdir(parents=True, exist_ok=True)
             # Two builds of one checkout would write into each other's files; the end of the process lets go.

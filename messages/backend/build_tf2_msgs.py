@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy
 from setuptools import Extension
 
-from . import interface_generation, target_ros
+from . import interface_generation, ros_to_build_for
 
 NAME = "tf2_msgs"
 _NOTE = "_release.py"
@@ -78,7 +78,7 @@ def is_current(ext, extension_path):
 def generate(ext, folder):
     """Generate all sources into ``folder``, and note in ``ext`` what it is compiled from."""
     shutil.rmtree(folder, ignore_errors=True)
-    prefix = target_ros.ros_prefix()
+    prefix = ros_to_build_for.ros_prefix()
     interface_generation.generate(NAME, ext.source, folder.resolve(), _INTERFACE_PACKAGES, prefix)
     ext.generated = folder
     ext.sources = _sources(folder / "rosidl_generator_py") + _sources(folder / "rosidl_typesupport_c")
@@ -143,8 +143,8 @@ def copy_made(source, target, copy_file):
 def _note():
     # For the check, when a program runs, that it uses the libraries on which this was built.
     return (
-        f'"""Written by the build."""\n\nRELEASE = {target_ros.release()!r}\n'
-        f"TYPE_SUPPORT = {target_ros.type_support()!r}\n"
+        f'"""Written by the build."""\n\nRELEASE = {ros_to_build_for.release()!r}\n'
+        f"TYPE_SUPPORT = {ros_to_build_for.type_support()!r}\n"
     )
 
 

@@ -5,7 +5,7 @@ import json
 import tempfile
 from pathlib import Path
 
-from . import target_ros
+from . import ros_to_build_for
 
 KINDS = ("msg", "srv", "action")
 
@@ -47,7 +47,9 @@ def generate(package, source, output, dependencies, prefix):
         "ros_interface_files": [str(source / file) for file in files],
         "ros_interface_dependencies": [],
         "target_dependencies": [],
-        "include_paths": [f"{name}:{target_ros.share_directory(name, prefix)}" for name in dependencies],
+        "include_paths": [
+            f"{name}:{ros_to_build_for.share_directory(name, prefix)}" for name in dependencies
+        ],
         "type_description_tuples": [
             f"{file.with_suffix('.idl').as_posix()}:{descriptions / file.with_suffix('.json')}"
             for file in files
@@ -56,7 +58,7 @@ def generate(package, source, output, dependencies, prefix):
     # First, for the others write the type hashes that it computes into what they generate.
     _run("rosidl_generator_type_description", "generate_type_hash", [], arguments, descriptions)
     for generator, (function, *extra) in GENERATORS.items():
-        templates = target_ros.share_directory(generator, prefix) / "resource"
+        templates = ros_to_build_for.share_directory(generator, prefix) / "resource"
         folder = output / generator / package
         for kind in KINDS:
             (folder / kind).mkdir(parents=True, exist_ok=True)

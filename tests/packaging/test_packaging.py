@@ -21,7 +21,7 @@ from tf2_ros_cython import which
 
 # By their places and not by the path: that must not make the checkout's packages importable.
 environment = backend_at(ROOT / "build_backend", "build_backend").required_tools
-messages = backend_at(ROOT / "messages" / "backend", "messages_backend").target_ros
+messages = backend_at(ROOT / "messages" / "backend", "messages_backend").ros_to_build_for
 MESSAGES_METADATA = "backend.prepare_metadata_for_build_wheel"
 
 

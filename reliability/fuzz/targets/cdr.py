@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
-from reliability.fuzz.fault_checks import Fault, holds_the_same
+from reliability.fuzz.buffer_checks import Fault, holds_the_same
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._tf2_py import serialize_as_ros

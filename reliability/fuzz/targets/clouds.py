@@ -9,7 +9,7 @@ import numpy as np
 from geometry_msgs.msg import Transform
 from sensor_msgs.msg import PointCloud2, PointField
 
-from reliability.fuzz.fault_checks import Fault
+from reliability.fuzz.buffer_checks import Fault
 from reliability.fuzz.fuzzer_input import Input
 from tf2_sensor_msgs import do_transform_cloud
 from tf2_sensor_msgs._errors import FieldError, SizeError

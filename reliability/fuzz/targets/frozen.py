@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from reliability.fuzz.fault_checks import answers
+from reliability.fuzz.buffer_checks import answers
 from reliability.fuzz.targets import ROOT, cdr
 from tf2_py import BufferCore
 

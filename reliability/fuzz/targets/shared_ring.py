@@ -6,7 +6,7 @@ import struct
 from collections.abc import Iterator
 from unittest.mock import patch
 
-from reliability.fuzz.fault_checks import answers, ask
+from reliability.fuzz.buffer_checks import answers, ask
 from reliability.fuzz.fuzzer_input import Input
 from reliability.fuzz.targets import cdr
 from tf2_ros import Buffer, SharedBufferError

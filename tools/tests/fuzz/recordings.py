@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from reliability.fuzz.fault_checks import Fault
+from reliability.fuzz.buffer_checks import Fault
 from tf2_ros_tools.bag import BagError, load, stamps, transforms
 
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")

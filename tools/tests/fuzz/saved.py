@@ -9,7 +9,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from reliability.fuzz.fault_checks import answers
+from reliability.fuzz.buffer_checks import answers
 from reliability.fuzz.targets import cdr
 from reliability.fuzz.targets.frozen import buffers
 from tf2_py import BufferCore

@@ -268,7 +268,9 @@ def kilted(new_robot):
     """A robot with ROS 2 Kilted, whose Fast DDS describes types in another way."""
     found = sorted((ROOT / "build" / "wheels").glob("overlays-*-kilted/bin/python"))
     if not found:
-        pytest.skip("ROS 2 Kilted is not there: `python -m release.rclpy_overlays --only kilted` installs it")
+        pytest.skip(
+            "ROS 2 Kilted is not there: `python -m release.rclpy_release_tests --only kilted` installs it"
+        )
     environment = installing.unsourced() | {"PYTHONPATH": str(SUPPORT)}
     # The wheels of ROS set these once, for their own libraries.
     for name in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH"):

@@ -1,5 +1,5 @@
 """
-Run tests beside a busy machine, several times in a row; none may fail: `python -m reliability.endure`.
+Run tests beside a busy machine, several times in a row; none may fail: `make endure`.
 
 The load: four processes that compute, one that writes files through the disk cache, and a ROS 2 system of
 twenty nodes in another domain. The parts: the tests of nodes (`ros`), of the commands (`programs`) and of
@@ -64,7 +64,7 @@ def load():
             start("-c", BUSY)
         start("-c", WRITING, str(Path(folder, "written")))
         for number in range(ROBOTS):
-            start("-m", "reliability.endure_robot", str(number), str(NODES))
+            start("-m", "reliability.busy_robot", str(number), str(NODES))
         yield
 
 
@@ -97,7 +97,7 @@ def main(arguments=None):
     """Return the exit status: 0 if no run failed."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     parser = argparse.ArgumentParser(
-        prog="python -m reliability.endure",
+        prog="python -m reliability.tests_under_load",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

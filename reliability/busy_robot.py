@@ -1,4 +1,4 @@
-"""One process of the ROS 2 system of `reliability.endure`: nodes that broadcast, and listen to all others."""
+"""Run nodes that broadcast, and listen to all others: one process of the load of `tests_under_load`."""
 
 import os
 import sys
@@ -36,7 +36,7 @@ class Robot:
 def main(number, count):
     rclpy.init()
     executor = MultiThreadedExecutor(2)
-    robots = [Robot(f"endure_{number}_{i}") for i in range(int(count))]
+    robots = [Robot(f"busy_{number}_{i}") for i in range(int(count))]
     for robot in robots:
         executor.add_node(robot.node)
     # At once, because nobody reads what a shutdown amid all this would print.

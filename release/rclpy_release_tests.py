@@ -1,5 +1,5 @@
 """
-Test with releases of ROS 2 that are not on PyPI: `python -m release.rclpy_overlays`, behind `make releases`.
+Run the tests with releases of rclpy: `python -m release.rclpy_release_tests`, behind `make releases`.
 
 An overlay is an archive with another release of rclpy, compiled for one Python, which replaces that of the
 wheels when it comes first on PYTHONPATH. The wheels of the project are installed beside those of ROS, and the
@@ -34,7 +34,7 @@ tf2_msgs
 
 def main(arguments=None):
     parser = argparse.ArgumentParser(
-        prog="python -m release.rclpy_overlays",
+        prog="python -m release.rclpy_release_tests",
         description="Run the tests of nodes with the wheels of Jazzy and Kilted, and with overlays on them.",
         epilog="Further arguments go to pytest.",
     )

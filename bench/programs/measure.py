@@ -1,0 +1,75 @@
+"""
+Measure one section of one library, and write its rows to a file.
+
+Run: measure.py LIBRARY MODULE.FUNCTION SIZES OUT [VARIANT...]
+"""
+
+import importlib
+import json
+import sys
+import types
+
+import numpy as np
+
+# Module and class of each library.
+CLASSES = {
+    "ours": ("our_library", "Ours"),
+    "ros2": ("tf2_python", "Tf2"),
+    "ros2_cpp": ("tf2_cpp", "Tf2"),
+    "ros1_cpp": ("tf2_cpp", "Tf2"),
+    "schiebung": ("rust_libraries", "Schiebung"),
+    "tf_tree": ("rust_libraries", "TfTree"),
+}
+CHECKED = 5  # answers that are compared with ours
+QUANTILES = np.linspace(0, 1, 201)  # of the values of a row that are kept
+
+
+class Rows(list):
+    """What a process has measured."""
+
+    def add(self, way, labels, values, unit="ns", failed=0, answers=()):
+        """
+        Add a row.
+
+        :param labels: what was measured: texts, and numbers by their units.
+        :param failed: how many calls failed; `values` are those of the others.
+        :param answers: the numbers of the first answers; the others' are compared with ours.
+        """
+        values = np.asarray(values, float)
+        if len(values) > len(QUANTILES):
+            values = np.quantile(values, QUANTILES)
+        if len(values):
+            row = {"way": way, "labels": labels, "unit": unit, "values": values.tolist()}
+            self.append({**row, "failed": failed, "answers": list(answers)})
+
+    def time_lookups(self, library, way, labels, queries, sizes, per=1):
+        """
+        Add the row of lookups.
+
+        :param per: transforms that one call looks up.
+        """
+        function, calls = library.calls(way, queries)
+        answers = []
+        for arguments in calls[:CHECKED]:
+            try:
+                answers.append([float(number) for number in library.numbers(function(*arguments))])
+            except Exception:
+                answers.append(None)
+        library.time(function, calls, sizes.warm_up if per == 1 else 2, sizes.budget_s)
+        times, failed = library.time(function, calls, max(len(calls), sizes.calls // per), sizes.budget_s)
+        self.add(way, labels, times / per, failed=failed, answers=answers)
+
+
+def main(name, section, sizes, out, *variant):
+    module, function = section.split(".")
+    library_module, library = CLASSES[name]
+    make = getattr(importlib.import_module(library_module), library)
+    rows = Rows()
+    sizes = types.SimpleNamespace(**json.loads(sizes))
+    getattr(importlib.import_module(module), function)(rows, sizes, make(), *variant)
+    with open(out, "w") as file:
+        json.dump(rows, file)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -29,8 +29,9 @@ FOLDER = ROOT / ".cross"
 # Tests of the engine that need no ROS, start no second Python, and map little memory: qemu emulates one
 # process, and slowly what maps many pages.
 TESTS = """
-test_unknown_frame_advice test_recorded_answers test_error_texts test_buffer_limits test_listings
-test_pinned_histories test_buffer_without_node test_printable test_series test_concurrent_threads
+test_unknown_frame_advice test_recorded_answers test_lookup_error_texts test_buffer_limits
+test_buffer_memory test_long_histories test_table_of_names test_listings test_pinned_histories
+test_buffer_without_node test_printable test_lookups_at_many_times test_vector_lookups_beside_writers
 test_waiters
 """.split()
 OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "PyYAML"]

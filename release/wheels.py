@@ -60,7 +60,7 @@ OF_SOURCES = {
     "packaging/test_pyinstaller.py": "builds the project",
     "packaging/test_release_versions.py": "reads the sources",
     "packaging/test_sourced_ros.py": "builds the project",
-    "ros/test_inbox_sources.py": "compiles an extension",
+    "ros/test_inbox_without_middleware.py": "compiles an extension",
     "core/test_type_table.py": "reads the sources",
     "packaging/test_type_checkers.py": "reads the sources",
     "packaging/test_without_ros.py": "reads the sources",

@@ -46,9 +46,10 @@ NOT_HERE = {
 }
 # Tests that start threads, or fork while threads exist, and call the extensions in them.
 THREADED = """
-core/test_engine_forking core/test_lookup core/test_buffer_without_node core/test_series
-core/test_concurrent_threads core/test_pickles_and_copies core/test_waiters core/test_waiters_random
-ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_executors ros/test_forking
+core/test_waits_in_forked_children core/test_lookup core/test_buffer_without_node
+core/test_lookups_at_many_times core/test_vector_lookups_beside_writers core/test_pickles_and_copies
+core/test_waiters core/test_waiters_random
+ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_programs_that_spin ros/test_forking
 ros/test_message_filter ros/test_rclpy_inside ros/test_receiver ros/test_reception_report
 ros/test_shared_listening ros/test_shared_owners ros/test_shared_reading ros/test_starvation
 ros/test_transform_listener ros/test_futures ros/test_random_waits

@@ -1,10 +1,7 @@
-"""What a buffer holds: its limits, the memory that it takes, and its table of names."""
-
-import random
+"""The limits of what a buffer holds: frames, bytes, authorities, samples of one stamp."""
 
 import pytest
-from making_objects import at, at_ns, transform, translation
-from messages_with_or_without_ros import Duration
+from making_objects import at, transform, translation
 
 from tf2_py import BufferCore
 
@@ -87,69 +84,3 @@ class TestLimits:
         # Once it is the oldest stamp of several, its first sample answers, as in tf2.
         buffer.set_transform(transform("map", "base", 2), "test")
         assert translation(buffer.lookup_transform_core("map", "base", at(1)))[0] == 0
-
-
-class TestMemory:
-    def test_a_sliding_window_uses_bounded_memory(self):
-        buffer = BufferCore(Duration(nanoseconds=100))
-        sizes = set()
-        for stamp in range(1, 5000):
-            buffer.set_transform(transform("map", "odom", ns=stamp), "x")
-            if stamp > 1000:
-                sizes.add(buffer.statistics()["bytes"])
-                assert buffer.statistics()["samples"] == 102  # pruning looks at the newest before the insert
-        assert len(sizes) == 1
-
-    def test_a_ring_that_a_burst_left_mostly_empty_shrinks(self):
-        buffer = BufferCore(Duration(nanoseconds=1000))
-        for stamp in range(1, 1001):
-            buffer.set_transform(transform("map", "odom", ns=stamp), "x")
-        after_burst = buffer.statistics()["bytes"]
-        for i in range(2, 4000):
-            buffer.set_transform(transform("map", "odom", ns=i * 1000), "x")
-        buffer._self_check()
-        assert buffer.statistics()["samples"] < 20
-        assert buffer.statistics()["bytes"] < after_burst / 5
-
-    @pytest.mark.parametrize("step", [1, -1], ids=["in order", "each late"])
-    def test_a_full_ring_takes_72_bytes_a_sample(self, step):
-        small, large = BufferCore(Duration(seconds=10)), BufferCore(Duration(seconds=10))
-        small.set_transform(transform("map", "odom", ns=1), "x")
-        per_sample = []
-        for count in range(1, 3000):
-            large.set_transform(transform("map", "odom", ns=3000 + step * count), "x")
-            if count > 100:
-                per_sample.append((large.statistics()["bytes"] - small.statistics()["bytes"]) / count)
-        assert min(per_sample) <= 72
-        assert max(per_sample) <= 110
-
-
-BURSTS = [1000 * (i // 50) + i % 50 + 1 for i in range(1000)]
-SQUARES = [i * i + 1 for i in range(1000)]
-
-
-@pytest.mark.parametrize("stamps", [BURSTS, SQUARES], ids=["bursts", "squares"])
-def test_every_place_of_a_long_history_is_found(stamps):
-    buffer = BufferCore(Duration(seconds=10))
-    for i, stamp in enumerate(stamps):
-        buffer.set_transform(transform(f"parent {i}", "odom", ns=stamp), "x")
-    for i, stamp in enumerate(stamps):
-        assert buffer.parent("odom", at_ns(stamp)) == f"parent {i}"
-        if i and stamp - stamps[i - 1] > 1:
-            assert buffer.parent("odom", at_ns(stamp - 1)) == f"parent {i - 1}"
-
-
-@pytest.mark.parametrize("kind", ["of one letter", "random", "long"])
-def test_names_of_any_kind_lie_apart(kind):
-    random.seed(1)
-    names = {
-        "of one letter": lambda: ["x" * size for size in range(1, 1000)],
-        "random": lambda: [f"{random.getrandbits(64):016x}" for _ in range(20_000)],
-        "long": lambda: [f"{'x' * 2000}{i}" for i in range(1000)],
-    }[kind]()
-    buffer = BufferCore()
-    assert buffer.set_transforms([transform("map", name, 1) for name in names], "x") == len(names)
-    buffer._self_check()
-    assert all(buffer._frameExists(name) for name in names)
-    assert not any(buffer._frameExists(name + "y") for name in names[:-1])
-    assert buffer._getFrameStrings() == [names[0], "map", *names[1:]]

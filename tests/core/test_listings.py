@@ -1,4 +1,4 @@
-"""What a buffer lists of its frames: texts, facts and its repr; test_beside_model.py holds what they say."""
+"""What a buffer lists of its frames: texts, facts and its repr; answers: test_buffer_beside_model.py."""
 
 import copy
 import gc

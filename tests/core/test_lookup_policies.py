@@ -1,4 +1,4 @@
-"""Ways to ask for a tolerance, extrapolation or a longest gap; test_beside_model.py holds the answers."""
+"""Ways to ask for a tolerance, extrapolation or a longest gap; answers: test_buffer_beside_model.py."""
 
 import asyncio
 

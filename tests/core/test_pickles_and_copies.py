@@ -1,4 +1,4 @@
-"""Buffers travel: by pickle and as copies; test_beside_model.py holds what the copies answer."""
+"""Buffers travel: by pickle and as copies; test_buffer_beside_model.py holds what the copies answer."""
 
 import io
 import pickle

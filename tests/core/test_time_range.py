@@ -1,4 +1,4 @@
-"""The times for which two frames can be looked up in each other; test_beside_model.py asks random buffers."""
+"""The times for which two frames can be looked up; test_buffer_beside_model.py asks random buffers."""
 
 import math
 

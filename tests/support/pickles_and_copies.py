@@ -94,6 +94,6 @@ def everything(buffer):
 
 
 def check_copy(arrived, buffer):
-    """A copy has the samples of a buffer and what belongs to them; test_beside_model.py holds its answers."""
+    """A copy has a buffer's samples and what belongs to them; its answers: test_buffer_beside_model.py."""
     arrived._self_check()
     assert held(arrived) == held(buffer)

@@ -74,7 +74,7 @@ def is_invalid_name(name: str) -> bool:
 
 
 # Programs parse these texts with regular expressions that were written for tf2; see
-# tests/core/test_error_texts.py. So additions come last, in words that no program searches for.
+# tests/core/test_lookup_error_texts.py. So additions come last, in words that no program searches for.
 
 
 def bad_name(name: str, argument: str, call: str = "lookupTransform") -> TransformException:

@@ -2,8 +2,8 @@
 Take part in the rounds of rclpy's executors: before one sleeps, and after it wakes.
 
 This is Cython because executors have thousands of rounds a second, and because no signal handler can
-interrupt it halfway. What it relies on inside rclpy is tested by tests/ros/test_executors.py; the Python
-part is ``tf2_ros._rclpy``.
+interrupt it halfway. What it relies on inside rclpy is tested by tests/ros/test_programs_that_spin.py; the
+Python part is ``tf2_ros._rclpy``.
 """
 
 cimport cython

@@ -289,8 +289,8 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
             raise BagError(f"{name} is not a recording: the folder has no metadata.yaml; {advice}")
     elif not path.name.endswith(SUFFIXES):
         *others, last = TOOLS
-        endings = f"{', '.join(others)} or {last}"
-        advice = f"expected a folder with a metadata.yaml, or a file that ends in {endings}"
+        pending = f"{', '.join(others)} or {last}"
+        advice = f"expected a folder with a metadata.yaml, or a file that ends in {pending}"
         if path.suffix == FROZEN:
             advice = "it is a frozen buffer, which `tf2_ros.Buffer.open` reads"
         raise BagError(f"{name} is not a recording: {advice}")

@@ -15,7 +15,7 @@ from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.output import counted, first_names, three_digits
 from tf2_ros_tools.program import KINDS, UsageError
 from tf2_ros_tools.roll_pitch_yaw import rpy_from_matrices
-from tf2_ros_tools.stream_figures import (
+from tf2_ros_tools.stream_statistics import (
     JUMP_BACK_NS,
     Refused,
     Stream,

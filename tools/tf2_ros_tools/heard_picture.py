@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import stored_name
-from tf2_ros_tools.finding_texts import delay_label, rate_label
 from tf2_ros_tools.findings import Limits, longest_interval
 from tf2_ros_tools.output import not_known
 from tf2_ros_tools.picture_style import BLUE, GAP, GREY, ORANGE, Records, Style, label, show_times, style
 from tf2_ros_tools.program import RunError
-from tf2_ros_tools.stream_figures import Stream, taken
+from tf2_ros_tools.stream_and_finding_texts import delay_label, rate_label
+from tf2_ros_tools.stream_statistics import Stream, taken
 
 S = 1_000_000_000
 Times = NDArray[np.float64]

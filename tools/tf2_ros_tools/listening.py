@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from tf2_py import TransformException
 from tf2_ros import Buffer
-from tf2_ros_tools.finding_texts import milliseconds
 from tf2_ros_tools.findings import Expectation, Finding, Limits, Received, find
 from tf2_ros_tools.output import counted, three_digits
-from tf2_ros_tools.stream_figures import Refused, Stream, Streams, moving_on
+from tf2_ros_tools.stream_and_finding_texts import milliseconds
+from tf2_ros_tools.stream_statistics import Refused, Stream, Streams, moving_on
 
 S = 1_000_000_000
 LONGEST_PERIOD_S = 1e9  # about what time.sleep accepts, in seconds

@@ -15,10 +15,10 @@ from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Footer, Input, Static
 
 from tf2_py.printable import printable
-from tf2_ros_tools.finding_texts import milliseconds, rate_text
 from tf2_ros_tools.listening import Report
 from tf2_ros_tools.output import counted
-from tf2_ros_tools.stream_figures import Stream
+from tf2_ros_tools.stream_and_finding_texts import milliseconds, rate_text
+from tf2_ros_tools.stream_statistics import Stream
 
 Kinds = defaultdict[str, list[str]]  # of findings, by frame
 

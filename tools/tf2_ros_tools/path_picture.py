@@ -19,7 +19,7 @@ from tf2_ros_tools.picture_style import BLUE, GAP, GREEN, ORANGE, VERMILION, Rec
 from tf2_ros_tools.pose_tables import look_up, why_unanswered
 from tf2_ros_tools.program import RunError
 from tf2_ros_tools.roll_pitch_yaw import rpy_from_matrices
-from tf2_ros_tools.stream_figures import Stream, moving_on, newest_streams, stamps_on
+from tf2_ros_tools.stream_statistics import Stream, moving_on, newest_streams, stamps_on
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros_tools.optional_libraries import require
-from tf2_ros_tools.stream_figures import moving_on, stamps_on, taken
+from tf2_ros_tools.stream_statistics import moving_on, stamps_on, taken
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer

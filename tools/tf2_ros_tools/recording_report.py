@@ -11,7 +11,7 @@ import numpy as np
 
 from tf2_ros_tools.findings import SAME_CLOCK_S, Expectation, Finding, Limits, Received, find
 from tf2_ros_tools.output import three_digits
-from tf2_ros_tools.stream_figures import Refused, Stream, Streams, without_delays
+from tf2_ros_tools.stream_statistics import Refused, Stream, Streams, without_delays
 
 if TYPE_CHECKING:
     from tf2_ros_tools.bag_loader import Heard

@@ -6,7 +6,7 @@ buffer: it chooses transforms, thins them out, and names them anew. ``Relaying``
 node: it subscribes and publishes.
 """
 
-from tf2_ros_tools.listening_node import filled_buffer
+from tf2_ros_tools.node_session import filled_buffer
 
 import math
 import re
@@ -30,7 +30,7 @@ from tf2_ros import TransformBroadcaster
 from tf2_ros_tools.listening import Pace
 from tf2_ros_tools.output import not_known
 from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.stream_figures import path_to_root
+from tf2_ros_tools.stream_statistics import path_to_root
 from tf2_ros_tools.yaml_files import (
     NOT_NEGATIVE,
     Key,

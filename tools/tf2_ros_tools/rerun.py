@@ -21,7 +21,7 @@ from tf2_py import BufferCore, History, TransformException
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import write_whole
 from tf2_ros_tools.pose_tables import look_up
-from tf2_ros_tools.stream_figures import moving_on, path_to_root
+from tf2_ros_tools.stream_statistics import moving_on, path_to_root
 
 if TYPE_CHECKING:
     from rerun import RecordingStream

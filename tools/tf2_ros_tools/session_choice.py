@@ -41,7 +41,7 @@ def session(
     """
     if getattr(options, "live", None) is None:
         try:
-            from tf2_ros_tools.listening_node import node_session
+            from tf2_ros_tools.node_session import node_session
         except ImportError as lack:
             # Another tf2_ros that is imported is the trouble, not the lack of ROS.
             if not hasattr(options, "live") or find_spec("rclpy") is not None:

@@ -7,11 +7,11 @@ from types import MappingProxyType
 from typing import Any
 
 from tf2_py import FrameInfo
-from tf2_ros_tools.finding_texts import delay_label, rate_label
 from tf2_ros_tools.findings import Finding
 from tf2_ros_tools.picture_style import BLUE, GREY, VERMILION, label
 from tf2_ros_tools.program import RunError
-from tf2_ros_tools.stream_figures import Stream
+from tf2_ros_tools.stream_and_finding_texts import delay_label, rate_label
+from tf2_ros_tools.stream_statistics import Stream
 
 S = 1_000_000_000
 

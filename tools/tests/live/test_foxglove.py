@@ -69,7 +69,7 @@ def new_laptop(processes, port):
     def make(options="", connects=True):
         processes.append(Obeying("laptop"))
         laptop = processes[-1]
-        laptop.do("from laptop_without_rclpy import *; from tf2_ros_tools.live import connect")
+        laptop.do("from laptop_helpers import *; from tf2_ros_tools.live import connect")
         if connects:
             laptop.do(f"robot = connect('ws://127.0.0.1:{port}', {options})")
         return laptop

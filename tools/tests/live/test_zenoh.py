@@ -103,7 +103,7 @@ def new_laptop(new_obeying, port):
     """Start a process without rclpy, whose `robot` is a feed."""
 
     def make(options="", before="from tf2_ros_tools.live import connect", connects=True):
-        laptop = new_obeying("laptop", before=f"from laptop_without_rclpy import *; {before}")
+        laptop = new_obeying("laptop", before=f"from laptop_helpers import *; {before}")
         if connects:
             laptop.do(f"robot = connect('zenoh://127.0.0.1:{port}', {options})")
         return laptop

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, write_mcap
-from test_pictures import texts_of
+from test_tree_and_heard_pictures import texts_of
 
 from tf2_ros_tools.bag_loader import hear
 from tf2_ros_tools.path_picture import path_picture, trajectory_figure

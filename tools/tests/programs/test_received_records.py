@@ -1,6 +1,6 @@
 """What a receiver notes of each transform, if it is asked to."""
 
-from tf2_ros_tools.listening_node import NodeSession, filled_buffer
+from tf2_ros_tools.node_session import NodeSession, filled_buffer
 
 import numpy as np
 import pytest

@@ -16,7 +16,7 @@ from making_objects import transform
 from processes import DEADLINE_S, until
 from robot_of_all_joints import ARM, description, joint_state
 from starting_programs import ended, needs_dot, running
-from test_pictures import texts_of
+from test_tree_and_heard_pictures import texts_of
 
 from tf2_ros_tools.bag import save
 from tf2_ros_tools.program import RunError

@@ -4,7 +4,6 @@ import json
 import math
 import re
 
-import numpy as np
 import pytest
 from making_objects import S, transform
 from processes import DEADLINE_S, until
@@ -14,8 +13,6 @@ from spinning_nodes import repeated
 from starting_programs import ended, running
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros_tools.roll_pitch_yaw import rpy_from_matrices
-from tf2_ros_tools.urdf import quaternion_from_rpy
 
 pytestmark = pytest.mark.ours
 
@@ -126,22 +123,3 @@ def test_who_asks_the_robot_for_its_frames_is_not_answered_by_it(node):
         until(lambda: "tf2_echo" in node.get_node_names())
         # It exists for a moment, until the program has removed it.
         until(lambda: "/tf2_frames" not in [name for name, _ in node.get_service_names_and_types()])
-
-
-class TestRpy:
-    """Roll, pitch and yaw."""
-
-    def test_they_are_those_of_scipy_and_back(self):
-        for rotation in Rotation.random(200, random_state=1):
-            rpy = rpy_from_matrices(rotation.as_matrix())
-            assert rpy == pytest.approx(tuple(rotation.as_euler("xyz")), abs=1e-9)
-            q = np.array(quaternion_from_rpy(*rpy))
-            assert abs(q @ rotation.as_quat()) == pytest.approx(1.0)
-
-    @pytest.mark.parametrize("pitch", [math.pi / 2, -math.pi / 2])
-    @pytest.mark.parametrize("roll", [-3.0, 0.0, 0.7])
-    def test_where_roll_and_yaw_are_one_turn_yaw_is_zero(self, roll, pitch):
-        matrix = (
-            np.round(Rotation.from_euler("y", pitch).as_matrix()) @ Rotation.from_euler("x", roll).as_matrix()
-        )
-        assert rpy_from_matrices(matrix) == pytest.approx((roll, pitch, 0.0))

@@ -7,7 +7,7 @@ import pytest
 from making_objects import S
 from processes import DEADLINE_S
 from starting_programs import ROBOT, broadcasting, ended, heard, running
-from test_pictures import texts_of
+from test_tree_and_heard_pictures import texts_of
 
 pytestmark = pytest.mark.ours
 

@@ -5,7 +5,7 @@ import re
 
 import pytest
 from starting_programs import ROBOT, broadcasting, ended, needs_dot
-from test_pictures import groups
+from test_tree_and_heard_pictures import groups
 
 from tf2_ros_tools.output import write_whole
 from tf2_ros_tools.programs.view_frames import output_files

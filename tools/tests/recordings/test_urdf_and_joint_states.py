@@ -19,8 +19,8 @@ from robot_of_all_joints import (
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf
 from tf2_ros_tools.bag_loader import hear, wanted
-from tf2_ros_tools.finding_texts import line_of
 from tf2_ros_tools.recording_report import report
+from tf2_ros_tools.stream_and_finding_texts import line_of
 
 pytestmark = pytest.mark.ours
 

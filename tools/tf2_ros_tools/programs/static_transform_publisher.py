@@ -127,7 +127,7 @@ def _period_of_ros1(values: list[str]) -> str | None:
 
 def publish(options: Namespace) -> NoReturn:
     """Publish until interrupted."""
-    from tf2_ros_tools.listening_node import spun_node
+    from tf2_ros_tools.spun_node import spun_node
 
     from tf2_ros import StaticTransformBroadcaster
     from tf2_ros_tools.listening import wait

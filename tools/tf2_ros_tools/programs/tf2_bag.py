@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from tf2_ros_tools.bag_loader import Heard, Topics, Urdf
     from tf2_ros_tools.bag_reader import RecordedTopic
     from tf2_ros_tools.recording_report import Report
-    from tf2_ros_tools.stream_figures import Stream
+    from tf2_ros_tools.stream_statistics import Stream
 
 DESCRIPTION = """\
 Answer questions about recorded transforms, without ROS: what a recording contains, what is wrong with it, \
@@ -124,8 +124,8 @@ def _judged_of(options: Namespace, at: str | None = None) -> Heard:
 def info(options: Namespace) -> int:
     """Print the contents of a recording; return the exit status."""
     from tf2_ros_tools.bag_reader import open_recording
-    from tf2_ros_tools.finding_texts import lines_of, stream_line
     from tf2_ros_tools.recording_report import report
+    from tf2_ros_tools.stream_and_finding_texts import lines_of, stream_line
 
     with open_recording(options.file) as recorded:
         topics = sorted(recorded.topics.values(), key=lambda topic: topic.name)
@@ -151,9 +151,9 @@ def info(options: Namespace) -> int:
 
 def check(options: Namespace) -> int:
     """Print the problems of a recording; return the exit status."""
-    from tf2_ros_tools.finding_texts import conclude
     from tf2_ros_tools.findings import expected_by
     from tf2_ros_tools.recording_report import LIMITS, report
+    from tf2_ros_tools.stream_and_finding_texts import conclude
 
     expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)

@@ -21,7 +21,7 @@ PARSER = Parser(
 
 def serve(options: Namespace) -> NoReturn:
     """Serve until interrupted."""
-    from tf2_ros_tools.listening_node import spun_node
+    from tf2_ros_tools.spun_node import spun_node
 
     from rcl_interfaces.msg import ParameterDescriptor
 

@@ -38,9 +38,9 @@ add_live_option(PARSER)
 
 def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
-    from tf2_ros_tools.finding_texts import conclude
     from tf2_ros_tools.findings import Limits, expected_by
     from tf2_ros_tools.session_choice import listening
+    from tf2_ros_tools.stream_and_finding_texts import conclude
 
     expected = expected_by(options.expect)
     limits = Limits(min_rate=options.min_rate, max_delay=options.max_delay)

@@ -17,7 +17,7 @@ from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, positive_number, run
 if TYPE_CHECKING:
     from tf2_ros_tools.live.feed import Heard
     from tf2_ros_tools.live.wire import Publisher
-    from tf2_ros_tools.stream_figures import Stream
+    from tf2_ros_tools.stream_statistics import Stream
 
 LISTEN_S = 5.0  # after which DDS has found all publishers
 

@@ -17,7 +17,7 @@ from tf2_ros_tools.program import SUCCESS, Parser, UsageError, add_live_option, 
 
 if TYPE_CHECKING:
     from tf2_ros_tools.listening import Listening, Report
-    from tf2_ros_tools.stream_figures import Stream
+    from tf2_ros_tools.stream_statistics import Stream
 
 INTERVAL_S = 10.0  # as in tf2's program
 WINDOW_S = 10.0  # the figures are of this long before a report

@@ -46,7 +46,7 @@ PARSER.add_argument("rules", metavar="FILE", type=Path, help="the YAML file with
 
 def relay(options: Namespace) -> NoReturn:
     """Relay until interrupted."""
-    from tf2_ros_tools.listening_node import spun_node
+    from tf2_ros_tools.spun_node import spun_node
 
     from tf2_ros_tools.relay import Relaying
 

@@ -35,7 +35,7 @@ PARSER.add_argument(
 
 def share(options: Namespace) -> NoReturn:
     """Share what is received until interrupted."""
-    from tf2_ros_tools.listening_node import spun_node
+    from tf2_ros_tools.spun_node import spun_node
 
     from tf2_ros import Buffer, SharedBufferError, TransformListener
     from tf2_ros_tools.listening import TOPICS, wait

@@ -33,7 +33,7 @@ PARSER.add_argument(
 
 def publish(options: Namespace) -> NoReturn:
     """Publish until interrupted."""
-    from tf2_ros_tools.listening_node import spun_node
+    from tf2_ros_tools.spun_node import spun_node
 
     from tf2_ros_tools.listening import wait
     from tf2_ros_tools.state_publisher import StatePublisher

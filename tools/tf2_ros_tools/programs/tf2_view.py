@@ -58,7 +58,8 @@ PARSER.add_argument(
 
 def view(options: Namespace) -> int:
     """Listen, and send what arrives; return the exit status."""
-    from tf2_ros_tools.listening_node import filled_buffer, spun_node
+    from tf2_ros_tools.node_session import filled_buffer
+    from tf2_ros_tools.spun_node import spun_node
 
     from tf2_py import stored_name
     from tf2_ros_tools.listening import TOPICS, Pace

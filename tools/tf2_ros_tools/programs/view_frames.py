@@ -74,9 +74,9 @@ def output_files(name: str) -> tuple[str, str, str]:
 
 def view(options: Namespace) -> int:
     """Listen, and print or draw the tree; return the exit status."""
-    from tf2_ros_tools.finding_texts import line_of
     from tf2_ros_tools.findings import Limits
     from tf2_ros_tools.session_choice import listening
+    from tf2_ros_tools.stream_and_finding_texts import line_of
     from tf2_ros_tools.tree_picture import drawn, tree_dot
 
     is_drawn = options.output is not None or not options.text

@@ -1,4 +1,4 @@
-"""Provide the nodes of programs, and buffers that their listeners fill."""
+"""Provide the session of a node, and buffers that a listener fills."""
 
 # First, because their errors say in one line what is missing, or that another tf2_ros is imported.
 from tf2_ros.records import Recording
@@ -6,19 +6,16 @@ from tf2_ros.transform_listener import TransformListener
 
 # isort: split
 
+from tf2_ros_tools.spun_node import spun_node
+
 import re
-import threading
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-import rclpy
-from rclpy.exceptions import InvalidHandle, NameValidationException, ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
-from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros import Buffer
 from tf2_ros_tools.findings import Finding
@@ -27,54 +24,6 @@ from tf2_ros_tools.program import UsageError
 
 GID_BYTES = 16  # of a gid in a recording; in the graph of Humble, zeros follow them
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or any more
-CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the program is to end
-
-
-@contextmanager
-def spun_node(name: str, options: Namespace) -> Iterator[Node]:
-    """
-    A node for a ``with`` statement. A thread spins it, so that it knows the simulated time.
-
-    :param options: of the command line.
-    :raises UsageError: the command line contains a name or a parameter that ROS refuses.
-
-    The main thread must not wait inside rclpy, because no signal would reach it there.
-    """
-    # Without the handlers of rclpy, which would shut the context down while the program uses it.
-    rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = rclpy.create_node(name)
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        thread = threading.Thread(target=_spin, args=(executor,), daemon=True)
-        thread.start()
-        try:
-            yield node
-        finally:
-            # This also ends the thread, which may use the executor until then.
-            rclpy.try_shutdown()
-            thread.join(CALLBACK_END_WAIT_S)
-            if not thread.is_alive():
-                executor.shutdown()
-                node.destroy_node()
-    except (NameValidationException, ParameterException) as refusal:
-        raise UsageError(str(refusal)) from None
-    finally:
-        rclpy.try_shutdown()
-
-
-def _spin(executor: SingleThreadedExecutor) -> None:
-    while executor.context.ok():
-        try:
-            executor.spin()
-        except InvalidHandle:
-            continue  # a part of the node was destroyed while the executor gathered them
-        except ExternalShutdownException:
-            return
-        except Exception:
-            if executor.context.ok():
-                raise
-            # The context ended between two checks of the executor.
 
 
 @contextmanager

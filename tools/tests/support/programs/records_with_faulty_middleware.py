@@ -1,11 +1,12 @@
 """
-Records so many messages: `records_messages.py MESSAGES`, with `interposed/faulty_middleware.c`.
+Records so many messages: `records_with_faulty_middleware.py MESSAGES`.
 
+Run with `interposed/faulty_middleware.c` loaded.
 Prints a line of JSON: when the transforms were received, and what a report says; or why none can be recorded.
 """
 
 # First, as in the programs of the project.
-from tf2_ros_tools.listening_node import NodeSession, filled_buffer
+from tf2_ros_tools.node_session import NodeSession, filled_buffer
 
 import json
 import sys

@@ -291,7 +291,7 @@ class TestManyFrames:
 
 
 class TestVelocities:
-    """What a twist is says the model (test_beside_model.py)."""
+    """What a twist is says the model (test_buffer_beside_model.py)."""
 
     @pytest.mark.parametrize("names", [*permutations(["map", "odom", "hand", "mast"], 2)], ids=str)
     def test_rows_are_those_of_single_lookups(self, buffer, names):

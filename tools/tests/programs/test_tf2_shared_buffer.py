@@ -1,4 +1,4 @@
-"""The programs, as processes of their own."""
+"""The program tf2_shared_buffer, as a process of its own."""
 
 import os
 import sys
@@ -15,21 +15,6 @@ pytestmark = pytest.mark.ours
 LONG = Duration(seconds=DEADLINE_S)
 DOMAIN = os.environ["ROS_DOMAIN_ID"]  # of only this test run
 BY_DOMAIN = f"domain-{DOMAIN}"
-
-
-def test_a_buffer_server_answers_from_what_it_receives_and_keeps(peer, tf2_ros, tf2_py, node):
-    client = tf2_ros.BufferClient(node, "tf2_buffer_server")
-    with running("tf2_buffer_server", "--ros-args", "-p", "buffer_size:=5.0"):
-        talker = peer()
-        talker.send(("map", "robot", S, 1.0))
-        assert translation(client.lookup_transform("map", "robot", at(1), LONG)) == (1.0, 0.0, 0.0)
-        with pytest.raises(tf2_py.LookupException, match="does not exist"):
-            client.lookup_transform("map", "nobody", at(1))
-        talker.send(("map", "robot", 100 * S, 2.0), ("map", "robot", 101 * S, 2.0))
-        client.lookup_transform("map", "robot", at(101), LONG)
-        with pytest.raises(tf2_py.ExtrapolationException):
-            client.lookup_transform("map", "robot", at(1))
-    client.destroy()
 
 
 @contextmanager

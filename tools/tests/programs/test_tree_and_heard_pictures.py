@@ -15,7 +15,7 @@ from tf2_ros_tools.findings import Finding
 from tf2_ros_tools.heard_picture import NOT_YET, Row, heard_figure, heard_picture, heard_rows
 from tf2_ros_tools.picture_style import GAP, file_of
 from tf2_ros_tools.program import RunError
-from tf2_ros_tools.stream_figures import Stream
+from tf2_ros_tools.stream_statistics import Stream
 from tf2_ros_tools.tree_picture import drawn as render
 from tf2_ros_tools.tree_picture import tree_dot
 

@@ -10,7 +10,7 @@ from typing import Any
 from tf2_ros_tools.findings import Finding
 from tf2_ros_tools.output import counted, show, show_json
 from tf2_ros_tools.program import FAILURE, SUCCESS
-from tf2_ros_tools.stream_figures import Stream
+from tf2_ros_tools.stream_statistics import Stream
 
 
 def stream_line(stream: Stream) -> str:

@@ -1,4 +1,4 @@
-"""Readers, writers and waiters of one buffer at the same time."""
+"""A lookup at many times, beside threads that write, sees whole samples alone."""
 
 import random
 import threading

@@ -9,10 +9,10 @@ import pytest
 from repetitions import seeds
 
 from tf2_ros.records import RECORD
-from tf2_ros_tools.finding_texts import line_of
 from tf2_ros_tools.findings import Expectation, Limits, Received, expected_by, find
 from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.stream_figures import TAIL, Streams, moving_on, newest_streams
+from tf2_ros_tools.stream_and_finding_texts import line_of
+from tf2_ros_tools.stream_statistics import TAIL, Streams, moving_on, newest_streams
 
 pytestmark = pytest.mark.ours
 

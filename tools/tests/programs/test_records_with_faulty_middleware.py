@@ -19,10 +19,10 @@ REFUSED = "1 transform of map by {} is refused: frame_id and child_frame_id are 
 
 @pytest.fixture
 def recorded_with(tmp_path):
-    """What `programs/records_messages.py` prints after so many messages, with a fault of the middleware."""
+    """What `records_with_faulty_middleware.py` prints after so many messages, with a fault."""
 
     def run(fault, messages):
-        program, variables = PROGRAMS / "records_messages", {"TF2_TEST_MIDDLEWARE": fault}
+        program, variables = PROGRAMS / "records_with_faulty_middleware", {"TF2_TEST_MIDDLEWARE": fault}
         return json.loads(
             output_with_library("faulty_middleware", tmp_path, str(messages), program=program, **variables)
         )

@@ -13,7 +13,7 @@ from pathlib import Path
 
 STUBS = (
     "tf2_py/_tf2_py.pyi",
-    "tf2_ros/_wait/endings.pyi",
+    "tf2_ros/_wait/pending.pyi",
     "tf2_ros/records.pyi",
     "tf2_ros/serialization.pyi",
     "tf2_geometry_msgs/_geometry.pyi",

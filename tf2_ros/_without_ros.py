@@ -5,10 +5,10 @@ import time
 from collections.abc import Callable
 from typing import NoReturn
 
-from tf2_ros._wait.endings import FutureEnding, call_all
+from tf2_ros._wait.pending import PendingFuture, call_all
 from tf2_ros_cython._ros_presence import absence
 
-BaseFuture = FutureEnding
+BaseFuture = PendingFuture
 
 
 class InvalidHandle(Exception):
@@ -41,9 +41,9 @@ def running_task(is_direct: bool) -> None:
     """Return None, because there are no tasks but those of asyncio."""
 
 
-def end_for(buffer: object, ending: Callable[[], object] | None) -> None:
+def end_for(buffer: object, pending: Callable[[], object] | None) -> None:
     """End something in this thread, because there are no executors."""
-    call_all(ending)
+    call_all(pending)
 
 
 def names_that_need_ros(module: str, *others: str) -> Callable[[str], NoReturn]:

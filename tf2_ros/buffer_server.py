@@ -33,7 +33,7 @@ from tf2_ros._threads import check_regularly
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.call_runners import ExecutorRunner
 from tf2_ros._wait.futures import TransformFuture
-from tf2_ros._wait.lookup_call import Lookup
+from tf2_ros._wait.lookup import Lookup
 
 __all__ = ["BufferServer"]
 

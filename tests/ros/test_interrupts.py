@@ -26,7 +26,7 @@ from tf2_ros._forking import LiveObjects
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.call_runners import Runner
 from tf2_ros._wait.deadlines import Deadlines
-from tf2_ros._wait.endings import Waker
+from tf2_ros._wait.pending import Waker
 
 pytestmark = pytest.mark.ours
 

@@ -610,7 +610,7 @@ cdef class InboxBase(ReadHook):
             return
         reference = None if buffer is None else weakref.ref(buffer)
         # From here to the report no code in Python runs, and so no other thread that fills, closes or drains
-        # (see `endings`: nothing makes a container).
+        # (see `pending`: nothing makes a container).
         engine = self._engine()
         if self._is_closed:
             buffer = tap = reference = None

@@ -7,7 +7,7 @@ This is Cython so that no signal handler runs between taking something from the 
 from libc.stdint cimport int64_t
 
 from tf2_py._internal cimport monotonic_ns
-from tf2_ros._wait.endings cimport Ending
+from tf2_ros._wait.pending cimport Pending
 
 import os
 import weakref
@@ -20,7 +20,7 @@ from tf2_ros._buffer_fillers import Fillers
 from tf2_ros._node_lifetimes import keep_in_children, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._threads import check_regularly
-from tf2_ros._wait.endings import call_all
+from tf2_ros._wait.pending import call_all
 
 WARN_S = 10.0   # how long calls wait for what runs the node before a warning says so
 
@@ -29,14 +29,14 @@ cdef class CallQueue:
     """
     The calls that run code of a program, of waits of a node that have ended: a queue, usually one for a node.
 
-    What ends a wait puts an `Ending` here: an insert of a listener, a timeout, a shutdown. Only a program's
+    What ends a wait puts a `Pending` here: an insert of a listener, a timeout, a shutdown. Only a program's
     own insert, and its own `cancel`, run the code at once. Server and client also put plain calls, which are
     dropped without a word. This class promises:
 
     1. **Order.** Calls are made in the order of :meth:`put`, one at a time.
     2. **Threads.** They are made by what runs the node, as callbacks of subscriptions are. While nothing runs
        the node they wait; after WARN_S, one warning says so. Without a node, a thread makes them at once.
-    3. **Exceptions.** An `Ending` logs each `Exception` of a callback itself. What a call raises nevertheless
+    3. **Exceptions.** A `Pending` logs each `Exception` of a callback itself. What a call raises nevertheless
        is logged, because later calls and other callbacks of the node do not depend on it. In the main
        thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other calls remain.
     4. **Interrupts.** Threads, signal handlers and finalizers may put. No signal handler comes between taking
@@ -83,9 +83,9 @@ cdef class CallQueue:
         else:
             self.runner.wake()
 
-    def receive(self, ending):
+    def receive(self, pending):
         """Add what a listener's insert has ended, to its own queue if it has one."""
-        (ending.call_queue or self).put(ending)
+        (pending.call_queue or self).put(pending)
 
     def run(self, Py_ssize_t count):
         """Make at most this many calls, the oldest first; for the runner."""
@@ -94,7 +94,7 @@ cdef class CallQueue:
             call = self.calls.popleft()
             try:
                 following = call()
-                if isinstance(following, Ending):
+                if isinstance(following, Pending):
                     self.put(following)
             except BaseException as error:
                 if not isinstance(error, Exception) and get_ident() == main_thread().ident:
@@ -108,7 +108,7 @@ cdef class CallQueue:
         cdef list interrupts = []
         while self.calls:
             call = self.calls.popleft()
-            if isinstance(call, Ending):
+            if isinstance(call, Pending):
                 try:
                     call.drop(why)
                 except BaseException as raised:
@@ -173,16 +173,16 @@ def call_queue_for(buffer):
     return None
 
 
-def end_for(buffer, ending):
+def end_for(buffer, pending):
     """Have what runs the node of a buffer's latest listener end something, as `put_or_call`."""
-    put_or_call(call_queue_for(buffer), ending)
+    put_or_call(call_queue_for(buffer), pending)
 
 
-def put_or_call(CallQueue call_queue, ending):
+def put_or_call(CallQueue call_queue, pending):
     """Have what runs a node end something; if nothing runs it now, or there is no node, do it here."""
-    if ending is None:
+    if pending is None:
         return
     if call_queue is not None and call_queue.is_served():
-        call_queue.put(ending)
+        call_queue.put(pending)
     else:
-        call_all(ending)
+        call_all(pending)

@@ -1,12 +1,12 @@
 """
 The messages of a filter, and what it calls and counts when one of them ends.
 
-See :mod:`tf2_ros._wait.endings` for why this is Cython.
+See :mod:`tf2_ros._wait.pending` for why this is Cython.
 """
 
 from libc.stdint cimport int64_t
 
-from tf2_ros._wait.endings cimport CANCELLED, PENDING, Ending, call_back
+from tf2_ros._wait.pending cimport CANCELLED, PENDING, Pending, call_back
 
 import weakref
 from collections import OrderedDict
@@ -90,7 +90,7 @@ cdef class FilterCalls:
         return 0
 
 
-cdef class QueuedMessage(Ending):
+cdef class QueuedMessage(Pending):
     """
     A message that waits in a filter. Its result is a transform, or the reason why it is dropped; then its
     error is a text about that, or None.

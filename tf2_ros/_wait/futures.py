@@ -15,7 +15,7 @@ from tf2_ros._forking import FORKED, LiveObjects, is_inherited
 from tf2_ros._message_classes import TransformStamped
 from tf2_ros._running_loop import running_loop
 from tf2_ros._wait.deadlines import deadlines
-from tf2_ros._wait.endings import Waker, notify
+from tf2_ros._wait.pending import Waker, notify
 from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:

@@ -21,13 +21,13 @@ from tf2_ros._rclpy import (
 )
 from tf2_ros._wait.call_runners import without_node
 from tf2_ros._wait.deadlines import deadlines
-from tf2_ros._wait.endings import FutureEnding, Waker
+from tf2_ros._wait.pending import PendingFuture, Waker
 
 STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task
 
 
-class BaseFuture(FutureEnding, Future):
-    """A future of rclpy that ends as a ``FutureEnding``."""
+class BaseFuture(PendingFuture, Future):
+    """A future of rclpy that ends as a ``PendingFuture``."""
 
     if not HEEDS_FUTURES:
 
@@ -62,7 +62,7 @@ class SleepingTask(Waker):
         self._task = weakref.ref(task)
         self._yielded: weakref.ref[Future] | None = None  # it refers to the task, and the task to it
 
-    def sleep(self, future: FutureEnding) -> Generator[Any, Any, None]:
+    def sleep(self, future: PendingFuture) -> Generator[Any, Any, None]:
         """Sleep until the future has ended."""
         while not future.has_ended():
             # Where tasks are resumed, one that yields None is stepped again in the next round, at once.

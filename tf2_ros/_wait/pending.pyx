@@ -23,7 +23,7 @@ cdef enum:
 cdef tuple STATES = ("pending", "queued", "done", "cancelled")
 
 
-cdef class Ending:
+cdef class Pending:
     """
     What ends once, with its callbacks. The first outcome counts, but cancelling replaces one that is queued.
 
@@ -110,8 +110,8 @@ def call_all(call):
 
 def notify(reference, answer, error=None):
     """End what a weak reference refers to, if it exists, with the answer that it waits for, or an error."""
-    ending = reference()
-    return None if ending is None else ending.end_or_queue(answer, error)
+    pending = reference()
+    return None if pending is None else pending.end_or_queue(answer, error)
 
 
 cdef int call_back(callback, tuple arguments, int tries, list errors) except -1:
@@ -142,7 +142,7 @@ cdef bint _only_wakes(callback) except -1:
     return isinstance(callback, Waker) or (_ros_presence.HAS_ROS and wakes_executor(callback))
 
 
-cdef class FutureEnding(Ending):
+cdef class PendingFuture(Pending):
     """The part of a future that ends it; see rclpy's Future."""
 
     cdef readonly list done_callbacks   # those of the program
@@ -229,7 +229,7 @@ cdef class FutureEnding(Ending):
         return 0
 
 
-cdef class ChangeSubscription(Ending):
+cdef class ChangeSubscription(Pending):
     """
     Calls a function with each transform between two frames that differs from the previous one.
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 
-class Ending:
+class Pending:
     """
     What ends once, with its callbacks. The first outcome counts, but cancelling replaces one that is queued.
 
@@ -34,13 +34,13 @@ class Ending:
         """Whether it has an outcome that is visible."""
     def end(self, result: Any = None, error: BaseException | str | None = None) -> None:
         """End with this outcome, unless it has one, and run the callbacks in this thread."""
-    def end_or_queue(self, result: Any = None, error: BaseException | str | None = None) -> Ending | None:
+    def end_or_queue(self, result: Any = None, error: BaseException | str | None = None) -> Pending | None:
         """
         End with this outcome, unless it has one; if that runs user code, only note it.
 
         :return: what has to be called in that case.
         """
-    def __call__(self) -> Ending | None:
+    def __call__(self) -> Pending | None:
         """Call self as a function."""
     def cancel(self) -> None:
         """End the wait; without effect if it has ended."""
@@ -50,13 +50,15 @@ class Ending:
 def call_all(call: Callable[[], Any] | None) -> None:
     """Call this, what that returns, and so on; for a thread that has no other work."""
 
-def notify(reference: weakref.ref[Ending], answer: Any, error: BaseException | None = None) -> Ending | None:
+def notify(
+    reference: weakref.ref[Pending], answer: Any, error: BaseException | None = None
+) -> Pending | None:
     """End what a weak reference refers to, if it exists, with the answer that it waits for, or an error."""
 
 class Waker:
     """The done callback of a future that only wakes whatever awaits it, and may be called several times."""
 
-class FutureEnding(Ending):
+class PendingFuture(Pending):
     """The part of a future that ends it; see rclpy's Future."""
     @property
     def done_callbacks(self) -> list[Callable[[Any], object]]: ...
@@ -79,7 +81,7 @@ class FutureEnding(Ending):
     def remove_done_callback(self, callback: Callable[[Any], object]) -> bool:
         """Remove a callback; whether it had been added."""
 
-class ChangeSubscription(Ending):
+class ChangeSubscription(Pending):
     """
     Calls a function with each transform between two frames that differs from the previous one.
 

@@ -1,7 +1,7 @@
 """What ends once: a future, a message of a filter, a subscription to changes."""
 
 
-# The life of an ending, from the first to one of the last two.
+# The life of an pending, from the first to one of the last two.
 cdef enum Life:
     PENDING
     QUEUED      # it has an outcome, which is not visible; what runs its callbacks will end it with them
@@ -9,7 +9,7 @@ cdef enum Life:
     CANCELLED
 
 
-cdef class Ending:
+cdef class Pending:
     cdef object __weakref__
     cdef Life life
     cdef object _result, _error

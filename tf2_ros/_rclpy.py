@@ -205,6 +205,15 @@ def mark_shut_down(executor: Executor) -> None:
     wake(executor)
 
 
+def waits_for_sets(executor: object) -> bool:
+    """
+    Whether an executor waits for sets of entities, and wakes for a guard condition.
+
+    Assumes that all of rclpy's but its EventsExecutor, and no others, are subclasses of Executor.
+    """
+    return isinstance(executor, Executor)
+
+
 def wake(executor: Executor) -> None:
     """
     Wake an executor, unless it was shut down.
@@ -456,7 +465,7 @@ def resume(task: Task, executor: Any, yielded: Future | None) -> None:
                 executor.create_task(task)
             else:
                 yielded.set_result(None)
-    elif isinstance(executor, Executor):
+    elif waits_for_sets(executor):
         wake(executor)
 
 

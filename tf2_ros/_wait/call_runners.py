@@ -11,13 +11,12 @@ from typing import Any
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import Executor
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.waitable import Waitable
 
 from tf2_ros._forking import LOCK
-from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, wake
+from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, waits_for_sets, wake
 from tf2_ros._threads import call_logged, start_once
 from tf2_ros._wait.call_queue import CallQueue, call_queue_for
 from tf2_ros._wait.executor_rounds import ExecutorRounds
@@ -78,7 +77,7 @@ class _MovableGroup(MutuallyExclusiveCallbackGroup):
     def ending_execution(self, entity: Any) -> None:
         super().ending_execution(entity)
         executor = getattr(self._node(), "executor", None)
-        if isinstance(executor, Executor):
+        if waits_for_sets(executor):
             wake(executor)
 
 
@@ -201,7 +200,7 @@ def hand_over_for(buffer: Any) -> Callable[[Any], None]:
     :param buffer: not kept alive by what is returned, which an inbox calls with each call.
     """
     reference = weakref.ref(buffer)
-    return lambda ending: (call_queue_for(reference()) or without_node).receive(ending)
+    return lambda pending: (call_queue_for(reference()) or without_node).receive(pending)
 
 
 def call_queue_of(node: Any) -> CallQueue:

@@ -27,11 +27,10 @@ from tf2_ros._receive.inbox cimport Informed
 
 from contextlib import suppress
 
-from rclpy.executors import Executor
 from rclpy.waitable import NumberOfEntities
 
 from tf2_ros._rcl import problem
-from tf2_ros._rclpy import has_tasks, is_below_own_loop
+from tf2_ros._rclpy import has_tasks, is_below_own_loop, waits_for_sets
 from tf2_ros._rclpy import wake as wake_executor
 
 cdef extern from "Python.h":
@@ -111,7 +110,7 @@ cdef class ExecutorRounds(Informed):
     def uses_wait_sets(self):
         """Whether no ``EventsExecutor`` has, or has had, the node: it has arrivals reported to itself."""
         executor = self.executor()
-        return self._uses_wait_sets and (executor is None or isinstance(executor, Executor))
+        return self._uses_wait_sets and (executor is None or waits_for_sets(executor))
 
     def executor(self):
         """For subclasses: the executor that has the node, or had it last, or None."""
@@ -195,7 +194,7 @@ cdef class ExecutorRounds(Informed):
     cdef int _have_prepared_again(self) except -1:
         # Wake the executor that has the node, which then goes to sleep anew.
         executor = self.executor()
-        if isinstance(executor, Executor):
+        if waits_for_sets(executor):
             wake_executor(executor)
         return 0
 

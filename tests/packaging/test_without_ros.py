@@ -99,10 +99,10 @@ print(pickle.dumps(buffer).hex())
     assert back.can_transform("base_link", "camera", 0, timeout=0.01)
 
 
-@pytest.mark.parametrize("name", ["test_buffer_without_node", "test_waits_without_node"])
+@pytest.mark.parametrize("name", ["buffer", "waits", "sources", "clocks"])
 def test_a_buffer_works(world, name):
     """The tests of a buffer that need no ROS, in this environment."""
-    path = ROOT / "tests" / "core" / f"{name}.py"
+    path = ROOT / "tests" / "core" / f"test_{name}_without_node.py"
     ended = world.run("-m", "pytest", "-q", "-p", "no:cacheprovider", str(path))
     assert ended.returncode == 0, ended.stdout
     assert " passed" in ended.stdout and "skipped" not in ended.stdout

@@ -38,7 +38,7 @@ CHANGES = {
     "set_transform_static",
     "set_transforms",
     "set_transforms_cdr",
-    "add_source",  # see test_waits_without_node.py
+    "add_source",  # see test_sources_without_node.py
     "clear",
     "forget",
     "freeze",

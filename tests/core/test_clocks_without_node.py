@@ -1,0 +1,140 @@
+"""A program's clock of a buffer without a node: ages and jumps; with or without ROS."""
+
+import asyncio
+import threading
+import time
+import types
+from unittest import mock
+
+import pytest
+from waiting_without_node import DEADLINE_S, S, insert, once_waiting, until
+
+import tf2_ros
+
+pytestmark = pytest.mark.ours
+
+
+class TestClocks:
+    """A program's own clock, of any class."""
+
+    class Clock:
+        ns = 100 * S
+
+        def now(self):
+            return self.ns
+
+    @pytest.fixture
+    def buffer(self):
+        made = tf2_ros.Buffer()
+        made.clock = self.Clock()
+        return made
+
+    def test_ages_are_counted_by_it(self, buffer):
+        insert(buffer, 99 * S)
+        assert buffer.ages("map", "base") == {"base": 1.0}
+        assert buffer.can_transform("map", "base", 0, max_age=1)
+        assert not buffer.can_transform("map", "base", 0, max_age=0.5)
+
+    def test_a_jump_back_clears(self, buffer):
+        insert(buffer, 99 * S)
+        buffer.ages("map", "base")
+        buffer.clock.ns = 99 * S + 1
+        assert buffer.ages("map", "base")
+        buffer.clock.ns = 98 * S
+        with pytest.raises(tf2_ros.TransformException):
+            buffer.ages("map", "base")
+        insert(buffer, 97 * S)
+        assert buffer.ages("map", "base") == {"base": 1.0}
+
+@pytest.mark.parametrize(
+        "new_clock",
+        [
+            lambda: types.SimpleNamespace(now=lambda: 100 * S),
+            lambda: mock.Mock(now=lambda: 100 * S),
+            lambda: type("Class", (), {"now": classmethod(lambda _: 100 * S)}),
+            lambda: type("Proxy", (), {"__getattr__": lambda _, name: lambda: 100 * S})(),
+        ],
+    )
+    def test_it_may_be_any_object_that_has_now(self, buffer, new_clock):
+        buffer.clock = new_clock()
+        insert(buffer, 99 * S)
+        assert buffer.ages("map", "base") == {"base": 1.0}
+        assert not buffer.can_transform("map", "base", 0, max_age=0.5)
+
+    def test_a_clock_may_begin_below_0(self, buffer):
+        insert(buffer, 1 * S)
+        buffer.clock.ns = -5 * S
+        buffer.ages("map", "base")
+        buffer.clock.ns = 2 * S
+        assert buffer.ages("map", "base") == {"base": 1.0}
+
+    @pytest.mark.parametrize("overtaken_by", [30, 80])
+    def test_a_reading_that_another_thread_overtakes_is_not_a_jump(self, buffer, overtaken_by):
+        insert(buffer, 9 * S)
+        is_read, may_return = threading.Event(), threading.Event()
+
+        def read_slowly():
+            buffer.clock.now = lambda: overtaken_by * S
+            is_read.set()
+            may_return.wait(DEADLINE_S)
+            return 20 * S
+
+        buffer.clock.now = lambda: 10 * S
+        buffer.ages("map", "base")
+        buffer.clock.now = read_slowly
+        slow = threading.Thread(target=buffer.ages, args=("map", "base"))
+        slow.start()
+        assert is_read.wait(DEADLINE_S)
+        assert buffer.ages("map", "base") == {"base": overtaken_by - 9}
+        may_return.set()
+        slow.join()
+        assert buffer.ages("map", "base") == {"base": overtaken_by - 9}
+        # The latest reading counts, not the one that came last.
+        buffer.clock.now = lambda: (overtaken_by - 1) * S
+        with pytest.raises(tf2_ros.TransformException):
+            buffer.ages("map", "base")
+
+    @pytest.mark.parametrize("how", ["future", "await", "block"])
+    def test_a_wait_notices_that_it_was_set_back(self, buffer, how):
+        def set_back():
+            buffer.clock.ns = 50 * S
+            deadline = time.monotonic() + DEADLINE_S
+            # The buffer is cleared when the step is noticed, also of what has just arrived.
+            while buffer.statistics()["waiters"] and time.monotonic() < deadline:
+                insert(buffer, 50 * S)
+                time.sleep(0.001)
+
+        thread = once_waiting(buffer, set_back)
+        if how == "future":
+            future = buffer.wait_for_transform_async("map", "base", 0, max_age=3.0)
+            until(future.done)
+            found = future.result()
+        elif how == "await":
+            found = asyncio.run(buffer.lookup_transform_async("map", "base", 0, max_age=3.0))
+        else:
+            found = buffer.lookup_transform("map", "base", 0, timeout=DEADLINE_S, max_age=3.0)
+        thread.join()
+        assert found.header.stamp.sec == 50
+
+    @pytest.mark.parametrize("ends", ["by a check", "by an insert"])
+    def test_a_wait_ends_with_what_it_raises(self, buffer, ends):
+        future = buffer.wait_for_transform_async("map", "base", 0, max_age=3.0, timeout=DEADLINE_S)
+        buffer.clock.now = lambda: 1 // 0
+        if ends == "by an insert":
+            insert(buffer, 99 * S)
+        until(future.done)
+        with pytest.raises(ZeroDivisionError):
+            future.result()
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_one_that_shows_no_time(self, buffer):
+        buffer.clock.now = lambda: "noon"
+        insert(buffer, 99 * S)
+        with pytest.raises(TypeError, match="the time of the buffer's clock"):
+            buffer.ages("map", "base")
+
+    def test_without_one_there_is_the_system_time(self):
+        buffer = tf2_ros.Buffer()
+        insert(buffer, time.time_ns())
+        assert 0 <= buffer.ages("map", "base")["base"] < DEADLINE_S
+        assert buffer.clock.now() is not None

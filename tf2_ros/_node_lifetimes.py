@@ -7,7 +7,7 @@ from rclpy.exceptions import InvalidHandle
 
 from tf2_py._internal import MalformedObjectError, keep_for_ever
 from tf2_ros._arguments import kind_of
-from tf2_ros._forking import LiveObjects
+from tf2_ros._live_objects import LiveObjects
 from tf2_ros._rclpy import context_was_shut_down, handle_exists, is_node
 
 

@@ -4,7 +4,7 @@ from libc.stdint cimport uintptr_t
 
 import ctypes
 
-from tf2_ros_cython import _ros, _ros_presence
+from tf2_ros_cython import _ros_in_use, _ros_presence
 
 
 def problem():
@@ -29,7 +29,7 @@ cdef str _find_all():
         return "there is no rclpy"
     from rclpy.impl.implementation_singleton import rclpy_implementation
 
-    if _ros.running_prefix() is None:
+    if _ros_in_use.running_prefix() is None:
         return "this program has replaced rclpy by its own module"
     try:
         library = ctypes.PyDLL(rclpy_implementation.__file__)

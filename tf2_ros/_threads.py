@@ -27,7 +27,7 @@ from typing import Any, Protocol
 
 from tf2_py._internal import log
 from tf2_py.printable import counted
-from tf2_ros._forking import LiveObjects
+from tf2_ros._live_objects import LiveObjects
 from tf2_ros._receive.inbox import INBOXES, InboxBase
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s

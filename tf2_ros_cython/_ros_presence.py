@@ -4,7 +4,7 @@ Find out whether this process has ROS 2. Without it, tf2_ros is a library of buf
 Importing this module raises an ImportError with advice if there is a ROS 2 without its tf2_msgs.
 """
 
-from tf2_ros_cython._ros import absence, has_rclpy, require_messages
+from tf2_ros_cython._ros_in_use import absence, has_rclpy, require_messages
 
 __all__ = ["HAS_ROS", "absence"]
 

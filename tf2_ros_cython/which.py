@@ -12,7 +12,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import NoReturn
 
-from tf2_ros_cython import _finder, _installation, _ros, _stray_programs
+from tf2_ros_cython import _finder, _installation, _ros_in_use, _stray_programs
 from tf2_ros_cython._version import __version__
 
 _TOOLS_ADVICE = (
@@ -105,7 +105,7 @@ def _is_ours(folder: Path | None) -> bool:
 
 def _import_failure() -> str | None:
     """Why one of our packages does not load, or None. Without ROS 2, two of them load."""
-    for name in _ros.loadable_packages():
+    for name in _ros_in_use.loadable_packages():
         try:
             importlib.import_module(name)
         except ImportError as error:
@@ -117,7 +117,7 @@ def _describe(name: str, folder: Path | None) -> str:
     if folder is None:
         return f"not found; {_not_arranged()}" if name != "tf2_msgs" and not _is_arranged() else "not found"
     if name == "tf2_msgs":
-        release = _ros.messages_release(folder / name)
+        release = _ros_in_use.messages_release(folder / name)
         whose = f"tf2-ros-cython's, for {release}" if release else "the environment's"
         return f"{whose}, {folder / name}"
     if _is_ours(folder):
@@ -194,7 +194,7 @@ def _receiver(are_ours: bool, failure: str | None) -> str:
         return "not in use, because not all packages are tf2-ros-cython's"
     if failure is not None:
         return "not in use, because tf2_ros does not load"
-    if not _ros.has_rclpy():
+    if not _ros_in_use.has_rclpy():
         return "not in use without ROS 2"
     reason = importlib.import_module("tf2_ros._rcl").problem()
     if reason is not None:
@@ -203,19 +203,19 @@ def _receiver(are_ours: bool, failure: str | None) -> str:
 
 
 def _running_ros() -> str:
-    if not _ros.has_rclpy():
+    if not _ros_in_use.has_rclpy():
         return "none found; buffers and recordings work without it"
-    prefix = _ros.running_prefix()
+    prefix = _ros_in_use.running_prefix()
     if prefix is None:
         return "replaced by a module of this program"
-    version = _ros.rclpy_version(prefix)
-    return f"{_ros.describe(version) if version else 'of unknown version'} in {prefix}"
+    version = _ros_in_use.rclpy_version(prefix)
+    return f"{_ros_in_use.describe(version) if version else 'of unknown version'} in {prefix}"
 
 
 def _versions(messages: Path | None) -> str:
     """The versions that a bug report should contain."""
     named = [f"tf2-ros-cython {__version__}{_newer_sources()}"]
-    release = None if messages is None else _ros.messages_release(messages / "tf2_msgs")
+    release = None if messages is None else _ros_in_use.messages_release(messages / "tf2_msgs")
     if release is not None:
         name = f"tf2-ros-cython-msgs-{release.lower()}"
         try:

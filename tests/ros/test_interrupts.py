@@ -22,7 +22,7 @@ from spinning_nodes import spinning
 import tf2_py
 import tf2_ros
 from tf2_ros import _threads
-from tf2_ros._forking import LiveObjects
+from tf2_ros._live_objects import LiveObjects
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.call_runners import Runner
 from tf2_ros._wait.deadlines import Deadlines

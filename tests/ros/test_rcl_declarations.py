@@ -8,7 +8,7 @@ import pytest
 from processes import output_of, run
 
 import tf2_ros
-from tf2_ros_cython import _ros
+from tf2_ros_cython import _ros_in_use
 
 pytestmark = pytest.mark.ours
 
@@ -70,7 +70,7 @@ def declaration(kind, size, name):
 
 def prefixes():
     sourced = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
-    return [prefix for prefix in sourced if (prefix / "include").is_dir()] or [_ros.running_prefix()]
+    return [prefix for prefix in sourced if (prefix / "include").is_dir()] or [_ros_in_use.running_prefix()]
 
 
 def test_all_declarations_agree_with_the_headers(tmp_path):
@@ -102,5 +102,5 @@ def test_without_a_function_of_rcl_nothing_is_called():
 
 
 def test_a_release_is_known_by_its_name_or_by_its_version():
-    assert _ros.describe("10.0.10") == "Lyrical (rclpy 10.0.10)"
-    assert _ros.describe("99.0.1") == "of rclpy 99.0.1"
+    assert _ros_in_use.describe("10.0.10") == "Lyrical (rclpy 10.0.10)"
+    assert _ros_in_use.describe("99.0.1") == "of rclpy 99.0.1"

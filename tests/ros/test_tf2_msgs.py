@@ -8,7 +8,7 @@ from processes import output_of
 pytest.importorskip("rclpy")
 
 from tf2_msgs.msg import TF2Error
-from tf2_ros_cython._ros import running_release
+from tf2_ros_cython._ros_in_use import running_release
 
 TYPE_HASHES = {
     "msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",

@@ -36,7 +36,10 @@ def test_its_number_does_not_matter(tmp_path):
     (tmp_path / "share" / "rclpy").mkdir(parents=True)
     (tmp_path / "share" / "rclpy" / "package.xml").write_text("<version>99.0.0</version>")
     environment = {**os.environ, "PYTHONPATH": f"{newer}{os.pathsep}{os.environ['PYTHONPATH']}"}
-    version = "from tf2_ros_cython import _ros; print(_ros.rclpy_version(_ros.running_prefix()))"
+    version = (
+        "from tf2_ros_cython._ros_in_use import rclpy_version, running_prefix\n"
+        "print(rclpy_version(running_prefix()))"
+    )
     assert output_of("-c", version, env=environment) == "99.0.0\n"
     printed = output_of(PROGRAMS / "unknown_rclpy.py", env=environment)
     assert printed.splitlines() == [TOPICS, *THE_REST]

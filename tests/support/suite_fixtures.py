@@ -18,7 +18,7 @@ from paths import ROOT, SUPPORT
 from processes import Peer, end, start
 from ros_domains import claim_domain
 
-from tf2_ros_cython._ros import running_release
+from tf2_ros_cython._ros_in_use import running_release
 
 # What the shell of a developer may say, and tests must not depend on.
 FOREIGN = (

@@ -11,7 +11,8 @@ from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._buffer_fillers import Shutdown
-from tf2_ros._forking import FORKED, LiveObjects, is_inherited
+from tf2_ros._forking import FORKED, is_inherited
+from tf2_ros._live_objects import LiveObjects
 from tf2_ros._message_classes import TransformStamped
 from tf2_ros._running_loop import running_loop
 from tf2_ros._wait.deadlines import deadlines

@@ -8,7 +8,7 @@ missing".
 from importlib.util import find_spec
 from pathlib import Path
 
-from tf2_ros_cython import _ros
+from tf2_ros_cython import _ros_in_use
 
 # What the .pyx files import from elsewhere; a test compares the two.
 IMPORTED = """
@@ -29,5 +29,5 @@ def hidden_imports() -> list[str]:
     # Only PyInstaller's own process has it.
     from PyInstaller.utils.hooks import collect_submodules
 
-    ours = [module for name in _ros.loadable_packages() for module in collect_submodules(name)]
+    ours = [module for name in _ros_in_use.loadable_packages() for module in collect_submodules(name)]
     return [*ours, *(name for name in IMPORTED if find_spec(name.partition(".")[0]))]

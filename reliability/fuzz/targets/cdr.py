@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._tf2_py import serialize_as_ros
 from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
-from tf2_ros_cython._ros import running_release
+from tf2_ros_cython._ros_in_use import running_release
 
 _TF = MessageSource("/tf", False)
 _PREFIXED = MessageSource("/robot/tf", False, "robot/")

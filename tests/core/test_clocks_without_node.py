@@ -46,7 +46,7 @@ class TestClocks:
         insert(buffer, 97 * S)
         assert buffer.ages("map", "base") == {"base": 1.0}
 
-@pytest.mark.parametrize(
+    @pytest.mark.parametrize(
         "new_clock",
         [
             lambda: types.SimpleNamespace(now=lambda: 100 * S),

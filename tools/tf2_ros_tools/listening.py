@@ -100,6 +100,13 @@ class Session(Protocol):
         """Return the time on the clock of the buffer, in ns."""
         ...
 
+    def require_open(self) -> None:
+        """
+        Raise if nothing can arrive any more.
+
+        :raises RunError: the reception has ended; the text says why.
+        """
+
     def info(self, text: str) -> None:
         """Log a line."""
 
@@ -144,11 +151,16 @@ class Listening:
         self._window_ns = None if window_s is None else round(window_s * S)
 
     def listen(self, seconds: float) -> None:
-        """Listen in the main thread for this time, or until a signal."""
+        """
+        Listen in the main thread for this time, or until a signal.
+
+        :raises RunError: the reception has ended; the text says why.
+        """
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             time.sleep(min(left, DRAIN_S))
             self.drain()
+            self.session.require_open()
 
     def drain(self) -> None:
         """

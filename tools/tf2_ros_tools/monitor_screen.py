@@ -17,6 +17,7 @@ from textual.widgets import DataTable, Footer, Input, Static
 from tf2_py.printable import printable
 from tf2_ros_tools.listening import Report
 from tf2_ros_tools.output import counted
+from tf2_ros_tools.program import RunError
 from tf2_ros_tools.stream_and_finding_texts import milliseconds, rate_text
 from tf2_ros_tools.stream_statistics import Stream
 
@@ -49,10 +50,11 @@ def show_screen(look: Callable[[], Report], source: str) -> int:
     """
     Show reports until the user or a signal ends it, in the main thread; return the exit status.
 
-    Textual prints the traceback of an error in here, and the status is not 0.
+    Textual prints the traceback of an error in here, and the status is not 0; not of a RunError.
 
     :param look: makes a report of the present state.
     :param source: the topics and the ROS domain, as a phrase.
+    :raises RunError: ``look`` raised it.
     """
     # Textual draws on sys.__stderr__, which may be a file. What C code writes to standard error, such as log
     # lines, would disturb the screen, so it follows at the end.
@@ -67,6 +69,8 @@ def show_screen(look: Callable[[], Report], source: str) -> int:
             os.dup2(error_output, 2)
             log.seek(0)
             os.write(2, log.read())
+    if screen.failure is not None:
+        raise screen.failure
     return screen.return_code or 0
 
 
@@ -95,6 +99,7 @@ class _Screen(App[None]):
         super().__init__()
         self._look = look
         self._report = look()
+        self.failure: RunError | None = None  # why it has ended
         self._source = source
         self._streams: list[Stream] = []  # a row for each
         self._order, self._reverse = "trouble", False
@@ -119,7 +124,12 @@ class _Screen(App[None]):
         self.set_interval(INTERVAL_S, self._update)
 
     def _update(self) -> None:
-        self._report = self._look()
+        try:
+            self._report = self._look()
+        except RunError as failure:
+            self.failure = failure
+            self.exit()
+            return
         self._show()
 
     # Keys.

@@ -73,6 +73,9 @@ class NodeSession:
     def now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
 
+    def require_open(self) -> None:
+        """Nothing ends a node but a signal."""
+
     def info(self, text: str) -> None:
         self._node.get_logger().info(text)
 

@@ -285,6 +285,19 @@ def test_a_wire_ends_a_feed():
         feed.broadcaster()
 
 
+def test_the_end_of_a_feed_is_the_first_reason_for_its_silence():
+    with Feed(name="x://robot", wire=(wire := Wire(reasons={"/tf": "the domain is wrong"}))) as feed:
+        assert feed.why_ended() == ""
+        wire.end("the robot has gone")
+        why = "x://robot has ended (the robot has gone)"
+        assert feed.why_silent(1.0) == feed.why_ended() == why
+    with Feed() as feed:
+        feed.take(message(), False)
+        feed.take(message("base", "camera"), True)
+        assert feed.why_silent(1.0) == ""
+    assert feed.why_silent(1.0) == "the feed has ended (it was closed)"
+
+
 def test_a_wire_that_does_not_open_is_closed():
     wire = Wire(refusal=ConnectionError("nothing answers"))
     with pytest.raises(ConnectionError, match="^nothing answers$"):

@@ -5,6 +5,8 @@ import os
 import re
 
 import pytest
+from obeying_processes import Obeying
+from ros_domains import claim_domain
 from starting_programs import ROBOT, broadcasting, ended
 
 from tf2_ros_tools import bag
@@ -72,6 +74,44 @@ def test_tf2_echo_prints_the_transform(robot):
     told = json.loads(out)
     assert (status, told["header"]["frame_id"], told["child_frame_id"]) == (0, "odom", "base_link")
     assert told["transform"]["rotation"].keys() == {"x", "y", "z", "w"}
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    """The environment of the laptop, in the domain of a robot that publishes /clock."""
+    environment = WITHOUT_ROS | {"ROS_DOMAIN_ID": str(claim_domain())}
+    one = Obeying(environment=environment)
+    one.do("from robot_with_rclpy import *; start(); clock()")
+    yield environment
+    one.end()
+
+
+ENDED = "dds:// has ended (/clock is published, and simulated time is not supported)"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "tf2_check -t 60",
+        "view_frames -t 60 --text",
+        "tf2_monitor --interval 60",
+        "tf2_plot -t 60",
+        "tf2_echo map base",
+        "tf2_echo map base --wait 60",
+    ],
+)
+def test_all_say_that_a_robot_with_simulated_time_has_ended_the_feed(simulated, line):
+    name, *arguments = line.split()
+    status, _, err = ended(name, *arguments, "--live", "dds://", env=simulated)
+    assert (status, err.splitlines()[-1]) == (1, f"{name}: {ENDED}")
+
+
+def test_tf2_live_says_that_a_robot_with_simulated_time_has_ended_the_feed(simulated):
+    status, out, err = ended("tf2_live", "dds://", "-t", "60", env=simulated)
+    assert (status, out.splitlines()[-1], err) == (1, ENDED, "")
+    status, out, _ = ended("tf2_live", "dds://", "-t", "60", "--json", env=simulated)
+    told = json.loads(out)
+    assert (status, told["silence"]) == (1, ENDED) and told["seconds"] < 60
 
 
 @pytest.mark.parametrize(

@@ -119,6 +119,29 @@ class TestKeys:
         failing.wait()
         assert failing.exitstatus == 1
 
+    def test_the_end_of_the_reception_ends_it_with_the_reason(self):
+        program = """
+import sys
+from tf2_ros_tools.listening import Report
+from tf2_ros_tools.monitor_screen import show_screen
+from tf2_ros_tools.program import Parser, RunError, run
+
+reports = iter([Report(0.0, [], [], [], None, 0)])
+
+def look():
+    for report in reports:
+        return report
+    raise RunError("the robot has gone")
+
+sys.exit(run(Parser("tf2_monitor", "", ""), lambda _: show_screen(look, "")))
+"""
+        environment = {**os.environ, "TERM": "xterm-256color"}
+        ending = pexpect.spawn(sys.executable, ["-c", program], env=environment, timeout=DEADLINE_S)
+        ending.expect("tf2_monitor: the robot has gone")
+        ending.expect(pexpect.EOF)
+        ending.wait()
+        assert ending.exitstatus == 1 and b"Traceback" not in ending.before
+
 
 class TestPanes:
     BROKEN = [f"broken_{number:02}" for number in range(30)]

@@ -205,18 +205,25 @@ class Feed:
         with self._changed:
             self._changed.wait_for(lambda: self._source.why_ended() or not self._missing(), seconds)
             self._require_open()
-        if silence := self.why_silent(seconds):
-            raise TimeoutError(silence)
+            missing = self._missing()
+        if missing:
+            raise TimeoutError(self._why_missing(missing, seconds))
+
+    def why_ended(self) -> str:
+        """Say that the feed has ended, and why; ``""`` while it receives."""
+        return self._source.why_ended()
 
     def why_silent(self, seconds: float) -> str:
         """
         Say on which of the two topics nothing was received, and why if that is known.
 
         :param seconds: how long this program has listened, for the text.
-        :return: a text; ``""`` if a message was received on both.
+        :return: a text; :meth:`why_ended` if the feed has ended; ``""`` if a message was received on both.
         :raises RuntimeError: this is a forked child of the process that made the feed.
         """
         self._refuse_fork()
+        if why := self.why_ended():
+            return why
         missing = self._missing()
         return self._why_missing(missing, seconds) if missing else ""
 
@@ -351,7 +358,7 @@ class Feed:
 
     def _require_open(self) -> None:
         self._refuse_fork()
-        if why := self._source.why_ended():
+        if why := self.why_ended():
             raise ConnectionError(why)
 
     def _refuse_fork(self) -> None:

@@ -28,6 +28,10 @@ class FeedSession:
     def now_ns(self) -> int:
         return time.time_ns()
 
+    def require_open(self) -> None:
+        if why := self.feed.why_ended():
+            raise RunError(why)
+
     def info(self, text: str) -> None:
         sys.stderr.write(f"[INFO] {text}\n")
 

@@ -146,6 +146,7 @@ def echo(options: Namespace) -> int:
             show_transform(transform, options)
             while not options.once:
                 time.sleep(pace.next_s())
+                heard.require_open()
                 try:
                     transform = buffer.lookup_transform(options.target, options.source, options.time_ns)
                     show_transform(transform, options)
@@ -174,6 +175,7 @@ def _first(heard: Session, options: Namespace) -> TransformStamped | None:
 
     begin_s = time.monotonic()
     while True:
+        heard.require_open()
         waited_s = time.monotonic() - begin_s
         timeout_s = REPORT_S if options.wait is None else min(REPORT_S, max(0.0, options.wait - waited_s))
         try:

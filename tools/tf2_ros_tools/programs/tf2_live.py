@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, show, show_json, three_digits
-from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, positive_number, run
+from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, RunError, positive_number, run
 
 if TYPE_CHECKING:
     from tf2_ros_tools.live.feed import Heard
@@ -61,14 +62,18 @@ def live(options: Namespace) -> int:
     cache_time = None if options.output is None else inf  # a recording keeps all
     with live_session(options.where, recording, topics=TOPICS, cache_time=cache_time) as session:
         heard = Listening(session, recording, None)
-        heard.listen(options.t)
+        seconds, began_s = options.t, time.monotonic()
+        try:
+            heard.listen(seconds)
+        except RunError:  # the feed has ended, and `why_silent` says why
+            seconds = time.monotonic() - began_s
         feed = session.feed
         # Before the report, which may know more: what arrives meanwhile must not seem to be missing from it.
-        topics, publishers, silence = feed.topics, feed.publishers(), feed.why_silent(options.t)
+        topics, publishers, silence = feed.topics, feed.publishers(), feed.why_silent(seconds)
         streams = heard.report(Limits()).streams
         if options.json:
             facts = {
-                "seconds": options.t,
+                "seconds": seconds,
                 "topics": {name: asdict(one) for name, one in topics.items()},
                 "streams": [asdict(one) for one in streams],
                 "publishers": [one._asdict() for one in publishers],
@@ -77,7 +82,7 @@ def live(options: Namespace) -> int:
             }
             show_json(facts)
         else:
-            lines = _lines(topics, publishers, streams, options.t)
+            lines = _lines(topics, publishers, streams, seconds)
             show(*lines, *_clock(feed.clock_offset), *([silence] if silence else []))
         if options.output is not None:
             from tf2_ros_tools.bag import save

@@ -51,7 +51,11 @@ def monitor(options: Namespace) -> int:
 
     ends = _ends(options.frames)
     with listening("tf2_monitor", options, WINDOW_S) as heard:
-        look = partial(heard.report, Limits(), ends=ends)
+
+        def look() -> Report:
+            heard.session.require_open()
+            return heard.report(Limits(), ends=ends)
+
         if not options.json and options.interval is None and _has_screen():
             from tf2_ros_tools.monitor_screen import show_screen
 

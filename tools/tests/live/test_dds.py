@@ -338,22 +338,31 @@ def test_nobody_publishes_static_transforms(robot, laptop):
 
 
 @pytest.mark.parametrize(
-    ("options", "sends", "reason"),
+    ("options", "sends", "discovery_s", "reason"),
     [
         (
             "'/tf_static'",
             True,
+            5,
             "/fixed publishes it volatile, so it is not latched, and listeners require transient local",
         ),
         (
             "'/tf_static', reliable=False",
             True,
+            5,
             "/fixed publishes it best effort, and listeners require reliable",
         ),
-        ("'/tf_static', latches=True", False, "/fixed publishes it, but has sent nothing"),
+        ("'/tf_static', latches=True", False, 0, "/fixed publishes it, but has sent nothing"),
+        (
+            "'/tf_static', latches=True",
+            False,
+            SECONDS,
+            "/fixed publishes it, but has sent nothing so far, and discovery takes up to 60 s",
+        ),
     ],
 )
-def test_publishers_from_which_nothing_arrives(robot, laptop, options, sends, reason):
+def test_publishers_from_which_nothing_arrives(robot, laptop, options, sends, discovery_s, reason):
+    laptop.do(f"from tf2_ros_tools.live import dds; dds.DISCOVERY_S = {discovery_s}")
     matched(robot, laptop)
     robot.do(f"fixed = publisher('fixed', {options})")
     robot.do("send(out, ('map', 'base'))")

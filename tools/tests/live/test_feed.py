@@ -272,6 +272,16 @@ def test_a_publisher_whose_name_becomes_known_is_one_stream():
     assert [(one.frame, one.publisher) for one in streams] == [("base", "/robot")]
 
 
+def test_a_silent_publisher_is_a_problem_only_after_the_discovery(monkeypatch):
+    wire = Wire(reasons={"/tf": "/robot publishes it, but has sent nothing"})
+    with Feed(wire=wire) as feed:
+        session = FeedSession(feed, "x://robot", None)
+        assert list(session.findings()) == []
+        monkeypatch.setattr("tf2_ros_tools.live.session.DISCOVERY_S", 0.0)
+        [found] = session.findings()
+    assert found.kind == "qos" and found.text.endswith(": /robot publishes it, but has sent nothing")
+
+
 def test_a_wire_ends_a_feed():
     with Feed(name="x://robot", wire=(wire := Wire())) as feed:
         wire.take(message(), False)

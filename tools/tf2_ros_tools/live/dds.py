@@ -31,13 +31,12 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from tf2_ros_tools.live.wire import TYPE, Address, End, Publisher, Sender, Take, refuse_options
+from tf2_ros_tools.live.wire import DISCOVERY_S, TYPE, Address, End, Publisher, Sender, Take, refuse_options
 from tf2_ros_tools.output import first_names
 
 log = logging.getLogger("tf2_ros_tools.live")
 
 DEPTH = 1000  # messages that wait while Python or the network is busy: 5 s of 200 Hz
-DISCOVERY_S = 5.0  # in which robots, and their publishers, are usually found
 TAKEN = 100  # messages, at most, between two looks at whether the wire is closed
 TURNS = 100  # messages, at most, between two looks at anything else
 FOR_EVER = duration(weeks=1000)
@@ -167,7 +166,10 @@ class DdsWire:
             )
         publishers = self._publishers_of(topic)
         is_static = topic == self._address.topics[1]
-        reasons = [f"{self._node_of(one) or one.key} {_misfit(one, is_static)}" for one in publishers]
+        silent = f"publishes it, but has sent nothing{self._so_far()}"
+        reasons = [
+            f"{self._node_of(one) or one.key} {_misfit(one, is_static) or silent}" for one in publishers
+        ]
         return first_names(reasons) or f"no node publishes {topic} in domain {domain}{self._so_far()}"
 
     def _so_far(self) -> str:
@@ -287,14 +289,14 @@ def _described(publisher: DcpsEndpoint) -> str:
 
 
 def _misfit(publisher: DcpsEndpoint, is_static: bool) -> str:
-    """Why nothing is received from a publisher, as what follows its name."""
+    """Why nothing can be received from a publisher, as what follows its name; ``""`` if something can."""
     if publisher.type_name != TYPE:
         return f"publishes it as {publisher.type_name}"
     if Policy.Reliability.BestEffort in publisher.qos:
         return "publishes it best effort, and listeners require reliable"
     if is_static and Policy.Durability.Volatile in publisher.qos:
         return "publishes it volatile, so it is not latched, and listeners require transient local"
-    return "publishes it, but has sent nothing"
+    return ""
 
 
 def _configuration(address: Address) -> str:

@@ -11,6 +11,7 @@ from tf2_ros.records import Recording
 from tf2_ros_tools.findings import Finding
 from tf2_ros_tools.live import connect
 from tf2_ros_tools.live.feed import Feed
+from tf2_ros_tools.live.wire import DISCOVERY_S
 from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import RunError, UsageError
 
@@ -60,10 +61,13 @@ class FeedSession:
         for topic, heard in self.feed.topics.items():
             if heard.lost:
                 yield Finding("lost", "", f"{counted(heard.lost, 'message')} on {topic} were lost on the way")
+        seconds = time.monotonic() - self._began
+        if seconds < DISCOVERY_S:  # what was sent may still be on its way
+            return
         published = {one.topic for one in self.feed.publishers()}
         silent = [topic for topic, heard in self.feed.topics.items() if heard.last is None]
         if published.intersection(silent):
-            yield Finding("qos", "", self.feed.why_silent(time.monotonic() - self._began))
+            yield Finding("qos", "", self.feed.why_silent(seconds))
 
 
 @contextmanager

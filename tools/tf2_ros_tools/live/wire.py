@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 from urllib.parse import parse_qsl, urlsplit
 
 EXAMPLES = "zenoh://robot:7447, dds://, dds://?peers=192.168.0.7 or ws://robot:8765"
+DISCOVERY_S = 5.0  # in which robots, and their publishers, are usually found, and begin to be received
 TYPE = "tf2_msgs::msg::dds_::TFMessage_"  # as ROS 2 calls tf2_msgs/TFMessage on DDS and on Zenoh
 
 

@@ -445,10 +445,35 @@ def test_what_is_not_a_transform_is_refused_and_nothing_sent(broadcasting, kind,
     assert broadcasting._wire.sent == []
 
 
-def test_what_every_buffer_refuses_is_sent_as_in_tf2_and_logged(broadcasting, capfd):
-    broadcasting.broadcaster().sendTransform(transform("map", "map"))
-    assert len(broadcasting._wire.sent) == 1
-    assert "TF_SELF_TRANSFORM: ignoring the transform from frame_id 'map'" in capfd.readouterr().err
+@pytest.mark.parametrize(
+    ("parent", "child", "numbers", "reason"),
+    [
+        ("map", "map", {}, "frame_id and child_frame_id are the same"),
+        ("map", "", {}, "child_frame_id is not set"),
+        ("map", "arm", {"xyz": (float("nan"), 0, 0)}, "a number is NaN"),
+        ("map", "arm", {"xyzw": (0, 0, 0, 0)}, "the rotation is too short or too long"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["broadcaster", "static_broadcaster"])
+def test_what_every_buffer_refuses_is_not_sent(broadcasting, kind, parent, child, numbers, reason):
+    broadcaster = getattr(broadcasting, kind)()
+    invalid = transform(parent, child, 1.0, **numbers)
+    which = f"from frame_id '{parent}' to child_frame_id '{child}'"
+    with pytest.raises(ValueError, match=f"^the transform {which} is not sent: {reason}$"):
+        broadcaster.sendTransform([transform("map", "base"), invalid])
+    assert broadcasting._wire.sent == []
+    broadcaster.sendTransform(transform("map", "base", 1.0))
+    assert sorted(broadcasting.buffer.frames()) == ["base", "map"]
+
+
+def test_a_rotation_of_another_length_is_sent_with_one_warning(broadcasting, capfd):
+    long = transform("map", "base", 1.0, xyzw=(0, 0, 0, 2))
+    for _ in range(3):
+        broadcasting.broadcaster().sendTransform(long)
+    broadcasting.static_broadcaster().sendTransform(transform("map", "arm"))
+    assert len(broadcasting._wire.sent) == 4
+    # By the broadcaster, and by the buffer of the feed.
+    assert capfd.readouterr().err.count("has a rotation of length 2") <= 2
 
 
 def test_broadcasters_end(broadcasting):

@@ -4,9 +4,13 @@ import threading
 from collections.abc import Iterable
 from copy import deepcopy
 
+from tf2_py import BufferCore
 from tf2_ros import TransformStamped
-from tf2_ros.serialization import serialize_transforms
+from tf2_ros.records import Recording, refusal_text
+from tf2_ros.serialization import MessageSource, insert_messages, serialize_transforms
 from tf2_ros_tools.live.wire import Sender
+
+OWN = "this program"  # the authority of what broadcasters send
 
 
 class Broadcaster:
@@ -17,20 +21,38 @@ class Broadcaster:
 
     def __init__(self, sender: Sender) -> None:
         self._sender = sender
+        # Says what every buffer refuses. It holds nothing, but knows what it has warned about.
+        self._judge = BufferCore()
+        self._judging = threading.Lock()
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """
         Send one transform, or several in one message.
 
         :param transform: a ``TransformStamped``, or an iterable of them: translations in meters, rotations as
-            unit quaternions. Transforms that every buffer refuses are sent anyway, as in tf2, and the buffer
-            of the feed logs them.
+            unit quaternions.
         :raises TypeError: ``transform`` is neither, or a field has the wrong type; nothing is sent.
-        :raises ValueError: a name contains a NUL character; nothing is sent.
+        :raises ValueError: every listener would refuse one of them, for example because a number is NaN, as
+            with ``strict=True`` of tf2_ros's broadcasters, or a name contains a NUL character; nothing is sent.
         :raises OverflowError: a stamp does not fit into a message; nothing is sent.
         :raises ConnectionError: the feed has ended, or sending failed.
         """
-        self._sender.send(serialize_transforms(transform))
+        self._sender.send(self._serialized(transform))
+
+    def _serialized(self, transform: TransformStamped | Iterable[TransformStamped]) -> bytes:
+        """Serialize valid transforms; raise what ``sendTransform`` raises."""
+        data, recording = serialize_transforms(transform), Recording()
+        with self._judging:
+            insert_messages(self._judge, [(OWN, 0, data)], [MessageSource(OWN)], recording=recording)
+            self._judge.clear()
+        frames = recording.frames()
+        for record in recording.take():
+            if record["refusals"]:
+                parent, child = frames[record["parent"]], frames[record["child"]]
+                why = refusal_text(int(record["refusals"]))
+                which = f"from frame_id {parent!r} to child_frame_id {child!r}"
+                raise ValueError(f"the transform {which} is not sent: {why}")
+        return data
 
 
 class StaticBroadcaster(Broadcaster):
@@ -57,7 +79,7 @@ class StaticBroadcaster(Broadcaster):
         It raises what :meth:`Broadcaster.sendTransform` raises, and then neither sends nor keeps anything.
         """
         new = list(transform) if isinstance(transform, Iterable) else [transform]
-        serialize_transforms(new)  # raises what is wrong with them
+        self._serialized(new)  # raises what is wrong with them
         with self._lock:
             merged = self._sent | {one.child_frame_id: deepcopy(one) for one in new}
             self._sender.send(serialize_transforms(merged.values()))

@@ -11,7 +11,7 @@ from typing import Any
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
-from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
+from tf2_ros_tools.live.broadcaster import OWN, Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.wire import Publisher, Sender, Wire
 from tf2_ros_tools.output import counted, three_digits
 
@@ -19,7 +19,6 @@ S = 1_000_000_000
 PERIOD_NS = 10 * S  # of the smallest delays that are kept, for the offset of the clocks
 PERIODS = 6
 BYTES = (bytes, bytearray, memoryview)
-OWN = "this program"  # the authority of what broadcasters of a feed send
 SILENT_S = 3.0  # without a message: from then on, errors say so
 AHEAD_S, BEHIND_S = 0.01, 1.0  # from these offsets of the clocks on, a feed warns
 

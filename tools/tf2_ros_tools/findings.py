@@ -85,7 +85,8 @@ SAME_CLOCK_S = 3600.0
 class Limits:
     """The limits beyond which something is wrong; times are in seconds."""
 
-    min_rate: float | None = None  # Hz, of every dynamic frame
+    min_rate: float | None = None  # Hz, of every dynamic frame ...
+    rate_margin: float = 0.05  # ... less this part, for timers and the edges of the window
     max_delay: float | None = None  # of every dynamic transform; None: the next two
     delay: float = 1.0  # a frame may on average be so old when it is received ...
     delay_periods: float = 3.0  # ... or so many of its periods, whichever is longer
@@ -262,8 +263,9 @@ def _of_stream(stream: Stream, name: str, limits: Limits, recorded: bool) -> Ite
     if stream.delay_min is not None and -stream.delay_min > limits.max_future:
         yield found("future", "is stamped up to {} s ahead", -stream.delay_min)
     rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
-    if limits.min_rate is not None and rate is not None and rate < limits.min_rate:
-        yield found("rate", "is published at {} Hz, less than {} Hz", rate, limits.min_rate)
+    wanted = limits.min_rate
+    if wanted is not None and rate is not None and rate < wanted * (1 - limits.rate_margin):
+        yield found("rate", "is published at {} Hz, less than {} Hz", rate, wanted)
     how, delay, allowed = "up to", stream.delay_max, limits.max_delay
     if allowed is None and stream.period is not None:
         allowed = max(limits.delay, limits.delay_periods * stream.period)

@@ -281,6 +281,12 @@ FINDINGS = {
         limits=Limits(min_rate=20),
         says="rate: odom by /odometry is published at 10 Hz, less than 20 Hz",
     ),
+    "a rate within the margin": case(steady("odom", rate=19.2), limits=Limits(min_rate=20)),
+    "a rate below the margin": case(
+        steady("odom", rate=18.8),
+        limits=Limits(min_rate=20),
+        says="rate: odom by /odometry is published at 18.8 Hz, less than 20 Hz",
+    ),
     "the expected rate goes first": case(
         *ROBOT, limits=Limits(min_rate=40), expectations={"odom": Expectation(min_rate=10)}
     ),

@@ -194,8 +194,11 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
     }
     for publishers in by_kind.values():
         if len(publishers) > 1:
-            names = sorted(publishers.values())
-            text = f"{frame} is published by {len(names)} publishers: {', '.join(names)}"
+            names = [
+                name if count == 1 else f"{name} ({'twice' if count == 2 else f'{count} times'})"
+                for name, count in sorted(Counter(publishers.values()).items())
+            ]
+            text = f"{frame} is published by {len(publishers)} publishers: {', '.join(names)}"
             yield Finding("publishers", frame, text)
     if all(by_kind.values()):
         still, moving = (sorted({*by_kind[static].values()}) for static in (True, False))

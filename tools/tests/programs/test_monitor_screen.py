@@ -82,7 +82,7 @@ class TestKeys:
         other.send_without_subscriber(("base_link", NAMES[-1], S, 1.0), static=True)
         with monitor((80, 24)) as terminal:
             terminal.shows(lambda lines: names(lines)[:3] == [NAMES[-1], NAMES[-1], NAMES[0]])
-            text = f"{NAMES[-1]} is published by 2 publishers: /peer, /peer"
+            text = f"{NAMES[-1]} is published by 2 publishers: /peer (twice)"
             terminal.shows(lambda lines: text in joined(lines))
             terminal.press("n")
             terminal.shows(lambda lines: names(lines)[:3] == NAMES[:3])

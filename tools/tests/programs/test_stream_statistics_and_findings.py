@@ -301,6 +301,22 @@ def test_findings(name):
     assert len(lines) == len(wanted) and all(map(str.startswith, sorted(lines), sorted(wanted))), lines
 
 
+@pytest.mark.parametrize(
+    ("names", "listed"),
+    [
+        (["/robot", "/robot", "/other"], "3 publishers: /other, /robot (twice)"),
+        (["/robot", "/robot", "/robot"], "3 publishers: /robot (3 times)"),
+    ],
+)
+def test_publishers_of_one_name_are_counted(names, listed):
+    streams = settled()
+    streams.add(
+        records(*(steady("base", publisher=one, start=0.005 * i) for i, one in enumerate(PUBLISHERS)))
+    )
+    [found] = find(streams.report(at(4.0), FRAMES, names)[0], Limits())
+    assert line_of(found) == f"publishers: base is published by {listed}"
+
+
 def received(*lists):
     return Received(records(*lists), FRAMES, PUBLISHERS, VALUES, lambda ns: f"at {(ns - START_NS) / S:g}")
 

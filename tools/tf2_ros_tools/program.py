@@ -130,9 +130,8 @@ class Parser(ArgumentParser):
         Read a command line.
 
         :param arguments: including the name of the program and the arguments for ROS.
-        :return: the options, with ``ros_arguments`` for ``rclpy.init``, ``has_ros_arguments`` if the user
-            gave any, the ``parser`` that has read them, and the name of the ``command``, if the program has
-            any.
+        :return: the options, with ``ros_arguments`` for ``rclpy.init``, the ``parser`` that has read them,
+            and the name of the ``command``, if the program has any.
         """
         if self._node:
             # ROS gets all of them; its bindings raise for others, even for the name of a file.
@@ -141,12 +140,13 @@ class Parser(ArgumentParser):
                     utf_8(argument)
                 except ArgumentTypeError as refusal:
                     self.error(str(refusal))
+        self._refuse_ros_with_live(arguments)
         own = self._without_ros_arguments(arguments)[1:]
         parse = self.parse_known_args if self._commands else self.parse_known_intermixed_args
         read, unknown = parse(own)
         if unknown:
             read.parser.refuse(unknown)
-        read.ros_arguments, read.has_ros_arguments = [*arguments], _ROS_ARGS in arguments
+        read.ros_arguments = [*arguments]
         if self._node and read.namespace is not None:
             remaps = (f"__ns:={read.namespace}", "/tf:=tf", "/tf_static:=tf_static")
             # Behind the user's own, the first of which is taken.
@@ -160,6 +160,13 @@ class Parser(ArgumentParser):
         near = [match for name in names for match in get_close_matches(name, options, n=1, cutoff=0.8)]
         advice = f"; did you mean {' and '.join(dict.fromkeys(near))}?" if near else ""
         self.error(f"unrecognized arguments: {' '.join(unknown)}{advice}")
+
+    def _refuse_ros_with_live(self, arguments: list[str]) -> None:
+        # Before anything imports rclpy, which need not be there.
+        names = {one.partition("=")[0] for one in arguments}
+        of_ros = {_ROS_ARGS, "--namespace"} | {one for one in names if one.startswith("--qos-")}
+        if "--live" in self._option_string_actions and "--live" in names and names & of_ros:
+            self.error("--live is for a machine without ROS: it excludes --namespace, --qos-* and --ros-args")
 
     def _without_ros_arguments(self, arguments: list[str]) -> list[str]:
         if not self._node or _ROS_ARGS not in arguments:

@@ -12,7 +12,6 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from tf2_ros_tools.listening import TOPICS, Listening, Session
-from tf2_ros_tools.program import UsageError
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -48,10 +47,6 @@ def session(
                 raise
             raise ImportError(f"{lack}; or listen without ROS 2: --live dds://") from lack
         return node_session(name, options, recording, topics=topics, cache_time=cache_time, qos=qos)
-    if qos is not None or options.namespace is not None or options.has_ros_arguments:
-        raise UsageError(
-            "--live is for a machine without ROS: it excludes --namespace, --qos-* and --ros-args"
-        )
     from tf2_ros_tools.live.session import live_session
 
     return live_session(options.live, recording, topics=topics, cache_time=cache_time)

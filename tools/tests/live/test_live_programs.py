@@ -132,3 +132,10 @@ def test_what_is_wrong_is_said(line, status, said):
     found, out, err = ended(name, *arguments)
     assert (found, out, err.count("\n")) == (status, "", 1)
     assert err.startswith(f"{name}: {said}"), err
+
+
+@pytest.mark.parametrize("more", ["--ros-args -p use_sim_time:=true", "--qos-depth 5", "--namespace=robot1"])
+def test_options_for_ros_are_refused_where_there_is_no_ros(more):
+    status, out, err = on_laptop("tf2_echo", "a", "b", "--live=dds://", *more.split())
+    assert (status, out) == (2, "")
+    assert err.startswith("tf2_echo: --live is for a machine without ROS: it excludes --namespace"), err

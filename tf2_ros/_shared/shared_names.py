@@ -24,7 +24,7 @@ class SharedBufferError(RuntimeError):
     ...     Buffer(attach="nobody")
     ... except SharedBufferError as error:
     ...     print(error)
-    no process of this user shares a buffer 'nobody'
+    no process of this user shares a buffer 'nobody': first start one that does
     """
 
 

@@ -33,7 +33,8 @@ class Broadcaster:
             unit quaternions.
         :raises TypeError: ``transform`` is neither, or a field has the wrong type; nothing is sent.
         :raises ValueError: every listener would refuse one of them, for example because a number is NaN, as
-            with ``strict=True`` of tf2_ros's broadcasters, or a name contains a NUL character; nothing is sent.
+            with ``strict=True`` of tf2_ros's broadcasters, or a name contains a NUL character; nothing is
+            sent.
         :raises OverflowError: a stamp does not fit into a message; nothing is sent.
         :raises ConnectionError: the feed has ended, or sending failed.
         """

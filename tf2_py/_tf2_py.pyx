@@ -819,11 +819,9 @@ cdef class BufferCore(Engine):
         cdef int64_t ages_ns[2 * MAX_HOPS]
         cdef ClockReading reading
         query_frames(&query, target_frame, source_frame)
+        self.read_clock(&query, &reading)
         catch_up(self)
-        count = self.moving_frames(&query, NULL, frames, NULL, &status)
-        if status.code == STATUS_OK:
-            self.read_clock(&query, &reading)
-            count = self.moving_frames(&query, &reading, frames, ages_ns, &status)
+        count = self.moving_frames(&query, &reading, frames, ages_ns, &status)
         if status.code != STATUS_OK:
             raise self.error(&query, status, "ages")
         ages = [float("inf") if ages_ns[i] == INT64_MAX else <object>ages_ns[i] / 1e9 for i in range(count)]

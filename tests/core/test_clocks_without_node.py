@@ -61,6 +61,15 @@ class TestClocks:
         assert buffer.ages("map", "base") == {"base": 1.0}
         assert not buffer.can_transform("map", "base", 0, max_age=0.5)
 
+    def test_a_jump_back_is_noticed_also_by_a_call_that_raises(self, buffer):
+        insert(buffer, 99 * S)
+        buffer.ages("map", "base")
+        buffer.clock.ns = 50 * S
+        with pytest.raises(tf2_ros.LookupException, match="nowhere"):
+            buffer.ages("map", "nowhere")
+        insert(buffer, 49 * S)
+        assert buffer.ages("map", "base") == {"base": 1.0}
+
     def test_a_clock_may_begin_below_0(self, buffer):
         insert(buffer, 1 * S)
         buffer.clock.ns = -5 * S

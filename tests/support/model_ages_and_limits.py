@@ -61,9 +61,9 @@ class Policies:
 
     def ages(self, target, source):
         """In seconds, by the names of the moving frames, from the source to the target."""
+        self._require_clock()
         self._check_names("ages", target_frame=target, source_frame=source)
         hops = [] if target == source else self._newest_hops(target, source)
-        self._require_clock()
         return {name: self._age_ns(name) / 1e9 for name in hops if not self.frames[name].static}
 
     def _require_clock(self):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from inspect import CO_ASYNC_GENERATOR, CO_COROUTINE, CO_GENERATOR, CO_ITERABLE_COROUTINE
 from types import FrameType, FunctionType, coroutine
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import rclpy
 import rclpy.node
@@ -205,7 +205,7 @@ def mark_shut_down(executor: Executor) -> None:
     wake(executor)
 
 
-def waits_for_sets(executor: object) -> bool:
+def waits_for_sets(executor: object) -> TypeGuard[Executor]:
     """
     Whether an executor waits for sets of entities, and wakes for a guard condition.
 

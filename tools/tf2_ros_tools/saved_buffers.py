@@ -179,7 +179,7 @@ def _state_of(buffer: BufferCore) -> dict[str, Any]:
     state = BufferCore.__getstate__(buffer)
     if "frozen" not in state:
         return state
-    failure = None
+    copied, failure = None, None
     try:
         copied = BufferCore.__getstate__(BufferCore.open(state["frozen"][0], copy=True))
     except (OSError, ValueError) as error:
@@ -188,7 +188,8 @@ def _state_of(buffer: BufferCore) -> dict[str, Any]:
     later = BufferCore.__getstate__(buffer)
     if "frozen" not in later:
         return later
-    if failure is not None:
+    if copied is None:
+        assert failure is not None
         raise failure
     return copied
 

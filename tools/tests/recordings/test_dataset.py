@@ -136,7 +136,7 @@ def test_parquet_has_a_column_for_each_number(path, tmp_path):
         (["camera", "camra"], {}, LookupException, "camra"),
         (["camera"], {"at": "/image"}, bag.BagError, "topic /image: this topic does not exist; the topics"),
         (["camera"], {"relative_to": "mapp"}, LookupException, "mapp"),
-        (["camera"], {"workers": 2}, ValueError, "workers and scheduler need out, a folder for the tables"),
+        (["camera"], {"workers": 2}, ValueError, "workers and scheduler need out, the folder for the tables"),
     ],
 )
 def test_what_cannot_be_asked_is_told_in_one_sentence(path, frames, how, error, said):

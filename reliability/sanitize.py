@@ -51,8 +51,7 @@ core/test_lookups_at_many_times core/test_vector_lookups_beside_writers core/tes
 core/test_waiters core/test_waiters_random
 ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_programs_that_spin ros/test_forking
 ros/test_message_filter ros/test_rclpy_inside ros/test_receiver ros/test_reception_report
-ros/test_shared_listening ros/test_shared_owners ros/test_shared_reading ros/test_starvation
-ros/test_transform_listener ros/test_futures ros/test_random_waits
+ros/test_shared_* ros/test_starvation ros/test_transform_listener ros/test_futures ros/test_random_waits
 """.split()
 THREADED_OF_TOOLS = ["tests/programs/test_received_records.py"]
 # These first: whoever breaks the engine learns it within minutes.
@@ -208,9 +207,10 @@ def _tests_of_tools(kind):
 
 def _tests(folder, kind):
     if kind.tests == "threaded":
-        return [f"tests/{name}.py" for name in THREADED]
-    files = [path for pattern in CORE for path in sorted(folder.glob(pattern))]
-    files += [path for path in sorted(folder.glob("tests/*/test_*.py")) if path not in files]
+        patterns = [f"tests/{name}.py" for name in THREADED]
+    else:
+        patterns = [*CORE, "tests/*/test_*.py"]
+    files = dict.fromkeys(path for pattern in patterns for path in sorted(folder.glob(pattern)))
     return [path.relative_to(folder).as_posix() for path in files]
 
 

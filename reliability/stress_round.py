@@ -51,14 +51,10 @@ WITHOUT_SERVICE = [Parameter("start_type_description_service", value=False)]
 
 
 class Round:
-    """
-    One buffer for some seconds.
+    """One buffer for some seconds; another process reads it, too, if the seed is even."""
 
-    :param is_shared: whether other processes read it.
-    """
-
-    def __init__(self, seed, is_shared):
-        self.seed, self.is_shared = seed, is_shared
+    def __init__(self, seed):
+        self.seed, self.is_shared = seed, seed % 2 == 0
         self.name = f"stress-{os.getpid()}-{seed}"
         self.ending = threading.Event()
         self.writers_ended = threading.Event()
@@ -71,6 +67,9 @@ class Round:
         self._peers = []
         self.buffer = None
 
+    def __str__(self):
+        return f"{'shared' if self.is_shared else 'private'} buffer, seed {self.seed}"
+
     def run(self, seconds):
         """Do it all for so long; what went wrong."""
         threads_before = set(threading.enumerate())
@@ -82,9 +81,9 @@ class Round:
         self.never = [
             self.buffer.wait_for_transform_async("world", f"never{i}", Time()) for i in range(NEVER)
         ]
-        self._peers.append(self._start_peer("publish"))
+        self._peers.append(self._start_peer("stress_publisher"))
         if self.is_shared:
-            self._peers.append(self._start_peer("read", self.name, self.seed))
+            self._peers.append(self._start_peer("stress_shared_reader", self.name, self.seed))
         writers = [self.write_chain, self.write_bursts, self.write_exact, self.write_cup, self.clear]
         others = [self.read] * READERS + [self.fork] * FORKERS
         others += [self.block, self.make_futures, self.await_all, self.filter, self.listen, self.spin]
@@ -321,10 +320,10 @@ class Round:
 
     # Other processes.
 
-    def _start_peer(self, *arguments):
+    def _start_peer(self, program, *arguments):
         environment = environment_of_children(PYTHONFAULTHANDLER="1")
         return subprocess.Popen(
-            [sys.executable, "-m", "reliability.stress_peer", *map(str, arguments)],
+            [sys.executable, "-m", f"reliability.{program}", *map(str, arguments)],
             cwd=ROOT,
             env=environment,
             stdin=subprocess.PIPE,
@@ -337,12 +336,12 @@ class Round:
             try:
                 said, _ = peer.communicate(timeout=END_S)
             except subprocess.TimeoutExpired:
-                self._problem(f"{peer.args[3:]} does not end")
+                self._problem(f"{peer.args[2:]} does not end")
                 peer.send_signal(signal.SIGABRT)
                 peer.communicate()
                 continue
             if peer.returncode:
-                self._problem(f"{peer.args[3:]} ended with {peer.returncode}")
+                self._problem(f"{peer.args[2:]} ended with {peer.returncode}")
                 continue
             for what, count in json.loads(said).items():
                 self._count(f"other process: {what}", count)

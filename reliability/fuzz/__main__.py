@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from reliability.fuzz.fuzzing_build import built, environment
-from reliability.fuzz.targets import IN_PYTHON, MOST_BYTES, PACKAGES, corpus, keep, target
+from reliability.fuzz.targets import IN_PYTHON, NAMES, corpus, keep, target
 
 INPUT_S = 20  # an input that takes longer hangs
 MOST_KEPT = 40_000  # bytes of a corpus in the repository
@@ -39,7 +39,7 @@ def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
         _write_inputs(name, seeds)
         options = [
             f"-max_total_time={seconds}",
-            f"-max_len={MOST_BYTES[name]}",
+            f"-max_len={target(name).MOST_BYTES}",
             f"-timeout={INPUT_S}",
             f"-report_slow_units={INPUT_S}",
             f"-rss_limit_mb={MEMORY_MB}",
@@ -81,7 +81,7 @@ def minimize(name: str, build: Path, python: str) -> None:
     found = [build.parent / folder / name for folder in ("fuzz-corpus", "fuzz-crashes")]
     with tempfile.TemporaryDirectory() as merged, tempfile.TemporaryDirectory() as seeds:
         made = _write_inputs(name, seeds)
-        options = ["-merge=1", f"-max_len={MOST_BYTES[name]}", f"-timeout={INPUT_S}"]
+        options = ["-merge=1", f"-max_len={target(name).MOST_BYTES}", f"-timeout={INPUT_S}"]
         options += ["-handle_xfsz=0", "-artifact_prefix=./"]
         places = [merged, seeds, *(str(folder) for folder in found if folder.exists())]
         log = build.parent / f"fuzz-{name}-merge.log"
@@ -126,7 +126,7 @@ def main() -> int:
         " written to .reliability/fuzz-crashes; --minimize adds it to the corpus, which"
         " tests/packaging/test_fuzz_corpus.py runs from then on.",
     )
-    parser.add_argument("target", nargs="*", help=f"of {', '.join(PACKAGES)}; none: all")
+    parser.add_argument("target", nargs="*", help=f"of {', '.join(NAMES)}; none: all")
     parser.add_argument("--seconds", type=int, default=600, help="for each (default: %(default)s)")
     parser.add_argument(
         "--minimize",
@@ -134,8 +134,8 @@ def main() -> int:
         help="instead, update the corpus in the repository with what was found",
     )
     arguments = parser.parse_args()
-    names = arguments.target or list(PACKAGES)
-    unknown = set(names) - PACKAGES.keys()
+    names = arguments.target or NAMES
+    unknown = set(names) - set(NAMES)
     if unknown:
         parser.error(f"there is no target {', '.join(sorted(unknown))}")
     build = built()

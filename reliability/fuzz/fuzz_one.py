@@ -13,7 +13,7 @@ from reliability.fuzz.targets import PACKAGES, target
 def main() -> None:
     """Fuzz until libFuzzer's options say that it is enough; it ends the process."""
     name = sys.argv.pop(1)
-    with atheris.instrument_imports(include=PACKAGES[name]):
+    with atheris.instrument_imports(include=PACKAGES):
         found = target(name)
     # Each refused transform would be a line.
     for logger in ("tf2_py", "tf2_ros"):

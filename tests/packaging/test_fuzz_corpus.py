@@ -3,11 +3,11 @@
 import pytest
 from fuzz_target_checks import check_corpus, check_seeds
 
-from reliability.fuzz.targets import OF_TOOLS, PACKAGES
+from reliability.fuzz.targets import NAMES, OF_TOOLS
 
 pytestmark = pytest.mark.ours
 
-TARGETS = sorted(PACKAGES.keys() - OF_TOOLS)
+TARGETS = [name for name in NAMES if name not in OF_TOOLS]
 
 
 @pytest.mark.repeated

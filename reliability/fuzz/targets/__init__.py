@@ -1,6 +1,7 @@
 """
-What is fuzzed: a module for each target, with ``run(data)`` and ``seeds()``; both need no fuzzer. Those of
-the tools, and their corpus, are in ``tools/tests/fuzz``.
+What is fuzzed: a module for each target, with ``run(data)``, ``seeds()`` and ``MOST_BYTES``, the size of the
+largest input; none of them needs a fuzzer. The targets of the tools, and their corpus, are in
+``tools/tests/fuzz``.
 
 The corpus of a target is an archive: the smallest inputs that reach what the seeds do not, and, under names
 that begin with ``crash``, those that once revealed a fault.
@@ -12,29 +13,19 @@ from pathlib import Path
 from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[3]
-OF_TOOLS = {"recordings", "saved"}
 _CORPUS, _CORPUS_OF_TOOLS = ROOT / "reliability" / "fuzz" / "corpus", ROOT / "tools" / "tests" / "fuzz"
 __path__.append(str(_CORPUS_OF_TOOLS))  # modules of this package, too
 _NO_TIME = (1980, 1, 1, 0, 0, 0)  # the oldest of an archive, which is then the same for the same inputs
 
-# The Python packages whose branches guide the search in each target; those of the extensions always do.
-PACKAGES = {
-    "cdr": ["tf2_py"],
-    "clouds": ["tf2_sensor_msgs"],
-    "frozen": ["tf2_py"],
-    "recordings": ["tf2_ros_tools", "rosbags", "mcap"],
-    "saved": ["tf2_ros_tools", "mcap"],
-    "shared_ring": ["tf2_py", "tf2_ros._shared"],
-}
-# The sizes of inputs.
-MOST_BYTES = {
-    "cdr": 1024,
-    "clouds": 1024,
-    "frozen": 4096,
-    "recordings": 12000,
-    "saved": 8192,
-    "shared_ring": 512,
-}
+
+def _corpora(folder: Path) -> set[str]:
+    return {archive.stem for archive in folder.glob("*.zip")}
+
+
+OF_TOOLS = _corpora(_CORPUS_OF_TOOLS)
+NAMES = sorted(_corpora(_CORPUS) | OF_TOOLS)
+# The Python packages whose branches guide the search; those of the extensions always do.
+PACKAGES = ["tf2_py", "tf2_ros", "tf2_sensor_msgs", "tf2_ros_tools", "rosbags", "mcap"]
 
 # In these Python does nearly all of the work.
 IN_PYTHON = OF_TOOLS

@@ -15,6 +15,7 @@ from tf2_py._tf2_py import serialize_as_ros
 from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
 from tf2_ros_cython._ros_in_use import running_release
 
+MOST_BYTES = 1024
 _TF = MessageSource("/tf", False)
 _PREFIXED = MessageSource("/robot/tf", False, "robot/")
 _EMPTY = BufferCore()

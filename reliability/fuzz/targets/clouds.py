@@ -14,6 +14,7 @@ from reliability.fuzz.fuzzer_input import Input
 from tf2_sensor_msgs import do_transform_cloud
 from tf2_sensor_msgs._errors import FieldError, SizeError
 
+MOST_BYTES = 1024
 FORMATS = {1: "b", 2: "B", 3: "h", 4: "H", 5: "i", 6: "I", 7: "f", 8: "d"}
 NAMES = ("x", "y", "z", "normal_x", "normal_y", "normal_z", "vp_x", "vp_y", "vp_z", "rgb", "")
 MOST_COMPARED = 100  # points

@@ -13,6 +13,7 @@ from tf2_py import BufferCore
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 from frozen_format import HEADER, FrozenFile
 
+MOST_BYTES = 4096
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
 _path = Path(_folder.name, "frozen.tf2")
 

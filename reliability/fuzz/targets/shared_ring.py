@@ -13,6 +13,7 @@ from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._shared import owner as sharing
 from tf2_ros._shared.shared_names import segment_path
 
+MOST_BYTES = 512
 _numbers = itertools.count()
 # As in tf2_ros/_shared/ring.pyx: the head, the description, the ring.
 TEXT_AT, RING_AT = 4096, 1 << 16

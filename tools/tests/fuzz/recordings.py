@@ -12,6 +12,7 @@ from pathlib import Path
 from reliability.fuzz.buffer_checks import Fault
 from tf2_ros_tools.bag import BagError, load, stamps, transforms
 
+MOST_BYTES = 12000
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
 _FILES = {0: "run.mcap", 1: "run.db3", 2: "run.bag"}
 # Of a folder: its metadata and one file, by the first byte, the size of the metadata in two more.

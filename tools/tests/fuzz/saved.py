@@ -15,6 +15,7 @@ from reliability.fuzz.targets.frozen import buffers
 from tf2_py import BufferCore
 from tf2_ros_tools.bag import load_saved, save
 
+MOST_BYTES = 8192
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
 _path = Path(_folder.name, "saved.mcap")
 

@@ -47,7 +47,7 @@ OF_PROJECT = (
 )
 # Tests of sources and of builds, which run only in the checkout.
 OF_SOURCES = {
-    "packaging/test_adding_a_type.py": "compiles an extension",
+    "packaging/test_new_message_type.py": "compiles an extension",
     "core/test_allocation_failures.py": "runs a program of the checkout",
     "packaging/test_cross_compile.py": "compiles the project",
     "packaging/test_docs.py": "builds the project, and reads the names in its sources",

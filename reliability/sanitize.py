@@ -30,7 +30,7 @@ TEST_TIMEOUT_S = 240 * SLOWNESS
 NOT_HERE = {
     "tools/tests/packaging/test_docs.py": "builds the site, and takes hours",
     "tools/tests/packaging/test_type_checkers.py": "runs only type checkers",
-    "tests/packaging/test_adding_a_type.py": "compiles an extension without a sanitizer",
+    "tests/packaging/test_new_message_type.py": "compiles an extension without a sanitizer",
     "tests/core/test_allocation_failures.py": "replaces the allocator, as a sanitizer does",
     "tests/packaging/test_docs.py": "builds the package, and takes hours",
     "tests/packaging/test_fuzz_corpus.py::test_no_input_of_the_corpus_shows_a_fault[shared_ring]": "damages "
@@ -50,10 +50,10 @@ core/test_waits_in_forked_children core/test_lookup core/test_buffer_without_nod
 core/test_lookups_at_many_times core/test_vector_lookups_beside_writers core/test_pickles_and_copies
 core/test_waiters core/test_waiters_random
 ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_programs_that_spin ros/test_forking
-ros/test_message_filter ros/test_rclpy_inside ros/test_receiver ros/test_reception_report
-ros/test_shared_* ros/test_starvation ros/test_transform_listener ros/test_futures ros/test_random_waits
+ros/test_message_filter ros/test_rclpy_inside ros/test_receiver ros/test_reception_report ros/test_records
+ros/test_shared_* ros/test_readers_beside_writers ros/test_transform_listener ros/test_futures
+ros/test_random_waits
 """.split()
-THREADED_OF_TOOLS = ["tests/programs/test_received_records.py"]
 # These first: whoever breaks the engine learns it within minutes.
 CORE = ("tests/core/test_*.py",)
 
@@ -148,7 +148,9 @@ def run(name, of_pytest):
     if _names_tests(of_pytest):
         status = subprocess.run(command, cwd=folder, env=environment).returncode
     else:
-        suites = {folder: _tests(folder, kind), folder / "tools": _tests_of_tools(kind)}
+        suites = {folder: _tests(folder, kind)}
+        if kind.tests == "all":
+            suites[folder / "tools"] = ["tests"]
         status = max(
             subprocess.run(
                 [*command, *_left_out(place, folder, kind), *tests], cwd=place, env=environment
@@ -199,10 +201,6 @@ def _left_out(place, folder, kind):
     prefix = f"{place.relative_to(folder)}/".removeprefix("./")
     here = [test.removeprefix(prefix) for test in NOT_HERE | kind.not_here if test.startswith(prefix)]
     return [f"--{'deselect' if '::' in test else 'ignore'}={test}" for test in here]
-
-
-def _tests_of_tools(kind):
-    return THREADED_OF_TOOLS if kind.tests == "threaded" else ["tests"]
 
 
 def _tests(folder, kind):

@@ -16,7 +16,7 @@ from spinning_nodes import spinning, spun_node
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 from tf2_ros._qos import lookup_qos
-from tf2_ros._wait.lookup import Lookup
+from tf2_ros._wait.blocking_lookup import Lookup
 
 pytestmark = pytest.mark.ours
 

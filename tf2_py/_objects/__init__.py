@@ -1,1 +1,1 @@
-"""Python objects read and made: messages, times, arrays, errors, listings, log lines."""
+"""What the engine leaves to Python: classes of messages, errors, listings, log lines, parts of pickles."""

@@ -1,1 +1,1 @@
-"""Receive what arrives on a listener's subscriptions, in a loop on rcl and its thread."""
+"""Receive what arrives on the subscriptions of listeners."""

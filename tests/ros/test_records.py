@@ -1,7 +1,5 @@
 """What a receiver notes of each transform, if it is asked to."""
 
-from tf2_ros_tools.node_session import NodeSession, filled_buffer
-
 import numpy as np
 import pytest
 from making_objects import S, transform
@@ -9,8 +7,6 @@ from processes import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros.records import RECORD, Recording
-from tf2_ros_tools.findings import Limits
-from tf2_ros_tools.listening import TOPICS, Listening
 
 pytestmark = pytest.mark.ours
 
@@ -129,23 +125,3 @@ def test_a_listener_of_an_attached_buffer_that_records_subscribes(tf2_ros, node,
         talker.matched(2)
         talker.send(("map", "odom", S, 0.0))
         assert len(take(recording, 1)) == 1
-
-
-def test_a_publisher_keeps_its_name_when_it_has_ended(node, peer):
-    recording = Recording()
-    with filled_buffer(node, recording) as buffer:
-        heard = Listening(NodeSession(node, buffer, TOPICS), recording, None)
-        talker = peer("-r", "__node:=short_lived")
-
-        def known():
-            # Sent again, until it was discovered. A report would look it up, too.
-            talker.send(("map", "odom", S, 0.0))
-            heard.drain()
-            publishers = set(heard._recording.publishers())
-            return publishers and heard.session.names.keys() >= publishers
-
-        until(known)
-        talker.end()
-        until(lambda: not node.get_publishers_info_by_topic("/tf"))
-        [one] = heard.report(Limits()).streams
-        assert one.publisher == "/short_lived"

@@ -6,10 +6,10 @@ import threading
 import numpy as np
 import pytest
 from making_objects import S, about_z, at_ns, stamp_ns, transform
-from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
+from waiting import DEADLINE_S, until
 
 import tf2_sensor_msgs._deskew as inside
 from tf2_py.typing import LookupPolicy

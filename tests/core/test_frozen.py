@@ -19,8 +19,8 @@ import pytest
 from frozen_format import FRAME, HEADER, LINE, FrozenFile
 from making_objects import S, about_z, at_ns, transform
 from pickles_and_copies import check_copy, filled, held
-from processes import DEADLINE_S
 from repetitions import first_seed, times
+from waiting import DEADLINE_S
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer

@@ -20,10 +20,11 @@ from documentation_pages import (
 )
 from geometry_msgs.msg import TransformStamped
 from paths import ROOT
-from processes import killed, output_of, until
+from processes import killed, output_of
 from project_sources import PYPROJECT, modules, words_of_sources
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header
+from waiting import until
 
 from tf2_ros import TransformBroadcaster
 

@@ -8,7 +8,8 @@ import sys
 import pytest
 from known_faults import tried
 from paths import ROOT
-from processes import DEADLINE_S, killed, run
+from processes import killed, run
+from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours
 

@@ -9,7 +9,8 @@ import sys
 import pytest
 from installing import unsourced
 from paths import ROOT
-from processes import DEADLINE_S, run, until
+from processes import run
+from waiting import DEADLINE_S, until
 
 pytestmark = pytest.mark.ours
 

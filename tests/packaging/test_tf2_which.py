@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from processes import DEADLINE_S
+from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours
 

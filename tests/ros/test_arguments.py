@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped, PoseStamped, Transform, TransformStamped
 from making_objects import at, stamp_ns, transform
-from processes import PROMPT_S, seconds_of
 from rclpy.duration import Duration
 from rclpy.time import Time
+from waiting import PROMPT_S, seconds_of
 
 import tf2_geometry_msgs
 

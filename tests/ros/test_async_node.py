@@ -15,9 +15,9 @@ from async_node_standin import AsyncNode, StandIn
 from geometry_msgs.msg import PointStamped
 from making_objects import S, transform, translation
 from paths import ROOT
-from processes import DEADLINE_S
 from rclpy.exceptions import InvalidHandle
 from rclpy.time import Time
+from waiting import DEADLINE_S
 
 pytestmark = [
     pytest.mark.ours,

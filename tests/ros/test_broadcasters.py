@@ -5,9 +5,9 @@ from functools import partial
 
 import pytest
 from making_objects import transform, translation
-from processes import until
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 from spinning_nodes import at_once
+from waiting import until
 
 from tf2_msgs.msg import TFMessage
 

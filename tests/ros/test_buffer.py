@@ -10,12 +10,13 @@ import weakref
 import pytest
 from geometry_msgs.msg import PointStamped
 from making_objects import at, transform
-from processes import DEADLINE_S, PROMPT_S, errors_so_far, seconds_of, start, until
+from processes import start
 from rclpy.clock import ClockChange
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
+from waiting import DEADLINE_S, PROMPT_S, errors_so_far, seconds_of, until
 
 pytestmark = pytest.mark.ours
 

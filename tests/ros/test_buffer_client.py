@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 from interposed_libraries import output_with_library
 from making_objects import S, at, stamp_ns, transform, translation
-from processes import DEADLINE_S, PROMPT_S, killed, start, until
+from processes import killed, start
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.context import Context
 from rclpy.duration import Duration
@@ -18,6 +18,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 from rclpy.time import Time
 from spinning_nodes import shut_down_at_sleep, spun_node
+from waiting import DEADLINE_S, PROMPT_S, until
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error

@@ -9,11 +9,12 @@ from geometry_msgs.msg import (
     Wrench,
 )
 from making_objects import at, transform
-from processes import output_of, until
+from processes import output_of
 from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
+from waiting import until
 
 SHORT = Duration(seconds=0.01)
 

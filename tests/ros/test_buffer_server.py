@@ -7,11 +7,11 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time as TimeMsg
 from forked_children import in_a_child
 from making_objects import S, transform
-from processes import DEADLINE_S, until
 from rclpy.action import ActionClient
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from spinning_nodes import spinning, spun_node
+from waiting import DEADLINE_S, until
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error

@@ -9,12 +9,12 @@ from contextlib import ExitStack
 
 import pytest
 from making_objects import transform
-from processes import DEADLINE_S, errors_so_far, until
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from shared_buffers import new_name
 from spinning_nodes import EXECUTOR, spinning
+from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_ros import MessageFilter, TimeoutException
 from tf2_ros._wait import call_queue

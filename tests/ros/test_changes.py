@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 from making_objects import S, at_ns, stamp_ns, transform
-from processes import until
+from waiting import until
 
 pytestmark = pytest.mark.ours
 

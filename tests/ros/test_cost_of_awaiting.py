@@ -8,8 +8,8 @@ import coroutine_drivers
 import pytest
 from geometry_msgs.msg import PointStamped
 from making_objects import S, transform
-from processes import until
 from rclpy.time import Time
+from waiting import until
 
 pytestmark = pytest.mark.ours
 

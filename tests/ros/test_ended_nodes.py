@@ -12,7 +12,6 @@ from async_node_standin import AsyncNode
 from geometry_msgs.msg import PointStamped
 from known_faults import accept
 from making_objects import transform
-from processes import until
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
@@ -20,6 +19,7 @@ from rclpy.parameter import Parameter
 from rclpy.time import Time
 from repetitions import seeds
 from spinning_nodes import shut_down
+from waiting import until
 
 from tf2_ros import (
     Buffer,

@@ -11,11 +11,12 @@ from forked_children import in_a_child
 from known_faults import tried
 from making_objects import transform
 from paths import PROGRAMS
-from processes import DEADLINE_S, output_of, run
+from processes import output_of, run
 from rclpy.time import Time
 from rclpy.utilities import get_rmw_implementation_identifier
 from repetitions import times
 from shared_buffers import links, new_name
+from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours
 

@@ -5,10 +5,10 @@ import asyncio
 import pytest
 from geometry_msgs.msg import PointStamped
 from making_objects import S, at, transform, translation
-from processes import until
 from rclpy.serialization import serialize_message
 from shared_buffers import new_name
 from std_msgs.msg import Header
+from waiting import until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import InvalidArgumentException, LookupException, MessageFilter

@@ -11,11 +11,12 @@ from functools import partial
 
 import pytest
 from making_objects import at, stamp_ns, transform
-from processes import DEADLINE_S, errors_so_far, output_of, start, until
+from processes import output_of, start
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import at_once, spinning
+from waiting import DEADLINE_S, errors_so_far, until
 
 pytestmark = pytest.mark.ours
 

@@ -5,7 +5,8 @@ import subprocess
 from contextlib import contextmanager
 
 import pytest
-from processes import DEADLINE_S, start, until
+from processes import start
+from waiting import DEADLINE_S, until
 
 pytestmark = pytest.mark.ours
 

@@ -11,10 +11,11 @@ from functools import partial
 import pytest
 from making_objects import transform
 from paths import PROGRAMS, SUPPORT
-from processes import DEADLINE_S, errors_so_far, output_of, until
+from processes import output_of
 from rclpy.duration import Duration
 from rclpy.time import Time
 from spinning_nodes import repeated
+from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros._receive import receiver

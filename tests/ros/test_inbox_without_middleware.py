@@ -9,9 +9,9 @@ import pytest
 from compiling_extensions import compiled
 from forked_children import in_a_child
 from making_objects import S, at, transform, translation
-from processes import errors_so_far, until
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
+from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer

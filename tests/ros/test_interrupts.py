@@ -15,9 +15,10 @@ import pytest
 from geometry_msgs.msg import PointStamped
 from making_objects import at, transform
 from paths import PROGRAMS
-from processes import DEADLINE_S, output_of, run, until
+from processes import output_of, run
 from rclpy.time import Time
 from spinning_nodes import spinning
+from waiting import DEADLINE_S, until
 
 import tf2_py
 import tf2_ros

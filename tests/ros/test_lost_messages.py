@@ -4,9 +4,10 @@ import gc
 
 import pytest
 from interposed_libraries import output_with_library
-from processes import end, errors_so_far, start, until
+from processes import end, start
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.serialization import serialize_message
+from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 

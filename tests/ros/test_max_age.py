@@ -11,11 +11,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from making_objects import S, insert, stamp_ns, transform
-from processes import DEADLINE_S, errors_so_far, until
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from simulated_clock import simulate
+from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_py import BufferCore
 

@@ -15,11 +15,11 @@ from geometry_msgs.msg import PointStamped
 from hypothesis import given
 from hypothesis import strategies as st
 from making_objects import S, at, transform
-from processes import DEADLINE_S, until
 from rclpy.duration import Duration, Infinite
 from rclpy.time import Time
 from spinning_nodes import at_once, spinning
 from std_msgs.msg import Header
+from waiting import DEADLINE_S, until
 
 from tf2_ros._wait.call_runners import call_queue_of
 

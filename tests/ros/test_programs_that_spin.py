@@ -7,10 +7,10 @@ import time
 
 import pytest
 from making_objects import at, transform
-from processes import DEADLINE_S, until
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import EXECUTOR, Observer, knows, repeated, shut_down_at_sleep, spinning
+from waiting import DEADLINE_S, until
 
 from tf2_ros._wait.call_runners import call_queue_of
 

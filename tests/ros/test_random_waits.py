@@ -9,12 +9,12 @@ from collections import Counter
 
 import pytest
 from making_objects import S, at_ns, transform
-from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
 from repetitions import seeds
 from spinning_nodes import spinning
+from waiting import DEADLINE_S, until
 
 from tf2_py import BufferCore
 from tf2_ros._wait.deadlines import deadlines

@@ -4,8 +4,8 @@ import threading
 import types
 
 import pytest
-from processes import until
 from rclpy.executors import SingleThreadedExecutor
+from waiting import until
 
 from tf2_ros import _rclpy
 

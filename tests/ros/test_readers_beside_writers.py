@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from making_objects import S, at, transform
-from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from repetitions import times
 from spinning_nodes import repeated
+from waiting import DEADLINE_S, until
 
 from bench.programs.serialized_template import Template
 

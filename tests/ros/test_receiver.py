@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from forked_children import in_a_child
 from making_objects import at, translation
-from processes import DEADLINE_S, errors_so_far, until
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.time import Time
 from spinning_nodes import knows
+from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 

@@ -4,9 +4,9 @@ import re
 
 import pytest
 from making_objects import at
-from processes import until
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from waiting import until
 
 from tf2_py import TransformException
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from making_objects import S, transform
-from processes import errors_so_far, until
+from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros.records import RECORD, Recording

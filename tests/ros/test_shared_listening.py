@@ -11,13 +11,14 @@ from functools import partial
 import pytest
 import rclpy
 from making_objects import S, at_ns, transform
-from processes import DEADLINE_S, killed, start, until
+from processes import killed, start
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from shared_buffers import new_name, ring_threads
 from spinning_nodes import at_once, knows
+from waiting import DEADLINE_S, until
 
 from tf2_ros import Buffer, TransformListener
 from tf2_ros._forking import LOCK

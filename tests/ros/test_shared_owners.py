@@ -15,13 +15,14 @@ from functools import partial
 import pytest
 from interposed_libraries import output_with_library
 from making_objects import S, at_ns, transform
-from processes import PROMPT_S, run, until
+from processes import run
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from repetitions import seeds, times
 from shared_buffers import Intruder, Owner, is_sound, links, new_name, pair, ring_threads, small_ring
 from spinning_nodes import at_once, repeated
+from waiting import PROMPT_S, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer, SharedBufferError
@@ -375,7 +376,7 @@ def test_memory_that_ends():
     # A small /dev/shm, in a mount namespace of its own.
     code = (
         "from making_objects import S, transform\n"
-        "from processes import until\n"
+        "from waiting import until\n"
         "from tf2_ros import Buffer\n"
         "b = Buffer(share='small'); r = Buffer(attach='small')\n"
         "b.set_transforms([transform('map', f'f{i}', ns=S) for i in range(2000)], 'me')\n"

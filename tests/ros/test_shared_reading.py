@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from making_objects import S, at_ns, transform
 from pickles_and_copies import check_copy, everything
-from processes import errors_so_far, until
 from random_inserts import apply, steps
 from rclpy.duration import Duration
 from repetitions import seeds
 from shared_buffers import LINKS, is_sound, links, new_name, pair, small_ring
+from waiting import errors_so_far, until
 
 from tf2_ros import Buffer, SharedBufferError
 

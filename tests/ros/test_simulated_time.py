@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 import pytest
 from making_objects import at, transform
-from processes import DEADLINE_S, PROMPT_S, until
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from spinning_nodes import spinning
+from waiting import DEADLINE_S, PROMPT_S, until
 
 pytestmark = pytest.mark.ours
 

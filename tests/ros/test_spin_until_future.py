@@ -5,11 +5,11 @@ from contextlib import suppress
 
 import pytest
 from making_objects import transform
-from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import Observer
+from waiting import DEADLINE_S, until
 
 from tf2_ros import _rclpy
 

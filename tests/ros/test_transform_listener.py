@@ -9,13 +9,14 @@ import pytest
 from interposed_libraries import output_with_library
 from making_objects import at, transform, translation
 from paths import PROGRAMS
-from processes import DEADLINE_S, errors_so_far, run, until
+from processes import run
 from public_names import NAMES
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from spinning_nodes import knows, shut_down_at_sleep
+from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros._wait.call_runners import call_queue_of

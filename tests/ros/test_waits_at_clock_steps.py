@@ -5,7 +5,7 @@ import re
 
 import pytest
 from interposed_libraries import output_with_library
-from processes import PROMPT_S
+from waiting import PROMPT_S
 
 pytestmark = pytest.mark.ours
 

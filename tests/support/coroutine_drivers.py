@@ -7,9 +7,9 @@ from contextlib import contextmanager
 
 import pytest
 from async_node_standin import AsyncNode
-from processes import DEADLINE_S, until
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from spinning_nodes import spinning
+from waiting import DEADLINE_S, until
 
 from tf2_ros._rclpy import RESUMES_TASKS
 

@@ -11,7 +11,8 @@ from textwrap import dedent
 
 import pytest
 from paths import ROOT
-from processes import DEADLINE_S, run
+from processes import run
+from waiting import DEADLINE_S
 
 PAGES = [
     ROOT / "README.md",

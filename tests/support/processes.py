@@ -1,64 +1,13 @@
-"""Start the tests' other processes, and wait for what they do."""
+"""Start the tests' other processes, and end them."""
 
 import json
-import os
 import subprocess
 import sys
 import threading
-import time
 from contextlib import contextmanager
 
 from paths import PROGRAMS
-
-# A sanitizer makes everything slower; see reliability/sanitize.py.
-SLOWNESS = float(os.environ.get("TF2_TEST_SLOWNESS", "1"))
-# What a busy machine keeps, too.
-DEADLINE_S = 60.0 * SLOWNESS
-# For what does not wait, where it would otherwise do so until the deadline.
-PROMPT_S = DEADLINE_S / 2
-
-
-def until(condition, executor=None):
-    """Spin, or let other threads work, until the condition holds; its value."""
-    deadline = time.monotonic() + DEADLINE_S
-    while not (value := condition()):
-        assert time.monotonic() < deadline, "it did not happen"
-        if executor is None:
-            threading.Event().wait(0.005)
-        else:
-            executor.spin_once(timeout_sec=0.02)
-    return value
-
-
-def errors_so_far():
-    """
-    What was written to stderr, in a test with the fixture `capfd`.
-
-    For `until`: `capfd.readouterr()` empties what it has read, and with it what other threads and processes
-    write in between.
-    """
-    return os.pread(2, os.fstat(2).st_size, 0).decode("utf-8", "replace")
-
-
-def answered(ask, executor):
-    """The response of a service, asked until it comes: a node sends none to a client it has not found."""
-
-    def response():
-        future = ask()
-        executor.spin_until_future_complete(future, 1.0)
-        return future.done() and future.result()
-
-    return until(response)
-
-
-def seconds_of(call):
-    """How long a call took, and what it raised."""
-    begin = time.monotonic()
-    try:
-        call()
-    except Exception as error:
-        return time.monotonic() - begin, error
-    return time.monotonic() - begin, None
+from waiting import DEADLINE_S
 
 
 def run(*command, **popen):

@@ -6,11 +6,11 @@ import threading
 from contextlib import contextmanager
 
 import rclpy
-from processes import DEADLINE_S, until
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.time import Time
 from rclpy.waitable import NumberOfEntities, Waitable
+from waiting import DEADLINE_S, until
 
 EXECUTOR = "the executor"
 LATEST = Time()

@@ -16,7 +16,7 @@ import time
 
 import rclpy
 from making_objects import S, transform
-from processes import DEADLINE_S, until
+from waiting import DEADLINE_S, until
 
 from tf2_ros import Buffer, TransformException
 

@@ -16,7 +16,7 @@ import numpy as np
 from forked_children import in_a_child
 from making_objects import at_ns, transform
 from pickles_and_copies import held
-from processes import until
+from waiting import until
 
 from tf2_ros import Buffer
 

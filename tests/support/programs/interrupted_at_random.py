@@ -16,9 +16,9 @@ from contextlib import suppress
 import rclpy
 from geometry_msgs.msg import PointStamped
 from making_objects import transform
-from processes import DEADLINE_S
 from rclpy.time import Time
 from repetitions import first_seed
+from waiting import DEADLINE_S
 
 from tf2_ros import Buffer, BufferClient, MessageFilter, TransformException, TransformListener
 from tf2_ros._forking import LOCK

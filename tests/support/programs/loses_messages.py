@@ -16,10 +16,10 @@ os.environ["RMW_FASTRTPS_PUBLICATION_MODE"] = "ASYNCHRONOUS"  # another thread s
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
-from processes import until
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
+from waiting import until
 
 from tf2_msgs.msg import TFMessage
 

@@ -2,8 +2,8 @@
 
 import rclpy
 from making_objects import transform
-from processes import DEADLINE_S
 from spinning_nodes import spun_node
+from waiting import DEADLINE_S
 
 from tf2_ros import Buffer, BufferClient, BufferServer
 

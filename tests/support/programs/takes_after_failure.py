@@ -2,8 +2,8 @@
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
-from processes import until
 from rclpy.time import Time
+from waiting import until
 
 from tf2_ros import Buffer, TransformBroadcaster, TransformListener
 

@@ -21,10 +21,10 @@ if "functions" in sys.argv:
 import rclpy
 from geometry_msgs.msg import PointStamped
 from making_objects import transform
-from processes import DEADLINE_S, until
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import shut_down
+from waiting import DEADLINE_S, until
 
 import tf2_ros
 from tf2_ros import _rclpy

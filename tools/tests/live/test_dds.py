@@ -8,9 +8,10 @@ import installing
 import pytest
 from obeying_processes import Obeying, OrderError
 from paths import ROOT
-from processes import run, until
+from processes import run
 from ros_domains import claim_domain
 from tool_paths import SUPPORT
+from waiting import until
 
 from tf2_ros.serialization import serialize_arrays
 

@@ -12,7 +12,7 @@ import time
 import numpy as np
 import pytest
 from making_objects import S, transform, translation
-from processes import DEADLINE_S, until
+from waiting import DEADLINE_S, until
 
 from tf2_ros import Buffer, TransformException
 from tf2_ros.records import Recording

@@ -7,9 +7,9 @@ import threading
 
 import pytest
 from obeying_processes import Obeying, OrderError
-from processes import DEADLINE_S, until
 from rclpy.serialization import serialize_message
 from robot_with_rclpy import made
+from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros_tools.live import connect

@@ -13,7 +13,8 @@ import sys
 
 import pytest
 from obeying_processes import Obeying, OrderError
-from processes import DEADLINE_S, run
+from processes import run
+from waiting import DEADLINE_S
 
 from tf2_ros_tools.live.wire import parse
 

@@ -11,11 +11,11 @@ from contextlib import ExitStack
 
 import pytest
 from documentation_pages import blocks, commands
-from processes import DEADLINE_S, until
 from starting_programs import broadcasting, command, heard, running
 from tool_pages import ALL_PAGES
 from tool_paths import SAMPLES
 from tool_sources import PYPROJECT
+from waiting import DEADLINE_S, until
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("runs 60 programs, some for half a minute")]
 

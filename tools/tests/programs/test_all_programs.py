@@ -18,11 +18,12 @@ import time
 import pytest
 from making_bags import Sent, Tf, drive, write_mcap
 from making_objects import S
-from processes import DEADLINE_S, run, until
+from processes import run
 from shared_buffers import new_name
 from starting_programs import ROBOT, broadcasting, ended, heard, needs_dot, running
 from tool_paths import TOOLS
 from tool_sources import PYPROJECT
+from waiting import DEADLINE_S, until
 
 from tf2_ros_tools.listening import Pace
 

@@ -3,7 +3,7 @@
 from tf2_ros_tools.node_session import NodeSession, filled_buffer
 
 from making_objects import S
-from processes import until
+from waiting import until
 
 from tf2_ros.records import Recording
 from tf2_ros_tools.findings import Limits

@@ -11,7 +11,7 @@ from itertools import takewhile
 
 import pytest
 from making_objects import S
-from processes import DEADLINE_S
+from waiting import DEADLINE_S
 
 pytest.importorskip("pexpect")
 pytest.importorskip("pyte")

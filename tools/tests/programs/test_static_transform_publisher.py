@@ -5,10 +5,10 @@ import signal
 
 import pytest
 from making_objects import rotation, translation
-from processes import DEADLINE_S, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from starting_programs import running
+from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros_tools.program import UsageError

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
 from making_objects import transform
-from processes import DEADLINE_S, until
 from robot_of_all_joints import ARM, description, joint_state
 from starting_programs import ended, needs_dot, running
 from test_tree_and_heard_pictures import texts_of
+from waiting import DEADLINE_S, until
 
 from tf2_ros_tools.bag import save
 from tf2_ros_tools.program import RunError

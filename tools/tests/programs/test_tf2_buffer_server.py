@@ -2,9 +2,9 @@
 
 import pytest
 from making_objects import S, at, translation
-from processes import DEADLINE_S
 from rclpy.duration import Duration
 from starting_programs import running
+from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours
 

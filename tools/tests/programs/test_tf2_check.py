@@ -9,9 +9,9 @@ import time
 
 import pytest
 from making_objects import S
-from processes import DEADLINE_S, until
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from starting_programs import ROBOT, UNTIL_TOLD, broadcasting, ended, heard, running
+from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 

@@ -6,11 +6,11 @@ import re
 
 import pytest
 from making_objects import S, transform
-from processes import DEADLINE_S, until
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
 from spinning_nodes import repeated
 from starting_programs import ended, running
+from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 

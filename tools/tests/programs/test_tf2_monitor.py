@@ -5,8 +5,8 @@ import re
 
 import pytest
 from making_objects import S
-from processes import until
 from starting_programs import broadcasting, running
+from waiting import until
 
 pytestmark = pytest.mark.ours
 

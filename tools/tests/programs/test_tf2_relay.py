@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from making_objects import S, about_z, stamp_ns, transform, translation
-from processes import DEADLINE_S, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from repetitions import seeds
 from scipy.spatial.transform import Rotation
 from starting_programs import running
+from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore

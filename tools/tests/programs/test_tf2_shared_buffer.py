@@ -6,9 +6,9 @@ from contextlib import contextmanager
 
 import pytest
 from making_objects import S, at, translation
-from processes import DEADLINE_S
 from rclpy.duration import Duration
 from starting_programs import ended, running
+from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours
 

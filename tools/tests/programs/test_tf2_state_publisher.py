@@ -8,7 +8,6 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from processes import answered, until
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -16,6 +15,7 @@ from robot_of_all_joints import ARM, FIXED, NAMES, expected, random_states
 from sensor_msgs.msg import JointState
 from starting_programs import ended, running
 from std_msgs.msg import String
+from waiting import answered, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros.numpy import to_matrix

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 from making_bags import S, Sent, Tf, drive, scan, write_folder, write_mcap, write_ros1
-from processes import DEADLINE_S
 from starting_programs import running
+from waiting import DEADLINE_S
 
 from tf2_ros_tools.programs import tf2_bag
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from making_bags import S, drive, write_mcap
 from numpy.testing import assert_allclose
-from processes import DEADLINE_S
 from starting_programs import ended
+from waiting import DEADLINE_S
 
 pytestmark = [
     pytest.mark.ours,

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, scan, write_folder, write_mcap, write_split
-from processes import DEADLINE_S, killed, start, until
+from processes import killed, start
 from tool_paths import PROGRAMS
+from waiting import DEADLINE_S, until
 
 bag = pytest.importorskip("tf2_ros_tools.bag")
 dask = pytest.importorskip("dask")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, raw
 from numpy.testing import assert_allclose
-from processes import DEADLINE_S, until
 from starting_programs import broadcasting, ended, running
+from waiting import DEADLINE_S, until
 
 import tf2_ros_tools.rerun
 from tf2_py import BufferCore, LookupException

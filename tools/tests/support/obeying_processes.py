@@ -6,8 +6,8 @@ import subprocess
 import sys
 import threading
 
-from processes import DEADLINE_S, until
 from tool_paths import PROGRAMS
+from waiting import DEADLINE_S, until
 
 
 class OrderError(Exception):

@@ -6,8 +6,9 @@ import sys
 from contextlib import contextmanager
 
 import pytest
-from processes import DEADLINE_S, end, killed, start
+from processes import end, killed, start
 from tool_paths import PROGRAMS
+from waiting import DEADLINE_S
 
 
 def needs_dot(test):

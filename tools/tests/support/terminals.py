@@ -7,7 +7,7 @@ import time
 
 import pexpect
 import pyte
-from processes import DEADLINE_S
+from waiting import DEADLINE_S
 
 
 class Terminal:

@@ -12,7 +12,7 @@ import json
 import sys
 
 import rclpy
-from processes import until
+from waiting import until
 
 from tf2_ros.records import Recording
 from tf2_ros_tools.findings import Limits

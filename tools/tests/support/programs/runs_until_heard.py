@@ -13,7 +13,7 @@ if "HEARS_WITHOUT_ROS" in os.environ:
 
 from importlib import import_module
 
-from processes import until
+from waiting import until
 
 from tf2_ros_tools.findings import Limits
 from tf2_ros_tools.listening import Listening

@@ -214,13 +214,14 @@ def _read_sweep(
     if time_unit is None and field.unit.is_absolute:
         # Where no point has coordinates, the new time is stored nevertheless.
         numbers = sample if len(sample) else sample_times(cloud, field, False)
-        if 2 * np.count_nonzero(numbers >= MOST_SECONDS) > len(numbers):
+        nanoseconds = np.count_nonzero((numbers >= MOST_SECONDS) & (numbers < FARTHEST_NS))
+        if nanoseconds and 2 * nanoseconds >= len(numbers):
             field = field._replace(unit=Unit(1, True))
     longest_ns = LONG_NS if time_unit is None else LONGEST_NS
     lowest, highest, garbage = _without_garbage(sample, longest_ns / field.unit.ns)
     if time_unit is None:
         if garbage:
-            _require_short(cloud, field, count)
+            _require_short(cloud, field, sample)
         _require_likely(field, lowest, highest, stamp_ns)
     if not -FARTHEST_NS < lowest * field.unit.ns <= highest * field.unit.ns < FARTHEST_NS:
         lowest, highest = 0, -1
@@ -248,16 +249,20 @@ def _without_garbage(
     return near.min().item(), near.max().item(), len(times) - len(near)
 
 
-def _require_short(cloud: PointCloud2, field: TimeField, count: int) -> None:
+def _require_short(cloud: PointCloud2, field: TimeField, sample: NDArray[np.float64]) -> None:
     """Refuse times that spread over more than a sweep. Those of a sample did, which has more of the ends."""
-    times = np.empty(count, np.int64)
-    read_times(cloud, field, times)
-    times = times[times != NO_TIME]
-    if _without_garbage(times, LONG_NS)[2] <= max(1, MOST_GARBAGE * len(times)):
-        return
+    ends = (MOST_GARBAGE / 2, 1 - MOST_GARBAGE / 2)
+    beyond = np.count_nonzero(np.abs(sample) >= FARTHEST_NS / field.unit.ns)
+    if beyond > max(1, MOST_GARBAGE * len(sample)):
+        low, high = np.quantile(sample, ends).tolist()
+    else:
+        times = np.empty(cloud.height * cloud.width, np.int64)
+        read_times(cloud, field, times)
+        times = times[times != NO_TIME]
+        if _without_garbage(times, LONG_NS)[2] <= max(1, MOST_GARBAGE * len(times)):
+            return
+        low, high = ((int(end) - field.base_ns) / field.unit.ns for end in np.quantile(times, ends))
     one = field.unit.ns / S
-    ends = np.quantile(times, (MOST_GARBAGE / 2, 1 - MOST_GARBAGE / 2))
-    low, high = ((int(end) - field.base_ns) / field.unit.ns for end in ends)
     wraps = ", negative from 2^31 on" if field.wraps else ""
     raise ValueError(
         f"{field.name} is from {low:.10g} to {high:.10g} for 9 of 10 points, a sweep of "

@@ -638,6 +638,25 @@ def test_garbage_does_not_change_the_unit(buffer):
         assert missing_in(moved, points.dtype) == list(range(100))
 
 
+@pytest.mark.parametrize("on_missing", ["raise", "nan"])
+@pytest.mark.parametrize(
+    ("driver", "odd", "odd_points", "read_as"),
+    [
+        ("livox", 0.0, 500, "ns"),
+        ("livox", 0.0, 2000, "ns"),
+        ("livox", 0.0, 3000, "s"),
+        ("hesai", STAMP, 500, "s"),
+        ("hesai", 1e30, 3000, "s"),
+    ],
+)
+def test_a_unit_that_points_disagree_about_is_asked_for(buffer, driver, odd, odd_points, read_as, on_missing):
+    cloud, points, times = measured(driver)
+    points["timestamp"][:odd_points] = odd
+    cloud = as_cloud(points, DRIVERS[driver][0])
+    with pytest.raises(ValueError, match=f"if these are {read_as} since 1970: pass time_unit="):
+        deskew(cloud, buffer, "odom", on_missing=on_missing)
+
+
 def test_points_without_coordinates_do_not_make_a_sweep_long(buffer):
     cloud, points, times = measured("hesai")
     points["x"][::2], points["timestamp"][::2] = np.nan, 0.0

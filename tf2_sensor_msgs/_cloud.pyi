@@ -40,7 +40,9 @@ def do_transform_cloud(
 def as_bytes(data: Any) -> Any:
     """Return the ``data`` of a cloud, or a copy if that is not a buffer of contiguous bytes."""
 
-def sample_times(cloud: PointCloud2, times: TimeField, needs_point: bool = True) -> npt.NDArray[np.float64]:
+def sample_times(
+    cloud: PointCloud2, times: TimeField, needs_point: bool = True, every: bool = False
+) -> npt.NDArray[np.float64]:
     """
     The finite numbers in a field, of a sample of the points.
 
@@ -49,6 +51,7 @@ def sample_times(cloud: PointCloud2, times: TimeField, needs_point: bool = True)
 
     :param times: a ``TimeField``.
     :param needs_point: omit points without coordinates.
+    :param every: take all points.
     """
 
 def read_times(

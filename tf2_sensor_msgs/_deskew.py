@@ -169,6 +169,8 @@ def deskew(
     # The sample missed the first or the last time, or a point lacks a time or a transform, or there are few.
     all_times = np.empty(sweep.size, np.int64) if sweep.times is None else sweep.times.copy()
     first, last, bad, found = read_times(cloud, sweep.field, all_times)
+    if sweep.field is not None and sweep.longest_ns == LONG_NS:
+        _require_short(cloud, sweep.field)
     if bad >= 0 and on_missing == "raise":
         if sweep.field is None:
             raise ValueError(f"times[{bad}]: expected a time, got NaT, the least int64")
@@ -221,7 +223,7 @@ def _read_sweep(
     lowest, highest, garbage = _without_garbage(sample, longest_ns / field.unit.ns)
     if time_unit is None:
         if garbage:
-            _require_short(cloud, field, sample)
+            _require_short(cloud, field)
         _require_likely(field, lowest, highest, stamp_ns)
     if not -FARTHEST_NS < lowest * field.unit.ns <= highest * field.unit.ns < FARTHEST_NS:
         lowest, highest = 0, -1
@@ -249,19 +251,12 @@ def _without_garbage(
     return near.min().item(), near.max().item(), len(times) - len(near)
 
 
-def _require_short(cloud: PointCloud2, field: TimeField, sample: NDArray[np.float64]) -> None:
-    """Refuse times that spread over more than a sweep. Those of a sample did, which has more of the ends."""
-    ends = (MOST_GARBAGE / 2, 1 - MOST_GARBAGE / 2)
-    beyond = np.count_nonzero(np.abs(sample) >= FARTHEST_NS / field.unit.ns)
-    if beyond > max(1, MOST_GARBAGE * len(sample)):
-        low, high = np.quantile(sample, ends).tolist()
-    else:
-        times = np.empty(cloud.height * cloud.width, np.int64)
-        read_times(cloud, field, times)
-        times = times[times != NO_TIME]
-        if _without_garbage(times, LONG_NS)[2] <= max(1, MOST_GARBAGE * len(times)):
-            return
-        low, high = ((int(end) - field.base_ns) / field.unit.ns for end in np.quantile(times, ends))
+def _require_short(cloud: PointCloud2, field: TimeField) -> None:
+    """Refuse times that spread over more than a sweep, where a sample does, or has not all of them."""
+    numbers = sample_times(cloud, field, every=True)
+    if _without_garbage(numbers, LONG_NS / field.unit.ns)[2] <= max(1, MOST_GARBAGE * len(numbers)):
+        return
+    low, high = np.quantile(numbers, (MOST_GARBAGE / 2, 1 - MOST_GARBAGE / 2)).tolist()
     one = field.unit.ns / S
     wraps = ", negative from 2^31 on" if field.wraps else ""
     raise ValueError(

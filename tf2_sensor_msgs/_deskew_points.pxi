@@ -40,18 +40,18 @@ cdef enum:
     ENDS = 128              # ... and of each row as many from its beginning and its end, or one of `SAMPLED`
 
 
-cdef Py_ssize_t _ends_of_row(const Grid* grid) noexcept nogil:
+cdef Py_ssize_t _ends_of_row(const Grid* grid, bint every) noexcept nogil:
     # How many points of a row are read at its beginning, and at its end.
-    if grid.rows * grid.columns <= <Py_ssize_t>FEW:
+    if every or grid.rows * grid.columns <= <Py_ssize_t>FEW:
         return grid.columns
     return min(<Py_ssize_t>ENDS, 1 + grid.columns // SAMPLED)
 
 
 cdef Py_ssize_t _sample_row(const char* row, const Grid* grid, const TimeSource* field,
-                            bint needs_point, double* out) noexcept nogil:
+                            bint needs_point, bint every, double* out) noexcept nogil:
     # Returns how many numbers there are.
     cdef Py_ssize_t count = grid.columns
-    cdef Py_ssize_t ends = _ends_of_row(grid)
+    cdef Py_ssize_t ends = _ends_of_row(grid, every)
     cdef Py_ssize_t found = 0
     cdef Py_ssize_t i = 0
     cdef const char* point
@@ -64,7 +64,7 @@ cdef Py_ssize_t _sample_row(const char* row, const Grid* grid, const TimeSource*
     return found
 
 
-def sample_times(cloud, times, bint needs_point=True):
+def sample_times(cloud, times, bint needs_point=True, bint every=False):
     """
     The finite numbers in a field, of a sample of the points.
 
@@ -73,6 +73,7 @@ def sample_times(cloud, times, bint needs_point=True):
 
     :param times: a ``TimeField``.
     :param needs_point: omit points without coordinates.
+    :param every: take all points.
     """
     cdef Grid grid
     cdef Py_buffer source
@@ -85,13 +86,13 @@ def sample_times(cloud, times, bint needs_point=True):
     try:
         _read_points(cloud, source.len, &grid)
         _read_time_field(cloud, times, grid.point_step, &field)
-        per_row = min(grid.columns, 2 * _ends_of_row(&grid) + grid.columns // SAMPLED + 1)
+        per_row = min(grid.columns, 2 * _ends_of_row(&grid, every) + grid.columns // SAMPLED + 1)
         sample = np.empty(grid.rows * per_row)
         numbers = <double*>cnp.PyArray_DATA(sample)
         with nogil:
             for row in range(grid.rows if grid.columns > 0 else 0):
                 count += _sample_row(<const char*>source.buf + row * grid.row_step, &grid, &field,
-                                     needs_point, numbers + count)
+                                     needs_point, every, numbers + count)
     finally:
         PyBuffer_Release(&source)
     return sample[:count]

@@ -5,15 +5,21 @@ import re
 import sys
 
 import pytest
+from documentation_pages import blocks
 from installing import checkout_copy, reuse_builds
 from paths import ROOT, TESTS
 from processes import run
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("compiles an extension")]
 
-PAGE = (ROOT / "docs" / "development" / "new-message-type.md").read_text()
+PAGE = ROOT / "docs" / "development" / "new-message-type.md"
 # By the file that the first line of a block names.
-BLOCKS = dict(re.findall(r"^```cython\n# (\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
+BLOCKS = {
+    name.removeprefix("# "): code
+    for block in blocks(PAGE)
+    if block.language == "cython"
+    for name, _, code in [block.code.partition("\n")]
+}
 TYPE = "PolygonInstanceStamped"
 
 

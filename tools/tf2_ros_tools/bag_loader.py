@@ -190,7 +190,7 @@ def load(
     The recording need not have all of the topics, and a topic may be empty. Transforms that a buffer refuses,
     such as those with NaN, are logged. Reading a recording warns of messages that are left out, which are
     joint states with another number of positions than names, and poses without names of frames. A warning
-    also names frames whose stamps are all 0.
+    also lists frames whose stamps are all 0.
     """
     what = wanted(topics, start, end, poses, urdf)
     buffer = new_buffer(cache_time)

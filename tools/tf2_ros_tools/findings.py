@@ -128,7 +128,7 @@ def find(
     :param refused: as ``Streams.report`` returns them.
     :param recorded: the time of the report is the end of a recording. The rate of a frame is then computed
         over the time in which it was published.
-    :param where: a phrase that names the topics, for a report that nothing was received.
+    :param where: a phrase with the topics, for a report that nothing was received.
     :param also: what is wrong apart from the streams.
     """
     found = [*also, *_in_the_tree(streams)]
@@ -158,8 +158,8 @@ def find(
         found.append(Finding("refused", one.frame, f"{which} {verb} refused: {one.because}"))
     for frame in expectations.keys() - by_frame.keys():
         only = any(one.frame == frame for one in refused)
-        lack = "all its transforms are refused" if only else "nobody publishes it"
-        found.append(Finding("missing", frame, f"{frame} is expected, and {lack}"))
+        lack = "all its transforms are refused" if only else "it is not published"
+        found.append(Finding("missing", frame, f"{frame} is expected, but {lack}"))
     return sorted(found, key=lambda one: (KINDS.index(one.kind), one.frame))
 
 
@@ -187,7 +187,7 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
         parents.setdefault(one.parent, set()).add(one.publisher)
     if len(parents) > 1:
         which = ", ".join(f"{name} by {' and '.join(sorted(by))}" for name, by in sorted(parents.items()))
-        yield Finding("parents", frame, f"{frame} has {len(parents)} parents in turn: {which}")
+        yield Finding("parents", frame, f"{frame} has {len(parents)} parents: {which}")
     by_kind = {
         static: {one.publisher_id: one.publisher for one in own if one.static == static}
         for static in (True, False)
@@ -202,7 +202,7 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
             yield Finding("publishers", frame, text)
     if all(by_kind.values()):
         still, moving = (sorted({*by_kind[static].values()}) for static in (True, False))
-        text = f"{frame} is static by {', '.join(still)} and dynamic by {', '.join(moving)}"
+        text = f"{frame} is published as static by {', '.join(still)} and as dynamic by {', '.join(moving)}"
         yield Finding("mixed", frame, text)
 
 
@@ -268,7 +268,7 @@ def _of_stream(stream: Stream, name: str, limits: Limits, recorded: bool) -> Ite
     rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
     wanted = limits.min_rate
     if wanted is not None and rate is not None and rate < wanted * (1 - limits.rate_margin):
-        yield found("rate", "is published at {} Hz, less than {} Hz", rate, wanted)
+        yield found("rate", "is published at {} Hz; the minimum is {} Hz", rate, wanted)
     how, delay, allowed = "up to", stream.delay_max, limits.max_delay
     if allowed is None and stream.period is not None:
         allowed = max(limits.delay, limits.delay_periods * stream.period)
@@ -276,7 +276,7 @@ def _of_stream(stream: Stream, name: str, limits: Limits, recorded: bool) -> Ite
         stands_still = stream.stalled - stream.silence > allowed
         how, delay = "on average", None if stands_still else stream.delay
     if allowed is not None and delay is not None and delay > allowed:
-        sentence = f"is {how} {{}} s old when it is received, more than {{}} s"
+        sentence = f"is {how} {{}} s old when received; the limit is {{}} s"
         yield found("delay", sentence, delay, allowed)
     if stream.period is None:
         return
@@ -375,8 +375,9 @@ class Received:
                     old, new = (f"parent {self.frames[one]}" for one in parents[at])
                 how = "changed" if len(changes) == 1 else f"changed {len(changes)} times, last"
                 when = self.when(int(own["received_ns"][at][-1]))
-                text = f"{name} is static and {how} from {old} to {new}, {when}: lookups use the last one"
-                yield Finding("values", self.frames[child], f"{text}, for all times")
+                text = f"{name} is static and {how} from {old} to {new}, {when}"
+                lasting = "lookups at any time use the last one"
+                yield Finding("values", self.frames[child], f"{text}: {lasting}")
         for (child, parent), both in _groups(static, "child", "parent"):
             last = {number: own["value"][-1] for (number,), own in _groups(both, "publisher")}
             poses = table[[*last.values()]]

@@ -88,7 +88,7 @@ def publisher_name(names: Mapping[bytes, str], gid: bytes) -> str:
 
 class Session(Protocol):
     """
-    What fills the buffer of a program, and what the program asks of it. ``where`` is a phrase that names the
+    What fills the buffer of a program, and what the program asks of it. ``where`` is a phrase with the
     topics and the robot. ``names`` are the known names of publishers, by their ids in a recording.
     """
 
@@ -198,7 +198,7 @@ class Listening:
         publishers = [publisher_name(self.session.names, gid) for gid in gids]
         streams, refused = self._streams.report(now_ns, self.frames(), publishers)
         if now_ns <= 0:
-            text = "use_sim_time is set, and no time was received on /clock, so nothing is judged"
+            text = "use_sim_time is set, but /clock was not received, so nothing is checked"
             findings = [Finding("clock", "", text)]
         else:
             alive_ids = None
@@ -221,9 +221,9 @@ class Listening:
         jump = self._streams.jump_back(now_ns)
         if jump is not None:
             text = f"the clock jumped back by {three_digits(jump)} s{f': {several}' * (len(clocks) > 1)}"
-            yield Finding("clock", "", f"{text}; only what was received after that is judged")
+            yield Finding("clock", "", f"{text}; only later transforms are checked")
         elif len(clocks) > 1:
-            yield Finding("clock", "", f"{several}: a jump from one time to the other clears buffers")
+            yield Finding("clock", "", f"{several}: each jump between their times clears buffers")
         if count := self._recording.malformed:
             yield Finding("malformed", "", f"{counted(count, 'message')} could not be read")
         if count := self._recording.lost:

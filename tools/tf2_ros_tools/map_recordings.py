@@ -328,7 +328,7 @@ def _on_cluster(
                 found = _failed(recording, error)
             if found[0]["kind"] != ERROR and not os.path.exists(tables[recording]):
                 raise FileNotFoundError(
-                    f"a worker has written {tables[recording]}, but this machine does not have it:"
+                    f"a worker wrote {tables[recording]}, but this machine cannot see it:"
                     " is the folder shared?"
                 )
             yield recording, found

@@ -179,7 +179,7 @@ def why_unanswered(
         buffer.lookup_transform(target, source, int(times_ns[0]) or 1, max_gap=max_gap)
     except TransformException as reason:
         return str(reason)
-    return f"the frames between {target} and {source} were never all known at the same time"
+    return f"the frames between {target} and {source} never had data at the same time"
 
 
 # Write tables.

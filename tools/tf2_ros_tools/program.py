@@ -34,7 +34,7 @@ INTERRUPTED = 130
 # For the documentation, too.
 STATUSES = {
     SUCCESS: "the command did its work, and found no problem; or Ctrl-C ended a command that runs until then",
-    FAILURE: "the command could not do its work, or write its output; `tf2_check`, and `check` of `tf2_bag`: "
+    FAILURE: "the command failed, or could not write its output; `tf2_check`, and `check` of `tf2_bag`: "
     "there are problems",
     USAGE: "wrong usage; one line on standard error says what is wrong",
     INTERRUPTED: "Ctrl-C or SIGTERM ended the command before there was a result",
@@ -164,9 +164,9 @@ class Parser(ArgumentParser):
     def _refuse_ros_with_live(self, arguments: list[str]) -> None:
         # Before anything imports rclpy, which need not be there.
         names = {one.partition("=")[0] for one in arguments}
-        of_ros = {_ROS_ARGS, "--namespace"} | {one for one in names if one.startswith("--qos-")}
+        of_ros = {_ROS_ARGS, "--namespace", *_qos_options(self)}
         if "--live" in self._option_string_actions and "--live" in names and names & of_ros:
-            self.error("--live is for a machine without ROS: it excludes --namespace, --qos-* and --ros-args")
+            self.error(f"--live cannot be combined with {_listed_of_ros(self)}")
 
     def _without_ros_arguments(self, arguments: list[str]) -> list[str]:
         if not self._node or _ROS_ARGS not in arguments:
@@ -180,13 +180,22 @@ class Parser(ArgumentParser):
         return removed
 
 
+def _qos_options(parser: Parser) -> list[str]:
+    return [one for one in parser._option_string_actions if one.startswith("--qos-")]
+
+
+def _listed_of_ros(parser: Parser) -> str:
+    """List the options that need ROS in a text."""
+    return f"--namespace{', --qos-*' if _qos_options(parser) else ''} or {_ROS_ARGS}"
+
+
 def add_live_option(parser: Parser) -> None:
-    """Add ``--live`` to a program that listens, see :func:`tf2_ros_tools.session_choice.session`."""
+    """Add ``--live`` to a program that listens, as its last option; see ``session_choice.session``."""
     parser.add_argument(
         "--live",
         metavar="WHERE",
         help="listen to the robot at dds://, zenoh://HOST:7447 or ws://HOST:8765, without ROS 2 on this "
-        "machine; not together with --namespace, --qos-* or --ros-args",
+        f"machine; not with {_listed_of_ros(parser)}",
     )
 
 
@@ -394,5 +403,5 @@ def add_plot_options(made: ArgumentParser, default: str) -> None:
 
 def add_output(made: ArgumentParser, *formats: str, more: str = "") -> None:
     """Add the file that is written; ``more`` is the end of its help."""
-    summary = f"write this file, which ends in {listed_endings(*formats)}{more}"
+    summary = f"write this {listed_endings(*formats)} file{more}"
     made.add_argument("-o", "--output", metavar="FILE", type=ending_in(*formats), help=summary)

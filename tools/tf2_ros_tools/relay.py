@@ -139,7 +139,8 @@ def read_rules(path: Path, resolve: Callable[[str], str]) -> list[Rule]:
     Read a YAML file: a list of rules.
 
     :param resolve: gives the full name of a topic.
-    :raises UsageError: it cannot be read, or something in it is wrong; the text names the rule and the key.
+    :raises UsageError: it cannot be read, or something in it is wrong; the text contains the rule and the
+        key.
     """
     document = read_list(path, "rules", EXAMPLE)
     try:
@@ -300,7 +301,7 @@ class Relay:
                     self._links.append(link)
                 else:
                     self._conflicts.append(
-                        f"{self.rule.label}: {link.child} is not sent: the name {name} is taken"
+                        f"{self.rule.label}: {link.child} is not sent: the name {name} is already used"
                     )
         return self._links
 

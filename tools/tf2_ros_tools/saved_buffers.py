@@ -136,7 +136,7 @@ def load_saved(path: str | os.PathLike[str], kind: type[BufferCore] = Buffer) ->
     :param kind: the class of the buffer, whose ``__init__`` is not called.
     :raises FileNotFoundError, OSError: the file cannot be opened or read.
     :raises ValueError: it is not an mcap file, is damaged or truncated, or does not contain a buffer; the
-        text names the file.
+        text contains the file and, if possible, the frame and sample.
     :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
     """
     require("mcap", "bag")
@@ -265,7 +265,7 @@ def _with_metadata(state: dict[str, Any], metadata: dict[str, str]) -> dict[str,
             f"it is incomplete: its metadata lists {listed} transforms, its messages contain {found}"
         )
     if kept["authorities"].keys() != {name for name, *_ in state["frames"]}:
-        raise ValueError(f"its metadata {METADATA} and its messages name different frames")
+        raise ValueError(f"its metadata {METADATA} and its messages contain different frames")
     frames = [
         (name, is_static, kept["authorities"][name], count) for name, is_static, _, count in state["frames"]
     ]

@@ -140,7 +140,7 @@ class StatePublisher:
         names, positions = list(state.name), state.position
         if not names or len(positions) != len(names):
             found = f"{len(names)} names, but {len(positions)} positions"
-            self._log.warning(f"Ignoring joint states with {found}, of {first_names(names)}", **SELDOM)
+            self._log.warning(f"Ignoring joint states of {first_names(names)}: {found}", **SELDOM)
             return
         stamp_ns = state.header.stamp.sec * S + state.header.stamp.nanosec
         if not self._is_due(names, stamp_ns):
@@ -163,10 +163,9 @@ class StatePublisher:
         if not self._has_warned_of_unknown:
             self._has_warned_of_unknown = True
             own = [one.name for one in self._robot.joints if one.type != "fixed"]
-            known = f"movable joints, {first_names(own)}" if own else "joints: none is movable"
-            self._log.warning(
-                f"Joint states of {first_names(names)} have no positions of the robot's {known}"
-            )
+            known = f"contain none of the robot's movable joints: {first_names(own)}"
+            lack = known if own else "have no effect, because the robot has no movable joints"
+            self._log.warning(f"Joint states of {first_names(names)} {lack}")
 
     def _warn_of_left_out(self, names: Sequence[str]) -> None:
         """Say once for each joint that it is left out."""

@@ -72,13 +72,13 @@ class Robot:
     """
     The joints of a URDF, in its order.
 
-    As for ``robot_state_publisher``, planar joints are fixed, and floating joints, whose transforms somebody
-    else publishes, are left out.
+    As for ``robot_state_publisher``, planar joints are fixed, and floating joints are left out, because other
+    nodes publish them.
 
     :param name: the robot's name in the URDF.
     :param root: the frame of the link without a parent, with the prefix.
     :param joints: all of them.
-    :param warnings: a sentence for each thing in the URDF that is probably a mistake, but prevents nothing.
+    :param warnings: a sentence for each probable mistake in the URDF.
     """
 
     name: str
@@ -95,8 +95,8 @@ class Robot:
         """
         Compute the transforms of the joints whose positions are given, from the child to the parent.
 
-        :param names: of K joints, as in a ``sensor_msgs/JointState``; unknown names are ignored, and the
-            first of equal ones counts.
+        :param names: of K joints, as in a ``sensor_msgs/JointState``; unknown names are ignored; of
+            duplicates, the first counts.
         :param positions: radians or meters, shape (K,), or (N, K) for N times.
         :return: M joints, their translations in meters, shape (M, 3) or (N, M, 3), and their rotations x y z
             w, shape (M, 4) or (N, M, 4). A position of NaN makes the numbers of its joint NaN.
@@ -191,8 +191,8 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, f
 
 def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     """
-    Read the joints of a URDF. A joint that mimics an unknown one is a warning, and so is xacro that was not
-    expanded, unless joints or links may be missing for that reason.
+    Read the joints of a URDF. Mimicking an unknown joint is a warning, and so is unexpanded xacro that hides
+    no joints or links.
 
     :param source: the path of a file, or the text itself, whose first character is ``<``.
     :param prefix: a text to put in front of the names of all frames, for several robots. One leading ``/`` of

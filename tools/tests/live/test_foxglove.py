@@ -274,7 +274,10 @@ def test_damaged_messages(port, caplog):
             assert feed.topics["/tf"].malformed == 2
             assert feed.buffer.can_transform("map", "base", 0)
     assert {"op": "subscribe", "subscriptions": [{"id": 7, "channelId": 7}]} in subscribed
-    assert sum("ignoring what is not Foxglove's protocol" in one.message for one in caplog.records) == 1
+    assert (
+        sum("ignoring a message that is not in Foxglove's protocol" in one.message for one in caplog.records)
+        == 1
+    )
 
 
 @pytest.mark.parametrize("closer", ["a thread", "a callback"])

@@ -44,7 +44,7 @@ PUBLISHED = {
     ),
     "--roll 0.3 --pitch -0.4 --yaw -1e-3": (((0, 0, 0), turned(0.3, -0.4, -1e-3)), "publishing transform"),
     # w is 1 where it is not given.
-    "--qx 1": (((0, 0, 0), (0.5**0.5, 0, 0, 0.5**0.5)), "quaternion of robot does not have length one"),
+    "--qx 1": (((0, 0, 0), (0.5**0.5, 0, 0, 0.5**0.5)), "the quaternion of robot, whose length is 1.41421"),
     "1 -1e-05 3 -0.1 0.2 0.3 map robot": (((1, -1e-05, 3), turned(0.3, 0.2, -0.1)), "Old-style arguments"),
     "1 2 3 -.6 0 0 .8 map robot": (((1, 2, 3), (-0.6, 0, 0, 0.8)), "Old-style arguments are deprecated"),
     "--file transforms.yaml": (((1, 0, 0), turned(0, 0, 1e-3)), "publishing 2 transforms of transforms.yaml"),

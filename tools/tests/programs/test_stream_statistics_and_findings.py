@@ -262,7 +262,7 @@ FINDINGS = {
         steady("odom"),
         [heard(3, "odom", delay=0.5)],
         limits=Limits(max_delay=0.25),
-        says="delay: odom by /odometry is up to 0.5 s old when it is received, more than 0.25 s",
+        says="delay: odom by /odometry is up to 0.5 s old when received; the limit is 0.25 s",
     ),
     "another clock": case(
         *ROBOT[:1],
@@ -279,13 +279,13 @@ FINDINGS = {
     "too low a rate": case(
         steady("odom", rate=10),
         limits=Limits(min_rate=20),
-        says="rate: odom by /odometry is published at 10 Hz, less than 20 Hz",
+        says="rate: odom by /odometry is published at 10 Hz; the minimum is 20 Hz",
     ),
     "a rate within the margin": case(steady("odom", rate=19.2), limits=Limits(min_rate=20)),
     "a rate below the margin": case(
         steady("odom", rate=18.8),
         limits=Limits(min_rate=20),
-        says="rate: odom by /odometry is published at 18.8 Hz, less than 20 Hz",
+        says="rate: odom by /odometry is published at 18.8 Hz; the minimum is 20 Hz",
     ),
     "the expected rate goes first": case(
         *ROBOT, limits=Limits(min_rate=40), expectations={"odom": Expectation(min_rate=10)}
@@ -325,7 +325,7 @@ def said(findings):
     return [line_of(one) for one in findings]
 
 
-LASTING = ": lookups use the last one, for all times"
+LASTING = ": lookups at any time use the last one"
 
 
 class TestRecords:

@@ -280,7 +280,7 @@ def test_a_misspelt_frame_of_a_batch_is_told_and_no_success(run, tmp_path):
     pytest.importorskip("distributed")
     path = recording(tmp_path / "a.mcap", count=30)
     command = ("batch", path, "--lookup", "map", "camra", "--out", tmp_path / "tables", "--workers", 1)
-    for counts in ("1 done, 0 done before", "0 done, 1 done before"):
+    for counts in ("1 done, 0 skipped", "0 done, 1 skipped"):
         status, out, err = run(*command)
         assert (status, out.splitlines()[0]) == (1, f"{counts}, 0 failed, 1 without an answer")
         assert err.startswith(f"tf2_bag batch: {path}: ") and "camra" in err and err.count("\n") == 1

@@ -140,7 +140,7 @@ class TestConflicts:
         assert ("odom", "map") not in names(relay.dynamic_transforms(0.0, 0))
         assert relay.problems() == [
             "rule 1: optica is not known; did you mean optical?",
-            "rule 1: base is not sent: the name map is taken",
+            "rule 1: base is not sent: the name map is already used",
         ]
 
     def test_rules_that_share_one_topic_do_not_send_the_same_name(self):

@@ -232,7 +232,7 @@ REFUSED = {
     "lacks samples": lambda data, messages: (data.pop("samples") and data, messages),
     "Expecting value": with_metadata(cache_time_ns="two"),
     "its metadata lists 11 transforms, its messages contain 10": lambda data, messages: (data, messages[:-1]),
-    "and its messages name different frames": with_metadata(authorities="{}"),
+    "and its messages contain different frames": with_metadata(authorities="{}"),
     "has no attribute 'keys'": with_metadata(authorities="7"),
     "max_bytes: expected an int": with_metadata(max_bytes='"all"'),
     "malformed TFMessage: the data ends": lambda data, messages: (

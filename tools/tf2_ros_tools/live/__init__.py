@@ -41,12 +41,13 @@ def connect(
     :param buffer: the buffer to fill. None: a new ``Buffer``.
     :param topic: the topic of dynamic transforms.
     :param static_topic: the topic of static transforms.
-    :param prefix: a text to put in front of the names of all frames that arrive, as in ``"robot1/"``.
+    :param prefix: put before all frame names that arrive, such as ``"robot1/"``.
     :param recording: records who sent which transform when.
     :return: a feed, which receives until it is closed; its attribute ``buffer`` is the buffer.
     :raises TypeError: ``prefix`` is not a str.
     :raises ValueError: the address, the domain or the name of a topic is invalid.
-    :raises ConnectionError: the robot cannot be reached; the text says what to do.
+    :raises ConnectionError: nothing answers at the address, or DDS cannot start; the text says what to do.
+        With ``dds://``, it is no error that there is no robot yet.
     :raises ModuleNotFoundError: the library for this transport is not installed; the text says how to install
         it.
     """

@@ -96,7 +96,7 @@ class DdsWire:
 
     def __init__(self, address: Address) -> None:
         if address.host or address.port:
-            raise ValueError(f"{address.where}: name the address of a robot as in dds://?peers=192.168.0.7")
+            raise ValueError(f"{address.where}: give the robot's address as dds://?peers=192.168.0.7")
         refuse_options(address, "peers")
         self._address = address
         self._domain: Domain | None = None  # all else in it ends with it
@@ -132,7 +132,7 @@ class DdsWire:
                 self._waits.attach(ReadCondition(reader, ANY))
         except DDSException as error:
             is_set = "; CYCLONEDDS_URI is set" if "CYCLONEDDS_URI" in os.environ else ""
-            text = f"Cyclone DDS cannot start, and has printed why{is_set}: {error}"
+            text = f"Cyclone DDS cannot start (see its output above{is_set}): {error}"
             raise ConnectionError(f"{self._address.where}: {text}") from None
         self._thread = threading.Thread(
             target=self._run, args=(take, end), name=self._address.where, daemon=True
@@ -159,10 +159,9 @@ class DdsWire:
         domain = self._address.domain
         if not self._participants:
             return (
-                f"no robot was found in domain {domain}{self._so_far()}: check ROS_DOMAIN_ID, "
-                "ROS_AUTOMATIC_DISCOVERY_RANGE on the robot, the firewall (UDP from port "
-                f"{7400 + 250 * domain} on), and multicast; where there is none, give the address of the "
-                "robot, as in dds://?peers=192.168.0.7"
+                f"no robot was found in domain {domain}{self._so_far()}. Check ROS_DOMAIN_ID, the robot's "
+                f"ROS_AUTOMATIC_DISCOVERY_RANGE, and the firewall (UDP from port {7400 + 250 * domain}). "
+                "Without multicast, give the robot's address: dds://?peers=192.168.0.7"
             )
         publishers = self._publishers_of(topic)
         is_static = topic == self._address.topics[1]

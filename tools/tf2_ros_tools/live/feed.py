@@ -312,8 +312,8 @@ class Feed:
         if offset_s > 0:
             differs = f"messages arrive {three_digits(offset_s)} s after the robot sent them"
         return (
-            f"{self._name}: {differs}, and max_age is wrong by as much, because it compares the stamps of "
-            "the robot with the clock of this machine. Synchronize the clocks, for example with chrony"
+            f"{self._name}: {differs}, so max_age is off by as much. Synchronize the clocks, for example "
+            "with chrony"
         )
 
     def _missing(self) -> list[_Topic]:
@@ -352,7 +352,7 @@ class Feed:
 
     def _sender(self, is_static: bool) -> Sender:
         if self._wire is None:
-            raise ConnectionError(f"{self._name} only receives; to send, use a feed that connect() has made")
+            raise ConnectionError(f"{self._name} cannot send; use a feed from connect()")
         return _Echo(self, self._wire.sender(self._topics[is_static].name, is_static), is_static)
 
     def _require_open(self) -> None:

@@ -153,7 +153,9 @@ class FoxgloveWire:
         except (ValueError, LookupError, TypeError, struct.error) as error:
             if not self._has_warned:
                 self._has_warned = True
-                log.warning(f"{self._address.where}: ignoring what is not Foxglove's protocol: {error!r}")
+                log.warning(
+                    f"{self._address.where}: ignoring a message that is not in Foxglove's protocol: {error!r}"
+                )
 
     def _note(self, connection: ClientConnection, news: Any, end: End) -> None:
         """Note which channels there are, and subscribe to those of the two topics."""

@@ -45,7 +45,7 @@ EXAMPLE = f"""\
   static_transform_publisher --x 0.3 --yaw -1.57 --frame-id base_link --child-frame-id camera
   static_transform_publisher --file transforms.yaml
 
-where transforms.yaml uses the names of the options:
+where the keys in transforms.yaml are the options, with _ for -:
   - {ENTRY}
   - {{frame_id: base_link, child_frame_id: lidar, z: 0.5, qx: 0.0, qy: 0.0, qz: 1.0, qw: 0.0}}"""
 
@@ -67,7 +67,12 @@ meanings = {
 }
 for name, meaning in meanings.items():
     PARSER.add_argument(f"--{name}", type=finite_number, help=meaning)
-PARSER.add_argument("--file", metavar="YAML", type=Path, help="publish all transforms of a file")
+PARSER.add_argument(
+    "--file",
+    metavar="YAML",
+    type=Path,
+    help="publish the transforms in this file, instead of the options above",
+)
 PARSER.add_argument("old", metavar="VALUE", nargs="*", help="the old form; see above")
 
 
@@ -79,9 +84,7 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
     """
     if (period := _period_of_ros1(options.old)) is not None:
         reason = "the last value, the period of ROS 1, does not exist in ROS 2"
-        raise UsageError(
-            f"{reason}: leave out {period}, because the transform is sent once, to all listeners"
-        )
+        raise UsageError(f"{reason}: omit {period}; static transforms are sent only once")
     given = {name: value for name in (*FRAMES, *NUMBERS) if (value := getattr(options, name)) is not None}
     if sum(map(bool, (given, options.old, options.file))) > 1:
         raise UsageError("expected options, values of the old form, or --file, got several of these")
@@ -143,8 +146,8 @@ def publish(options: Namespace) -> NoReturn:
             q = one.transform.rotation
             length = hypot(q.x, q.y, q.z, q.w)
             if abs(length * length - 1.0) >= TOLERANCE:
-                text = "does not have length one; what is published does"
-                log.warning(printable(f"The quaternion of {one.child_frame_id} {text}"))
+                text = f"Normalized the quaternion of {one.child_frame_id}, whose length is {length:g}"
+                log.warning(printable(text))
                 q.x, q.y, q.z, q.w = (part / length for part in (q.x, q.y, q.z, q.w))
         log.info(_summary(options, transforms))
         StaticTransformBroadcaster(node).sendTransform(transforms)

@@ -251,7 +251,7 @@ def batch(options: Namespace) -> int:
     for recording, reason in result.unanswered.items():
         options.parser.warn(f"{recording}: {reason}")
     lack = f", {len(result.unanswered)} without an answer" if result.unanswered else ""
-    counts = f"{len(result.done)} done, {len(result.skipped)} done before, {len(result.failed)} failed{lack}"
+    counts = f"{len(result.done)} done, {len(result.skipped)} skipped, {len(result.failed)} failed{lack}"
     show(counts, result.findings)
     return FAILURE if result.failed or result.unanswered else SUCCESS
 
@@ -392,14 +392,13 @@ def _parser() -> Parser:
     command.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
     command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
     when = _add_when(command)
-    summary = "look up at these times, in seconds since 1970; 0 is the time 0, not the latest time"
+    summary = "look up at these times, in seconds since 1970; 0 does not mean the latest time"
     when.add_argument("--times", nargs="+", type=nanoseconds, metavar="T", help=summary)
     command.add_argument(
         "--max-gap",
         type=non_negative_number,
         metavar="S",
-        help="give no answer between two transforms of a frame that are more than S seconds apart; by "
-        "default, interpolate however far apart they are",
+        help="give no answer across gaps longer than S seconds; by default, no limit",
     )
     add_output(command, "csv", "tum", "parquet", more=", instead of printing CSV")
     command = add(
@@ -447,7 +446,7 @@ def _parser() -> Parser:
         "drive.mcap -o drive.tf2",
     )
     _add_recording(command)
-    summary = "write this file, which ends in .tf2"
+    summary = "write this .tf2 file"
     command.add_argument("-o", "--output", metavar="FILE", type=ending_in("tf2"), required=True, help=summary)
     command = add(
         "view",
@@ -499,9 +498,8 @@ def _add_topics(made: Parser) -> None:
         type=_urdf,
         metavar="[TOPIC=]FILE",
         default=[],
-        help="also compute the transforms of the joints of this URDF from the joint states on TOPIC, by "
-        f"default /joint_states; with the word {RECORDED} instead of FILE, read the URDF from "
-        "robot_description in the recording; may be given several times",
+        help="also compute this URDF's joint transforms from TOPIC (default: /joint_states); for FILE, "
+        f"{RECORDED} means robot_description in the recording; may be given several times",
     )
 
 

@@ -14,7 +14,7 @@ PARSER = Parser(
     "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
     "file of expectations.\n\n"
     "The page of tf2_check in the documentation explains the kinds of problems.\n\n"
-    "Exit status: 0 if there are no problems, 1 if there are any, or the check failed; 2 after wrong usage.",
+    "Exit status: 0 if there are no problems; 1 if there are any or the check failed; 2 after wrong usage.",
     """\
   tf2_check -t 10 --expect robot.yaml
 
@@ -28,8 +28,8 @@ PARSER.add_argument(
     type=positive_number,
     metavar="S",
     default=5.0,
-    help="listen for S seconds; 5 by default; with less, a publisher that is not found yet may look like a "
-    "problem",
+    help="listen for S seconds, 5 by default; if S is smaller, undiscovered publishers may look like "
+    "problems",
 )
 add_check_options(PARSER)
 PARSER.add_argument("--json", action="store_true", help="print the result as one line of JSON")
@@ -45,7 +45,7 @@ def check(options: Namespace) -> int:
     expected = expected_by(options.expect)
     limits = Limits(min_rate=options.min_rate, max_delay=options.max_delay)
     with listening("tf2_check", options) as heard:
-        heard.session.log_no_refusals()  # the findings count them, and name the publishers
+        heard.session.log_no_refusals()  # the findings count them, with the publishers
         heard.listen(options.t)
         report = heard.report(limits, expected)
     of_what = f"{counted(report.messages, 'message')}, {options.t:g} s"

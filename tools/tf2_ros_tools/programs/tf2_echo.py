@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from argparse import ArgumentTypeError, Namespace
@@ -44,11 +45,12 @@ REPORT_S = 1.0  # between two log lines about a transform that is not available 
 
 DESCRIPTION = """\
 Print the transform that maps data from the frame SOURCE to the frame TARGET, at 1 Hz or at RATE. Until it \
-is available, log each second why it is not, and which frames are known.
+is available, log the reason and the known frames every second.
 
 With --json, each line is {"header": {"stamp": {"sec", "nanosec"}, "frame_id"}, "child_frame_id", \
 "transform": {"translation": {"x", "y", "z"}, "rotation": {"x", "y", "z", "w"}}, "rpy": {"roll", "pitch", \
-"yaw"}}, with angles in radians. If a lookup fails, "error": {"type", "text"} replaces transform and rpy.
+"yaw"}}, with angles in radians. If a later lookup fails, "error": {"type", "text"} replaces transform \
+and rpy.
 
 Exit status: 0 if a transform was printed; 1 if none was available within --wait; 2 after wrong usage; 130 \
 if Ctrl-C ended the command before the first transform."""
@@ -103,24 +105,22 @@ PARSER.add_argument(
     type=non_negative_number,
     help="exit with status 1 if there is no transform after this time; by default, wait forever",
 )
-PARSER.add_argument(
-    "--json", action="store_true", help='print one JSON object per line; a failed lookup has an "error"'
-)
+PARSER.add_argument("--json", action="store_true", help="print one JSON object per line")
 PARSER.add_argument(
     "--qos-reliability",
     choices=["reliable", "best_effort"],
-    help="of the subscription to /tf; reliable by default, which excludes best effort publishers",
+    help="reliability of the subscription to /tf; the default, reliable, excludes best effort publishers",
 )
 PARSER.add_argument(
     "--qos-durability",
     choices=["volatile", "transient_local"],
-    help="of the subscription to /tf; volatile by default",
+    help="durability of the subscription to /tf; volatile by default",
 )
 PARSER.add_argument(
     "--qos-depth",
     metavar="N",
     type=_depth,
-    help=f"messages in the queue of the subscription to /tf; {QUEUE_DEPTH} by default",
+    help=f"queue depth of the subscription to /tf; {QUEUE_DEPTH} messages by default",
 )
 add_live_option(PARSER)
 
@@ -184,9 +184,10 @@ def _first(heard: Session, options: Namespace) -> TransformStamped | None:
             raise UsageError(str(refusal)) from None
         except TransformException as reason:
             waited_s = time.monotonic() - begin_s
+            why = re.sub(r" Waited \S+ s$", "", str(reason))  # the wait of this lookup, not of all
             heard.info(
-                printable(f"Waiting for transform {options.target} ->  {options.source}: {reason}") + "\n"
-                f"Waited {waited_s:.1f} s {heard.where}\n"
+                printable(f"Waiting for transform {options.target} ->  {options.source}: {why}") + "\n"
+                f"Listening {heard.where} for {waited_s:.1f} s\n"
                 f"Known frames: {first_names(sorted(heard.buffer.frames())) or 'none'}"
             )
             if options.wait is not None and waited_s >= options.wait:

@@ -25,12 +25,10 @@ WINDOW_S = 10.0  # the figures are of this long before a report
 
 PARSER = Parser(
     "tf2_monitor",
-    "Show who publishes each frame, how often, how old its transforms are when they are received, and "
-    "all problems, until interrupted. On a terminal, if the Python package textual is installed, this is a "
-    "table that is updated every second, and that keys sort and filter. Otherwise, a report in the format "
-    "of tf2's own command is printed every ten seconds.\n\n"
-    "With two frames: show the chain that connects them, and the age of the newest transform between "
-    "them.",
+    "Show who publishes each frame, its rate and delay, and all problems, until interrupted. On a terminal "
+    "with the Python package textual, this is a table, updated every second, that you can sort and filter. "
+    "Otherwise, print a report like tf2's own every ten seconds.\n\n"
+    "With two frames, show only the chain between them, and the age of its newest transform.",
     "  tf2_monitor map base_link --interval 5",
 )
 PARSER.add_argument("frames", nargs="*", metavar="FRAME", help="two frames, to show the chain between them")

@@ -22,11 +22,11 @@ FORMATS = ("pdf", "svg", "png")
 WAIT_S = 5.0
 
 DESCRIPTION = """\
-Listen to transforms for a while, draw the tree of frames with publishers, rates, delays and problems as \
-NAME.gv, for Graphviz, and as NAME.pdf, and print the names of both files.
+Listen to transforms for a while, draw the frames with their publishers, rates, delays and problems, and \
+print the names of the files: NAME.pdf, and NAME.gv for Graphviz.
 
-Exit status: 0 if the tree was drawn or printed, 1 if no transform was received or a file cannot be \
-written."""
+Exit status: 0 if the tree was drawn or printed; 1 if no transform was received, or the picture cannot be \
+drawn or written; 2 after wrong usage."""
 
 EXAMPLE = """\
   view_frames                     frames_DATE.gv and frames_DATE.pdf

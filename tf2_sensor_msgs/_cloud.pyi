@@ -56,15 +56,15 @@ def sample_times(
 
 def read_times(
     cloud: PointCloud2, field: TimeField | None, times: npt.NDArray[np.int64]
-) -> tuple[int, int, int, float]:
+) -> tuple[int, float]:
     """
     Read the time of each point of a cloud that has three coordinates.
 
     :param field: a ``TimeField``; None: ``times`` holds the times already.
     :param times: int64 nanoseconds, one for each point, row by row; receives the times, and the least integer
         where a point has none.
-    :return: the first and the last time, the first later than the last if there are none; the index of the
-        first point that has coordinates, but whose time is not a number, or -1; and what is there instead.
+    :return: the index of the first point that has coordinates, but whose time is not a number, or -1; and
+        what is there instead.
     """
 
 def move_points(

@@ -149,42 +149,35 @@ def deskew(
         fixed = {"fixed_frame": fixed_frame, "target_time": new_ns or NOT_LATEST_NS}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
     sweep = _read_sweep(cloud, stamp_ns, times, time_unit)
-    if sweep.first <= sweep.last:
-        _wait(motion, sweep.last, until_ns)
-    stored = None
-    if sweep.field is not None and fixed:
-        stored = new_ns / sweep.field.unit.ns if sweep.field.unit.is_absolute else 0.0
 
     def moved(poses: Poses, is_dense: bool) -> tuple[PointCloud2, bool]:
+        stored = None
+        if sweep.field is not None and fixed:
+            stored = new_ns / sweep.field.unit.ns if sweep.field.unit.is_absolute else 0.0
         return move_points(cloud, new_ns, target_frame, is_dense, sweep.field, stored, sweep.times, *poses)
 
-    steady = _steady_poses(motion, sweep)
-    # A sensor that ends where it began may not have moved at all.
-    if sweep.size and (steady is None or (steady.matrices[0] == steady.matrices[-1]).all()):
-        _require_motion(buffer, source_frame, target_frame, fixed_frame)
-    if steady is not None:
-        message, is_complete = moved(steady, cloud.is_dense)
-        if is_complete:
-            return message
-    # The sample missed the first or the last time, or a point lacks a time or a transform, or there are few.
+    while True:
+        if sweep.first <= sweep.last:
+            _wait(motion, sweep.last, until_ns)
+        steady = _steady_poses(motion, sweep)
+        # A sensor that ends where it began may not have moved at all.
+        if sweep.size and (steady is None or (steady.matrices[0] == steady.matrices[-1]).all()):
+            _require_motion(buffer, source_frame, target_frame, fixed_frame)
+        if steady is not None:
+            message, is_complete = moved(steady, cloud.is_dense)
+            if is_complete:
+                return message
+        if sweep.is_of_all:
+            break
+        # The sample missed the first or the last time, or a point lacks a time or a transform.
+        sweep = _read_sweep(cloud, stamp_ns, times, time_unit, True)
     all_times = np.empty(sweep.size, np.int64) if sweep.times is None else sweep.times.copy()
-    first, last, bad, found = read_times(cloud, sweep.field, all_times)
-    if sweep.field is not None and sweep.longest_ns == LONG_NS:
-        _require_short(cloud, sweep.field)
+    bad, found = read_times(cloud, sweep.field, all_times)
     if bad >= 0 and on_missing == "raise":
         if sweep.field is None:
             raise ValueError(f"times[{bad}]: expected a time, got NaT, the least int64")
         name, text = sweep.field.name, sweep.field.unit.text
         raise ValueError(f"points[{bad}]: {name} is {found:g}, expected a time in {text}")
-    if (first, last) != (sweep.first, sweep.last):
-        _, newest, _ = _without_garbage(all_times[all_times != NO_TIME], sweep.longest_ns)
-        if newest > sweep.last:
-            _wait(motion, int(newest), until_ns)
-        steady = _steady_poses(motion, sweep._replace(first=first, last=last))
-        if steady is not None:
-            message, is_complete = moved(steady, cloud.is_dense)
-            if is_complete:
-                return message
     exact = _exact_poses(motion, sweep.field, all_times, on_missing)
     is_missing = bool(np.isnan(exact.matrices[:, 0, 0]).any())
     return moved(exact, cloud.is_dense and not is_missing)[0]
@@ -195,39 +188,73 @@ class Sweep(NamedTuple):
 
     field: TimeField | None
     times: NDArray[np.int64] | None
-    first: int  # ns, of a sample of the points, without garbage; later than `last` if there are none
+    first: int  # ns, of the points with coordinates, without garbage; later than `last` if there are none
     last: int
-    longest_ns: int  # of what is not garbage
-    size: int  # how many points
+    size: int  # points
+    is_of_all: bool  # judged by all points; else by a sample
+
+
+class Judgement(NamedTuple):
+    """What the numbers in a field of times mean."""
+
+    field: TimeField  # with their unit
+    lowest: float  # without garbage; above `highest` if there are none
+    highest: float
+    is_plain: bool  # all of them agree
+    refusal: str  # why the unit must be passed, or nothing
 
 
 def _read_sweep(
-    cloud: PointCloud2, stamp_ns: int, times: "TimesLike | None", time_unit: "DurationLike | None"
+    cloud: PointCloud2,
+    stamp_ns: int,
+    times: "TimesLike | None",
+    time_unit: "DurationLike | None",
+    of_all: bool = False,
 ) -> Sweep:
+    """Judge a sample of the times, which is quick, and all of them where that is asked for or in doubt."""
     count = cloud.height * cloud.width
     if times is not None:
         given = as_times_ns(times, accepts_nat=True)
         if len(given) != count:
             raise ValueError(f"times: expected one for each of {count} points, got {len(given)}")
-        first, last, _ = _without_garbage(given, LONGEST_NS)
-        return Sweep(None, given, int(first), int(last), LONGEST_NS, count)
-    field = find_time_field(cloud, stamp_ns, time_unit)
-    sample = sample_times(cloud, field)
-    if time_unit is None and field.unit.is_absolute:
-        # Where no point has coordinates, the new time is stored nevertheless.
-        numbers = sample if len(sample) else sample_times(cloud, field, False)
-        nanoseconds = np.count_nonzero((numbers >= MOST_SECONDS) & (numbers < FARTHEST_NS))
-        if nanoseconds and 2 * nanoseconds >= len(numbers):
-            field = field._replace(unit=Unit(1, True))
-    longest_ns = LONG_NS if time_unit is None else LONGEST_NS
-    lowest, highest, garbage = _without_garbage(sample, longest_ns / field.unit.ns)
-    if time_unit is None:
-        if garbage:
-            _require_short(cloud, field)
-        _require_likely(field, lowest, highest, stamp_ns)
+        needed = given.copy()
+        read_times(cloud, None, needed)
+        first, last, _ = _without_garbage(needed[needed != NO_TIME], LONGEST_NS)
+        return Sweep(None, given, int(first), int(last), count, True)
+    named, guesses = find_time_field(cloud, stamp_ns, time_unit), time_unit is None
+    numbers = sample_times(cloud, named, every=of_all)
+    judged = _judge(named, numbers, stamp_ns, guesses)
+    if not (of_all or judged.is_plain):
+        numbers = sample_times(cloud, named, every=True)
+        judged = _judge(named, numbers, stamp_ns, guesses)
+        of_all = True
+    if of_all and judged.refusal:
+        raise ValueError(judged.refusal)
+    field, lowest, highest = judged.field, judged.lowest, judged.highest
+    if not len(numbers):
+        # The new time is stored even where no point has coordinates.
+        field = _judge(named, sample_times(cloud, named, False, True), stamp_ns, guesses).field
     if not -FARTHEST_NS < lowest * field.unit.ns <= highest * field.unit.ns < FARTHEST_NS:
         lowest, highest = 0, -1
-    return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), longest_ns, count)
+    is_of_all = of_all or len(numbers) == count
+    return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), count, is_of_all)
+
+
+def _judge(field: TimeField, numbers: NDArray[np.float64], stamp_ns: int, guesses: bool) -> Judgement:
+    """Find the unit, if it may be guessed, and the sweep."""
+    is_plain, refusal = len(numbers) > 0, ""
+    if guesses and field.unit.is_absolute:
+        large = np.count_nonzero((numbers >= MOST_SECONDS) & (numbers < FARTHEST_NS))
+        if large and 2 * large >= len(numbers):
+            field = field._replace(unit=Unit(1, True))
+        is_plain = is_plain and large in (0, len(numbers))
+    longest_ns = LONG_NS if guesses else LONGEST_NS
+    lowest, highest, garbage = _without_garbage(numbers, longest_ns / field.unit.ns)
+    if guesses and garbage > max(1, MOST_GARBAGE * len(numbers)):
+        refusal = _too_long(field, numbers)
+    elif guesses:
+        refusal = _unlikely(field, lowest, highest, stamp_ns)
+    return Judgement(field, lowest, highest, is_plain and not garbage and not refusal, refusal)
 
 
 def _without_garbage(
@@ -236,51 +263,55 @@ def _without_garbage(
     """
     The lowest and the highest number without garbage, and how much of that there is.
 
-    If there are more numbers than those of the longest sweep, only numbers close to the middle one count. If
-    there are none, the lowest is above the highest.
+    Garbage are the numbers outside of the period, no longer than this, that contains most of them. If there
+    are none, the lowest is above the highest.
     """
     if not len(times):
         return 0, -1, 0
     lowest, highest = times.min().item(), times.max().item()
     if highest - lowest <= longest:
         return lowest, highest, 0
-    with np.errstate(over="ignore"):
-        near = times[np.abs(times - np.median(times)) <= longest / 2]
-    if not len(near):
-        return 0, -1, len(times)
-    return near.min().item(), near.max().item(), len(times) - len(near)
+    ordered = np.sort(times)
+    # No sum may overflow.
+    until = (
+        np.minimum(ordered, np.iinfo(np.int64).max - longest) + longest
+        if times.dtype == np.int64
+        else ordered + longest
+    )
+    ends = np.searchsorted(ordered, until, side="right")
+    counts = ends - np.arange(len(ordered))
+    at = int(np.argmax(counts))
+    return ordered[at].item(), ordered[ends[at] - 1].item(), len(ordered) - int(counts[at])
 
 
-def _require_short(cloud: PointCloud2, field: TimeField) -> None:
-    """Refuse times that spread over more than a sweep, where a sample does, or has not all of them."""
-    numbers = sample_times(cloud, field, every=True)
-    if _without_garbage(numbers, LONG_NS / field.unit.ns)[2] <= max(1, MOST_GARBAGE * len(numbers)):
-        return
-    low, high = np.quantile(numbers, (MOST_GARBAGE / 2, 1 - MOST_GARBAGE / 2)).tolist()
+def _too_long(field: TimeField, numbers: NDArray[np.float64]) -> str:
+    # Divided, because the difference of two doubles may overflow.
+    low, high = (np.quantile(numbers / 4, (MOST_GARBAGE / 2, 1 - MOST_GARBAGE / 2)) * 4).tolist()
     one = field.unit.ns / S
     wraps = ", negative from 2^31 on" if field.wraps else ""
-    raise ValueError(
+    return (
         f"{field.name} is from {low:.10g} to {high:.10g} for 9 of 10 points, a sweep of "
         f"{(high - low) * one:.6g} s if these are {field.unit.text}{wraps}: pass time_unit={one:g} if they "
         "are, or else the unit, for example time_unit=1e-6 for µs"
     )
 
 
-def _require_likely(field: TimeField, lowest: float, highest: float, stamp_ns: int) -> None:
-    """Refuse fractions of a sweep, because few lidars need a second for one, and times far from the stamp."""
+def _unlikely(field: TimeField, lowest: float, highest: float, stamp_ns: int) -> str:
+    """What is odd: fractions of a sweep, because few lidars need a second for one, or far from the stamp."""
     if field.unit == KNOWN["time"][1] and 0.9 < highest - lowest <= 1:
-        raise ValueError(
+        return (
             f"{field.name} is from {lowest:.3g} to {highest:.3g}, which may be seconds or fractions of a "
             "sweep: pass time_unit=1.0, or the duration of a sweep, for example time_unit=0.1"
         )
     after = (lowest - (stamp_ns - field.base_ns) / field.unit.ns) * field.unit.ns / S
-    if lowest <= highest and stamp_ns > 0 and LONGEST_NS / S < abs(after) < FARTHEST_NS / S:
+    if lowest <= highest and stamp_ns > 0 and LONGEST_NS / S < abs(after):
         side = "before" if after < 0 else "after"
-        raise ValueError(
+        return (
             f"{field.name} is from {lowest:.10g} to {highest:.10g}, {abs(after):.6g} s {side} the stamp of "
             f"the cloud if these are {field.unit.text}: pass time_unit={field.unit.ns / S:g} if they are, or "
             "else the unit, or times"
         )
+    return ""
 
 
 def _target_ns(

@@ -127,15 +127,13 @@ def read_times(cloud, field, cnp.ndarray times):
     :param field: a ``TimeField``; None: ``times`` holds the times already.
     :param times: int64 nanoseconds, one for each point, row by row; receives the times, and the least integer
         where a point has none.
-    :return: the first and the last time, the first later than the last if there are none; the index of the
-        first point that has coordinates, but whose time is not a number, or -1; and what is there instead.
+    :return: the index of the first point that has coordinates, but whose time is not a number, or -1; and
+        what is there instead.
     """
     cdef Grid grid
     cdef Py_buffer source
     cdef TimeSource at
     cdef int64_t* times_ns = <int64_t*>cnp.PyArray_DATA(times)
-    cdef int64_t first_ns = INT64_MAX
-    cdef int64_t last_ns = INT64_MIN
     cdef Py_ssize_t bad = -1
     cdef double bad_value = NAN
     cdef Py_ssize_t row, column, i
@@ -159,12 +157,9 @@ def read_times(cloud, field, cnp.ndarray times):
                             bad_value = number_load(point + at.offset, at.number)
                     if times_ns[i] == NO_TIME:
                         bad = i if bad < 0 else bad
-                        continue
-                    first_ns = min(first_ns, times_ns[i])
-                    last_ns = max(last_ns, times_ns[i])
     finally:
         PyBuffer_Release(&source)
-    return first_ns, last_ns, bad, bad_value
+    return bad, bad_value
 
 
 cdef int _require_times(const Grid* grid, cnp.ndarray times) except -1:

@@ -676,6 +676,86 @@ def test_the_unit_of_two_points_that_disagree_is_asked_for(buffer):
         deskew(as_cloud(points, fields), buffer, "odom", on_missing="nan")
 
 
+class TestRings:
+    """Points of 64 rings by turns: a sample has all its points, except for the ends, from the first ring."""
+
+    RINGS = 64
+
+    def cloud(self, driver):
+        _, points, _ = measured(driver, np.linspace(0, SWEEP, 1600 * self.RINGS).astype(np.int64))
+        return points, DRIVERS[driver][0], slice(None, None, self.RINGS)
+
+    @pytest.mark.parametrize(
+        ("driver", "garbage"), [("hesai", 0.0), ("livox", 0.0), ("livox", 5e8), ("velodyne", 1e6)]
+    )
+    def test_garbage_in_one_ring_costs_that_ring(self, buffer, driver, garbage):
+        points, fields, ring = self.cloud(driver)
+        points[name_of_times(fields)][ring] = garbage
+        moved = deskew(as_cloud(points, fields), buffer, "odom", on_missing="nan")
+        assert missing_in(moved, points.dtype) == list(range(0, len(points), self.RINGS))
+
+    @pytest.mark.parametrize("driver", ["hesai", "livox"])
+    def test_a_ring_without_returns_does_not_decide_the_unit(self, buffer, driver):
+        points, fields, ring = self.cloud(driver)
+        for part in (ring, slice(None, 150), slice(-150, None)):
+            points["x"][part], points["timestamp"][part] = np.nan, 0.0
+        moved = deskew(as_cloud(points, fields), buffer, "odom")
+        assert missing_in(moved, points.dtype) == np.flatnonzero(np.isnan(points["x"])).tolist()
+
+    def test_fractions_are_found_without_the_first_ring(self, buffer):
+        points, fields, ring = self.cloud("velodyne")
+        points["time"] = np.linspace(0, 1, len(points))
+        for part in (ring, slice(None, 150), slice(-150, None)):
+            points["x"][part] = np.nan
+        with pytest.raises(ValueError, match="seconds or fractions of a sweep"):
+            deskew(as_cloud(points, fields), buffer, "odom")
+
+    def test_nobody_waits_for_garbage(self, tf2_ros):
+        points, fields, ring = self.cloud("velodyne")
+        points["time"][ring] = 100.0
+        filled = driving(make=tf2_ros.Buffer)
+        moved = deskew(as_cloud(points, fields), filled, "odom", timeout=3600, on_missing="nan")
+        assert missing_in(moved, points.dtype) == list(range(0, len(points), self.RINGS))
+
+
+@pytest.mark.parametrize("number", [1.7e12, 1.7e18, -1e10, 1e300])
+@pytest.mark.parametrize("on_missing", ["raise", "nan"])
+def test_times_beyond_all_stamps_are_asked_about(buffer, number, on_missing):
+    cloud, points, times = measured("seconds in double")
+    points["time"] = number
+    with pytest.raises(
+        ValueError, match="the stamp of the cloud if these are s after the stamp: pass time_unit"
+    ):
+        deskew(as_cloud(points, DRIVERS["seconds in double"][0]), buffer, "odom", on_missing=on_missing)
+
+
+def test_fractions_in_any_order_are_asked_about(buffer):
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        _, points, _ = measured("velodyne", SINCE_STAMP[:1030])
+        points["time"] = rng.permutation(np.linspace(0, 1, len(points)))
+        with pytest.raises(ValueError, match="seconds or fractions of a sweep"):
+            deskew(as_cloud(points, DRIVERS["velodyne"][0]), buffer, "odom")
+
+
+def test_a_garbage_time_does_not_make_an_uneven_sweep_long(buffer):
+    """Most points are close to the beginning, so the others are far from the middle one."""
+    cloud, points, times = measured("velodyne")
+    points["time"] = np.concatenate([np.linspace(0, 0.1, 2400), np.linspace(0.1, 2.9, 1600)])
+    points["time"][7] = 1e5
+    moved = deskew(as_cloud(points, DRIVERS["velodyne"][0]), buffer, "odom", on_missing="nan", tolerance=3.0)
+    assert missing_in(moved, points.dtype) == [7]
+
+
+def test_given_times_of_points_without_coordinates_are_not_waited_for(tf2_ros):
+    cloud, points, times = measured("velodyne")
+    points["x"][::2] = np.nan
+    times[::2] += 100 * S
+    filled = driving(make=tf2_ros.Buffer)
+    moved = deskew(as_cloud(points, DRIVERS["velodyne"][0]), filled, "odom", times=times, timeout=3600)
+    assert missing_in(moved, points.dtype) == list(range(0, 4000, 2))
+
+
 def test_points_without_coordinates_do_not_make_a_sweep_long(buffer):
     cloud, points, times = measured("hesai")
     points["x"][::2], points["timestamp"][::2] = np.nan, 0.0

@@ -236,7 +236,8 @@ def unit_of(points, field):
         return field
     numbers = points["timestamp"][~np.isnan(xyz_of(points)).any(axis=1)]
     numbers = numbers[np.isfinite(numbers)]
-    return (*field[:2], 1 if 2 * np.sum(numbers >= 2**31) > len(numbers) else S, *field[3:])
+    large = np.sum((numbers >= 2**31) & (numbers < 2**62))
+    return (*field[:2], 1 if large and 2 * large >= len(numbers) else S, *field[3:])
 
 
 def moved_by_lookups(motion, points, field, how, policy, target):
@@ -266,19 +267,31 @@ def looked_up(buffer, ns, how, policy, target):
 
 
 def is_asked_about(points, field, stamp):
-    """Whether the times are hardly those of a sweep; None: it may be either."""
-    numbers = [time_of(number, field) for number in points[field[0]][~np.isnan(xyz_of(points)).any(axis=1)]]
-    since = np.array([(ns - stamp) / S for ns in numbers if ns is not None])
-    far = np.abs(since - np.median(since)) if len(since) else since
-    if np.sum(far > 4) > max(1, 0.1 * len(since)):
+    """Whether the times are hardly those of a sweep; None: rounding decides."""
+    name, kind, unit_ns, is_said, base_ns = field
+    numbers = points[name][~np.isnan(xyz_of(points)).any(axis=1)].astype(float)
+    if kind == "u4":
+        numbers = np.where(numbers >= 2**31, numbers - 2**32, numbers)
+    since = np.sort(numbers[np.isfinite(numbers)]) * (unit_ns / S) + (base_ns - stamp) / S
+    if not len(since):
+        return False
+    about = 1e-5
+    counts, most = (
+        [np.sum((since >= start) & (since - start <= period)) for start in since]
+        for period in (3 - about, 3 + about)
+    )
+    allowed = len(since) - max(1, 0.1 * len(since))
+    if max(most) < allowed:
         return True
-    near = since[far < 1.4]
-    far_off = abs(near[0]) if len(near) and stamp else 0
-    if len(near) and (far_off > 3601 or field[0] == "time" and 0.9 < np.ptp(near) <= 1):
-        return True
-    if far_off > 3599:
+    at = int(np.argmax(counts))
+    if counts != most or max(counts) < allowed or abs(abs(since[at]) - 3600) < about:
         return None
-    return None if np.sum(far > 1.4) > max(1, 0.1 * len(since)) else False
+    if stamp and abs(since[at]) > 3600:
+        return True
+    span = since[at + counts[at] - 1] - since[at]
+    if name != "time" or not 0.9 - about < span < 1 + about:
+        return False
+    return True if 0.9 + about < span < 1 - about or span == 1 else None
 
 
 def lacks_target(motion, how, policy):

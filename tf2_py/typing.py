@@ -66,9 +66,9 @@ class LookupPolicy(TypedDict, total=False):
 
     ``max_age``: a duration, or a mapping of frames to durations, for lookups at the latest time, 0. There is
     no answer while the newest sample of a moving frame on the path is older than this, on the clock of the
-    buffer; a wait goes on until there is one. Static frames have no age, and frames that are not in a mapping
-    may have any age. A time other than 0 is a ``ValueError``, and so is a buffer without a clock: a
-    ``BufferCore`` and the buffer of a recording have none.
+    buffer; a lookup with a timeout keeps waiting. Static frames have no age, and frames that are
+    not in a mapping may have any age. Any other time raises a ``ValueError``, and so does a
+    buffer without a clock, such as a ``BufferCore`` or the buffer of a recording.
 
     The frames of a mapping are children: the limit of ``base_link`` applies to the transform from its parent.
     A frame that is unknown or has no parent is a ``ValueError`` if the buffer has a path between the two

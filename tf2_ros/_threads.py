@@ -153,7 +153,7 @@ def _check() -> None:
 @atexit.register
 def _stop_all() -> None:
     for owner in _owners:
-        call_logged(owner.stop, "At the end of the interpreter")
+        call_logged(owner.stop, "During interpreter shutdown")
     INBOXES.stop()
     for thread in list(running.values()):
         with suppress(AssertionError, RuntimeError):  # a dummy thread, see `_begin`

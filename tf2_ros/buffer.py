@@ -112,8 +112,8 @@ class Buffer(BufferCore, BufferInterface):
     ``Duration``, a duration message, a ``timedelta``, or a number of seconds. Timeouts count steady time,
     also while time is simulated. NaT and NaN raise a ``ValueError``.
 
-    Ctrl-C or a shutdown ends a blocking lookup. It is the shutdown of the contexts of the buffer's
-    node and listeners; a buffer with neither uses the default context.
+    Ctrl-C ends a blocking lookup, and so does shutting down the contexts of the buffer's node and listeners,
+    or, without these, the default context.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import Buffer
@@ -298,12 +298,12 @@ class Buffer(BufferCore, BufferInterface):
 
         :param target_frame: the frame into which the data is to be transformed.
         :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
+        :param time: the time; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
         :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
         :return: a future that can also be awaited. Its result is a ``TransformStamped``, or the error of the
             lookup.
-        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
 
         If a listener receives the transform, done callbacks run in the executor that spins the listener's
         node. **Until that node is spun, the future stays pending, even past its timeout.** If this program
@@ -385,9 +385,9 @@ class Buffer(BufferCore, BufferInterface):
         :param source_frame: the frame whose pose is wanted.
         :return: an asynchronous iterator for asyncio and for rclpy's executors. It yields the present
             transform, if there is one, and then each new one: at a later common time, along another path, or
-            with another static transform. So changes come at the rate of the slowest moving frame on the
-            path, one or two with each of its transforms. A loop body that is slower than the changes gets the
-            latest one and misses those before it. The iteration ends with the shutdown of the context.
+            with another static transform. So changes arrive at the rate of the slowest moving frame on
+            the path, one or two for each of its transforms. A slower loop body gets only the latest change.
+            The iteration ends with the shutdown of the context.
 
         >>> async def follow(buffer):
         ...     async for transform in buffer.changes("map", "base_link"):

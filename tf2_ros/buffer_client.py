@@ -290,19 +290,17 @@ class GoalSender:
                 if response is not None:
                     return goal, response
                 if goal.refused:
-                    raise pending.error(
-                        "The buffer server refused the goal. Something is likely wrong with it."
-                    )
+                    raise pending.error("The buffer server refused the goal: check its log.")
             now_ns = time.monotonic_ns()
             if not self.action_client.server_is_ready():
                 missing_ns = missing_ns or now_ns
                 if now_ns - missing_ns >= GONE_NS:
-                    raise pending.error(f"{server} went away before it answered.")
+                    raise pending.error(f"{server} exited before it answered.")
             elif missing_ns is not None or appearances != self._appearances:
                 missing_ns, appearances, is_new = None, self._appearances, True
                 pause_ns, next_ns = REPEAT_NS, now_ns
             if sent and now_ns >= pending.last_ns:
-                raise pending.error(f"{server} did not answer in time. Something is likely wrong there.")
+                raise pending.error(f"{server} did not answer in time: check that its node is spun.")
             known = [goal for goal in sent if not goal.unknown]
             if now_ns >= next_ns or (is_new and not known):
                 next_ns, pause_ns = now_ns + pause_ns, min(2 * pause_ns, LONGEST_PAUSE_NS)

@@ -125,7 +125,7 @@ class BufferInterface:
             for a point cloud.
         :raises TypeException: the type, or a conversion to ``new_type``, is not registered.
         :raises TransformException: what the lookup raises.
-        :raises TypeError: ``target_frame`` or ``prefix`` is not a str, or ``timeout`` is not a timeout.
+        :raises TypeError: ``target_frame`` or ``prefix`` is not a str, or ``timeout`` is not a duration.
         :raises ValueError: ``prefix`` contains a NUL character.
         :raises AttributeError: the object has no header, or its header no ``frame_id`` or ``stamp``.
 
@@ -237,7 +237,7 @@ class BufferInterface:
 
         :param target_frame: the frame into which the data is to be transformed.
         :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data. An int
+        :param time: the time; 0 is the latest time for which all frames on the path have data. An int
             is nanoseconds.
         :param timeout: how long to wait for an answer, in steady time. A number is seconds. Zero or negative:
             do not wait.
@@ -250,7 +250,7 @@ class BufferInterface:
         :raises ExtrapolationException: a frame on the path has no data for the time, or only data that is
             older than ``max_age``.
         :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
-        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
         :raises ValueError: a limit is negative, or of a frame that is unknown or not a child, or ``max_age``
             is given for a time that is not 0, or to a buffer without a clock.
 
@@ -299,7 +299,7 @@ class BufferInterface:
         :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
             text says which, and the reason.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
-        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
 
         This is a coroutine for asyncio and for rclpy's executors. Give a callback of rclpy that awaits it a
         ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.

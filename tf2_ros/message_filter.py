@@ -77,7 +77,7 @@ class FilterFailureReason(str, Enum):
     Why a message filter dropped a message.
 
     ``OUT_THE_BACK``: the message is older than everything that the buffer keeps or accepts.
-    ``EMPTY_FRAME_ID``: its header names no frame. ``NO_TRANSFORM_FOUND``: the name of a frame is invalid, or
+    ``EMPTY_FRAME_ID``: its header has no frame_id. ``NO_TRANSFORM_FOUND``: the name of a frame is invalid, or
     the transform was not available and ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest message
     when the queue overflowed. ``TIMEOUT``: its transform was not available in time.
 
@@ -108,7 +108,7 @@ class MessageFilter(Generic[_Message]):
     :param input: ``(message type, topic, qos)`` to subscribe to; or a filter of ``message_filters``, or any
         other object with a ``registerCallback``; or None, if the program calls :meth:`add`. The messages must
         have a ``header``.
-    :param buffer: the transforms.
+    :param buffer: the buffer with the transforms.
     :param target_frames: a name, or several; a message passes when its frame can be transformed into all of
         them.
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
@@ -229,7 +229,7 @@ class MessageFilter(Generic[_Message]):
         """
         Call ``callback(message, *arguments)`` with each message that passes.
 
-        :param callback: the function; it runs in the executor of the node.
+        :param callback: the function; the class describes where it runs.
         :param arguments: passed to it after the message.
         :return: the key of the callback in the dictionary ``callbacks``; removing the entry removes the
             callback.
@@ -263,7 +263,7 @@ class MessageFilter(Generic[_Message]):
 
         :param callback: ``reason`` is a :class:`FilterFailureReason`.
         :param with_text: call ``callback(message, reason, text, *arguments)``. The text is that of the error
-            that a lookup raised when the message was dropped: it names the frames and what they lacked.
+            that a lookup raised when the message was dropped: it contains the frames and the missing data.
         :return: a number that identifies the callback among those of this filter.
         :raises TypeError: ``callback`` cannot be called.
         """
@@ -513,6 +513,8 @@ def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
 
 def _tolerance_ns(tolerance: DurationLike | None) -> int:
     tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "tolerance")
-    if not 0 <= tolerance_ns < FOR_EVER_NS:
+    if tolerance_ns >= FOR_EVER_NS:
+        raise ValueError(f"tolerance: expected a finite duration of 0 or more, got {tolerance}")
+    if tolerance_ns < 0:
         raise ValueError(f"tolerance: expected a finite duration of 0 or more, got {tolerance_ns / 1e9} s")
     return tolerance_ns

@@ -70,7 +70,7 @@ def to_matrix(transforms: Message | Pair, *, dtype: npt.DTypeLike = np.float64) 
         shape, or be absent for a single transform.
     :param dtype: ``numpy.float64`` or ``numpy.float32``, to which the results are rounded.
     :return: shape (4, 4) or (N, 4, 4): ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in meters,
-        transformed by ``t``. Where a row of ``rotations`` is NaN, the matrix is.
+        transformed by ``t``. A row of NaN in ``rotations`` makes its matrix NaN.
     :raises TypeError: the type is wrong, or an element is not a number.
     :raises ValueError: a shape is wrong, or the length of a rotation is zero or not finite.
 
@@ -111,12 +111,12 @@ def from_matrix(
     child_frame_id: str | None = None,
 ) -> Message:
     """
-    Make a message of a homogeneous matrix. :func:`to_arrays` takes many matrices.
+    Convert a homogeneous matrix to a message. :func:`to_arrays` takes many matrices.
 
     :param matrix: shape (4, 4): a rotation, a translation in meters, and the last row 0 0 0 1.
     :param message_class: ``Transform``, ``TransformStamped``, ``Pose`` or ``PoseStamped``. Without it: a
         ``TransformStamped`` if ``child_frame_id`` is given, otherwise a ``Transform``.
-    :param header: of a stamped message, which gets a copy; without it, an empty one.
+    :param header: copied into a stamped message. None: an empty header.
     :param child_frame_id: of a ``TransformStamped``; without it, empty.
     :return: a new message; its quaternion has length one and w >= 0.
     :raises TypeError: the class is wrong or lacks an attribute that is given, or an element is
@@ -176,7 +176,7 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
     :param rotations: a message as for :func:`to_matrix`, a ``Quaternion`` or a ``QuaternionStamped``, or an
         object with the fields of one; an array of shape (4,) or (N, 4), x y z w; or a tuple
         ``(translations, rotations)`` of arrays.
-    :return: one rotation, or N. A row of NaN becomes a rotation that turns everything into NaN.
+    :return: one rotation, or N. A row of NaN becomes a rotation of NaN.
     :raises ImportError: SciPy is not installed.
     :raises TypeError: the type is wrong, or an element is not a number.
     :raises ValueError: the shape is wrong, or the length of a rotation is zero or not finite.
@@ -202,7 +202,7 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
 
 def from_rotation(rotation: Rotation) -> Quaternion:
     """
-    Make a message of one of SciPy's rotations.
+    Convert one of SciPy's rotations to a message.
 
     :param rotation: a single rotation.
     :return: a new ``Quaternion``, of length one and with w >= 0.
@@ -215,7 +215,7 @@ def from_rotation(rotation: Rotation) -> Quaternion:
     """
     quaternion = np.asarray(rotation.as_quat())
     if quaternion.shape != (4,):
-        raise ValueError(f"rotation: expected one, got {len(quaternion)}; as_quat() makes an array of them")
+        raise ValueError(f"rotation: expected one rotation, got {len(quaternion)}; use as_quat() for arrays")
     message = Quaternion()
     _set_quaternion(message, _unit(quaternion))
     return message
@@ -247,12 +247,12 @@ def to_columns(
     """
     if isinstance(transforms, tuple) and not any(hasattr(part, "header") for part in transforms):
         if times is None:
-            raise TypeError("arrays have no stamps: pass the times that they were looked up at")
+            raise TypeError("arrays have no stamps: pass times")
         stamps_ns = as_times_ns(times)
         translations, rotations = _pair(transforms)
     else:
         if times is not None:
-            raise TypeError("messages contain their own stamps: pass no times")
+            raise TypeError("messages have stamps: omit times")
         msgs: list[Any] = list(transforms)
         stamps_ns = np.array([time_ns(msg.header.stamp, "header.stamp") for msg in msgs], dtype=np.int64)
         translations, rotations = to_arrays(msgs)
@@ -272,10 +272,9 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
     """
     Propagate covariances of poses or of twists through transforms.
 
-    :param covariances: shape (N, 6, 6), or (6, 6), which serves all transforms: of x y z, in meters, and of
-        the rotations about the axes x y z, in radians, in the order of a ``PoseWithCovariance``; or of a
-        twist, in m/s and rad/s. They are given in the axes of the source frame. Any shape may stand in the
-        place of N.
+    :param covariances: shape (N, 6, 6), or (6, 6) for all transforms; N may be any shape. The order is the
+        same as in a ``PoseWithCovariance``, in meters and radians, or in a twist, in m/s and rad/s, in the
+        axes of the source frame.
     :param transforms: as for :func:`to_matrix`, N or one, which serves all covariances.
     :param lever_arm: False: the covariances belong to poses in the source frame, which rotate about their own
         origins; the results are the same as from

@@ -71,14 +71,14 @@ class TransformListener:
     """
     Subscribes to ``/tf`` and ``/tf_static``, and fills a buffer with what arrives.
 
-    In most programs, nothing has to spin the node.
+    In most programs, the node need not be spun.
 
     :param buffer: a :class:`tf2_ros.Buffer`, or any object with its ``set_transform`` and
         ``set_transform_static``.
     :param node: gets the subscriptions. None: a hidden node, which a thread spins.
     :param spin_thread: spin the node in a thread, until its context ends or the node is destroyed. If another
-        executor takes the node over, the thread no longer serves it, as in tf2. The program does not exit
-        before the thread ends.
+        executor takes over the node, the thread stops serving it, as in tf2. The program exits only after the
+        thread ends.
     :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100.
     :param static_qos: the same for static transforms. None: transient local, depth 10,000, so that
         none is lost, however many nodes publish them.
@@ -86,7 +86,7 @@ class TransformListener:
         the namespace of the node.
     :param tf_static_topic: the topic of static transforms.
     :param static_only: do not subscribe to dynamic transforms, as in :class:`StaticTransformListener`.
-    :param prefix: put before the names of all frames that arrive, as in ``"robot1/"``. Several listeners may
+    :param prefix: put before all frame names that arrive, such as ``"robot1/"``. Several listeners may
         fill one buffer with the transforms of several robots. A leading ``/`` has no effect, because a buffer
         removes it; see :func:`tf2_py.stored_name`.
     :param recording: a :class:`tf2_ros.records.Recording`, which records the sender and time of each
@@ -106,9 +106,9 @@ class TransformListener:
 
     The property ``receives`` contains the topics that need no executor.
 
-    If the buffer is attached to the buffer of another process, or ``TF2_SHARED_BUFFER`` in the environment
-    names such a buffer, the listener subscribes to nothing as long as that process receives the same
-    messages.
+    If the buffer is attached to the buffer of another process, or the environment variable
+    ``TF2_SHARED_BUFFER`` selects such a buffer, the listener does not subscribe while that process receives
+    the same messages.
 
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
     ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the

@@ -258,8 +258,8 @@ REFUSED = {
         partial(from_matrix, EYE, cls, child_frame_id="b") for cls in (Transform, Pose, PoseStamped)
     ],
     "AttributeError: 'Transform' object has no attribute 'header'": [partial(to_columns, [Transform()])],
-    "TypeError: .*pass the times": [partial(to_columns, PAIR)],
-    "TypeError: .*pass no times": [partial(to_columns, [ONE], [1]), partial(to_columns, (ONE, ONE), [1, 2])],
+    "TypeError: .*pass times": [partial(to_columns, PAIR)],
+    "TypeError: .*omit times": [partial(to_columns, [ONE], [1]), partial(to_columns, (ONE, ONE), [1, 2])],
     "ValueError: .*got 2 times and rotations of shape": [
         partial(to_columns, pair, [1, 2]) for pair in (PAIR, (np.zeros(3), np.ones(4)))
     ],

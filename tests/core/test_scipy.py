@@ -54,7 +54,7 @@ def test_a_rotation_becomes_the_message_it_came_from(q):
     [
         (partial(to_rotation, np.eye(4) * 1j), TypeError, "numbers: complex numbers are not supported"),
         (partial(to_rotation, 5), TypeError, "expected a TransformStamped, Transform, PoseStamped or Pose"),
-        (partial(from_rotation, Rotation.identity(3)), ValueError, "rotation: expected one, got 3; as_quat"),
+        (partial(from_rotation, Rotation.identity(3)), ValueError, "rotation: expected one rotation, got 3"),
         (partial(from_rotation, to_rotation([math.nan] * 4)), ValueError, "finite"),
     ],
     ids=("complex", "no message", "three rotations", "missing"),

@@ -412,7 +412,7 @@ class TestServerThatEnds:
                 awaiting = asyncio.ensure_future(client.lookup_transform_async("silent", "robot", LATEST))
                 await asyncio.sleep(0)
                 until(lambda: client.action_client._pending_result_requests)
-            with pytest.raises(tf2_py.TimeoutException, match="went away before it answered"):
+            with pytest.raises(tf2_py.TimeoutException, match="exited before it answered"):
                 await asyncio.wait_for(awaiting, DEADLINE_S)
 
         asyncio.run(main())

@@ -80,7 +80,7 @@ def unnormalised(length: float, parent: str, child: str, authority: str) -> None
 
 def not_logged(count: int) -> None:
     """Log how many more transforms were refused than logged."""
-    logger().warning(f"{count} more transforms were refused and not logged; statistics() counts them all")
+    logger().warning(f"{count} more refused transforms were not logged; statistics() counts all")
 
 
 def malformed(what: str, error: str) -> None:

@@ -234,7 +234,7 @@ class BufferCore:
         :raises TypeError: ``path`` is not a path.
         :raises FileNotFoundError, OSError: the file cannot be opened.
         :raises ValueError: the file is not a frozen buffer, has another version of the format, or is damaged;
-            the text names the file, and the frame and sample where possible.
+            the text contains the file and, if possible, the frame and sample.
         """
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: TimeLike) -> TransformStamped:
         """
@@ -412,8 +412,8 @@ class BufferCore:
 
         The parameters and errors are the same as for :meth:`lookup_transforms`.
 
-        :return: a float64 array of shape (N, 4, 4); of a sequence of F frames, (F, N, 4, 4). Each matrix is
-            that of :meth:`lookup_matrix`; with ``on_missing='nan'``, it is NaN for a time without an answer.
+        :return: a float64 array of shape (N, 4, 4); of a sequence of F frames, (F, N, 4, 4). Each matrix
+            equals :meth:`lookup_matrix`; with ``on_missing='nan'``, times without an answer are NaN.
         """
     @overload
     def transform_points(
@@ -516,8 +516,8 @@ class BufferCore:
         To find the range for several pairs of frames, take the largest ``first_ns`` and the smallest
         ``last_ns``. If all frames on the path are static, or the two frames are the same, the range is
         ``(0, 2147483647999999999)``, which ends at the latest stamp that fits into a message. The path may
-        differ within the range if a frame had several parents. A time at which the tree contains a loop ends
-        the range; for static frames, the range begins after such a time.
+        differ within the range if a frame had several parents. A loop in the tree ends the range; for
+        static frames, the range begins after it.
 
         >>> from tf2_py import BufferCore
         >>> from geometry_msgs.msg import TransformStamped
@@ -546,7 +546,7 @@ class BufferCore:
         :return: the ages in seconds on the buffer's clock, by the names of the frames, from ``source_frame``
             up to the common ancestor and down to ``target_frame``, along the parents of their newest samples.
             Static frames have no age. A stamp later than the clock results in a negative age. If the
-            system's clock is set back, the ages of the samples in the buffer count on by steady time. While
+            system's clock is set back, the ages of samples in the buffer keep growing by steady time. While
             the clock is at 0, because simulated time has not begun, all ages are infinite.
         :raises ConnectivityException: the frames are in different trees, or one has no data.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
@@ -607,9 +607,8 @@ class BufferCore:
             is the velocity of the point of the tracked body that is there at ``time``.
         :param reference_point_frame: a frame name.
         :param time: the middle of the interval; 0 is the time 0, not the latest common time.
-        :param averaging_interval: a duration. The interval ends at the latest common time at the latest, or
-            at ``time`` if that is later, which only a frame that has had several parents allows. 0 results
-            in NaN.
+        :param averaging_interval: a duration. The interval ends no later than the latest common time, or
+            than ``time`` if a frame changed its parent. 0 results in NaN.
         :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s.
         :raises TransformException: one of the lookups failed; see :meth:`lookup_transform_core`.
         :raises ValueError: ``averaging_interval`` is negative, or the point does not have three numbers.

@@ -26,7 +26,7 @@ cdef int _find(library, str name, void** function) except -1:
 cdef str _find_all():
     # Searched in the libraries that rclpy's extension is linked with, so it is the rcl that rclpy calls.
     if not _ros_presence.HAS_ROS:
-        return "there is no rclpy"
+        return "rclpy is not installed"
     from rclpy.impl.implementation_singleton import rclpy_implementation
 
     if _ros_in_use.running_prefix() is None:
@@ -42,7 +42,7 @@ cdef str _find_all():
         _find(library, "rcutils_get_default_allocator", <void**>&rcutils_get_default_allocator)
         _find(library, "rcutils_reset_error", <void**>&rcutils_reset_error)
     except (AttributeError, OSError) as error:
-        return f"rclpy's library lacks what listeners call: {error}"
+        return f"rclpy's library lacks functions that listeners need: {error}"
     return None
 
 

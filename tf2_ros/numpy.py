@@ -425,7 +425,8 @@ def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
     bad = np.flatnonzero(~(is_affine | is_missing))
     if bad.size:
         which = _which("matrices", "matrix", shape, bad[0])
-        raise ValueError(f"{which}: expected finite numbers and the last row 0 0 0 1")
+        row = " ".join(f"{number:g}" for number in flat[bad[0], 12:])
+        raise ValueError(f"{which}: expected finite numbers and the last row 0 0 0 1, got the last row {row}")
     turns = flat.reshape(-1, 4, 4)[:, :3, :3].reshape(-1, 9)
     rotations, wrong, defect = rotations_from_matrices(turns, TOLERANCE)
     if wrong >= 0:

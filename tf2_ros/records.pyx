@@ -114,7 +114,7 @@ cdef void records_add_malformed(Records* records) noexcept nogil:
 
 
 cdef class Recording:
-    """
+    """Recording(capacity=131072)\n--\n
     Records who sent which transform when, for a listener or for ``insert_messages``.
 
     :param int capacity: how many transforms may arrive between two calls of :meth:`take`. Default: 131,072.

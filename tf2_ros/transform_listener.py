@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import class_name
-from tf2_ros._arguments import valid_prefix, with_prefix
+from tf2_ros._arguments import SignatureOfInit, valid_prefix, with_prefix
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._hidden_nodes import hidden_node
 from tf2_ros._node_lifetimes import require_node
@@ -137,6 +137,8 @@ class TransformListener:
     tf_static_sub: Subscription | None = None
 
     _tf2_listening: Listening
+
+    __signature__ = SignatureOfInit()
 
     def __new__(cls, *_: object, **__: object) -> "Self":
         # Here, because a subclass may not call __init__.
@@ -315,7 +317,7 @@ class TransformListener:
         can_receive = call_queue is not None and call_queue.runner.uses_wait_sets and problem() is None
         needs_executor = not can_receive or self.__direct_buffer() is None
         if listening.recording is not None and needs_executor:
-            reason = problem() or "this program overrides what inserts the transforms"
+            reason = problem() or "this program overrides how transforms are inserted"
             raise NotImplementedError(f"{_CANNOT_RECORD}: {reason}")
         # Of what arrives while an executor waits for a subscription, the receiver is not informed.
         self.group.hides_all = not needs_executor

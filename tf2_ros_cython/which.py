@@ -31,10 +31,10 @@ def main(args: list[str] | None = None) -> int:
     """
     parser = ArgumentParser(
         "tf2_which",
-        description="Show which tf2 this Python imports, from where, and whether it loads, and\n"
-        "which programs of the sourced workspaces import another tf2.\n\n"
-        "Exit status: 0 if all packages are tf2-ros-cython's and load, also in these\n"
-        "programs; otherwise 1.",
+        description="Show which tf2 this Python imports and from where, whether it loads, and which\n"
+        "programs in sourced workspaces import another.\n\n"
+        "Exit status: 0 if this Python and these programs load only tf2-ros-cython;\n"
+        "otherwise 1.",
         epilog="example:\n  tf2_which",
         formatter_class=RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -153,9 +153,9 @@ def _others(name: str, folder: Path | None) -> list[Path]:
 def _describe_strays(python: str, imported: str, programs: list[Path]) -> str:
     some = ", ".join(map(str, programs[:2])) + (f" and {len(programs) - 2} more" if programs[2:] else "")
     return (
-        f"{some} start {python}, where tf2_ros is {imported}; build them with this Python, by "
-        f"{sys.executable} -m colcon build; or, unless it is for --symlink-install, add [build_scripts] "
-        "executable=/usr/bin/env python3 to their setup.cfg"
+        f"{some} start {python}, where tf2_ros is {imported}. Build them with {sys.executable} -m colcon "
+        "build. Without --symlink-install, you can instead add to their setup.cfg: [build_scripts] "
+        "executable=/usr/bin/env python3"
     )
 
 

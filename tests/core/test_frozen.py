@@ -437,7 +437,7 @@ def test_a_file_with_any_bit_changed_or_cut_off_anywhere_is_refused(file, path, 
         with pytest.raises(ValueError, match=r"damaged.tf2: "):
             BufferCore.open(damaged)
     damaged.write_bytes(whole + bytes(64))
-    with pytest.raises(ValueError, match="its size is not that in its header"):
+    with pytest.raises(ValueError, match="its size differs from its header"):
         BufferCore.open(damaged)
 
 
@@ -519,38 +519,40 @@ FIELDS_OF_SAMPLES = (
 HOSTILE = {
     "it has another version of the format than 1": lambda file: file.change_header(version=2),
     "its header has an unknown flag": lambda file: file.change_header(flags=2),
-    "its size is not that": lambda file: file.change_header(file_bytes=1 << 63),
-    "the size of its index does not fit": lambda file: file.change_header(index_bytes=(1 << 64) - 64),
-    "the size of its index does not fit ": lambda file: file.change_header(frame_count=0xFFFFFFFF),
-    "the size of its index does not fit  ": lambda file: file.change_header(authority_count=0xFFFFFFFF),
-    "the size of its index does not fit   ": lambda file: file.change_header(index_bytes=77),
+    "its size differs from its header": lambda file: file.change_header(file_bytes=1 << 63),
+    "the size of its index is wrong": lambda file: file.change_header(index_bytes=(1 << 64) - 64),
+    "the size of its index is wrong ": lambda file: file.change_header(frame_count=0xFFFFFFFF),
+    "the size of its index is wrong  ": lambda file: file.change_header(authority_count=0xFFFFFFFF),
+    "the size of its index is wrong   ": lambda file: file.change_header(index_bytes=77),
     "its cache time or limits": lambda file: file.change_header(cache_time_ns=-1),
     "its cache time or limits ": lambda file: file.change_header(max_frames=0),
-    "the number of samples in its header": lambda file: file.change_header(sample_count=1 << 63),
+    "its header and its frames disagree on the number of samples": lambda file: file.change_header(
+        sample_count=1 << 63
+    ),
     "a reserved byte of its header": lambda file: file.change("I", 68, 1),
     "a reserved byte of its header ": lambda file: file.change("B", 80, 1),
     "a reserved byte of its header  ": lambda file: file.change("B", 127, 1),
-    "frame 1.*its name is not a text": lambda file: file.change_frame(1, name_start=(1 << 64) - 1),
-    "frame 1.*its name is not a text ": lambda file: file.change_frame(1, name_size=0xFFFFFFFF),
-    "frame 1.*its name is not a text  ": lambda file: file.change_frame(1, name_size=0),
-    "frame 1.*its name is not a text   ": lambda file: file.change("B", file.frame(1).name_start, 0xFF),
-    "frame 1.*its name is not a text    ": lambda file: file.change("B", file.frame(1).name_start, 0),
-    "frame 2.*its name is not a text behind the name before": lambda file: file.change_frame(
+    "frame 1.*its name in the index": lambda file: file.change_frame(1, name_start=(1 << 64) - 1),
+    "frame 1.*its name in the index ": lambda file: file.change_frame(1, name_size=0xFFFFFFFF),
+    "frame 1.*its name in the index  ": lambda file: file.change_frame(1, name_size=0),
+    "frame 1.*its name in the index   ": lambda file: file.change("B", file.frame(1).name_start, 0xFF),
+    "frame 1.*its name in the index    ": lambda file: file.change("B", file.frame(1).name_start, 0),
+    "frame 2.*its name in the index     ": lambda file: file.change_frame(
         2, name_start=file.frame(1).name_start, name_size=file.frame(1).name_size
     ),
-    "that of another frame": lambda file: file.change(
+    "reserved or a duplicate": lambda file: file.change(
         "4s", file.frame(file.number("odom")).name_start, b"base"
     ),
     "the name of an authority": lambda file: file.change("Q", authority_start(file), 1 << 63),
     "the name of an authority ": lambda file: file.change("Q", authority_start(file), HEADER.size),
     "a reserved byte of an authority": lambda file: file.change("I", authority_start(file) + 12, 1),
-    "its index does not end with its names": lambda file: file.change("B", file.header.index_bytes - 1, 1),
-    "its index does not end with its names ": another_line_of_names,
+    "its index does not end with names": lambda file: file.change("B", file.header.index_bytes - 1, 1),
+    "its index does not end with names ": another_line_of_names,
     "frame .*, odom: an unknown kind": in_frame("odom", kind=3),
     "frame .*, odom: an unknown flag": in_frame("odom", flags=2),
-    "frame .*, odom: it has no samples, but facts about samples": in_frame("odom", kind=0),
+    "frame .*, odom: it has no samples, but a record of samples": in_frame("odom", kind=0),
     **{
-        f"frame .*, map: it has no samples, but facts about samples{' ' * i}": in_frame("map", **{field: 1})
+        f"frame .*, map: it has no samples, but a record of samples{' ' * i}": in_frame("map", **{field: 1})
         for i, field in enumerate(FIELDS_OF_SAMPLES)
     },
     "frame .*, map: its number of samples": in_frame("map", kind=1),
@@ -563,8 +565,8 @@ HOSTILE = {
     "frame .*, odom: an authority that is not in the file": in_frame("odom", authority=77),
     "frame .*, odom: a parent that is not in the file": in_frame("odom", newest_parent=0),
     "frame .*, odom: a parent that is not in the file ": in_frame("odom", newest_parent=77),
-    "frame .*, odom: its samples are not where": in_frame("odom", data_start=(1 << 64) - 64),
-    "frame .*, odom: its samples are not where ": in_frame("odom", count=0x7FFFFFFF),
+    "frame .*, odom: the place of its samples is wrong": in_frame("odom", data_start=(1 << 64) - 64),
+    "frame .*, odom: the place of its samples is wrong ": in_frame("odom", count=0x7FFFFFFF),
     "frame .*, odom: newest_ns is not": in_frame("odom", newest_ns=1),
     "frame .*, odom: oldest_ns is not": in_frame("odom", oldest_ns=1),
     "frame .*, camera: a static history without its one": in_frame("camera", newest_ns=1),

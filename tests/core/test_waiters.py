@@ -138,7 +138,7 @@ def test_what_does_not_touch_the_path_of_a_wait_for_changes_is_not_looked_at(buf
     assert buffer._pending_waits() == [wait.lacks()]
     assert wait.lacks() == (
         "waits for the transform from frame [base] to frame [map] at the latest common time: "
-        "the answer is the one that it has"
+        "the transform has not changed"
     )
     wait.cancel()  # it hands on what it was to differ from
     assert buffer._wait("map", "base", at(0), notify=print, after=wait).take() is None

@@ -96,7 +96,7 @@ def test_without_a_function_of_rcl_nothing_is_called():
         "except RuntimeError as refused: print(str(refused) == problem())\n"
     )
     said, is_the_same = output_of("-c", program).splitlines()
-    assert said.startswith("rclpy's library lacks what listeners call: ")
+    assert said.startswith("rclpy's library lacks functions that listeners need: ")
     assert "undefined symbol: rcl_took_serialized_message" in said
     assert is_the_same == "True"
 

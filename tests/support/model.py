@@ -447,7 +447,7 @@ class Model(Listings, Policies):
             "ConnectivityException",
             f"Could not find a connection between '{target}' and '{source}' because they are not part of "
             "the same tree. Tf has two or more unconnected trees. "
-            f"The root of {target} is {target_root}, that of {source} is {source_root}.",
+            f"The root of {target} is {target_root}; the root of {source} is {source_root}.",
         )
 
     def _extrapolation(self, target, source, time, source_gap, target_gap):

@@ -105,7 +105,7 @@ def unconnected(target: str, source: str, target_root: str, source_root: str) ->
     return ConnectivityException(
         f"Could not find a connection between '{target}' and '{source}' because they are "
         f"not part of the same tree. Tf has two or more unconnected trees. "
-        f"The root of {target} is {target_root}, that of {source} is {source_root}."
+        f"The root of {target} is {target_root}; the root of {source} is {source_root}."
     )
 
 

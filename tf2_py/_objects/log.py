@@ -42,7 +42,10 @@ def raised(error: BaseException, where: str = "In a callback") -> None:
 
 def because(reasons: int) -> str:
     """The reasons for which a transform is refused, as text."""
-    return " and ".join(reason for _, _, reason in _named(reasons))
+    tags = {tag for tag, _, _ in _named(reasons)}
+    # Two empty names are the same as well, which explains nothing.
+    explained = {"TF_SELF_TRANSFORM"} if {"TF_NO_FRAME_ID", "TF_NO_CHILD_FRAME_ID"} <= tags else set()
+    return " and ".join(reason for tag, _, reason in _named(reasons) if tag not in explained)
 
 
 def _named(reasons: int) -> list[tuple[str, str, str]]:
@@ -90,4 +93,4 @@ def malformed(what: str, error: str) -> None:
 
 def receiving_failed(error: str) -> None:
     """Log an error in the thread of a receiver; ``error`` is a traceback."""
-    logger("tf2_ros").error(f"Receiving transforms failed: {error}")
+    logger("tf2_ros").error(f"Receiving transforms failed; please report this: {error}")

@@ -221,7 +221,7 @@ cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) no
     _begin_to_read(&reader, data, size)
     count = _uint32(&reader)
     if reader.problem == NULL and count > (size - reader.position) // SMALLEST_TRANSFORM:
-        reader.problem = "more transforms are announced than the data can hold"
+        reader.problem = "the number of transforms exceeds the data"
     if reader.problem != NULL:
         count = 0
     if _make_room(batch, count) != 0:
@@ -231,7 +231,7 @@ cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) no
         if not _read_transform(&reader, &batch.entries[batch.count + i].incoming):
             break
     if reader.problem == NULL and reader.position != size:
-        reader.problem = "bytes are left behind the last transform"
+        reader.problem = "extra bytes follow the last transform"
     if reader.problem != NULL:
         batch.problem = reader.problem
         batch.problem_at = reader.position

@@ -96,14 +96,14 @@ cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_b
     if header.version != FROZEN_VERSION:
         return "it has another version of the format than 1: freeze the buffer again with this version"
     if header.file_bytes != file_bytes:
-        return "its size is not that in its header: it is cut off, or was changed"
+        return "its size differs from its header: it was truncated or changed; freeze the buffer again"
     # None of these sums can overflow: both counts have 32 bits.
     records = sizeof(FrozenHeader) + <uint64_t>header.frame_count * sizeof(FrozenFrame)
     records += <uint64_t>header.authority_count * sizeof(FrozenName)
     # A name has up to 2^32 bytes.
     if (header.index_bytes > file_bytes or header.index_bytes % LINE_BYTES or header.index_bytes < records
             or (header.index_bytes - records) // LINE_BYTES > names << 26):
-        return "the size of its index does not fit"
+        return "the size of its index is wrong"
     if header.flags & ~<uint32_t>FROZEN_LOOPED:
         return "its header has an unknown flag"
     if header.reserved or not _is_zero(header.reserved_line, sizeof(header.reserved_line)):
@@ -137,13 +137,13 @@ cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, Ends*
     cdef const FrozenFrame* record = _frames_of(header) + (frame - 1)
     cdef uint64_t bytes = frozen_stamp_bytes(record.count) + <uint64_t>record.count * sizeof(Sample)
     if record.name_size == 0 or not _is_next_name(header, record.name_start, record.name_size, ends):
-        return "its name is not a text behind the name before, in the index"
+        return "its name in the index is invalid"
     if record.flags & ~FROZEN_PARENT:
         return "an unknown flag"
     if record.kind == HISTORY_NONE:
         if (record.authority or record.newest_parent or record.count or record.parent_changes
                 or record.data_start or record.checksum or record.oldest_ns or record.newest_ns):
-            return "it has no samples, but facts about samples"
+            return "it has no samples, but a record of samples"
         if not record.flags & FROZEN_PARENT:
             return "no sample refers to it"
         return NULL
@@ -158,7 +158,7 @@ cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, Ends*
     if record.newest_parent == 0 or record.newest_parent > header.frame_count:
         return "a parent that is not in the file"
     if record.data_start != ends.samples or bytes > header.file_bytes - ends.samples:
-        return "its samples are not where the file has them"
+        return "the place of its samples is wrong"
     ends.samples += bytes
     return NULL
 
@@ -187,7 +187,7 @@ cdef FrozenProblem frozen_check_index(const FileMapping* mapping, StopAsked stop
         if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop():
             return _problem_of(STOPPED)
     if samples != header.sample_count or ends.samples != header.file_bytes:
-        return _problem_of("the number of samples in its header is not that of its frames")
+        return _problem_of("its header and its frames disagree on the number of samples")
     for i in range(header.authority_count):
         if not _is_next_name(header, authorities[i].start, authorities[i].size, &ends):
             return _problem_of("the name of an authority is not a text behind the name before, in the index")
@@ -195,7 +195,7 @@ cdef FrozenProblem frozen_check_index(const FileMapping* mapping, StopAsked stop
             return _problem_of("a reserved byte of an authority is not 0")
     if (header.index_bytes - ends.names >= LINE_BYTES
             or not _is_zero(<const char*>header + ends.names, header.index_bytes - ends.names)):
-        return _problem_of("its index does not end with its names, and zeros up to a line")
+        return _problem_of("its index does not end with names and zero padding")
     if frozen_checksum(header, header.index_bytes) != header.checksum:
         return _problem_of("the checksum of its index is wrong")
     return _problem_of(NULL)
@@ -240,7 +240,7 @@ cdef const char* _add_names(const FrozenHeader* header, Tree* tree, uint32_t* au
         name = bytes + frames[i].name_start
         # The reserved name is known, too.
         if names_find(&tree.names, name, frames[i].name_size) != NAME_UNKNOWN:
-            return "its name is reserved, or that of another frame"
+            return "its name is reserved or a duplicate"
         if tree_add_frame(tree, name, frames[i].name_size) == NO_FRAME:
             return ""
     return NULL

@@ -268,7 +268,7 @@ cdef int _require_sound(str path, const FileMapping* mapping, FrozenProblem prob
             where += f", {printable(name.decode('utf-8', 'replace'))}"
     if problem.sample != UINT32_MAX:
         where += f": sample {problem.sample}"
-    raise ValueError(f"{where}: {problem.text.decode()}")
+    raise ValueError(f"{where}: {problem.text.decode()}; freeze the buffer again")
 
 
 cdef object read_frozen(path, bint is_copy, expected, Tree* tree):

@@ -130,7 +130,7 @@ cdef class Wait(WaiterOwner):
         error = self._engine.reason(&self._waiter.query)
         if error is not None:
             return query_wait(&self._waiter.query, str(error))
-        return query_wait(&self._waiter.query, "the answer is the one that it has" if self._waiter.only_new
+        return query_wait(&self._waiter.query, "the transform has not changed" if self._waiter.only_new
                           else "the answer is available and is being delivered")
 
     def wait_for(self, int64_t timeout_ns, is_in_vain):

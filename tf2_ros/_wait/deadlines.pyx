@@ -59,7 +59,7 @@ cdef class Deadlines:
         self._added = number
         heappush(self.entries, (deadline_ns, number, weakref.ref(wait)))
         if sys.is_finalizing():     # before Python 3.12, starting a thread would wait for it forever
-            raise RuntimeError("no thread can be started at the end of the interpreter")
+            raise RuntimeError("cannot start a thread during interpreter shutdown")
         start_once("tf2_ros deadlines", self._run)
         if self.entries and (self.entries[0][1] == number or len(self.entries) > self._sweep_at):
             self._wake()

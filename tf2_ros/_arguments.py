@@ -11,7 +11,7 @@ class SignatureOfInit:
     """The ``__signature__`` of classes whose ``__new__`` accepts anything: ``help`` shows __init__."""
 
     def __get__(self, instance: object, owner: type) -> inspect.Signature:
-        signature = inspect.signature(owner.__init__)
+        signature = inspect.signature(owner.__init__)  # type: ignore[misc]
         return signature.replace(parameters=list(signature.parameters.values())[1:])
 
 

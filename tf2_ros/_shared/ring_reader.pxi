@@ -165,7 +165,7 @@ cdef class RingReader(Source):
         if not read_file(descriptor, &found, sizeof(Head), 0) or found.magic != MAGIC:
             raise ValueError("it is not a shared buffer")
         if found.layout != LAYOUT:
-            raise ValueError("it was made by another version of tf2-ros-cython: use the same version in all processes")
+            raise ValueError("another version of tf2-ros-cython made it: use the same one in all processes")
         if found.capacity % STEP or not 0 < found.capacity <= os.fstat(descriptor).st_size - OTHER_BYTES:
             raise ValueError("the size in its header is wrong")
         reading.capacity = found.capacity

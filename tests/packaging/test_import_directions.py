@@ -15,7 +15,7 @@ HEADER = [
     "package",
     "contains",
     "imports",
-    "beside the standard libraries",
+    "third-party and ROS",
     "underscored modules open to others",
 ]
 ANYTHING = ["anything"]

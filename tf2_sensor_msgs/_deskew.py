@@ -336,7 +336,7 @@ def _require_motion(
     buffer: BufferCore, source_frame: str, target_frame: str, fixed_frame: str | None
 ) -> None:
     """Refuse a frame that moves together with the sensor: nothing would be corrected."""
-    frame = fixed_frame or target_frame
+    frame = target_frame if fixed_frame is None else fixed_frame
     try:
         if frame != source_frame and buffer.get_latest_common_time(frame, source_frame).nanoseconds:
             return

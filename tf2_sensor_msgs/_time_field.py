@@ -1,6 +1,7 @@
 """Find the field with the times of a cloud's points, and what its numbers mean."""
 
 from collections.abc import Iterable
+from numbers import Real
 from typing import TYPE_CHECKING, NamedTuple
 
 from sensor_msgs.msg import PointCloud2, PointField
@@ -63,7 +64,7 @@ class TimeField(NamedTuple):
 def _unit_ns(time_unit: "DurationLike") -> int:
     unit_ns = duration_ns(time_unit, "time_unit")
     # A duration in seconds is cut off to whole ns, and 15e-9 s would be 14 ns.
-    exact_ns = time_unit * S if isinstance(time_unit, float) else unit_ns
+    exact_ns = float(time_unit) * S if isinstance(time_unit, Real) else unit_ns
     if not 1 - NEARLY <= exact_ns <= LONGEST_UNIT_NS:
         raise ValueError(f"time_unit: expected 1e-9 to {LONGEST_UNIT_NS // S} s, got {exact_ns / S:g} s")
     if abs(exact_ns - round(exact_ns)) > NEARLY * exact_ns:

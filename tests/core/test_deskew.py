@@ -2,6 +2,7 @@
 
 import array
 import threading
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -13,7 +14,14 @@ from waiting import DEADLINE_S, until
 
 import tf2_sensor_msgs._deskew as inside
 from tf2_py.typing import LookupPolicy
-from tf2_ros import Buffer, BufferCore, ExtrapolationException, LookupException, TransformException
+from tf2_ros import (
+    Buffer,
+    BufferCore,
+    ExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+    TransformException,
+)
 from tf2_sensor_msgs import deskew, do_transform_cloud
 
 pytestmark = pytest.mark.ours
@@ -674,6 +682,27 @@ def test_the_unit_of_two_points_that_disagree_is_asked_for(buffer):
     points["timestamp"] = STAMP, 0
     with pytest.raises(ValueError, match="pass time_unit="):
         deskew(as_cloud(points, fields), buffer, "odom", on_missing="nan")
+
+
+def test_a_jump_at_the_first_time(tf2_ros):
+    """The oldest stamp has two samples: a lookup there takes the first, later ones the second."""
+    buffer = BufferCore()
+    for since, x in ((0, 0.0), (0, 1.0), (SWEEP, 1.1), (2 * SWEEP, 1.2)):
+        buffer.set_transform(transform("odom", "lidar", ns=STAMP + since, xyz=(x, 0, 0)), "x")
+    cloud, points, times = measured("ouster")
+    moved = deskew(cloud, buffer, "odom")
+    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
+
+
+@pytest.mark.parametrize("unit", [np.float32(2.9e-9), Fraction(3, 2 * S), np.longdouble("1.5e-9")])
+def test_no_unit_is_cut_off(buffer, unit):
+    with pytest.raises(ValueError, match=r"time_unit: expected whole nanoseconds, got .* ns: pass times"):
+        deskew(measured("ouster")[0], buffer, "odom", time_unit=unit)
+
+
+def test_an_empty_fixed_frame_is_an_invalid_argument(buffer):
+    with pytest.raises(InvalidArgumentException):
+        deskew(measured("ouster")[0], buffer, "lidar", fixed_frame="")
 
 
 class TestRings:

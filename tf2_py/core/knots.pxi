@@ -105,6 +105,10 @@ cdef Py_ssize_t _stamps_between(const PinnedLookup* pinned, int64_t first_ns, in
         begins[i] = ends[i] = 0
         if pinned.histories[i].kind == HISTORY_DYNAMIC:
             begins[i] = history_first_after(&pinned.histories[i], first_ns)
+            # The transform jumps at the first time.
+            if (begins[i] > 1 and first_ns ==
+                    pinned.histories[i].stamps[history_slot(&pinned.histories[i], begins[i] - 2)]):
+                return SERIES_UNSTEADY
             ends[i] = max(history_first_after(&pinned.histories[i], last_ns), begins[i])
         if ends[i] - begins[i] > most:
             return SERIES_UNSTEADY

@@ -83,7 +83,7 @@ class TestErrors:
         silence = "nothing has been received on /tf for 1 s"
         until(lambda: error_at_any_time().endswith(f"does not exist. {silence.capitalize()}"), executor)
         assert error_at_any_time("map", "arm", at(9)).endswith("is 7.000000000 s too old; " + silence)
-        assert error_at_any_time("map", "tool").endswith("that of tool is other. " + silence.capitalize())
+        assert error_at_any_time("map", "tool").endswith("the root of tool is other. " + silence.capitalize())
         # What is received now does not help with the past.
         assert error(buffer, "map", "arm", at(0.5)).endswith(
             "(parent map) at 1.000000000 is 0.500000000 s too new"

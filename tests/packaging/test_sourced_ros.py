@@ -337,7 +337,7 @@ class TestWhich:
         assert (ended.returncode, len(told)) == ((0, 0) if is_same else (1, 1))
         if told:
             theirs = ros.path / SITE / "tf2_ros" / "__init__.py"
-            assert told[0].startswith(f"programs: {program} start {named}, where tf2_ros is {theirs}; ")
+            assert told[0].startswith(f"programs: {program} start {named}, where tf2_ros is {theirs}. ")
 
     def test_it_tells_what_is_imported_and_before_what(self, anywhere, ros):
         ended = anywhere.run(sourced(ros), "-m", "tf2_ros_cython")

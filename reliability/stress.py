@@ -5,8 +5,8 @@ A run consists of rounds of a few seconds. In each there are readers (single loo
 and at many, listings, pickles), writers (late samples, pruning, histories that grow and shrink, a frame
 that changes its parent), waits (blocking ones, awaits with timeouts, and futures that are answered,
 cancelled or dropped), a message filter, calls of clear(), listeners that are created and destroyed while
-another process publishes, and forked children. In a part of the rounds, another process reads the buffer,
-too. The numbers of a transform follow from its stamp, so each answer can be checked. At
+another process publishes, and forked children. In every second round, another process reads the
+buffer, too. The numbers of a transform follow from its stamp, so each answer can be checked. At
 the end of a round, the statistics must agree with what was inserted, each wait must have ended or still
 lack its transform, and no thread may remain.
 

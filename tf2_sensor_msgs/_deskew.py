@@ -223,6 +223,7 @@ def _read_sweep(
         return Sweep(None, given, int(first), int(last), count, True)
     named, guesses = find_time_field(cloud, stamp_ns, time_unit), time_unit is None
     numbers = sample_times(cloud, named, every=of_all)
+    of_all = of_all or len(numbers) == count
     judged = _judge(named, numbers, stamp_ns, guesses)
     if not (of_all or judged.is_plain):
         numbers = sample_times(cloud, named, every=True)
@@ -236,8 +237,7 @@ def _read_sweep(
         field = _judge(named, sample_times(cloud, named, False, True), stamp_ns, guesses).field
     if not -FARTHEST_NS < lowest * field.unit.ns <= highest * field.unit.ns < FARTHEST_NS:
         lowest, highest = 0, -1
-    is_of_all = of_all or len(numbers) == count
-    return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), count, is_of_all)
+    return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), count, of_all)
 
 
 def _judge(field: TimeField, numbers: NDArray[np.float64], stamp_ns: int, guesses: bool) -> Judgement:

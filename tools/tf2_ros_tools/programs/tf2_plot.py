@@ -18,7 +18,7 @@ from tf2_ros_tools.program import (
 
 S = 1_000_000_000
 
-LEAD_S = 1.5  # for the discovery of publishers; what they send during this time is not drawn
+LEAD_S = 1.5  # for the discovery of publishers by a node; what they send during this time is not drawn
 SECONDS = 10.0
 
 DESCRIPTION = """\
@@ -46,12 +46,13 @@ def plot(options: Namespace) -> int:
     """Listen and plot; return the exit status."""
     from tf2_ros_tools.findings import Limits
     from tf2_ros_tools.heard_picture import heard_picture
+    from tf2_ros_tools.live.wire import DISCOVERY_S
     from tf2_ros_tools.path_picture import path_picture
     from tf2_ros_tools.picture_style import refuse_plot, write_plot
     from tf2_ros_tools.session_choice import listening
 
     refuse_plot(options)
-    heard_s = options.t + LEAD_S
+    heard_s = options.t + (LEAD_S if options.live is None else DISCOVERY_S)
     with listening("tf2_plot", options, options.t, cache_time=2 * heard_s) as heard:
         heard.session.info(f"Listening to tf data for {counted(heard_s, 'second')}...")
         heard.listen(heard_s)

@@ -30,13 +30,15 @@ class Heard:
 
     Fields: ``count``, the number of messages; ``lost``, how many more were lost, or None if the transport
     does not count losses; ``malformed``, how many more could not be read; ``last``, the seconds since the
-    last message, or None if there was none.
+    last message, or None if there was none; ``rate``, the messages a second from the first to the last, or
+    None if fewer than two were received.
     """
 
     count: int
     lost: int | None
     malformed: int
     last: float | None
+    rate: float | None = None
 
 
 class _Topic:
@@ -44,11 +46,16 @@ class _Topic:
         self.name = name
         self.count = self.malformed = 0
         self.lost = 0 if counts_losses else None
-        self.last_ns: int | None = None  # of the monotonic clock
+        self.first_ns: int | None = None  # of the monotonic clock
+        self.last_ns: int | None = None
 
     def heard(self) -> Heard:
-        last = None if self.last_ns is None else (time.monotonic_ns() - self.last_ns) / S
-        return Heard(self.count, self.lost, self.malformed, last)
+        if self.first_ns is None or self.last_ns is None:
+            return Heard(self.count, self.lost, self.malformed, None)
+        last = (time.monotonic_ns() - self.last_ns) / S
+        lasted_ns = self.last_ns - self.first_ns
+        rate = (self.count - 1) * S / lasted_ns if lasted_ns else None
+        return Heard(self.count, self.lost, self.malformed, last, rate)
 
 
 class Feed:
@@ -154,6 +161,7 @@ class Feed:
                 topic.count += 1
                 topic.last_ns = time.monotonic_ns()
                 if topic.count == 1:
+                    topic.first_ns = topic.last_ns
                     self._changed.notify_all()
             else:
                 topic.malformed += 1

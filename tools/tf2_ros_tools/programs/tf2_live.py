@@ -83,7 +83,7 @@ def live(options: Namespace) -> int:
             }
             show_json(facts)
         else:
-            lines = _lines(topics, publishers, streams, seconds)
+            lines = _lines(topics, publishers, streams)
             show(*lines, *_clock(feed.clock_offset), *([silence] if silence else []))
         if options.output is not None:
             from tf2_ros_tools.bag import save
@@ -93,10 +93,10 @@ def live(options: Namespace) -> int:
 
 
 def _lines(
-    topics: Mapping[str, Heard], publishers: Sequence[Publisher], streams: Sequence[Stream], seconds: float
+    topics: Mapping[str, Heard], publishers: Sequence[Publisher], streams: Sequence[Stream]
 ) -> Iterator[str]:
     for topic, heard in topics.items():
-        rate = f", {heard.count / seconds:.1f} a second" if heard.count > 1 else ""
+        rate = "" if heard.rate is None else f", {heard.rate:.1f} a second"
         lost = "" if heard.lost is None else f"{heard.lost} lost, "
         yield f"{topic}: {counted(heard.count, 'message')}{rate}; {lost}{heard.malformed} malformed"
     for publisher, frames in sorted(_frames_of(streams).items()):

@@ -133,7 +133,7 @@ def find(
     """
     found = [*also, *_in_the_tree(streams)]
     found += _of_other_clocks(streams, "the log times" if recorded else "the clock of this program")
-    if not streams:
+    if not streams and all(one.kind != "nothing" for one in found):
         which = " that buffers accept" if refused else ""
         found.append(Finding("nothing", "", f"no transform{which} was received{where and f' {where}'}"))
     by_frame: dict[str, list[Stream]] = {}

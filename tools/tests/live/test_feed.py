@@ -118,6 +118,18 @@ def test_counts_losses_and_arrivals_by_topic():
     assert feed.buffer.frames()["camera"].static and not feed.buffer.frames()["base"].static
 
 
+def test_rates_begin_with_the_first_message():
+    feed = Feed()
+    feed.take(message("base", "camera"), True)
+    began_s = time.monotonic()
+    for _ in range(11):
+        feed.take(message(), False)
+    lasted_s = time.monotonic() - began_s
+    heard = feed.topics
+    assert heard["/tf"].rate >= 10 / lasted_s
+    assert heard["/tf_static"].rate is None
+
+
 def test_it_fills_a_given_buffer_and_prefixes_frames():
     buffer = Buffer()
     one, other = Feed(buffer, prefix="a/"), Feed(buffer, prefix="b/")
@@ -272,11 +284,12 @@ def test_a_publisher_whose_name_becomes_known_is_one_stream():
     assert [(one.frame, one.publisher) for one in streams] == [("base", "/robot")]
 
 
-def test_a_silent_publisher_is_a_problem_only_after_the_discovery(monkeypatch):
+def test_a_silent_publisher_is_a_problem_of_qos_only_after_the_discovery(monkeypatch):
     wire = Wire(reasons={"/tf": "/robot publishes it, but has sent nothing"})
     with Feed(wire=wire) as feed:
         session = FeedSession(feed, "x://robot", None)
-        assert list(session.findings()) == []
+        [found] = session.findings()
+        assert found.kind == "nothing"
         monkeypatch.setattr("tf2_ros_tools.live.session.DISCOVERY_S", 0.0)
         [found] = session.findings()
     assert found.kind == "qos" and found.text.endswith(": /robot publishes it, but has sent nothing")

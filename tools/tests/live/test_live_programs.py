@@ -55,6 +55,13 @@ def test_tf2_live_says_why_nothing_arrives(robot):
     assert "domain 231" in told["silence"]
 
 
+def test_tf2_check_says_why_nothing_arrives():
+    status, out, _ = ended("tf2_check", "-t", "0.1", "--live", "dds://", env=NOWHERE)
+    assert status == 1
+    assert re.match(r"nothing: nothing has been received on .*: no robot was found in domain 231 so far", out)
+    assert out.count("\n") == 2, out
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [

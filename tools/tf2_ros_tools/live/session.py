@@ -57,17 +57,19 @@ class FeedSession:
         return []
 
     def findings(self) -> Iterator[Finding]:
-        """Find what the wire has lost."""
+        """Find what the wire has lost, and why nothing was received."""
         for topic, heard in self.feed.topics.items():
             if heard.lost:
                 yield Finding("lost", "", f"{counted(heard.lost, 'message')} on {topic} were lost on the way")
         seconds = time.monotonic() - self._began
-        if seconds < DISCOVERY_S:  # what was sent may still be on its way
-            return
         published = {one.topic for one in self.feed.publishers()}
-        silent = [topic for topic, heard in self.feed.topics.items() if heard.last is None]
-        if published.intersection(silent):
+        topics = self.feed.topics
+        silent = [topic for topic, heard in topics.items() if heard.last is None]
+        # Before DISCOVERY_S, what was sent may still be on its way.
+        if published.intersection(silent) and seconds >= DISCOVERY_S:
             yield Finding("qos", "", self.feed.why_silent(seconds))
+        elif len(silent) == len(topics):
+            yield Finding("nothing", "", self.feed.why_silent(seconds))
 
 
 @contextmanager

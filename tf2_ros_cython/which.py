@@ -34,7 +34,7 @@ def main(args: list[str] | None = None) -> int:
         description="Show which tf2 this Python imports and from where, whether it loads, and which\n"
         "programs in sourced workspaces import another.\n\n"
         "Exit status: 0 if this Python and these programs load only tf2-ros-cython;\n"
-        "otherwise 1.",
+        "1 otherwise; 2 after wrong usage.",
         epilog="example:\n  tf2_which",
         formatter_class=RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -118,8 +118,8 @@ def _describe(name: str, folder: Path | None) -> str:
         return f"not found; {_not_arranged()}" if name != "tf2_msgs" and not _is_arranged() else "not found"
     if name == "tf2_msgs":
         release = _ros_in_use.messages_release(folder / name)
-        whose = f"tf2-ros-cython's, for {release}" if release else "the environment's"
-        return f"{whose}, {folder / name}"
+        origin = f"built by tf2-ros-cython for {release}" if release else "from the environment"
+        return f"{origin}, {folder / name}"
     if _is_ours(folder):
         return f"tf2-ros-cython, {folder / name}"
     return f"not tf2-ros-cython, {folder / name}: {_why_not(name, folder)}"
@@ -133,7 +133,7 @@ def _why_not(name: str, folder: Path) -> str:
     prefix = _installation.distribution_prefix()
     is_of_workspace = prefix is not None and not _installation.lies_in(str(folder), prefix)
     if is_of_workspace and str(folder) != _installation.SITE:
-        return "a workspace or a folder of your own, which takes precedence over ours"
+        return "packages in a workspace or on PYTHONPATH take precedence"
     if not _is_arranged():
         return _not_arranged()
     return "a package that it builds on is from a workspace"
@@ -176,14 +176,14 @@ def _not_arranged() -> str:
 
 def _precedence() -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
-        return "the order of the path, because TF2_ROS_CYTHON=0 is set; ours if there is no other tf2"
+        return "the order of the path, because TF2_ROS_CYTHON=0 is set; tf2-ros-cython if there is no other tf2"
     if _installation.refused_rclpy() is not None:
-        return f"any other tf2 before ours; {_finder.unknown_rclpy()}"
+        return f"any other tf2 before tf2-ros-cython; {_finder.unknown_rclpy()}"
     if not _is_arranged():
         return f"the order of the path; {_not_arranged()}"
     prefix = _installation.distribution_prefix()
     if prefix is not None:
-        return f"ours before the distribution's in {prefix}; a workspace's before ours"
+        return f"workspaces, then tf2-ros-cython, then the tf2 in {prefix}"
     if "AMENT_PREFIX_PATH" in os.environ:
         return "the order of the path; no prefix in AMENT_PREFIX_PATH contains rclpy"
     return "the order of the path; no ROS 2 is sourced"

@@ -347,13 +347,16 @@ class TestWhich:
             place = lines.index(f"{name}: tf2-ros-cython, {anywhere.home / name}")
             # The first may be that of the same workspace.
             assert f"    takes precedence over {ros.path / SITE / name}" in lines[place + 1 : place + 3]
-        assert f"tf2_msgs: the environment's, {messages_of(ros)}" in lines
+        assert f"tf2_msgs: from the environment, {messages_of(ros)}" in lines
         assert "receiver: in use; listeners need no executor" in lines
         assert any(line.startswith("ROS 2: Jazzy (rclpy 7.") for line in lines)
 
     @pytest.mark.parametrize(
         ("variable", "reason"),
-        [({}, "a workspace or a folder of your own"), ({"TF2_ROS_CYTHON": "0"}, "TF2_ROS_CYTHON=0 is set")],
+        [
+            ({}, "packages in a workspace or on PYTHONPATH take precedence"),
+            ({"TF2_ROS_CYTHON": "0"}, "TF2_ROS_CYTHON=0 is set"),
+        ],
     )
     def test_it_tells_why_another_is_imported(self, in_venv, ros, tmp_path, variable, reason):
         overlay = Prefix(tmp_path / "overlay").add_stubs("fork", *([] if variable else ["tf2_ros"]))

@@ -86,17 +86,24 @@ cdef bint _is_zero(const void* bytes, size_t size) noexcept nogil:
     return True
 
 
+cdef const char* frozen_check_format(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil:
+    if memcmp(header.magic, FROZEN_MAGIC, sizeof(header.magic)) != 0:
+        return "it is not a frozen buffer"
+    if file_bytes >= sizeof(FrozenHeader) and header.version != FROZEN_VERSION:
+        return "it has another version of the format than 1: freeze the buffer again with this version"
+    return NULL
+
+
 cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil:
     cdef uint64_t records
     cdef uint64_t names = <uint64_t>header.frame_count + header.authority_count
-    if memcmp(header.magic, FROZEN_MAGIC, sizeof(header.magic)) != 0:
-        return "it is not a frozen buffer"
+    cdef const char* text = frozen_check_format(header, file_bytes)
+    if text != NULL:
+        return text
     if file_bytes < sizeof(FrozenHeader):
-        return "it is cut off in its header"
-    if header.version != FROZEN_VERSION:
-        return "it has another version of the format than 1: freeze the buffer again with this version"
+        return "it ends in its header"
     if header.file_bytes != file_bytes:
-        return "its size differs from its header: it was truncated or changed; freeze the buffer again"
+        return "its size differs from its header"
     # None of these sums can overflow: both counts have 32 bits.
     records = sizeof(FrozenHeader) + <uint64_t>header.frame_count * sizeof(FrozenFrame)
     records += <uint64_t>header.authority_count * sizeof(FrozenName)

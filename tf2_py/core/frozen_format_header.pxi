@@ -81,7 +81,10 @@ cdef inline size_t frozen_stamp_bytes(uint32_t count) noexcept nogil:
 
 
 cdef void frozen_header_begin(FrozenHeader* header) noexcept nogil
-# NULL, or why it is not the header of a file of this size. A shorter file: with zeros behind it.
+# NULL, or why it is not the header of a frozen file that this version reads, whatever the file contains.
+# A shorter file: with zeros behind it.
+cdef const char* frozen_check_format(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil
+# NULL, or why it is not the header of a file of this size.
 cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil
 # Whether header and index are those of a file of the size of the mapping, which holds a header at least. If
 # `stop` says yes, this and frozen_read return some problem.

@@ -207,10 +207,17 @@ cdef int _read_header(int descriptor, size_t file_bytes, FrozenHeader* header, s
     cdef const char* text
     memset(header, 0, sizeof(FrozenHeader))
     _require_read(_read(descriptor, header, min(file_bytes, sizeof(FrozenHeader))), path)
-    text = frozen_check_header(header, file_bytes)
+    text = frozen_check_format(header, file_bytes)
     if text != NULL:
         raise ValueError(f"{printable(path)}: {text.decode()}")
+    text = frozen_check_header(header, file_bytes)
+    if text != NULL:
+        raise _damaged(path, text.decode())
     return 0
+
+
+cdef object _damaged(str path, str problem):
+    return ValueError(f"{printable(path)}: it is damaged: {problem}; freeze the buffer again")
 
 
 cdef int _require_read(int problem, str path) except -1:
@@ -258,17 +265,18 @@ cdef int _require_sound(str path, const FileMapping* mapping, FrozenProblem prob
         return 0
     if problem.text[0] == 0:
         raise MemoryError
-    where = printable(path)
+    where = ""
     if problem.frame != NO_FRAME:
         record = <const FrozenFrame*>(header + 1) + (problem.frame - 1)
-        where += f": frame {problem.frame}"
+        where = f"frame {problem.frame}"
         if record.name_start <= header.index_bytes \
                 and record.name_size <= header.index_bytes - record.name_start:
             name = (<const char*>header)[record.name_start:record.name_start + record.name_size]
             where += f", {printable(name.decode('utf-8', 'replace'))}"
+        where += ": "
     if problem.sample != UINT32_MAX:
-        where += f": sample {problem.sample}"
-    raise ValueError(f"{where}: {problem.text.decode()}; freeze the buffer again")
+        where += f"sample {problem.sample}: "
+    raise _damaged(path, where + problem.text.decode())
 
 
 cdef object read_frozen(path, bint is_copy, expected, Tree* tree):

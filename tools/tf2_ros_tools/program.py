@@ -40,6 +40,9 @@ STATUSES = {
     INTERRUPTED: "Ctrl-C or SIGTERM ended the command before there was a result",
 }
 
+# The last paragraph of the help of commands that run until they are interrupted.
+EXIT_STATUS = "Exit status: 0 when interrupted; 1 if the command failed; 2 after wrong usage."
+
 _AGAIN_S = 0.01  # when an interrupt that was dropped is repeated
 _ROS_ARGS = "--ros-args"
 _WIDTH = 80  # of the text of a help

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from tf2_py.printable import printable
+from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, finite_number, run
 from tf2_ros_tools.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
@@ -157,7 +158,7 @@ def publish(options: Namespace) -> NoReturn:
 def _summary(options: Namespace, transforms: list[TransformStamped]) -> str:
     if options.file is not None:
         return printable(
-            f"Spinning until stopped - publishing {len(transforms)} transforms of {options.file}"
+            f"Spinning until stopped - publishing {counted(len(transforms), 'transform')} of {options.file}"
         )
     [one] = transforms
     t, q = one.transform.translation, one.transform.rotation

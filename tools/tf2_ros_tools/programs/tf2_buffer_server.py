@@ -5,7 +5,7 @@ from argparse import Namespace
 from functools import partial
 from typing import Any, NoReturn
 
-from tf2_ros_tools.program import SUCCESS, Parser, UsageError, run
+from tf2_ros_tools.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
 
 DEFAULT_BUFFER_SIZE_S = 120.0
 
@@ -14,7 +14,7 @@ PARSER = Parser(
     "tf2_buffer_server",
     "Receive transforms, and answer the lookups of other processes through the action tf2_buffer_server, "
     "until interrupted. The parameter buffer_size sets how far each frame's history reaches back, in "
-    "seconds; 120 by default.",
+    "seconds; 120 by default.\n\n" + EXIT_STATUS,
     "  tf2_buffer_server --ros-args -p buffer_size:=30.0",
 )
 

@@ -13,7 +13,15 @@ from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
 from tf2_ros_tools.output import counted, show, show_json
-from tf2_ros_tools.program import SUCCESS, Parser, UsageError, add_live_option, positive_number, run
+from tf2_ros_tools.program import (
+    EXIT_STATUS,
+    SUCCESS,
+    Parser,
+    UsageError,
+    add_live_option,
+    positive_number,
+    run,
+)
 
 if TYPE_CHECKING:
     from tf2_ros_tools.listening import Listening, Report
@@ -28,7 +36,8 @@ PARSER = Parser(
     "Show who publishes each frame, its rate and delay, and all problems, until interrupted. On a terminal "
     "with the Python package textual, this is a table, updated every second, that you can sort and filter. "
     "Otherwise, print a report like tf2's own every ten seconds.\n\n"
-    "With two frames, show only the chain between them, and the age of its newest transform.",
+    "With two frames, show only the chain between them, and the age of its newest transform.\n\n"
+    + EXIT_STATUS,
     "  tf2_monitor map base_link --interval 5",
 )
 PARSER.add_argument("frames", nargs="*", metavar="FRAME", help="two frames, to show the chain between them")

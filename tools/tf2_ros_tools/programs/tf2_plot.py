@@ -26,7 +26,8 @@ Listen to transforms for a while, plot when each frame was received, with gaps, 
 the name of the file. With --path, plot the path of a frame in another frame, from above and as components \
 over time.
 
-Exit status: 0 if the picture was written, otherwise 1."""
+Exit status: 0 if the picture was written; 1 if it could not be written, or no transform was received; \
+2 after wrong usage."""
 
 EXAMPLE = """\
   tf2_plot                                 all frames, as tf2_plot_DATE.png

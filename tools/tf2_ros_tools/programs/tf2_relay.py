@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from tf2_py.printable import printable
-from tf2_ros_tools.program import SUCCESS, Parser, run
+from tf2_ros_tools.program import EXIT_STATUS, SUCCESS, Parser, run
 
 DESCRIPTION = """\
 Send chosen transforms to other topics, until interrupted, by the rules in a YAML file. A rule can lower \
@@ -40,7 +40,7 @@ keys of a rule:
   as         PoseStamped: send the pose of the second of two `frames` in the first one"""
 
 
-PARSER = Parser("tf2_relay", DESCRIPTION, EXAMPLE)
+PARSER = Parser("tf2_relay", f"{DESCRIPTION}\n\n{EXIT_STATUS}", EXAMPLE)
 PARSER.add_argument("rules", metavar="FILE", type=Path, help="the YAML file with the rules")
 
 

@@ -6,7 +6,7 @@ from argparse import Namespace
 from functools import partial
 from typing import NoReturn
 
-from tf2_ros_tools.program import SUCCESS, Parser, RunError, UsageError, non_negative_number, run
+from tf2_ros_tools.program import EXIT_STATUS, SUCCESS, Parser, RunError, UsageError, non_negative_number, run
 
 DESCRIPTION = """\
 Receive transforms into a buffer, and share it with all processes of this user on this machine, until \
@@ -18,7 +18,7 @@ EXAMPLE = """\
   tf2_shared_buffer --name simulated --cache-time 30 --ros-args -p use_sim_time:=true"""
 
 
-PARSER = Parser("tf2_shared_buffer", DESCRIPTION, EXAMPLE)
+PARSER = Parser("tf2_shared_buffer", f"{DESCRIPTION}\n\n{EXIT_STATUS}", EXAMPLE)
 PARSER.add_argument(
     "--name",
     metavar="NAME",

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from tf2_ros_tools.program import SUCCESS, Parser, UsageError, run
+from tf2_ros_tools.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
 
 DESCRIPTION = """\
 Publish the transforms of a robot, until interrupted: of fixed joints on /tf_static, and of movable joints \
@@ -25,7 +25,7 @@ parameters, as in robot_state_publisher:
   ignore_timestamp   publish every joint state, whatever its stamp"""
 
 
-PARSER = Parser("tf2_state_publisher", DESCRIPTION, EXAMPLE)
+PARSER = Parser("tf2_state_publisher", f"{DESCRIPTION}\n\n{EXIT_STATUS}", EXAMPLE)
 PARSER.add_argument(
     "file", nargs="?", type=Path, metavar="URDF", help="the URDF; by default, the parameter robot_description"
 )

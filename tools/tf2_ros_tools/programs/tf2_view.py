@@ -25,7 +25,7 @@ Show the frames of a running robot in three dimensions, with their axes and name
 whose timeline goes back to earlier times. The command runs until the viewer is closed, or until it is \
 interrupted.
 
-Exit status: 0, or 1 if the viewer did not open."""
+Exit status: 0; 1 if the viewer did not open; 2 after wrong usage."""
 
 EXAMPLE = """\
   tf2_view                            all frames, in a window

@@ -192,6 +192,13 @@ def test_a_date_of_pandas_that_does_not_fit_is_named(buffer):
         buffer.lookup_transforms("map", "odom", late)
 
 
+def test_whole_numbers_of_any_types_are_taken(buffer):
+    low, _ = span_of_all(buffer)
+    for mixed in ([np.uint64(low), low + 1], (np.int64(low), np.uint64(low + 1)), [np.uint8(0), low + 1]):
+        got = buffer.lookup_transforms("map", "odom", mixed)
+        assert_same_to_the_last_bit(got, singles(buffer, "map", "odom", [int(one) for one in mixed]))
+
+
 ARRAY = r"integer nanoseconds of shape \(N,\)"
 TO_INT64 = "float64: multiply seconds by 1e9, and round them to int64$"
 BEYOND = r"times\[1\]: expected whole nanoseconds within 64 bits"
@@ -202,7 +209,8 @@ NO_TIMES = [
     (ValueError, ARRAY, [[S]], [S, (S, S)], [np.array([S])], np.array([S, [S]], object)),
     (ValueError, ARRAY, np.zeros((2, 2), np.int64), [2**63], [2**70], np.array([2**63], np.uint64)),
     (ValueError, ARRAY, np.array([5, 2**63], object), np.ma.masked_array([5, 6], [False, True])),
-    (TypeError, TO_INT64, [1.5], np.array([2.0])),
+    (ValueError, ARRAY, [2**63, 1], [np.uint64(2**63), np.int64(1)]),
+    (TypeError, TO_INT64, [1.5], np.array([2.0]), [1.5, 2**63]),
     (TypeError, "timedelta64", np.array([2, 3], "m8[ns]")),
     (
         ValueError,

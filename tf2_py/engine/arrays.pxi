@@ -122,6 +122,8 @@ def as_times_ns(times, *, bint accepts_nat=False):
         times = _nanoseconds(times, wanted)
     try:
         array = np.asarray(times)
+        if array.dtype.kind == "f" and not isinstance(times, np.ndarray) and _are_whole(times):
+            array = np.asarray(times, object)   # among int64, NumPy makes floats of uint64
     except OverflowError as error:
         raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
     mask = mask_of(times)
@@ -149,6 +151,11 @@ cdef bint _are_numbers(times):
     classes = set(map(type, times))
     numbers = bool not in classes and all([issubclass(each, (int, float, np.number)) for each in classes])
     return numbers or classes == {np.datetime64}
+
+
+cdef bint _are_whole(times):
+    import numpy as np
+    return isinstance(times, Sequence) and all([isinstance(each, (int, np.integer)) for each in times])
 
 
 cdef object _since_1970(times, str wanted, bint accepts_nat):

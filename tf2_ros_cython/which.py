@@ -176,7 +176,9 @@ def _not_arranged() -> str:
 
 def _precedence() -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
-        return "the order of the path, because TF2_ROS_CYTHON=0 is set; tf2-ros-cython if there is no other tf2"
+        return (
+            "the order of the path, because TF2_ROS_CYTHON=0 is set; tf2-ros-cython if there is no other tf2"
+        )
     if _installation.refused_rclpy() is not None:
         return f"any other tf2 before tf2-ros-cython; {_finder.unknown_rclpy()}"
     if not _is_arranged():

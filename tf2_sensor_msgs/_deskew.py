@@ -9,12 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from tf2_py._internal import MalformedObjectError, as_times_ns, duration_ns, errors, policy_of, time_ns
+from tf2_py._internal import (
+    MalformedObjectError,
+    as_times_ns,
+    duration_ns,
+    errors,
+    frame_name,
+    policy_of,
+    time_ns,
+)
 from tf2_py.printable import printable
-from tf2_ros import BufferCore, ExtrapolationException, FrameInfo, LookupException, TransformException
+from tf2_ros import BufferCore, FrameInfo, LookupException, TransformException
 from tf2_ros._arguments import frame_of, kind_of
 from tf2_sensor_msgs._cloud import move_points, read_times, sample_times
-from tf2_sensor_msgs._time_field import KNOWN, S, TimeField, Unit, find_time_field
+from tf2_sensor_msgs._time_field import KNOWN, NAMES, S, TimeField, Unit, find_time_field
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -105,25 +113,27 @@ def deskew(
         ``t`` and ``offset_time`` may be of any type, and a sweep of any length.
     :param timeout: how long to wait for the transform of the last point; only for a ``tf2_ros.Buffer``.
     :param on_missing: ``'raise'`` raises the error of the first point for whose time there is no transform,
-        with its index; ``'nan'`` makes the coordinates of such points NaN.
+        with its index; ``'nan'`` makes the coordinates of such points NaN, which must be floats.
     :param prefix: put before the frame of the cloud, as in ``buffer.transform``.
     :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`, but not
         ``max_age``, because points have times.
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
         stays, except that with ``fixed_frame``, the field from which the times were read has the time of the
-        new stamp for each point.
+        new stamp for each point, in the same unit.
     :raises TransformException: a point has no transform; see ``buffer.lookup_transform``.
     :raises OverflowError: ``target_time``, or the stamp of the cloud, does not fit into a message.
     :raises TypeError: an argument is of another type, there is a ``target_time`` without ``fixed_frame``, or
         both ``time_unit`` and ``times``.
     :raises ValueError: no field has the times of the points; a time is not a number; the times need a
         ``time_unit``, because they are fractions of a sweep, more than 3 s apart, or an hour from the stamp;
-        the cloud is inconsistent, as in :func:`do_transform_cloud`; or the sensor does not move in
-        ``fixed_frame`` (without it, in ``target_frame``), because that frame is the sensor's or moves with
-        it.
+        ``on_missing='nan'``, and coordinates are integers; the cloud is inconsistent, as in
+        :func:`do_transform_cloud`; or the sensor does not move in ``fixed_frame`` (without it, in
+        ``target_frame``), because that frame is the sensor's or fixed to it.
 
-    Points with a NaN need no time, and have three NaN in the result. Normals and viewpoints are transformed,
-    too. Poses are looked up at selected times and interpolated between them. The times are chosen so that the
+    Normals and viewpoints are transformed, too. Points with a NaN need no time; in the result, their
+    coordinates, normals and viewpoints are NaN. Integers are truncated, as in :func:`do_transform_cloud`.
+
+    Poses are looked up at selected times and interpolated between them. The times are chosen so that the
     error of a point is at most 10 µm plus one millionth of its distance from the sensor. Where this would not
     save time, the pose of each point is looked up.
     """
@@ -133,6 +143,8 @@ def deskew(
         raise MalformedObjectError(f"cloud: expected a sensor_msgs/PointCloud2, got {kind_of(cloud)}")
     if on_missing not in ("raise", "nan"):
         raise ValueError(f"on_missing: expected 'raise' or 'nan', got {on_missing!r}")
+    if on_missing == "nan":
+        _require_floats(cloud)
     if target_time is not None and fixed_frame is None:
         raise TypeError("target_time needs a fixed_frame, which does not move between the times")
     if times is not None and time_unit is not None:
@@ -145,6 +157,7 @@ def deskew(
     until_ns = time.monotonic_ns() + _timeout_ns(buffer, timeout)
     fixed: dict[str, Any] = {}
     if fixed_frame is not None:
+        frame_name(fixed_frame, "fixed_frame")
         new_ns = _target_ns(buffer, target_frame, fixed_frame, target_time, stamp_ns, until_ns)
         fixed = {"fixed_frame": fixed_frame, "target_time": new_ns or NOT_LATEST_NS}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
@@ -285,14 +298,15 @@ def _without_garbage(
 
 
 def _too_long(field: TimeField, numbers: NDArray[np.float64]) -> str:
-    # Divided, because the difference of two doubles may overflow.
-    low, high = (np.quantile(numbers / 4, (MOST_GARBAGE / 2, 1 - MOST_GARBAGE / 2)) * 4).tolist()
+    left_out = int(MOST_GARBAGE / 2 * len(numbers))  # at each end
+    ordered = np.sort(numbers)
+    low, high = ordered[left_out].item(), ordered[-1 - left_out].item()
     one = field.unit.ns / S
     wraps = ", negative from 2^31 on" if field.wraps else ""
     return (
-        f"{field.name} is from {low:.10g} to {high:.10g} for 9 of 10 points, a sweep of "
+        f"{field.name} is from {low:.10g} to {high:.10g} for at least 9 of 10 points, a sweep of "
         f"{(high - low) * one:.6g} s if these are {field.unit.text}{wraps}: pass time_unit={one:g} if they "
-        "are, or else the unit, for example time_unit=1e-6 for µs"
+        "are, or else the unit, for example time_unit=1e-6 for µs, or times"
     )
 
 
@@ -374,6 +388,15 @@ def _body(frames: dict[str, FrameInfo], frame: str, other: str) -> str:
     return frame
 
 
+def _require_floats(cloud: PointCloud2) -> None:
+    """Refuse coordinates that cannot be NaN."""
+    datatypes = {field.name: field.datatype for field in reversed(list(cloud.fields))}
+    for name in ("x", "y", "z"):
+        kind = NAMES.get(datatypes.get(name, 0), "")
+        if "int" in kind:
+            raise ValueError(f"on_missing: 'nan' needs coordinates that are floats, but {name} is {kind}")
+
+
 def _timeout_ns(buffer: BufferCore, timeout: "DurationLike") -> int:
     timeout_ns = duration_ns(timeout, "timeout")
     if timeout_ns > 0 and not hasattr(buffer, "lookup_transform"):
@@ -410,7 +433,7 @@ def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
             break
         try:
             poses = Poses(knots, motion.matrices(knots))
-        except ExtrapolationException:
+        except TransformException:
             break  # at which point, or under which policy, the exact lookups say
         # Another thread may have inserted a sample between two knots since these were found.
         before, knots = knots, motion.buffer._knots_between(*wanted)

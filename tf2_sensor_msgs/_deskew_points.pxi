@@ -220,6 +220,7 @@ cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, PointPoses* pos
     cdef const Triples* triples
     cdef double[3] old
     cdef double moved
+    cdef bint is_lost = _has_nan(point, &grid.triples[0])   # whose directions have no pose, either
     cdef int row, k
     _pose_of(poses, point, &grid.triples[0], i, &pose)
     for k in range(grid.triple_count):
@@ -231,7 +232,7 @@ cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, PointPoses* pos
             moved = fma(pose.matrix[3 * row + 2], old[2], moved)
             moved = fma(pose.matrix[3 * row + 1], old[1], moved)
             moved = fma(pose.matrix[3 * row], old[0], moved)
-            number_store(point + triples.offsets[row], triples.numbers[row], moved)
+            number_store(point + triples.offsets[row], triples.numbers[row], NAN if is_lost else moved)
 
 
 cdef void _move_batch(char* points, Py_ssize_t count, Py_ssize_t begin, const Grid* grid,

@@ -82,10 +82,9 @@ def find_time_field(cloud: PointCloud2, stamp_ns: int, time_unit: "DurationLike 
         if datatype not in accepted and not (takes_any and datatype in NAMES):
             continue
         base_ns = 0 if unit.is_absolute else stamp_ns
-        if unit_ns is not None:
-            return TimeField(name, unit._replace(ns=unit_ns), base_ns, False)
         # Ouster's driver wrote the time of a point before the stamp as it is in 32 bits.
-        return TimeField(name, unit, base_ns, datatype == PointField.UINT32)
+        wraps = datatype == PointField.UINT32 and datatype in accepted and unit_ns in (None, unit.ns)
+        return TimeField(name, unit if unit_ns is None else unit._replace(ns=unit_ns), base_ns, wraps)
     found = _listed(f"{printable(field.name)} ({NAMES.get(field.datatype, '?')})" for field in cloud.fields)
     known = _listed(
         f"{name} ({' or '.join(NAMES[datatype] for datatype in accepted)})"

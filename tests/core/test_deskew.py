@@ -1,6 +1,7 @@
 """Deskewing: each point of a cloud is moved from where the sensor was when it measured that point."""
 
 import array
+import re
 import threading
 from fractions import Fraction
 
@@ -17,6 +18,7 @@ from tf2_py.typing import LookupPolicy
 from tf2_ros import (
     Buffer,
     BufferCore,
+    ConnectivityException,
     ExtrapolationException,
     InvalidArgumentException,
     LookupException,
@@ -31,6 +33,8 @@ SWEEP = S // 10
 STAMP = START + 2 * SWEEP
 KINDS = {"f4": PointField.FLOAT32, "f8": PointField.FLOAT64, "u4": PointField.UINT32, "u2": PointField.UINT16}
 XYZ = [("x", "f4", 0), ("y", "f4", 4), ("z", "f4", 8)]
+NORMALS = [("normal_x", "f4", 16), ("normal_y", "f4", 20), ("normal_z", "f4", 24)]
+VIEWPOINTS = [("vp_x", "f4", 28), ("vp_y", "f4", 32), ("vp_z", "f4", 36)]
 SINCE_STAMP = np.linspace(0, SWEEP, 4000).astype(np.int64)
 # The fields as the drivers write them, and the time of each point, from the ns since the stamp.
 DRIVERS = {
@@ -415,6 +419,17 @@ def test_a_cloud_in_which_no_point_has_coordinates(buffer):
     assert np.isnan(xyz_of(points_of(moved, points.dtype))).all() and moved.header.frame_id == "odom"
 
 
+@pytest.mark.parametrize("count", [16, 300])
+def test_a_point_with_nan_has_no_directions(buffer, count):
+    fields = [*XYZ, ("time", "f4", 12), *NORMALS, *VIEWPOINTS]
+    points = np.ones(count, dtype_of(fields, 40))
+    points["time"] = np.linspace(0, 0.1, count)
+    points["y"][3] = np.nan
+    moved = points_of(deskew(as_cloud(points, fields), buffer, "odom"), points.dtype)
+    for name, _, _ in fields:
+        assert np.isnan(moved[name]).nonzero()[0].tolist() == ([] if name == "time" else [3])
+
+
 @pytest.mark.parametrize("driver", ["velodyne", "ouster", "livox"])
 def test_nothing_is_waited_for_without_coordinates(driver):
     buffer, (_, points, _) = Buffer(), measured(driver)
@@ -548,6 +563,13 @@ def test_an_unsigned_time_may_have_wrapped_around(buffer, driver, before):
     assert not points_of(moved, points.dtype)[name_of_times(fields)].any()
 
 
+def test_the_unit_of_an_unsigned_time_may_be_said(buffer):
+    """It stays negative from 2^31 on."""
+    cloud, points, times = measured("ouster", (SINCE_STAMP - SWEEP // 2) % 2**32)
+    for unit in (1e-9, Duration(nanoseconds=1)):
+        assert deskew(cloud, buffer, "odom", time_unit=unit) == deskew(cloud, buffer, "odom")
+
+
 UNITS = {  # the kind of the field, its numbers from the ns since the stamp, and time_unit
     "fractions of a sweep": ("time", "f4", lambda ns: ns / SWEEP, SWEEP / S),
     "milliseconds": ("time", "f8", lambda ns: ns / 1e6, 0.001),
@@ -580,8 +602,8 @@ def test_a_time_unit_says_what_a_1_means(buffer, name, kind, number_of, unit, or
     ("driver", "numbers", "unit", "text"),
     [
         ("velodyne", (0, 99_800), 1.0,
-         " for 9 of 10 points, a sweep of 89820 s if these are s after the stamp: pass time_unit=1 if they "
-         "are, or else the unit, for example time_unit=1e-6 for µs"),
+         " for at least 9 of 10 points, a sweep of 89820 s if these are s after the stamp: pass time_unit=1 "
+         "if they are, or else the unit, for example time_unit=1e-6 for µs, or times"),
         ("velodyne", (-50, 0), 1.0, "a sweep of 45 s if these are s after the stamp: pass time_unit=1 "),
         ("velodyne", (0, 1), 1.0, "time is from 0 to 1, which may be seconds or fractions of a sweep: pass "
                                   "time_unit=1.0, or the duration of a sweep, for example time_unit=0.1"),
@@ -597,14 +619,16 @@ def test_an_unlikely_sweep_is_asked_about(driver, numbers, unit, text):
     for ns, x in ((START - 10**6 * S, -1e6), (START + 10**6 * S, 1e6)):
         long.set_transform(transform("odom", "lidar", ns=ns, xyz=(x, 0, 0)), "x")
     fields, step, _ = DRIVERS[driver]
-    points = np.zeros(4000, dtype_of(fields, step))
-    points[name_of_times(fields)] = np.linspace(*numbers, 4000)
+    points = np.zeros(4001, dtype_of(fields, step))
+    points[name_of_times(fields)] = np.linspace(*numbers, 4001)
     cloud = as_cloud(points, fields)
     with pytest.raises(ValueError) as error:
         deskew(cloud, long, "odom")
     assert text in str(error.value) and str(error.value).startswith(f"{name_of_times(fields)} is from ")
     moved = points_of(deskew(cloud, long, "odom", time_unit=unit), points.dtype)
     numbers = points[name_of_times(fields)].astype(float)
+    if driver == "ouster":
+        numbers[numbers >= 2**31] -= 2**32
     since = numbers * unit - (0 if numbers[0] > 1e6 else -STAMP / S) - START / S
     assert moved["x"] == pytest.approx(since, abs=1e-3, rel=1e-6)
 
@@ -635,6 +659,23 @@ def test_the_stamp_of_a_cloud_with_absolute_times_may_be_unset(buffer):
     cloud.header.stamp.sec = cloud.header.stamp.nanosec = 0
     moved = deskew(cloud, buffer, "odom")
     assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype, OF_TIMES_M)
+
+
+@pytest.mark.parametrize("count", [12, 19, 20, 21, 400])
+def test_what_is_said_about_most_points_is_true(buffer, count):
+    fields, step, _ = DRIVERS["velodyne"]
+    points = np.zeros(count, dtype_of(fields, step))
+    garbage = max(2, count // 10 + 1)
+    points["time"][:garbage] = 3.1 * (-1) ** np.arange(garbage) * np.arange(1, garbage + 1)
+    with pytest.raises(ValueError) as error:
+        deskew(as_cloud(points, fields), buffer, "odom")
+    said = re.match(
+        r"time is from (\S+) to (\S+) for at least 9 of 10 points, a sweep of (\S+) s", str(error.value)
+    )
+    low, high, sweep = (float(number) for number in said.groups())
+    within = (points["time"] >= low - 1e-6) & (points["time"] <= high + 1e-6)
+    assert within.sum() >= 0.9 * count and sweep > 3
+    assert sweep == pytest.approx(high - low, rel=1e-5)
 
 
 def test_garbage_does_not_change_the_unit(buffer):
@@ -671,7 +712,7 @@ def test_garbage_that_a_sample_misses_is_found(buffer, garbage, on_missing):
     points["time"][200:-200][::2] = garbage
     points["time"][200:-200][56::64] = 0.01
     cloud = as_cloud(points, DRIVERS["velodyne"][0])
-    with pytest.raises(ValueError, match="for 9 of 10 points"):
+    with pytest.raises(ValueError, match="for at least 9 of 10 points"):
         deskew(cloud, buffer, "odom", on_missing=on_missing)
 
 
@@ -834,6 +875,26 @@ def test_a_time_without_a_transform_is_an_error_or_nan(buffer):
     assert_moved(moved, expected(buffer, xyz_of(points), times, **policy), xyz_of(points), points.dtype)
     with pytest.raises(ExtrapolationException):
         deskew(cloud, buffer, "odom", max_gap=0.001, tolerance=0.5)
+
+
+@pytest.mark.parametrize("count", [1, 10, 100, 4000])
+def test_a_target_in_another_tree_is_an_error_of_the_target_time_or_nan(buffer, count):
+    for ns in (START - S, START + 2 * S):
+        buffer.set_transform(transform("bench", "tool", ns=ns), "x")
+    cloud, points, _ = measured("ouster", np.linspace(0, SWEEP, count).astype(np.int64))
+    with pytest.raises(ConnectivityException, match=r"^target_time: Could not find .* 'tool' and 'odom'"):
+        deskew(cloud, buffer, "tool", "odom")
+    moved = deskew(cloud, buffer, "tool", "odom", on_missing="nan")
+    assert np.isnan(xyz_of(points_of(moved, points.dtype))).all() and not moved.is_dense
+
+
+def test_integers_cannot_be_nan(buffer):
+    fields = [("x", "f4", 0), ("y", "u2", 4), ("z", "f4", 6), ("time", "f4", 10)]
+    points = np.ones(40, dtype_of(fields, 14))
+    points["time"] = 0.05
+    with pytest.raises(ValueError, match="^on_missing: 'nan' needs .* floats, but y is uint16$"):
+        deskew(as_cloud(points, fields), buffer, "odom", on_missing="nan")
+    assert deskew(as_cloud(points, fields), buffer, "odom").is_dense
 
 
 def test_a_cloud_without_times_names_its_fields_and_takes_them_as_an_argument(buffer):
@@ -1023,6 +1084,10 @@ def test_wrong_arguments_are_named(buffer):
         deskew(cloud, buffer, "odom", target_time=at_ns(STAMP))
     with pytest.raises(LookupException, match=r"odometry.*Did you mean \[odom\]"):
         deskew(cloud, buffer, "odometry")
+    for wrong in (5, b"odom"):
+        for how in ({}, {"target_time": 0}):
+            with pytest.raises(TypeError, match="^fixed_frame: expected a str, got "):
+                deskew(cloud, buffer, "base", fixed_frame=wrong, **how)
     with pytest.raises(ValueError, match="on_missing"):
         deskew(cloud, buffer, "odom", on_missing="skip")
     with pytest.raises(TypeError, match=r"^deskew\(\) got .* 'tolerence'\. Did you mean 'tolerance'\?$"):
@@ -1090,9 +1155,6 @@ def test_bytes_that_change_meanwhile_do_no_harm(buffer, driver):
 
 
 # How it is done.
-
-NORMALS = [("normal_x", "f4", 16), ("normal_y", "f4", 20), ("normal_z", "f4", 24)]
-VIEWPOINTS = [("vp_x", "f4", 28), ("vp_y", "f4", 32), ("vp_z", "f4", 36)]
 
 
 def test_normals_are_rotated_and_viewpoints_moved_as_by_do_transform_cloud(buffer):

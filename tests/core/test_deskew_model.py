@@ -27,6 +27,9 @@ CODES = {
 }  # fmt: skip
 
 
+NORMAL = ("normal_x", "normal_y", "normal_z")
+
+
 # Motions.
 
 
@@ -45,6 +48,7 @@ class Motion:
                 self._add_static(dice, parent, child)
             else:
                 self._add_moving(dice, parent, child, is_jumping)
+        self._add_moving(dice, "ocean", "island", is_jumping)
 
     def _add_static(self, dice, parent, child):
         xyz = dice.uniform(-3, 3, 3)
@@ -110,6 +114,7 @@ FIELDS = [
     ("timestamp", "f8", 1, False, False),
     ("time", "f4", SWEEP, True, True),
     ("time", "u4", 1000, True, True),
+    ("t", "u4", 1, True, True),
     ("t", "i4", 1, True, True),
     ("t", "u2", 10_000, True, True),
     ("offset_time", "i2", 10_000, True, True),
@@ -152,6 +157,8 @@ def clouds(draw, stamp):
     for other in draw(st.sets(st.sampled_from(["intensity", "ring", "nx"]))):
         parts.append((other, draw(st.sampled_from(list(CODES)))))
     if draw(st.booleans()):
+        parts += [(axis, "f4") for axis in NORMAL]
+    if draw(st.booleans()):
         parts = draw(st.permutations(parts))
     offsets, end = [], 0
     for _, code in parts:
@@ -167,6 +174,8 @@ def clouds(draw, stamp):
     points = np.frombuffer(dice.bytes(count * dtype.itemsize), dtype).copy()
     for axis in "xyz":
         points[axis] = dice.uniform(-100, 100, count)
+    for axis in {*NORMAL} & {*dtype.names}:
+        points[axis] = dice.uniform(-1, 1, count)
     since_ns = np.linspace(0, SWEEP, count).astype(np.int64) - draw(st.sampled_from([0, SWEEP // 2, SWEEP]))
     if is_said and kind[0] == "u":
         since_ns += SWEEP
@@ -212,8 +221,8 @@ def points_of(cloud, dtype):
     return np.frombuffer(b"".join(row.tobytes() for row in rows), dtype)
 
 
-def xyz_of(points):
-    return np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
+def xyz_of(points, axes="xyz"):
+    return np.stack([points[axis].astype(np.float64) for axis in axes], axis=1)
 
 
 # The model.
@@ -223,7 +232,7 @@ def time_of(number, field):
     """The ns of a number, or None."""
     name, kind, unit_ns, is_said, base_ns = field
     value = float(number)
-    if not is_said and kind == "u4" and value >= 2**31:
+    if kind == "u4" and unit_ns == 1 and value >= 2**31:
         value -= 2**32
     if not abs(value * unit_ns) < FARTHEST:
         return None
@@ -240,8 +249,8 @@ def unit_of(points, field):
     return (*field[:2], 1 if large and 2 * large >= len(numbers) else S, *field[3:])
 
 
-def moved_by_lookups(motion, points, field, how, policy, target):
-    """Each point by a single lookup, or its error, or None: without coordinates or a time."""
+def single_lookups(motion, points, field, how, policy, target):
+    """The matrix for each point from a single lookup, or its error, or what the point lacks."""
     found, answers = [], {}
     for xyz, number in zip(xyz_of(points), points[field[0]], strict=True):
         ns = time_of(number, field)
@@ -250,10 +259,7 @@ def moved_by_lookups(motion, points, field, how, policy, target):
             continue
         if ns not in answers:
             answers[ns] = looked_up(motion.buffer, ns or 1, how, policy, target)  # 0 is no latest time
-        answer = answers[ns]
-        found.append(
-            answer if isinstance(answer, TransformException) else answer[:3, :3] @ xyz + answer[:3, 3]
-        )
+        found.append(answers[ns])
     return found
 
 
@@ -294,9 +300,9 @@ def is_asked_about(points, field, stamp):
     return True if 0.9 + about < span < 1 - about or span == 1 else None
 
 
-def lacks_target(motion, how, policy):
+def lacks_target(motion, target, how, policy):
     """Whether the target itself has no transform at the target time."""
-    arguments = "lidar", how["fixed_frame"], how["target_time"]
+    arguments = target, how["fixed_frame"], how["target_time"]
     return not motion.buffer.can_transform(*arguments, **policy)
 
 
@@ -306,17 +312,21 @@ POLICIES = [{}, {}, {}, {"tolerance": 0.15}, {"tolerance": 0.15, "extrapolate": 
 SWEEPS = st.sampled_from(STAMPS).flatmap(lambda stamp: st.tuples(motions(stamp), clouds(stamp)))
 
 
-@given(SWEEPS, st.sampled_from(POLICIES), st.booleans(), st.booleans())
-def test_each_point_moves_by_the_transform_of_its_own_time(sweep, policy, is_fixed, may_miss):
+# With a fixed frame, or without. The island is not connected to the lidar.
+TARGETS = [("world", None), ("world", None), ("lidar", "world"), ("lidar", "world"), ("island", None)]
+TARGETS.append(("island", "world"))
+
+
+@given(SWEEPS, st.sampled_from(POLICIES), st.sampled_from(TARGETS), st.booleans())
+def test_each_point_moves_by_the_transform_of_its_own_time(sweep, policy, frames, may_miss):
     motion, (cloud, points, field) = sweep
     name, kind, unit_ns, is_said, base_ns = field
     unit = {"time_unit": Duration(nanoseconds=unit_ns)} if is_said else {}
     field = unit_of(points, field)
-    target, how, fixed = "world", {}, {}
+    (target, is_fixed), how = frames, {}
     if is_fixed:
-        target, how = "lidar", {"fixed_frame": "world", "target_time": at_ns(motion.stamp + SWEEP // 3)}
-        fixed = {**how}
-    wanted = moved_by_lookups(motion, points, field, fixed, policy, target)
+        how = {"fixed_frame": "world", "target_time": at_ns(motion.stamp + SWEEP // 3)}
+    wanted = single_lookups(motion, points, field, how, policy, target)
     before = bytes(cloud.data)
 
     def call(on_missing):
@@ -338,7 +348,7 @@ def test_each_point_moves_by_the_transform_of_its_own_time(sweep, policy, is_fix
         with pytest.raises(ValueError if bad else TransformException) as error:
             call("raise")
         begin = f"points[{(bad or failed)[0]}]" + (": " if bad else f", {name} = ")
-        if is_fixed and not bad and lacks_target(motion, how, policy):
+        if is_fixed and not bad and lacks_target(motion, target, how, policy):
             begin = "target_time: "
         assert str(error.value).startswith(begin)
         return
@@ -349,14 +359,21 @@ def test_each_point_moves_by_the_transform_of_its_own_time(sweep, policy, is_fix
     assert np.array_equal(np.isnan(got).all(axis=1), missing)
     assert np.array_equal(np.isnan(got).any(axis=1), missing)
     assert moved.is_dense == (cloud.is_dense and not bad and not failed)
-    exact = np.array([one for one, lacks in zip(wanted, missing, strict=True) if not lacks]).reshape(-1, 3)
+    matrices = np.array([one for one, lacks in zip(wanted, missing, strict=True) if not lacks])
+    matrices = matrices.reshape(-1, 4, 4)
+    exact = np.einsum("nij,nj->ni", matrices[:, :3, :3], xyz_of(points)[~missing]) + matrices[:, :3, 3]
     distance = np.linalg.norm(xyz_of(points)[~missing], axis=1, keepdims=True)
     rounding = np.abs(exact) * max(np.finfo(points.dtype[axis]).eps for axis in "xyz")
     allowed = 1e-5 + 1e-6 * distance + rounding + 2e-9 * motion.speed_at(distance) + 1e-11 * motion.length
     assert (np.abs(got[~missing] - exact) <= allowed).all()
+    if {*NORMAL} <= {*points.dtype.names}:
+        normals = xyz_of(points_of(moved, points.dtype), NORMAL)
+        assert np.array_equal(np.isnan(normals).all(axis=1), missing)
+        turned = np.einsum("nij,nj->ni", matrices[:, :3, :3], xyz_of(points, NORMAL)[~missing])
+        assert (np.abs(normals[~missing] - turned) <= 2e-6 + 2e-9 * motion.turn).all()
     # All else stays.
     assert bytes(cloud.data) == before
     assert (moved.height, moved.width, moved.fields) == (cloud.height, cloud.width, cloud.fields)
     for other in points.dtype.names:
-        if other not in ("x", "y", "z", name) or (other == name and not is_fixed):
+        if other not in ("x", "y", "z", name, *NORMAL) or (other == name and not is_fixed):
             assert points_of(moved, points.dtype)[other].tobytes() == points[other].tobytes()

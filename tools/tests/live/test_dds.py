@@ -14,6 +14,7 @@ from tool_paths import SUPPORT
 from waiting import until
 
 from tf2_ros.serialization import serialize_arrays
+from tf2_ros_tools.live.wire import parse
 
 pytestmark = pytest.mark.ours
 
@@ -468,6 +469,16 @@ def test_a_configuration_that_does_not_work(new_laptop, where, environment, text
     with pytest.raises(OrderError) as raised:
         laptop.do(f"connect({where!r})")
     assert str(raised.value).startswith(f"ConnectionError: {where}: {text}")
+
+
+def test_a_misspelled_discovery_range_is_reported_and_means_this_machine(monkeypatch, caplog):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFFF")
+    settings = dds._configuration(parse("dds://", 0, ("/tf", "/tf_static")))
+    assert "<AllowMulticast>false</AllowMulticast>" in settings
+    assert [record.getMessage() for record in caplog.records] == [
+        "ROS_AUTOMATIC_DISCOVERY_RANGE: expected one of SUBNET, LOCALHOST, SYSTEM_DEFAULT, OFF, got OFFF: "
+        "robots are found on this machine only, as in ROS 2"
+    ]
 
 
 def nodes_message(nodes, gid_bytes, order):

@@ -31,6 +31,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
+from tf2_py.printable import printable
 from tf2_ros_tools.live.wire import DISCOVERY_S, TYPE, Address, End, Publisher, Sender, Take, refuse_options
 from tf2_ros_tools.output import first_names
 
@@ -48,6 +49,7 @@ RELIABLE = Policy.Reliability.Reliable(max_blocking_time=duration(seconds=1))
 CLOCK = "rt/clock"
 # Says which node has which publisher, by their gids: GUIDs, which Humble fills up with zeros.
 NODES = "ros_discovery_info"
+RANGES = "", "SUBNET", "LOCALHOST", "SYSTEM_DEFAULT", "OFF"  # of ROS_AUTOMATIC_DISCOVERY_RANGE
 GUID_BYTES = 16
 GID_BYTES = 16, 24
 CDR_HEADER = ALIGNMENT = 4  # bytes
@@ -306,6 +308,12 @@ def _configuration(address: Address) -> str:
             f"{address.where}: ROS_AUTOMATIC_DISCOVERY_RANGE is OFF, so nothing can be found"
         )
     is_local = discovery == "LOCALHOST"
+    if discovery not in RANGES:
+        log.warning(
+            f"ROS_AUTOMATIC_DISCOVERY_RANGE: expected one of {', '.join(RANGES[1:])}, got "
+            f"{printable(discovery)}: robots are found on this machine only, as in ROS 2"
+        )
+        is_local = True
     peers = address.options.get("peers", "").split(",")
     peers += os.environ.get("ROS_STATIC_PEERS", "").split(";")
     peers += ["127.0.0.1"] if is_local else []

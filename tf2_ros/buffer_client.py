@@ -247,7 +247,7 @@ class GoalSender:
         """Find a server, send a goal, and return its result; resumed by ``_advance``."""
         while not self.action_client.server_is_ready():
             if time.monotonic_ns() >= pending.deadline_ns:
-                raise pending.error(f"The buffer server is not ready: no server of [{self.name}] was found.")
+                raise pending.error(f"The buffer server [{self.name}] is not ready: it was not found.")
             yield
         sent: list[SentGoal] = []
         try:
@@ -262,8 +262,8 @@ class GoalSender:
             response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
         ):
             raise pending.error(
-                f"The buffer server did not get the transform from [{printable(lookup.source_frame)}] to "
-                f"[{printable(lookup.target_frame)}] in time."
+                f"The buffer server [{self.name}] did not get the transform from "
+                f"[{printable(lookup.source_frame)}] to [{printable(lookup.target_frame)}] in time."
             )
         return result
 
@@ -290,12 +290,12 @@ class GoalSender:
                 if response is not None:
                     return goal, response
                 if goal.refused:
-                    raise pending.error("The buffer server refused the goal: check its log.")
+                    raise pending.error(f"{server} refused the goal: check its log.")
             now_ns = time.monotonic_ns()
             if not self.action_client.server_is_ready():
                 missing_ns = missing_ns or now_ns
                 if now_ns - missing_ns >= GONE_NS:
-                    raise pending.error(f"{server} exited before it answered.")
+                    raise pending.error(f"{server} disappeared before it answered.")
             elif missing_ns is not None or appearances != self._appearances:
                 missing_ns, appearances, is_new = None, self._appearances, True
                 pause_ns, next_ns = REPEAT_NS, now_ns

@@ -212,7 +212,9 @@ class TestWithoutServer:
         ):
             for timeout in (Duration(), SHORT):
                 begin = time.monotonic()
-                with pytest.raises(tf2_py.TimeoutException, match="not ready: no server of") as caught:
+                with pytest.raises(
+                    tf2_py.TimeoutException, match=r"server \[.*\] is not ready: it was not found"
+                ) as caught:
                     look_up(timeout)
                 assert timeout.nanoseconds / 1e9 <= time.monotonic() - begin < PROMPT_S
                 waited = re.search(r"\. Waited (\d[\d.e-]*) s$", str(caught.value))
@@ -412,7 +414,7 @@ class TestServerThatEnds:
                 awaiting = asyncio.ensure_future(client.lookup_transform_async("silent", "robot", LATEST))
                 await asyncio.sleep(0)
                 until(lambda: client.action_client._pending_result_requests)
-            with pytest.raises(tf2_py.TimeoutException, match="exited before it answered"):
+            with pytest.raises(tf2_py.TimeoutException, match="disappeared before it answered"):
                 await asyncio.wait_for(awaiting, DEADLINE_S)
 
         asyncio.run(main())

@@ -220,7 +220,8 @@ cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, PointPoses* pos
     cdef const Triples* triples
     cdef double[3] old
     cdef double moved
-    cdef bint is_lost = _has_nan(point, &grid.triples[0])   # whose directions have no pose, either
+    # Its directions have no pose, either.
+    cdef bint is_lost = grid.triple_count > 1 and _has_nan(point, &grid.triples[0])
     cdef int row, k
     _pose_of(poses, point, &grid.triples[0], i, &pose)
     for k in range(grid.triple_count):

@@ -88,9 +88,9 @@ cdef bint _is_zero(const void* bytes, size_t size) noexcept nogil:
 
 cdef const char* frozen_check_format(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil:
     if memcmp(header.magic, FROZEN_MAGIC, sizeof(header.magic)) != 0:
-        return "it is not a frozen buffer"
+        return "it is not a frozen buffer, as Buffer.freeze writes it"
     if file_bytes >= sizeof(FrozenHeader) and header.version != FROZEN_VERSION:
-        return "it has another version of the format than 1: freeze the buffer again with this version"
+        return "its format version is not 1: freeze the buffer again with this tf2-ros-cython"
     return NULL
 
 
@@ -101,9 +101,9 @@ cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_b
     if text != NULL:
         return text
     if file_bytes < sizeof(FrozenHeader):
-        return "it ends in its header"
+        return "it ends within its header"
     if header.file_bytes != file_bytes:
-        return "its size differs from its header"
+        return "its header gives another size"
     # None of these sums can overflow: both counts have 32 bits.
     records = sizeof(FrozenHeader) + <uint64_t>header.frame_count * sizeof(FrozenFrame)
     records += <uint64_t>header.authority_count * sizeof(FrozenName)
@@ -146,26 +146,26 @@ cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, Ends*
     if record.name_size == 0 or not _is_next_name(header, record.name_start, record.name_size, ends):
         return "its name in the index is invalid"
     if record.flags & ~FROZEN_PARENT:
-        return "an unknown flag"
+        return "its flags are unknown"
     if record.kind == HISTORY_NONE:
         if (record.authority or record.newest_parent or record.count or record.parent_changes
                 or record.data_start or record.checksum or record.oldest_ns or record.newest_ns):
-            return "it has no samples, but a record of samples"
+            return "it has no samples, but fields about samples"
         if not record.flags & FROZEN_PARENT:
-            return "no sample refers to it"
+            return "it is neither a child nor a parent"
         return NULL
     if record.kind != HISTORY_DYNAMIC and record.kind != HISTORY_STATIC:
-        return "an unknown kind"
+        return "its kind is unknown"
     if record.count == 0 or record.count > LAST_CAPACITY or record.parent_changes >= record.count:
-        return "its number of samples, or of changes of its parent, is out of range"
+        return "its number of samples or of parent changes is out of range"
     if record.kind == HISTORY_STATIC and record.count != 1:
-        return "a static frame with several samples"
+        return "it is static, but has several samples"
     if record.authority >= header.authority_count:
-        return "an authority that is not in the file"
+        return "its authority is not in the file"
     if record.newest_parent == 0 or record.newest_parent > header.frame_count:
-        return "a parent that is not in the file"
+        return "its parent is not in the file"
     if record.data_start != ends.samples or bytes > header.file_bytes - ends.samples:
-        return "the place of its samples is wrong"
+        return "the offset of its samples is wrong"
     ends.samples += bytes
     return NULL
 
@@ -197,12 +197,12 @@ cdef FrozenProblem frozen_check_index(const FileMapping* mapping, StopAsked stop
         return _problem_of("its header and its frames disagree on the number of samples")
     for i in range(header.authority_count):
         if not _is_next_name(header, authorities[i].start, authorities[i].size, &ends):
-            return _problem_of("the name of an authority is not a text behind the name before, in the index")
+            return _problem_of("the name of an authority is invalid")
         if authorities[i].reserved:
             return _problem_of("a reserved byte of an authority is not 0")
     if (header.index_bytes - ends.names >= LINE_BYTES
             or not _is_zero(<const char*>header + ends.names, header.index_bytes - ends.names)):
-        return _problem_of("its index does not end with names and zero padding")
+        return _problem_of("its index does not end with names and zeros")
     if frozen_checksum(header, header.index_bytes) != header.checksum:
         return _problem_of("the checksum of its index is wrong")
     return _problem_of(NULL)

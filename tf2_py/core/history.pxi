@@ -619,12 +619,12 @@ cdef const char* _transform_check(const Transform* transform) noexcept nogil:
     cdef const double* t = transform.translation
     cdef const double* q = transform.rotation
     if not (isfinite(t[0]) and isfinite(t[1]) and isfinite(t[2])):
-        return "a translation that is not finite"
+        return "its translation is not finite"
     # Not "> 1e-12": that is false for NaN.
     if not fabs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) <= 1e-12:
-        return "a rotation that is not normalized"
+        return "its rotation is not normalized"
     if quaternion_lead(q) < 0.0:
-        return "a rotation without the canonical sign"
+        return "its rotation has the wrong sign"
     return NULL
 
 
@@ -644,22 +644,22 @@ cdef const char* history_check(const History* history, StopAsked stop, uint32_t*
             and not _is_mapped(history)):
         return "a dynamic history of less than the first capacity"
     if history.kind == HISTORY_STATIC and (history.count != 1 or history.newest_ns != 0):
-        return "a static history without its one sample"
+        return "its static record is inconsistent"
     for i in range(history.count):
         where[0] = i
         if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop != NULL and stop():
             return STOPPED
         slot = history_slot(history, i)
         if history.stamps[slot] < 0 or history.stamps[slot] > MAX_STAMP_NS:
-            return "a sample with a stamp that no message holds"
+            return "its stamp does not fit into a message"
         if history.samples[slot].parent == NO_FRAME:
-            return "a sample without parent"
+            return "it has no parent"
         problem = _transform_check(&history.samples[slot].transform)
         if problem != NULL:
             return problem
         if i:
             if history.stamps[previous] > history.stamps[slot]:
-                return "stamps out of order"
+                return "its stamp is less than the stamp before it"
             same_stamp = same_stamp + 1 if history.stamps[previous] == history.stamps[slot] else 1
             if same_stamp > MAX_PER_STAMP:
                 return "too many samples of one stamp"
@@ -667,7 +667,7 @@ cdef const char* history_check(const History* history, StopAsked stop, uint32_t*
         previous = slot
     where[0] = history.count
     if changes != history.parent_changes:
-        return "parent_changes miscounted"
+        return "its parent changes are miscounted"
     if history.kind == HISTORY_DYNAMIC and history.count:
         if history.newest_ns != history.stamps[history_slot(history, history.count - 1)]:
             return "newest_ns is not the newest stamp"

@@ -453,11 +453,11 @@ cdef const char* _check_parents(const Tree* tree, FrameId frame, StopAsked stop,
             return STOPPED
         parent = history_parent_of(history, i)
         if parent >= tree.names.count:
-            return "a parent that is not a frame"
+            return "its parent is not a frame"
         if parent == frame:
-            return "a frame that is its own parent"
+            return "the frame is its own parent"
         if not tree.histories[parent].is_parent:
-            return "a parent that is not marked as one"
+            return "its parent is not marked as one"
         if tree.histories[parent].is_hidden:
             return "a parent that is hidden"
     return NULL
@@ -474,7 +474,7 @@ cdef const char* tree_check_frame(const Tree* tree, FrameId frame, StopAsked sto
     if history.is_hidden and history.kind != HISTORY_NONE:
         return "a hidden frame that has samples"
     if tree.parents[frame] != expected:
-        return "parents disagrees with the history"
+        return "its parent differs from its newest sample"
     if history.authority != NAME_UNKNOWN and history.authority >= tree.authorities.count:
         return "an authority that is not a name"
     return _check_parents(tree, frame, stop, where)

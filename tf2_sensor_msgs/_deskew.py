@@ -99,39 +99,41 @@ def deskew(
         stamp, also negative), ``t`` or ``offset_time`` (uint32: nanoseconds after the stamp, negative from
         2^31 on), ``timestamp`` (float64: seconds since 1970, or nanoseconds from 2^31 on).
     :param buffer: the transforms.
-    :param target_frame: the frame to transform the points into. Without ``fixed_frame``, one in which the
-        sensor moves, such as ``odom``.
-    :param fixed_frame: a frame that does not move, such as ``odom``, if ``target_frame`` itself moves, such
-        as the frame of the robot or the cloud's own: the points are transformed into the target frame at
+    :param target_frame: the frame to transform the points into. Without ``fixed_frame``, the sensor must move
+        in it, as in ``odom``.
+    :param fixed_frame: a frame that does not move, such as ``odom``. Pass it if ``target_frame`` moves, as
+        the robot's and the cloud's own frame do: the points are transformed into the target frame at
         ``target_time``.
-    :param target_time: only with ``fixed_frame``; 0: the latest common time of both frames, as soon as they
-        have one. None: the stamp of the cloud.
+    :param target_time: only with ``fixed_frame``; 0: the latest common time of both frames, once they have
+        one. None: the stamp of the cloud.
     :param times: the time of each point, row by row, as for ``buffer.lookup_transforms``, instead of a field;
         0 is the time 0, not the latest.
-    :param time_unit: what a 1 in the field means, if it is another unit, of whole nanoseconds: 1e-6 for
-        microseconds; the duration of a sweep if the numbers are fractions of it, from 0 to 1. Then ``time``,
-        ``t`` and ``offset_time`` may be of any type, and a sweep of any length.
+    :param time_unit: the seconds that a 1 in the field stands for, if it is another unit, in whole
+        nanoseconds: 1e-6 for microseconds; the duration of a sweep if the numbers are fractions from 0 to 1.
+        ``time``, ``t`` and ``offset_time`` may then have any type, and sweeps any length.
     :param timeout: how long to wait for the transform of the last point; only for a ``tf2_ros.Buffer``.
-    :param on_missing: ``'raise'`` raises the error of the first point for whose time there is no transform,
-        with its index; ``'nan'`` makes the coordinates of such points NaN, which must be floats.
+    :param on_missing: ``'raise'`` raises the error of the first point without a transform, with its index;
+        ``'nan'`` makes the coordinates of such points NaN, for which they must be floats.
     :param prefix: put before the frame of the cloud, as in ``buffer.transform``.
     :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`, but not
         ``max_age``, because points have times.
     :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
-        stays, except that with ``fixed_frame``, the field from which the times were read has the time of the
-        new stamp for each point, in the same unit.
+        is copied, but with ``fixed_frame``, the field from which the times were read has the time of the new
+        stamp for each point, in the same unit.
     :raises TransformException: a point has no transform; see ``buffer.lookup_transform``.
     :raises OverflowError: ``target_time``, or the stamp of the cloud, does not fit into a message.
-    :raises TypeError: an argument is of another type, there is a ``target_time`` without ``fixed_frame``, or
-        both ``time_unit`` and ``times``.
+    :raises TypeError: an argument has the wrong type, or there is ``target_time`` without ``fixed_frame``, or
+        ``time_unit`` with ``times``.
     :raises ValueError: no field has the times of the points; a time is not a number; the times need a
-        ``time_unit``, because they are fractions of a sweep, more than 3 s apart, or an hour from the stamp;
+        ``time_unit``, because they may be fractions of a sweep, span over 3 s, or are over an hour from the
+        stamp;
         ``on_missing='nan'``, and coordinates are integers; the cloud is inconsistent, as in
         :func:`do_transform_cloud`; or the sensor does not move in ``fixed_frame`` (without it, in
         ``target_frame``), because that frame is the sensor's or fixed to it.
 
-    Normals and viewpoints are transformed, too. Points with a NaN need no time; in the result, their
-    coordinates, normals and viewpoints are NaN. Integers are truncated, as in :func:`do_transform_cloud`.
+    Normals and viewpoints are transformed, too. Points with NaN coordinates need no time; in the result,
+    their coordinates, normals and viewpoints are NaN. Integers are truncated, as in
+    :func:`do_transform_cloud`.
 
     Poses are looked up at selected times and interpolated between them. The times are chosen so that the
     error of a point is at most 10 µm plus one millionth of its distance from the sensor. Where this would not
@@ -146,9 +148,9 @@ def deskew(
     if on_missing == "nan":
         _require_floats(cloud)
     if target_time is not None and fixed_frame is None:
-        raise TypeError("target_time needs a fixed_frame, which does not move between the times")
+        raise TypeError("target_time needs a fixed_frame: a frame that does not move, such as odom")
     if times is not None and time_unit is not None:
-        raise TypeError("times and time_unit, the unit of a field in the cloud, are mutually exclusive")
+        raise TypeError("pass times or time_unit, the unit of a field in the cloud, but not both")
     accepted = policy_of("deskew", True, **policy)
     if accepted is not None and accepted.judges_age:
         raise ValueError("max_age applies only to the latest transform: for points, use tolerance")
@@ -188,9 +190,9 @@ def deskew(
     bad, found = read_times(cloud, sweep.field, all_times)
     if bad >= 0 and on_missing == "raise":
         if sweep.field is None:
-            raise ValueError(f"times[{bad}]: expected a time, got NaT, the least int64")
+            raise ValueError(f"times[{bad}]: expected a time, got NaT (the smallest int64)")
         name, text = sweep.field.name, sweep.field.unit.text
-        raise ValueError(f"points[{bad}]: {name} is {found:g}, expected a time in {text}")
+        raise ValueError(f"points[{bad}]: expected {name} in {text}, got {found:g}")
     exact = _exact_poses(motion, sweep.field, all_times, on_missing)
     is_missing = bool(np.isnan(exact.matrices[:, 0, 0]).any())
     return moved(exact, cloud.is_dense and not is_missing)[0]
@@ -304,9 +306,9 @@ def _too_long(field: TimeField, numbers: NDArray[np.float64]) -> str:
     one = field.unit.ns / S
     wraps = ", negative from 2^31 on" if field.wraps else ""
     return (
-        f"{field.name} is from {low:.10g} to {high:.10g} for at least 9 of 10 points, a sweep of "
-        f"{(high - low) * one:.6g} s if these are {field.unit.text}{wraps}: pass time_unit={one:g} if they "
-        "are, or else the unit, for example time_unit=1e-6 for µs, or times"
+        f"{field.name} is from {low:.10g} to {high:.10g} for at least 9 of 10 points: a sweep of "
+        f"{(high - low) * one:.6g} s if these are {field.unit.text}{wraps}. If that is right, pass "
+        f"time_unit={one:g}; otherwise the right unit, for example time_unit=1e-6 for µs, or times"
     )
 
 
@@ -315,15 +317,15 @@ def _unlikely(field: TimeField, lowest: float, highest: float, stamp_ns: int) ->
     if field.unit == KNOWN["time"][1] and 0.9 < highest - lowest <= 1:
         return (
             f"{field.name} is from {lowest:.3g} to {highest:.3g}, which may be seconds or fractions of a "
-            "sweep: pass time_unit=1.0, or the duration of a sweep, for example time_unit=0.1"
+            "sweep: pass time_unit=1, or the duration of a sweep, for example time_unit=0.1"
         )
     after = (lowest - (stamp_ns - field.base_ns) / field.unit.ns) * field.unit.ns / S
     if lowest <= highest and stamp_ns > 0 and LONGEST_NS / S < abs(after):
         side = "before" if after < 0 else "after"
         return (
-            f"{field.name} is from {lowest:.10g} to {highest:.10g}, {abs(after):.6g} s {side} the stamp of "
-            f"the cloud if these are {field.unit.text}: pass time_unit={field.unit.ns / S:g} if they are, or "
-            "else the unit, or times"
+            f"{field.name} is from {lowest:.10g} to {highest:.10g}, {abs(after):.6g} s {side} the cloud's "
+            f"stamp if these are {field.unit.text}. If that is right, pass time_unit={field.unit.ns / S:g}; "
+            "otherwise the right unit, or times"
         )
     return ""
 
@@ -364,17 +366,14 @@ def _require_motion(
             raise
         return  # nothing moves where static transforms form a loop
     moves_in = frames[body].parent if body in frames else None
-    if moves_in is None and frame == source_frame:
-        raise ValueError(
-            f"[{printable(frame)}] does not move in itself: pass a fixed_frame in which it moves"
-        )
-    if moves_in is None or body != _body(frames, source_frame, frame):
+    where = f"{'fixed_frame ' * bool(fixed_frame)}[{printable(frame)}], which moves with it"
+    if frame == source_frame:
+        where = "itself"
+    elif moves_in is None or body != _body(frames, source_frame, frame):
         return
-    given, wanted = ("fixed_frame ", "another") if fixed_frame else ("", "a fixed_frame")
-    raise ValueError(
-        f"[{printable(source_frame)}] does not move in {given}[{printable(frame)}], which moves itself: "
-        f"pass {wanted}, for example [{printable(moves_in)}]"
-    )
+    wanted = f"{'another' if fixed_frame else 'a'} fixed_frame"
+    wanted += " in which it moves" if moves_in is None else f", for example [{printable(moves_in)}]"
+    raise ValueError(f"[{printable(source_frame)}] does not move in {where}: pass {wanted}")
 
 
 def _body(frames: dict[str, FrameInfo], frame: str, other: str) -> str:

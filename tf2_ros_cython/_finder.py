@@ -59,8 +59,8 @@ class Aside:
 def unknown_rclpy() -> str:
     """Say why an rclpy is refused, and what to do."""
     return (
-        f"it was tried with rclpy {OLDEST_RCLPY} to {NEWEST_RCLPY}, and this ROS 2 has {refused_rclpy()}. "
-        "Install a newer tf2-ros-cython; TF2_ROS_CYTHON=1 tries this one"
+        f"this ROS 2 has rclpy {refused_rclpy()}, and tf2-ros-cython was tested with {OLDEST_RCLPY} to "
+        f"{NEWEST_RCLPY}. Install a newer tf2-ros-cython; TF2_ROS_CYTHON=1 tries this one"
     )
 
 

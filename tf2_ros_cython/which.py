@@ -74,7 +74,7 @@ def _answer() -> tuple[list[str], int]:
     failure = _import_failure() if are_ours else None
     if failure is not None:
         lines.append(f"does not load: {failure}")
-    lines.append(f"precedence: {_precedence()}")
+    lines.append(f"precedence: {_precedence(are_ours)}")
     strays = _stray_programs.strays() if are_ours else {}
     for python, (imported, programs) in strays.items():
         lines.append(f"programs: {_describe_strays(python, imported, programs)}")
@@ -136,7 +136,7 @@ def _why_not(name: str, folder: Path) -> str:
         return "packages in a workspace or on PYTHONPATH take precedence"
     if not _is_arranged():
         return _not_arranged()
-    return "a package that it builds on is from a workspace"
+    return "it builds on a package from a workspace"
 
 
 def _others(name: str, folder: Path | None) -> list[Path]:
@@ -153,7 +153,7 @@ def _others(name: str, folder: Path | None) -> list[Path]:
 def _describe_strays(python: str, imported: str, programs: list[Path]) -> str:
     some = ", ".join(map(str, programs[:2])) + (f" and {len(programs) - 2} more" if programs[2:] else "")
     return (
-        f"{some} start {python}, where tf2_ros is {imported}. Build them with {sys.executable} -m colcon "
+        f"{python} runs {some}; its tf2_ros is {imported}. Rebuild with {sys.executable} -m colcon "
         "build. Without --symlink-install, you can instead add to their setup.cfg: [build_scripts] "
         "executable=/usr/bin/env python3"
     )
@@ -167,28 +167,28 @@ def _is_arranged() -> bool:
 
 def _not_arranged() -> str:
     if _installation.HOME == _installation.SITE:
-        return "no finder of tf2-ros-cython is active; install it into this Python with pip"
+        return "tf2-ros-cython is not installed in this Python; install it with pip"
     return (
         f"this Python did not read {_installation.SITE}/tf2_ros_cython.pth when it started, because that "
         f"folder is not its site-packages; add {_installation.HOME} to PYTHONPATH"
     )
 
 
-def _precedence() -> str:
+def _precedence(are_ours: bool) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return (
-            "the order of the path, because TF2_ROS_CYTHON=0 is set; tf2-ros-cython if there is no other tf2"
+            "the order of sys.path, because TF2_ROS_CYTHON=0 is set; tf2-ros-cython if there is no other tf2"
         )
     if _installation.refused_rclpy() is not None:
         return f"any other tf2 before tf2-ros-cython; {_finder.unknown_rclpy()}"
     if not _is_arranged():
-        return f"the order of the path; {_not_arranged()}"
+        return f"the order of sys.path{'' if are_ours else f'; {_not_arranged()}'}"
     prefix = _installation.distribution_prefix()
     if prefix is not None:
         return f"workspaces, then tf2-ros-cython, then the tf2 in {prefix}"
     if "AMENT_PREFIX_PATH" in os.environ:
-        return "the order of the path; no prefix in AMENT_PREFIX_PATH contains rclpy"
-    return "the order of the path; no ROS 2 is sourced"
+        return "the order of sys.path; no prefix in AMENT_PREFIX_PATH contains rclpy"
+    return "the order of sys.path; no ROS 2 is sourced"
 
 
 def _receiver(are_ours: bool, failure: str | None) -> str:
@@ -211,7 +211,7 @@ def _running_ros() -> str:
     if prefix is None:
         return "replaced by a module of this program"
     version = _ros_in_use.rclpy_version(prefix)
-    return f"{_ros_in_use.describe(version) if version else 'of unknown version'} in {prefix}"
+    return f"{_ros_in_use.describe(version) if version else 'unknown version'} in {prefix}"
 
 
 def _versions(messages: Path | None) -> str:

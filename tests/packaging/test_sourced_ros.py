@@ -210,7 +210,7 @@ class TestUnknownRclpy:
         program = "from importlib.util import find_spec as f; print(f('tf2_py').origin, f('tf2_ros').origin)"
         ended = in_venv.run(sourced(newer), "-c", program)
         assert ended.stdout.count(str(in_venv.home)) == 2, ended.stderr
-        said = "tf2-ros-cython is used, because there is no other tf2, but it was tried with rclpy "
+        said = "tf2-ros-cython is used, because there is no other tf2, but this ROS 2 has rclpy "
         assert ended.stderr.count(said) == 1
 
     def test_a_variable_tries_it(self, in_venv, ros, tmp_path):
@@ -337,7 +337,7 @@ class TestWhich:
         assert (ended.returncode, len(told)) == ((0, 0) if is_same else (1, 1))
         if told:
             theirs = ros.path / SITE / "tf2_ros" / "__init__.py"
-            assert told[0].startswith(f"programs: {program} start {named}, where tf2_ros is {theirs}. ")
+            assert told[0].startswith(f"programs: {named} runs {program}; its tf2_ros is {theirs}. ")
 
     def test_it_tells_what_is_imported_and_before_what(self, anywhere, ros):
         ended = anywhere.run(sourced(ros), "-m", "tf2_ros_cython")

@@ -247,7 +247,9 @@ class GoalSender:
         """Find a server, send a goal, and return its result; resumed by ``_advance``."""
         while not self.action_client.server_is_ready():
             if time.monotonic_ns() >= pending.deadline_ns:
-                raise pending.error(f"The buffer server [{self.name}] is not ready: it was not found.")
+                raise pending.error(
+                    f"The buffer server [{self.name}] is not ready: start it, or check its name."
+                )
             yield
         sent: list[SentGoal] = []
         try:
@@ -295,7 +297,7 @@ class GoalSender:
             if not self.action_client.server_is_ready():
                 missing_ns = missing_ns or now_ns
                 if now_ns - missing_ns >= GONE_NS:
-                    raise pending.error(f"{server} disappeared before it answered.")
+                    raise pending.error(f"{server} disappeared before it answered: restart it.")
             elif missing_ns is not None or appearances != self._appearances:
                 missing_ns, appearances, is_new = None, self._appearances, True
                 pause_ns, next_ns = REPEAT_NS, now_ns
@@ -316,7 +318,7 @@ class GoalSender:
 
 class BufferClient(BufferInterface):
     """
-    Looks transforms up in the buffer of a buffer server.
+    Looks up transforms in the buffer of a buffer server.
 
     :param node: the node whose context and namespace are used. It need not be spun: a hidden node with a
         separate thread sends the goals, so blocking lookups also work in callbacks of any executor.
@@ -326,8 +328,8 @@ class BufferClient(BufferInterface):
     :raises ValueError: ``check_frequency`` is not above 0.
 
     A ``timeout`` covers both finding a server and the lookup in the server. Without a timeout, a coroutine
-    waits until the server is destroyed, or the context is shut down. A lookup raises what the lookup in the
-    server raises. It raises a ``TimeoutException`` if no server was found, if the server did not answer, if
+    waits for the transform until the server disappears or the context is shut down. A lookup raises what the
+    lookup in the server raises. It raises a ``TimeoutException`` if no server was found, if the server did not answer, if
     the transform was not available in time, or if the context was shut down; the text says which, and how
     long the wait took.
 

@@ -16,13 +16,17 @@ REFUSALS = (
     ("TF_NO_FRAME_ID", "no_frame_id", "frame_id is not set"),
     ("TF_NO_CHILD_FRAME_ID", "no_child_frame_id", "child_frame_id is not set"),
     ("TF_NAN_INPUT", "nan_input", "a number is NaN"),
-    ("TF_DENORMALIZED_QUATERNION", "denormalized_quaternion", "the rotation is too short or too long"),
+    (
+        "TF_DENORMALIZED_QUATERNION",
+        "denormalized_quaternion",
+        "the rotation is too short or too long to be normalized",
+    ),
     ("TF_INFINITE_INPUT", "infinite_input", "the translation is infinite"),
     ("TF_NEGATIVE_STAMP", "negative_stamp", "the stamp is negative"),
     ("TF_RESERVED_FRAME_ID", "reserved_frame_id", 'the frame name "NO_PARENT" is reserved'),
     ("TF_OLD_DATA", "old_data", "the stamp is more than cache_time older than the frame's newest stamp"),
-    ("TF_STAMP_TOO_LATE", "stamp_too_late", "the stamp is beyond what a message can carry"),
-    ("TF_TOO_MANY_FRAMES", "too_many_frames", "the buffer has max_frames frames already"),
+    ("TF_STAMP_TOO_LATE", "stamp_too_late", "the stamp does not fit into a message"),
+    ("TF_TOO_MANY_FRAMES", "too_many_frames", "the buffer already has max_frames frames"),
     ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would exceed max_bytes"),
 )
 OLD_DATA = 1 << 8
@@ -76,14 +80,15 @@ def unnormalised(length: float, parent: str, child: str, authority: str) -> None
     text = (
         f"The transform from frame_id '{parent}' to child_frame_id '{child}' from authority '{authority}' "
         f"has a rotation of length {length:.6g}. This buffer normalizes it, but tf2 of ROS 2 Kilted and "
-        "later refuses it. Further transforms of this child_frame_id are not logged"
+        "later refuses it: publish length 1. This is logged once for each child_frame_id"
     )
     logger().warning(printable(text))
 
 
 def not_logged(count: int) -> None:
     """Log how many more transforms were refused than logged."""
-    logger().warning(f"{count} more refused transforms were not logged; statistics() counts all")
+    were = " was" if count == 1 else "s were"
+    logger().warning(f"{count} more refused transform{were} not logged; statistics() counts all")
 
 
 def malformed(what: str, error: str) -> None:

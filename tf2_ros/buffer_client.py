@@ -329,9 +329,9 @@ class BufferClient(BufferInterface):
 
     A ``timeout`` covers both finding a server and the lookup in the server. Without a timeout, a coroutine
     waits for the transform until the server disappears or the context is shut down. A lookup raises what the
-    lookup in the server raises. It raises a ``TimeoutException`` if no server was found, if the server did not answer, if
-    the transform was not available in time, or if the context was shut down; the text says which, and how
-    long the wait took.
+    lookup in the server raises. It raises a ``TimeoutException`` if no server was found, if the server did
+    not answer, if the transform was not available in time, or if the context was shut down; the text says
+    which, and how long the wait took.
 
     ``destroy()`` ends the client, and so does destroying the node.
 

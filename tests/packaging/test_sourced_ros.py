@@ -198,10 +198,10 @@ class TestUnknownRclpy:
         ended = in_venv.run(environment, "-c", "import tf2_ros, tf2_geometry_msgs; print(tf2_ros.OWNER)")
         assert (ended.returncode, ended.stdout) == (0, "distribution\n")
         assert ended.stderr.count("tf2-ros-cython steps aside: ") == 1
-        assert "and this ROS 2 has 99.1.2" in ended.stderr
+        assert "this ROS 2 has rclpy 99.1.2" in ended.stderr
         told = in_venv.run(environment, "-m", "tf2_ros_cython")
         assert told.returncode == 1
-        assert "and this ROS 2 has 99.1.2" in told.stdout
+        assert "this ROS 2 has rclpy 99.1.2" in told.stdout
         quiet = in_venv.run({**environment, "TF2_ROS_CYTHON": "0"}, "-c", "import tf2_ros")
         assert (quiet.returncode, quiet.stderr) == (0, "")
 

@@ -318,7 +318,8 @@ def logs_of(database: Path) -> Iterator[Path]:
         for ending, begin in LOGS.items():
             log = place.with_name(f"{place.name}{ending}")
             with suppress(FileNotFoundError):  # an empty one comes and goes whenever a database is opened
-                if log.is_file() and log.stat().st_size and _begins_with(log, begin):
+                # A name that is too long names no file.
+                if os.path.isfile(log) and log.stat().st_size and _begins_with(log, begin):
                     yield log
 
 

@@ -206,6 +206,15 @@ def test_the_folder_of_a_recording_may_be_that_of_its_file(storage, tmp_path, mo
         assert len(files(folder)) == len(listed) + 1
 
 
+def test_names_may_have_the_longest_length(path, tmp_path, cache):
+    """Longer by one of SQLite's endings, they would name no file."""
+    longest = path.rename(path.with_name(f"{'x' * 250}.mcap"))
+    folder = write_folder(tmp_path / "run", drive(20), "mcap")
+    (folder / ("x" * 255)).touch()
+    for one in (longest, folder):
+        assert held(bag.load(one, cache=cache)) == held(bag.load(one))
+
+
 def test_a_recording_may_have_hidden_files(tmp_path, cache):
     folder = write_folder(tmp_path / "run", drive(20), "mcap")
     (folder / "run.mcap").rename(folder / ".run.mcap")

@@ -20,7 +20,7 @@ from cpython.ref cimport Py_DECREF, Py_INCREF
 from cpython.unicode cimport PyUnicode_Check
 from libc.errno cimport EINTR, ENOMEM, errno
 from libc.float cimport DBL_EPSILON
-from libc.stdint cimport SIZE_MAX
+from libc.stdint cimport INT64_MIN, SIZE_MAX
 from libc.string cimport strchr, strlen
 from posix.mman cimport (
     MAP_ANONYMOUS,

@@ -40,6 +40,15 @@ def do_transform_cloud(
 def as_bytes(data: Any) -> Any:
     """Return the ``data`` of a cloud, or a copy if that is not a buffer of contiguous bytes."""
 
+def require_cloud(cloud: PointCloud2) -> None:
+    """
+    Require what a PointCloud2 has, but for the contents of ``data``.
+
+    :raises MalformedObjectError: an attribute of the cloud, its header or one of its fields is missing.
+    :raises TypeError: a size is not an int.
+    :raises ValueError: a size is negative or too large.
+    """
+
 def sample_times(
     cloud: PointCloud2, times: TimeField, needs_point: bool = True, every: bool = False
 ) -> npt.NDArray[np.float64]:

@@ -21,7 +21,7 @@ from tf2_py._internal import (
 from tf2_py.printable import printable
 from tf2_ros import BufferCore, FrameInfo, LookupException, TransformException
 from tf2_ros._arguments import frame_of, kind_of
-from tf2_sensor_msgs._cloud import move_points, read_times, sample_times
+from tf2_sensor_msgs._cloud import move_points, read_times, require_cloud, sample_times
 from tf2_sensor_msgs._time_field import KNOWN, NAMES, S, TimeField, Unit, find_time_field
 
 if TYPE_CHECKING:
@@ -143,6 +143,7 @@ def deskew(
         raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
     if not hasattr(cloud, "point_step"):
         raise MalformedObjectError(f"cloud: expected a sensor_msgs/PointCloud2, got {kind_of(cloud)}")
+    require_cloud(cloud)
     if on_missing not in ("raise", "nan"):
         raise ValueError(f"on_missing: expected 'raise' or 'nan', got {on_missing!r}")
     if on_missing == "nan":

@@ -64,6 +64,26 @@ cdef Py_ssize_t _sample_row(const char* row, const Grid* grid, const TimeSource*
     return found
 
 
+def require_cloud(cloud):
+    """
+    Require what a PointCloud2 has, but for the contents of ``data``.
+
+    :raises MalformedObjectError: an attribute of the cloud, its header or one of its fields is missing.
+    :raises TypeError: a size is not an int.
+    :raises ValueError: a size is negative or too large.
+    """
+    for name in ("height", "width", "point_step", "row_step"):
+        _whole(cloud, cloud_layout, name)
+    for name in ("data", "is_bigendian", "is_dense"):
+        get_field(cloud_layout, cloud, name)
+    header = get_field(cloud_layout, cloud, "header")
+    for name in ("stamp", "frame_id"):
+        get_field(header_layout, header, name)
+    for field in get_field(cloud_layout, cloud, "fields"):
+        for name in ("name", "datatype"):
+            get_field(field_layout, field, name)
+
+
 def sample_times(cloud, times, bint needs_point=True, bint every=False):
     """
     The finite numbers in a field, of a sample of the points.

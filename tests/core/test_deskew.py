@@ -4,6 +4,7 @@ import array
 import re
 import threading
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -53,6 +54,7 @@ DRIVERS = {
                            lambda ns: ns / S),
 }  # fmt: skip
 every_driver = pytest.mark.parametrize("driver", DRIVERS)
+NAT = np.datetime64("NaT", "ns")
 TIME_FIELDS = ("time", "t", "offset_time", "timestamp")
 
 
@@ -526,6 +528,21 @@ def test_the_least_integer_is_not_a_time(buffer):
     with pytest.raises(ValueError, match=r"^times\[7\]: expected a time, got NaT \(the smallest int64\)$"):
         deskew(cloud, buffer, "odom", times=times)
     assert missing_in(deskew(cloud, buffer, "odom", times=times, on_missing="nan"), points.dtype) == [7]
+
+
+def test_a_time_of_any_type_may_be_missing(buffer):
+    cloud, points, times = measured("velodyne", SINCE_STAMP[:4])
+    stamps = times.view("M8[ns]")
+    wanted = deskew(cloud, buffer, "odom", times=np.where([0, 1, 0, 0], NAT, stamps), on_missing="nan")
+    mixed = [times[0].item(), NAT, at_ns(times[2].item()), stamps[3].astype("M8[ns]")]
+    for given in ([stamps[0], NAT, *stamps[2:]], mixed, np.array(mixed, object)):
+        moved = deskew(cloud, buffer, "odom", times=given, on_missing="nan")
+        assert moved.data == wanted.data
+    pandas = pytest.importorskip("pandas")
+    given = [pandas.Timestamp(times[0]), pandas.NaT, *map(pandas.Timestamp, times[2:])]
+    assert deskew(cloud, buffer, "odom", times=given, on_missing="nan").data == wanted.data
+    with pytest.raises(ValueError, match=r"^times\[1\]: expected a time, got NaT"):
+        deskew(cloud, buffer, "odom", times=given)
 
 
 @pytest.mark.parametrize("unit", ["ns", "us"])
@@ -1103,6 +1120,26 @@ def test_wrong_arguments_are_named(buffer):
     cloud.data = cloud.data[:100]
     with pytest.raises(ValueError, match="data has 100 bytes"):
         deskew(cloud, buffer, "odom")
+
+
+def test_what_lacks_a_part_of_a_cloud_is_refused_as_by_do_transform_cloud(buffer):
+    cloud, _, _ = measured("ouster")
+    parts = {name: getattr(cloud, name) for name in cloud.get_fields_and_field_types()}
+    assert deskew(SimpleNamespace(**parts), buffer, "odom") == deskew(cloud, buffer, "odom")
+    wrong = [{name: one for name, one in parts.items() if name != lacking} for lacking in parts]
+    wrong += [
+        parts | {"header": 5},
+        parts | {"fields": [5]},
+        parts | {"height": None},
+        parts | {"width": 1.5},
+    ]
+    for one in wrong:
+        for call in (lambda cloud: do_transform_cloud(cloud, transform("odom", "lidar")),
+                     lambda cloud: deskew(cloud, buffer, "odom", on_missing="nan")):  # fmt: skip
+            with pytest.raises(TypeError, match="expected a"):
+                call(SimpleNamespace(**one))
+    with pytest.raises(ValueError, match="^width = -1 is out of the range"):
+        deskew(SimpleNamespace(**parts | {"width": -1}), buffer, "odom")
 
 
 def test_each_argument_of_the_table_is_taken(buffer):

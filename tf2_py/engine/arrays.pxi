@@ -119,7 +119,7 @@ def as_times_ns(times, *, bint accepts_nat=False):
     if isinstance(times, str) or not is_sequence(times):
         raise TypeError(f"{wanted}, got {type(times).__name__}")
     if isinstance(times, Sequence) and not _are_numbers(times):
-        times = _nanoseconds(times, wanted)
+        times = _nanoseconds(times, wanted, accepts_nat)
     try:
         array = np.asarray(times)
         if array.dtype.kind == "f" and not isinstance(times, np.ndarray) and _are_whole(times):
@@ -134,7 +134,7 @@ def as_times_ns(times, *, bint accepts_nat=False):
     if array.ndim != 1:
         raise ValueError(f"{wanted}; the shape is {array.shape}")
     if array.dtype == object:
-        array = np.array(_nanoseconds(array, wanted), dtype=np.int64)
+        array = np.array(_nanoseconds(array, wanted, accepts_nat), dtype=np.int64)
     if array.dtype.kind == "M":
         return _since_1970(array, wanted, accepts_nat)
     if array.dtype.kind not in "iu":
@@ -170,14 +170,23 @@ cdef object _since_1970(times, str wanted, bint accepts_nat):
             return np.ascontiguousarray(exact).view(np.int64)
     except OverflowError:  # NumPy before 2.5 wraps around instead
         pass
-    return np.array(_nanoseconds(times, wanted), dtype=np.int64)    # raises at the first that is not exact
+    # This raises at the first that is not exact.
+    return np.array(_nanoseconds(times, wanted, accepts_nat), dtype=np.int64)
 
 
-cdef list _nanoseconds(times, str wanted):
+cdef bint _is_nat(time):
+    import numpy as np
+    if isinstance(time, np.datetime64):
+        return np.isnat(time)
+    return type(time).__name__ == "NaTType"     # of pandas
+
+
+cdef list _nanoseconds(times, str wanted, bint accepts_nat):
     cdef list found = []
     try:
         for i, time in enumerate(times):
-            found.append(nanoseconds(time, f"times[{i}]"))
+            is_nat = accepts_nat and _is_nat(time)
+            found.append(INT64_MIN if is_nat else nanoseconds(time, f"times[{i}]"))
         return found
     except TypeError as error:
         # Not a check beforehand: a named tuple with sec and nanosec is a time.

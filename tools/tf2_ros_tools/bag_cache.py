@@ -31,14 +31,19 @@ def state_of(recording: str) -> list[list[Any]]:
     file, but no program can set the time at which the inode was changed. Frozen and unfinished files are left
     out, so that the folder of a recording may be that of its frozen file.
     """
-    files = [Path(recording)]
-    if os.path.isdir(recording):
-        left_out = (FROZEN, UNFINISHED, SHARED_MEMORY, *LOGS)
-        files = sorted(one for one in files[0].iterdir() if one.is_file() and not one.name.endswith(left_out))
-    states = [_state_of_file(one) for one in files]
-    for log in (log for one in files for log in logs_of(one)):
-        with suppress(FileNotFoundError):  # it has just been merged
-            states.append(_state_of_file(log))
+    path = Path(recording)
+    if not path.is_dir():
+        return [_state_of_file(path), *_states_of([*logs_of(path)])]
+    left_out = (FROZEN, UNFINISHED, SHARED_MEMORY, *LOGS)
+    files = sorted(one for one in path.iterdir() if one.is_file() and not one.name.endswith(left_out))
+    return _states_of([*files, *(log for one in files for log in logs_of(one))])
+
+
+def _states_of(files: list[Path]) -> list[list[Any]]:
+    states = []
+    for one in files:
+        with suppress(FileNotFoundError):  # logs are merged, and other programs use the folder, too
+            states.append(_state_of_file(one))
     return states
 
 

@@ -4,6 +4,7 @@ import errno
 import os
 import re
 import shutil
+import stat
 import struct
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -325,7 +326,10 @@ def logs_of(database: Path) -> Iterator[Path]:
 
 def _refuse_special(path: Path) -> None:
     """Refuse a pipe, because opening it would wait for its writer, and a device."""
-    if path.exists() and not path.is_file() and not path.is_dir():
+    mode = stat.S_IFREG
+    with suppress(OSError):  # in a folder, other files come and go
+        mode = path.stat().st_mode
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise BagError(f"{printable(str(path))} is not a recording: it is a pipe or a device")
 
 

@@ -16,7 +16,7 @@ from robot_of_all_joints import ARM, NAMES, joint_state
 
 from tf2_py.files import whole_file
 from tf2_ros import Buffer
-from tf2_ros_tools import bag, bag_loader
+from tf2_ros_tools import bag, bag_cache, bag_loader
 from tf2_ros_tools.programs.tf2_bag import PARSER
 from tf2_ros_tools.programs.tf2_bag import bag as tf2_bag
 
@@ -204,6 +204,20 @@ def test_the_folder_of_a_recording_may_be_that_of_its_file(storage, tmp_path, mo
     with whole_file(folder / "of another thread"):
         assert held(bag.load(folder, cache=folder)) == held(first)
         assert len(files(folder)) == len(listed) + 1
+
+
+def test_other_files_of_the_folder_may_vanish_meanwhile(tmp_path, cache, monkeypatch):
+    folder = write_folder(tmp_path / "run", drive(20), "mcap")
+    other = folder / "upload.part"
+    other.touch()
+    state_of_file = bag_cache._state_of_file
+
+    def state(path):
+        other.unlink(missing_ok=True)
+        return state_of_file(path)
+
+    monkeypatch.setattr(bag_cache, "_state_of_file", state)
+    assert held(bag.load(folder, cache=cache)) == held(bag.load(folder))
 
 
 def test_names_may_have_the_longest_length(path, tmp_path, cache):

@@ -66,7 +66,7 @@ def _unit_ns(time_unit: "DurationLike") -> int:
     # A duration in seconds is cut off to whole ns, and 15e-9 s would be 14 ns.
     exact_ns = float(time_unit) * S if isinstance(time_unit, Real) else unit_ns
     if not 1 - NEARLY <= exact_ns <= LONGEST_UNIT_NS:
-        raise ValueError(f"time_unit: expected 1e-9 to {LONGEST_UNIT_NS // S} s, got {exact_ns / S:g} s")
+        raise ValueError(f"time_unit: expected 1e-9 to {LONGEST_UNIT_NS // S} s, got {exact_ns / S:.15g} s")
     if abs(exact_ns - round(exact_ns)) > NEARLY * exact_ns:
         raise ValueError(f"time_unit: expected whole nanoseconds, got {exact_ns:.10g} ns: pass times instead")
     return round(exact_ns)

@@ -351,7 +351,7 @@ def test_nobody_publishes_static_transforms(robot, laptop):
             "'/tf_static', reliable=False",
             True,
             5,
-            "/fixed publishes it best effort, and listeners require reliable",
+            "/fixed publishes it best-effort, and listeners require reliable",
         ),
         ("'/tf_static', latches=True", False, 0, "/fixed publishes it, but has sent nothing"),
         (

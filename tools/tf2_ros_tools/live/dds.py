@@ -284,7 +284,7 @@ def _qos(is_static: bool, depth: int, *others: Any) -> Qos:
 
 def _described(publisher: DcpsEndpoint) -> str:
     qos = publisher.qos
-    reliability = "best effort" if Policy.Reliability.BestEffort in qos else "reliable"
+    reliability = "best-effort" if Policy.Reliability.BestEffort in qos else "reliable"
     durability = "volatile" if Policy.Durability.Volatile in qos else "transient local"
     return f"{reliability}, {durability}"
 
@@ -294,7 +294,7 @@ def _misfit(publisher: DcpsEndpoint, is_static: bool) -> str:
     if publisher.type_name != TYPE:
         return f"publishes it as {publisher.type_name}"
     if Policy.Reliability.BestEffort in publisher.qos:
-        return "publishes it best effort, and listeners require reliable"
+        return "publishes it best-effort, and listeners require reliable"
     if is_static and Policy.Durability.Volatile in publisher.qos:
         return "publishes it volatile, so it is not latched, and listeners require transient local"
     return ""

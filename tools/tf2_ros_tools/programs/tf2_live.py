@@ -107,7 +107,7 @@ def _lines(
 
 def _clock(offset: float | None) -> Iterator[str]:
     if offset is not None:
-        yield f"clock: messages arrive {three_digits(offset)} s after they were sent, at least"
+        yield f"clock: messages arrive at least {three_digits(offset)} s after they were sent"
 
 
 def _frames_of(streams: Sequence[Stream]) -> dict[str, list[str]]:

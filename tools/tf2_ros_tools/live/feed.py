@@ -28,7 +28,7 @@ class Heard:
     """
     What a feed has received on a topic.
 
-    Fields: ``count``, the number of messages; ``lost``, how many more were lost, or None if the transport
+    Fields: ``count``, the number of messages; ``lost``, how many were lost, or None if the transport
     does not count losses; ``malformed``, how many more could not be read; ``last``, the seconds since the
     last message, or None if there was none; ``rate``, the messages a second from the first to the last, or
     None if fewer than two were received.
@@ -74,7 +74,7 @@ class Feed:
     :raises TypeError: ``prefix`` is not a str.
     :raises ConnectionError: the transport cannot receive; the text says what to do.
 
-    The attribute ``buffer`` is the buffer. In a ``with`` statement the feed closes at the end.
+    The attribute ``buffer`` is what the feed fills. A ``with`` statement closes the feed.
     """
 
     def __init__(
@@ -136,11 +136,11 @@ class Feed:
         :param publisher: the name of whoever sent it; listings and log lines show it. ``""``: not known.
         :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
         :param lost: how many messages of this publisher were lost since its last one.
-        :raises TypeError: ``data`` is neither bytes nor a memoryview.
+        :raises TypeError: ``data`` is not bytes, a bytearray or a memoryview.
         :raises RuntimeError: this is a forked child of the process that made the feed.
 
-        A malformed message is counted, and the first of each topic is logged. Transforms that every buffer
-        refuses are logged and counted by the buffer.
+        A malformed message is counted, and the first of each topic is logged. The buffer logs and counts the
+        transforms that it refuses.
         """
         self._refuse_fork()
         if not isinstance(data, BYTES):

@@ -356,7 +356,7 @@ KINDS = tuple(
 
 def add_check_options(made: ArgumentParser) -> None:
     """Add the options for expectations, limits and ignored kinds."""
-    summary = "report differences from this YAML file; the end of the help of tf2_check shows an example"
+    summary = "report differences from this YAML file; tf2_check -h ends with an example"
     made.add_argument("--expect", metavar="FILE", type=Path, help=summary)
     summary = "minimum rate of each dynamic frame"
     made.add_argument("--min-rate", type=positive_number, metavar="HZ", help=summary)
@@ -364,7 +364,8 @@ def add_check_options(made: ArgumentParser) -> None:
         "--max-delay",
         type=non_negative_number,
         metavar="S",
-        help="maximum delay of each dynamic transform; by default, 1 s or 3 periods on average",
+        help="maximum delay of each dynamic transform; by default, on average, the longer of 1 s and 3 "
+        "periods",
     )
     made.add_argument(
         "--ignore",

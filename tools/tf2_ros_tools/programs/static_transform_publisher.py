@@ -38,7 +38,7 @@ default to the identity. Lengths are in meters, angles in radians. Give the rota
 The old form, X Y Z YAW PITCH ROLL FRAME_ID CHILD_FRAME_ID or X Y Z QX QY QZ QW FRAME_ID CHILD_FRAME_ID, \
 also works, with a warning.
 
-Exit status: 0 when interrupted, 1 if publishing failed, 2 after wrong usage."""
+Exit status: 0 when interrupted; 1 if publishing failed; 2 after wrong usage."""
 
 ENTRY = "{frame_id: base_link, child_frame_id: camera, x: 0.3, yaw: -1.57}"  # of a file
 
@@ -46,7 +46,7 @@ EXAMPLE = f"""\
   static_transform_publisher --x 0.3 --yaw -1.57 --frame-id base_link --child-frame-id camera
   static_transform_publisher --file transforms.yaml
 
-where the keys in transforms.yaml are the options, with _ for -:
+where transforms.yaml has the options as keys, with _ for -:
   - {ENTRY}
   - {{frame_id: base_link, child_frame_id: lidar, z: 0.5, qx: 0.0, qy: 0.0, qz: 1.0, qw: 0.0}}"""
 
@@ -64,7 +64,7 @@ PARSER.add_argument(
 meanings = {
     **{name: f"{name} of the translation" for name in TRANSLATION},
     **{name: f"{name[1]} of the rotation, a quaternion" for name in QUATERNION},
-    **{name: f"rotation about the fixed axis {axis}" for name, axis in zip(EULER, "xyz", strict=True)},
+    **{name: f"rotation about the fixed {axis} axis" for name, axis in zip(EULER, "xyz", strict=True)},
 }
 for name, meaning in meanings.items():
     PARSER.add_argument(f"--{name}", type=finite_number, help=meaning)

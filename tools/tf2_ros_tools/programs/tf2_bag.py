@@ -61,10 +61,10 @@ S = 1_000_000_000
 RECORDED = "recorded"  # in place of the name of a URDF
 JSON = "print one JSON object"  # the help of an option
 # Further paragraphs of the help of commands.
-KINDS_EXPLAINED = "The page of tf2_check in the documentation explains the kinds of problems."
+KINDS_EXPLAINED = "The documentation of tf2_check explains the kinds of problems."
 TABLE = """\
-The columns are stamp_ns, x, y, z (meters), qx, qy, qz, qw, valid (false without an answer; the numbers are \
-then nan) and gap (seconds between the samples that a pose was interpolated from).
+The columns are stamp_ns, x, y, z (meters), qx, qy, qz, qw, valid (false if there is no answer; the \
+numbers are then nan) and gap (seconds between the samples that a pose was interpolated from).
 
 Exit status: 0 on success; 1 if no time has an answer, or the recording cannot be read; 2 after wrong \
 usage."""
@@ -418,7 +418,7 @@ def _parser() -> Parser:
         "drive.mcap --path map base_link -o path.svg",
     )
     _add_recording(command)
-    add_plot_options(command, "the recording's name with .png, in this folder")
+    add_plot_options(command, "the recording's name with .png, in the current folder")
     command = add(
         "batch",
         batch,
@@ -498,8 +498,8 @@ def _add_topics(made: Parser) -> None:
         type=_urdf,
         metavar="[TOPIC=]FILE",
         default=[],
-        help="also compute this URDF's joint transforms from TOPIC (default: /joint_states); for FILE, "
-        f"{RECORDED} means robot_description in the recording; may be given several times",
+        help="also compute joint transforms from this URDF and TOPIC (default: /joint_states); the FILE "
+        f"{RECORDED!r} is the recording's robot_description; may be given several times",
     )
 
 

@@ -11,9 +11,9 @@ PARSER = Parser(
     "tf2_check",
     "Listen to transforms for a while, and print a line for each problem: no transform at all, "
     "unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
-    "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
+    "published, gaps, late transforms, stamps from another clock or the future, and differences from a "
     "file of expectations.\n\n"
-    "The page of tf2_check in the documentation explains the kinds of problems.\n\n"
+    "The documentation of tf2_check explains the kinds of problems.\n\n"
     "Exit status: 0 if there are no problems; 1 if there are any or the check failed; 2 after wrong usage.",
     """\
   tf2_check -t 10 --expect robot.yaml

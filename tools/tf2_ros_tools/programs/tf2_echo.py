@@ -56,9 +56,9 @@ Exit status: 0 if a transform was printed; 1 if none was available within --wait
 if Ctrl-C ended the command before the first transform."""
 
 EXAMPLE = """\
-  tf2_echo map base_link -r 10               ten times a second; or without -r
+  tf2_echo map base_link -r 10               ten times a second
   tf2_echo map base_link -t 1795608204.5     where it was at this time
-  tf2_echo map base_link --once --wait 5     for scripts: the exit status shows success
+  tf2_echo map base_link --once --wait 5     for scripts: check the exit status
   tf2_echo map base_link --json --once       one line, for programs to read"""
 
 
@@ -109,7 +109,7 @@ PARSER.add_argument("--json", action="store_true", help="print one JSON object p
 PARSER.add_argument(
     "--qos-reliability",
     choices=["reliable", "best_effort"],
-    help="reliability of the subscription to /tf; the default, reliable, excludes best effort publishers",
+    help="reliability of the subscription to /tf; the default, reliable, excludes best-effort publishers",
 )
 PARSER.add_argument(
     "--qos-durability",

@@ -33,9 +33,9 @@ WINDOW_S = 10.0  # the figures are of this long before a report
 
 PARSER = Parser(
     "tf2_monitor",
-    "Show who publishes each frame, its rate and delay, and all problems, until interrupted. On a terminal "
-    "with the Python package textual, this is a table, updated every second, that you can sort and filter. "
-    "Otherwise, print a report like tf2's own every ten seconds.\n\n"
+    "Show who publishes each frame, its rate and delay, and all problems, until interrupted. On a "
+    "terminal, if the Python package textual is installed, this is a table, updated every second, that you "
+    "can sort and filter. Otherwise, print a report like tf2's, every ten seconds.\n\n"
     "With two frames, show only the chain between them, and the age of its newest transform.\n\n"
     + EXIT_STATUS,
     "  tf2_monitor map base_link --interval 5",

@@ -13,7 +13,7 @@ from tf2_py.printable import printable
 from tf2_ros_tools.program import EXIT_STATUS, SUCCESS, Parser, run
 
 DESCRIPTION = """\
-Send chosen transforms to other topics, until interrupted, by the rules in a YAML file. A rule can lower \
+Send chosen transforms to other topics, by the rules in a YAML file, until interrupted. A rule can lower \
 the rate, omit frames that did not move, send a chain of frames as one transform, rename frames, or send \
 poses."""
 
@@ -27,7 +27,7 @@ where relay.yaml contains, for example:
 keys of a rule:
   to         two topics, for dynamic and static transforms; with `as`, one topic; required
   from       the two topics that are read; by default [/tf, /tf_static]
-  name       a name for messages
+  name       the rule's name in logs and errors
   frames     send these frames, and all frames between them
   subtree    send this frame, or these, with all frames below
   exclude    leave out this frame, or these, with all frames below
@@ -36,7 +36,7 @@ keys of a rule:
   threshold  {translation: METERS, rotation: RADIANS, repeat: SECONDS}: send a frame only when it has
              moved by more than this, and at least every `repeat` seconds (1 by default)
   rename     {OLD: NEW}: new names for frames
-  prefix     put this before the names of all other frames
+  prefix     put this before the names of frames not in `rename`
   as         PoseStamped: send the pose of the second of two `frames` in the first one"""
 
 

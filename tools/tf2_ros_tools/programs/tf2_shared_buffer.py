@@ -14,7 +14,7 @@ interrupted. Processes whose environment contains TF2_SHARED_BUFFER=auto, or =NA
 of subscribing on their own."""
 
 EXAMPLE = """\
-  tf2_shared_buffer                                      under the name domain-N, where N is the ROS domain
+  tf2_shared_buffer                                      named domain-N, where N is the ROS domain
   tf2_shared_buffer --name simulated --cache-time 30 --ros-args -p use_sim_time:=true"""
 
 

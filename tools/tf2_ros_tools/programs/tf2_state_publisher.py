@@ -11,8 +11,8 @@ from typing import NoReturn
 from tf2_ros_tools.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
 
 DESCRIPTION = """\
-Publish the transforms of a robot, until interrupted: of fixed joints on /tf_static, and of movable joints \
-on /tf, for each message on joint_states. The URDF is also published, on robot_description."""
+Publish a robot's transforms until interrupted: fixed joints on /tf_static, and movable joints on /tf, for \
+each message on joint_states. The URDF is also published, on robot_description."""
 
 EXAMPLE = """\
   tf2_state_publisher robot.urdf

@@ -48,7 +48,7 @@ PARSER.add_argument(
     "--output",
     metavar="NAME",
     help="write NAME.gv and NAME.pdf; if NAME ends in .pdf, .svg or .png, write that picture; by default "
-    "frames_DATE, with the present date and time",
+    "frames_DATE, with the current date and time",
 )
 PARSER.add_argument("--text", action="store_true", help="print the tree; write files only with -o")
 PARSER.add_argument(

@@ -220,7 +220,7 @@ SPOILED = {
     "of one length, got 11 stamps, 11 transforms and 10 parents": ("parents", lambda array: array[1:]),
     "unexpected dtype or shape": ("transforms", lambda array: array[:, :6]),
     "the stamp is negative": put("stamps", 0, -1),
-    "the stamp is beyond": put("stamps", 5, 2**31 * S),
+    "the stamp does not fit": put("stamps", 5, 2**31 * S),
     "a number is NaN": put("transforms", (0, 0), np.nan),
     "the translation is infinite": put("transforms", (3, 2), -np.inf),
     "it cannot have these attributes": ("attributes", lambda _: {"colour": "red"}),

@@ -30,8 +30,8 @@ class Heard:
 
     Fields: ``count``, the number of messages; ``lost``, how many were lost, or None if the transport
     does not count losses; ``malformed``, how many more could not be read; ``last``, the seconds since the
-    last message, or None if there was none; ``rate``, the messages a second from the first to the last, or
-    None if fewer than two were received.
+    last message, or None if there was none; ``rate``, the messages a second, by the times at which they
+    were sent, or else received; None if fewer than two were received.
     """
 
     count: int
@@ -46,14 +46,21 @@ class _Topic:
         self.name = name
         self.count = self.malformed = 0
         self.lost = 0 if counts_losses else None
-        self.first_ns: int | None = None  # of the monotonic clock
-        self.last_ns: int | None = None
+        self.last_ns: int | None = None  # of the monotonic clock
+        # Of the clock of the sender, if it is known: several messages arrive at once when it has been found.
+        self.first_sent_ns = self.last_sent_ns = 0
+
+    def note(self, sent_ns: int) -> None:
+        self.count += 1
+        self.last_ns = time.monotonic_ns()
+        self.first_sent_ns = min(self.first_sent_ns or sent_ns, sent_ns)
+        self.last_sent_ns = max(self.last_sent_ns, sent_ns)
 
     def heard(self) -> Heard:
-        if self.first_ns is None or self.last_ns is None:
+        if self.last_ns is None:
             return Heard(self.count, self.lost, self.malformed, None)
         last = (time.monotonic_ns() - self.last_ns) / S
-        lasted_ns = self.last_ns - self.first_ns
+        lasted_ns = self.last_sent_ns - self.first_sent_ns
         rate = (self.count - 1) * S / lasted_ns if lasted_ns else None
         return Heard(self.count, self.lost, self.malformed, last, rate)
 
@@ -158,10 +165,8 @@ class Feed:
             if topic.lost is not None:
                 topic.lost += lost
             if malformed is None:
-                topic.count += 1
-                topic.last_ns = time.monotonic_ns()
+                topic.note(sent_ns or received_ns)
                 if topic.count == 1:
-                    topic.first_ns = topic.last_ns
                     self._changed.notify_all()
             else:
                 topic.malformed += 1

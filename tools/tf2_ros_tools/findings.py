@@ -145,7 +145,7 @@ def find(
         own_limits = replace(limits, **{key: one for key, one in given.items() if one is not None})
         found += _of_frame(frame, own, alive)
         found += _unnormalised(own, alive)
-        found += _as_expected(frame, newest_streams(own)[frame], expected)
+        found += _as_expected(frame, newest_streams(own)[frame], own, expected)
         moving = [one for one in own if not one.static]
         for stream in moving:
             judged = stream if _clock_offset(stream) is None else without_delays(stream)
@@ -306,9 +306,16 @@ def _rate_at_most(stream: Stream) -> float | None:
     return since if stream.rate is None else min(stream.rate, since)
 
 
-def _as_expected(frame: str, newest: Stream, expected: Expectation) -> Iterator[Finding]:
-    if expected.parent is not None and newest.parent != expected.parent:
-        yield Finding("parent", frame, f"{frame} has the parent {newest.parent}, not {expected.parent}")
+def _as_expected(
+    frame: str, newest: Stream, own: Sequence[Stream], expected: Expectation
+) -> Iterator[Finding]:
+    if expected.parent is not None:
+        others = sorted({one.parent for one in own} - {expected.parent})
+        if newest.parent != expected.parent:
+            yield Finding("parent", frame, f"{frame} has the parent {newest.parent}, not {expected.parent}")
+        elif others:
+            text = f"{frame} also has the parent {' and '.join(others)}, not only {expected.parent}"
+            yield Finding("parent", frame, text)
     if expected.static is not None and newest.static != expected.static:
         kinds = {True: "static", False: "dynamic"}
         text = f"{frame} is {kinds[newest.static]}, not {kinds[expected.static]}"

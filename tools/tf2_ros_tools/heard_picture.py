@@ -165,7 +165,9 @@ def heard_picture(
     names = [*map(stored_name, wanted)]
     own = {name: [one for one in streams if one.frame == name] for name in names}
     lacking = [
-        f"no valid transform of {name} was received" if name in frames else not_known(name, frames)
+        f"no valid transform of {name} was received; for a path, use --path"
+        if name in frames
+        else not_known(name, frames)
         for name in names
         if not own[name]
     ]

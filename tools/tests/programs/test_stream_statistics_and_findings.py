@@ -287,6 +287,17 @@ FINDINGS = {
         limits=Limits(min_rate=20),
         says="rate: odom by /odometry is published at 18.8 Hz; the minimum is 20 Hz",
     ),
+    "another parent beside the expected one": case(
+        steady("base", "odom"),
+        steady("base", "map", publisher="/other", start=0.01, end=2.5),
+        expectations={"base": Expectation(parent="odom")},
+        says=[
+            "parents: base has 2 parents: map by /other, odom by /odometry",
+            "parent: base also has the parent map, not only odom",
+            "publishers: base is published by 2",
+            "stale: base in map by /other",
+        ],
+    ),
     "the expected rate goes first": case(
         *ROBOT, limits=Limits(min_rate=40), expectations={"odom": Expectation(min_rate=10)}
     ),

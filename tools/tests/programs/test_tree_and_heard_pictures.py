@@ -247,5 +247,5 @@ def test_a_figure_is_written_in_each_format(kind):
 def test_a_frame_that_cannot_be_drawn_is_named(refusals):
     records = np.zeros(len(refusals), RECORD)
     records["child"], records["refusals"] = 1, refusals
-    with pytest.raises(RunError, match=r"^no valid transform of base was received$"):
+    with pytest.raises(RunError, match=r"^no valid transform of base was received; for a path, use --path$"):
         heard_picture(records, [], ["map", "base"], ["base"], (0.0, 1.0))

@@ -74,9 +74,9 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
         importlib.import_module(_REGISTERED_BY[package])
     if key in table:
         return table[key]
+    advice = "" if package == "tf2_py" else "import the package that registers it, or "
     raise TypeException(
-        f"Type {key} is not loaded or supported: import the package that registers it, or register "
-        f"a function with tf2_ros.{method}"
+        f"Type {key} is not loaded or supported: {advice}register a function with tf2_ros.{method}"
     )
 
 

@@ -9,8 +9,7 @@ STEP_BACK = 9 * S // 10
 MOST_SUGGESTED = 3  # names in the text of an error
 YEAR = 365 * 86400 * 10**9  # ns
 NO_CLOCK = (
-    "ages need a clock, which this buffer does not have: use a tf2_ros.Buffer, not a BufferCore or the "
-    "buffer of a recording"
+    "ages need a clock, which this buffer does not have: a BufferCore and the buffer of a recording have none"
 )
 
 

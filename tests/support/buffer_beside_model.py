@@ -9,12 +9,13 @@ import math
 import operator
 import re
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
 import yaml
 from cdr_encoder import encode
-from making_objects import rotation, stamp_ns, transform, translation
+from making_objects import S, rotation, stamp_ns, transform, translation
 from model import Model
 from model_terms import STAMPS_END, ModelError
 from pickles_and_copies import BY_FILE
@@ -162,6 +163,7 @@ class Pair:
     def __init__(self):
         self.buffer, self.model = Buffer(Duration(nanoseconds=10)), Model(10)
         self.saved = None  # a state of the buffer, and the model of that moment
+        self.shown_ns = 0  # by the last clock that was read
         self.set_clock(45)
 
     def init(self, cache_ns):
@@ -170,9 +172,17 @@ class Pair:
         self.set_clock(self.now_ns)
 
     def set_clock(self, now_ns):
-        """None: the buffer has no clock."""
+        """
+        None: the buffer has no clock. A clock that goes back by a second clears the buffer when it is read.
+        """
         self.now_ns = self.model.now_ns = now_ns
         self.buffer.clock = None if now_ns is None else SetClock(now_ns)
+        if now_ns is not None:
+            if self.shown_ns - now_ns >= S:
+                self.clear()
+            self.shown_ns = now_ns
+            with suppress(ValueError, TransformException):
+                self.buffer.ages("a", "b")  # reads the clock
 
     def insert(self, way, links, authority):
         """In one call, or one call for each link."""

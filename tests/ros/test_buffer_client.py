@@ -343,10 +343,11 @@ class TestServerThatEnds:
 
     def test_another_one_that_takes_over_gets_the_goal(self, tf2_ros, node, monkeypatch):
         monkeypatch.setattr("tf2_ros.buffer_client.GONE_NS", 10**12)
-        monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**12)
         client = tf2_ros.BufferClient(node, "taken_over")
         sender, noticed = client._tf2_goal_sender, threading.Event()
         with serving("taken_over"):
+            assert client.can_transform("map", "robot", LATEST, LONG)  # from now on, no response is dropped
+            monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**12)
             coroutine = client.lookup_transform_async("silent", "robot", LATEST)
             coroutine.send(None)
             until(lambda: client.action_client._pending_result_requests)
@@ -361,12 +362,19 @@ class TestServerThatEnds:
             until(server.cancelled.done)
         client.destroy()
 
-    def test_another_one_gets_the_goal_of_one_that_was_killed(self, tf2_ros, node, monkeypatch):
+    def test_another_one_gets_the_goal_of_one_that_was_killed(self, tf2_ros, tf2_py, node, monkeypatch):
         """The middleware takes the killed one for available until its lease expires."""
         monkeypatch.setattr("tf2_ros.buffer_client.GONE_NS", 10**12)
-        monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**12)
         client = tf2_ros.BufferClient(node, "killed")
+
+        def is_answered():
+            with pytest.raises(tf2_py.TransformException) as error:
+                client.lookup_transform("map", "robot", LATEST, SHORT)
+            return "does not exist" in str(error.value)  # which the server says
+
         with killed(start("serves_lookups.py", "killed")):
+            until(is_answered)  # from now on, no response is dropped
+            monkeypatch.setattr("tf2_ros.buffer_client.REPEAT_NS", 10**12)
             coroutine = client.lookup_transform_async("silent", "robot", LATEST)
             coroutine.send(None)
             until(lambda: client.action_client._pending_result_requests)

@@ -64,7 +64,13 @@ def test_a_pipe_gets_what_scripts_for_tf2s_program_parse(robot):
     with running("tf2_monitor", "camera", "map", "--interval", "1.5") as process:
         out = [process.stdout.readline()]
         assert out == ["Gathering data on camera -> map for 1.5 seconds...\n"]
-        until(lambda: out.append(process.stdout.readline()) or re.search(report, "".join(out)))
+
+        def is_reported():
+            out.append(process.stdout.readline())
+            print(out[-1], end="")  # pytest shows it if this fails
+            return re.search(report, "".join(out))
+
+        until(is_reported)
 
 
 def test_a_pipe_gets_problems_after_all_of_that():

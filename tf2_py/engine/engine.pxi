@@ -461,8 +461,8 @@ cdef class Engine:
         cdef int64_t before_ns = monotonic_ns()
         shown = None if self._show_time is None else self._show_time(self)
         if shown is None:
-            raise ValueError("ages need a clock, which this buffer does not have: a BufferCore and the buffer "
-                             "of a recording have none")
+            raise ValueError("ages need a clock, which this buffer does not have: a BufferCore and the "
+                             "buffer of a recording have none")
         reading.now_ns, reading.is_system, is_silent = shown
         self._must_look = is_silent or reading.now_ns <= NOT_BEGUN_NS   # nothing reports that it begins
         reading.steady_ns = monotonic_ns()

@@ -704,6 +704,8 @@ cdef class BufferCore(Engine):
         if answered == SERIES_NO_MEMORY:
             raise MemoryError
         if answered < series.count:
+            if answered >= 0:
+                query.source_ns = series.times_ns[answered]
             error = self.error(query, status)
             if answered != SERIES_BAD_NAME and status.code != STATUS_BAD_LIMIT:
                 error = type(error)(f"times[{answered // per_time}]: {error}")

@@ -156,6 +156,26 @@ def test_a_lookup_at_many_times_names_it_too(tf2_py, robot, case, policy):
 
 
 @pytest.mark.ours
+def test_an_error_at_the_latest_common_time_names_the_frame_without_newer_data(tf2_py, buffer):
+    for seconds in (8, 9):
+        buffer.set_transform(transform("odom", "late", seconds), "x")
+    said = error_of(tf2_py, buffer, "map", "late", 0)
+    reason = ". The latest common time is 3.000000000 because odom has no newer data"
+    assert said == error_of(tf2_py, buffer, "map", "late", 3) + reason
+    assert found(said)[r"data is at time (.*),"] == (8,)
+    for look_up in (
+        lambda: buffer.lookup_transform_full_core("odom", at(3), "late", at(0), "map"),
+        lambda: buffer.lookup_transform_full_core("late", at(0), "odom", at(3), "map"),
+        lambda: buffer.lookup_transforms("map", "late", [0]),
+        lambda: buffer.time_range("map", "late"),
+        lambda: buffer.path("map", "late", at(0)),
+    ):
+        with pytest.raises(tf2_py.ExtrapolationException) as raised:
+            look_up()
+        assert str(raised.value).endswith(f"s too new{reason}")
+
+
+@pytest.mark.ours
 def test_a_tolerance_that_is_too_short_names_the_frame_that_is_furthest_behind(tf2_ros, robot):
     buffer = robot({"base": 10, "arm": 11, "laser": 14, "cam": 16})
     with pytest.raises(tf2_ros.ExtrapolationException, match=r"of arm \(parent base\) at 11\.0+ is 6\.0+ s"):

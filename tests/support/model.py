@@ -45,10 +45,11 @@ REASONS = (
 class Gap(Exception):
     """A frame has no data at a time: the text of tf2, and what is said after it."""
 
-    def __init__(self, text, addition, missing=math.inf, newest_ns=0, from_1970=False):
+    def __init__(self, text, addition, missing=math.inf, newest_ns=0, from_1970=False, is_late=False):
         super().__init__(text, addition)
         self.text, self.addition = text, addition
         self.missing, self.newest_ns, self.from_1970 = missing, newest_ns, from_1970
+        self.is_late = is_late  # the sample follows the time
 
 
 def gap(name, time, sample, text, where, newest_ns):
@@ -59,7 +60,8 @@ def gap(name, time, sample, text, where, newest_ns):
     sample_text = f"the {which} sample of {name} (parent {parent}) at {seconds(stamp)}"
     addition = f"{sample_text} is {seconds(missing)} s {how}"
     year = 365 * 86400 * 10**9
-    return Gap(f"extrapolation {text}", addition, missing, newest_ns, 0 < time < year and stamp > 30 * year)
+    from_1970 = 0 < time < year and stamp > 30 * year
+    return Gap(f"extrapolation {text}", addition, missing, newest_ns, from_1970, stamp > time)
 
 
 def interpolated(older, newer, ns):
@@ -314,8 +316,7 @@ class Model(Listings, Policies):
         if target == source:
             frame = self.frames.get(target)
             return (frame.newest_ns() if ns == 0 and frame is not None else ns), IDENTITY
-        stamp = ns or self._latest(target, source)
-        found, *_ = self._walk(target, source, stamp or NEWEST)
+        stamp, found, *_ = self._walk_asked(target, source, ns)
         return stamp, found
 
     def can(self, target, source, ns):
@@ -386,7 +387,12 @@ class Model(Listings, Policies):
             self._found[key] = found
         return self._found[key]
 
-    def _walk(self, target, source, time, policy=TF2):
+    def _walk_asked(self, target, source, ns, policy=TF2):
+        """The stamp and the walk at a time that a program passed; 0 is the latest common time."""
+        stamp = ns or self._latest(target, source)
+        return stamp, *self._walk(target, source, stamp or NEWEST, policy, is_latest=ns == 0)
+
+    def _walk(self, target, source, time, policy=TF2, is_latest=False):
         """tf2's walkToTopParent: the transform, the frames from source to target, the index of the top."""
         # From the source to its root, or to its first gap.
         to_top, frame, passed, source_gap = IDENTITY, source, [], None
@@ -411,7 +417,7 @@ class Model(Listings, Policies):
             if data is None:
                 break
             if isinstance(data, Gap):
-                raise self._extrapolation(target, source, time, source_gap, data)
+                raise self._extrapolation(target, source, time, [source_gap, data], is_latest)
             if frame == source:
                 return self._found_path(target, source, inverse(to_top), [], passed_down)
             to_top = composed(data[1], to_top)
@@ -420,7 +426,7 @@ class Model(Listings, Policies):
                 raise self._loop(target, source)
         if frame != top:
             if source_gap is not None:
-                raise self._extrapolation(target, source, time, source_gap, None)
+                raise self._extrapolation(target, source, time, [source_gap, None], is_latest)
             raise self._unconnected(target, source, frame, top)
         transform = composed(inverse(to_top), source_to_top)
         return self._found_path(target, source, transform, passed, passed_down)
@@ -450,15 +456,22 @@ class Model(Listings, Policies):
             f"The root of {target} is {target_root}; the root of {source} is {source_root}.",
         )
 
-    def _extrapolation(self, target, source, time, source_gap, target_gap):
+    def _extrapolation(self, target, source, time, gaps, is_latest):
         """tf2 names one of the gaps of its walks; here they are those on the path, if that is known."""
-        met = [[gap] if gap else [] for gap in (source_gap, target_gap)]
-        of_tf2 = extrapolation_text(target, source, *met)
+        met = [[gap] if gap else [] for gap in gaps]
+        limiting = self._limiting(target, source, time) if is_latest else None
+        of_tf2 = extrapolation_text(target, source, *met, limiting)
         known = self._gaps_on_path(target, source, time)
-        texts = [extrapolation_text(target, source, *known)] if known else []
+        texts = [extrapolation_text(target, source, *known, limiting)] if known else []
         if not known or self.looped:
             texts.append(of_tf2)
         return ModelError("ExtrapolationException", *texts, of_tf2=of_tf2)
+
+    def _limiting(self, target, source, time):
+        """The latest common time, and the frame because of which it is no later."""
+        hops = self._newest_hops(target, source)
+        name = next((hop for hop in hops if self.frames[hop].newest_ns() == time), None)
+        return f"The latest common time is {seconds(time)} because {name}"
 
     def _gaps_on_path(self, target, source, time):
         """Those from the source up, and those from the target up; None if the path is unknown."""
@@ -499,7 +512,7 @@ class Model(Listings, Policies):
         self._check_names("lookupTransform", target_frame=target, source_frame=source)
         if target == source:
             return [target]
-        return self._walk(target, source, ns or self._latest(target, source) or NEWEST)[1]
+        return self._walk_asked(target, source, ns)[2]
 
     def chain(self, target, target_ns, source, source_ns, fixed):
         halves = []
@@ -508,7 +521,7 @@ class Model(Listings, Policies):
             if begin == end:
                 halves.append([begin])
             else:
-                halves.append(self._walk(end, begin, ns or self._latest(end, begin) or NEWEST)[1])
+                halves.append(self._walk_asked(end, begin, ns)[2])
         return without_detours(halves[0] + halves[1])
 
     def velocity(self, tracking, observation, reference, point, point_frame, ns, interval_ns):
@@ -561,7 +574,7 @@ class Model(Listings, Policies):
         return [], answers
 
 
-def extrapolation_text(target, source, source_gaps, target_gaps):
+def extrapolation_text(target, source, source_gaps, target_gaps, limiting):
     """
     What is said of the gaps of a lookup; each side's are in the order of the hops up from its end.
 
@@ -574,6 +587,8 @@ def extrapolation_text(target, source, source_gaps, target_gaps):
     addition = lack.addition
     if quoted.from_1970 or lack.from_1970:
         addition += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
+    if limiting is not None and lack.is_late:
+        addition += f". {limiting} has no newer data"
     return (
         f"Lookup would require {quoted.text}, when looking up transform from frame [{source}] to frame "
         f"[{target}]; {addition}"

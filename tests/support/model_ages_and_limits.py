@@ -3,7 +3,7 @@
 import math
 
 from model_math import IDENTITY, composed
-from model_terms import NEWEST, STAMPS_END, ModelError, S, limit_of, seconds
+from model_terms import STAMPS_END, ModelError, S, limit_of, seconds
 
 STEP_BACK = 9 * S // 10
 MOST_SUGGESTED = 3  # names in the text of an error
@@ -29,7 +29,7 @@ class Policies:
         if target == source:
             return 0, STAMPS_END - 1
         latest = self._latest(target, source)
-        _, *hops = self._walk(target, source, latest or NEWEST)
+        _, _, *hops = self._walk_asked(target, source, 0)
         last = latest if self._oldest_stamps(*hops) else STAMPS_END - 1
         if last == 0:
             return 0, 0
@@ -163,9 +163,8 @@ class Policies:
         if target == source:
             return self._answer(self._transform(target, source, ns)[0], target, source, IDENTITY)
         judged = policy.max_age is not None
-        stamp = ns or self._latest(target, source)
         try:
-            found, chain, top = self._walk(target, source, stamp or NEWEST, policy)
+            stamp, found, chain, top = self._walk_asked(target, source, ns, policy)
             hops = chain[:top] + chain[top + 1 :]
             moving = {name: self.frames[name] for name in hops} if stamp else {}
             if any(frame.is_torn(name, stamp, policy) for name, frame in moving.items()):

@@ -119,6 +119,7 @@ def extrapolation(
     edge_ns: int,
     child: str,
     parent: str,
+    limiting: str | None,
 ) -> ExtrapolationException:
     """
     The error for a time for which frames lack data: tf2's sentence, and the frame that lacks the most.
@@ -126,6 +127,8 @@ def extrapolation(
     :param quoted_gap: of the frame that tf2's sentence is about: 'empty', 'single', 'future' or 'past'.
     :param quoted_ns: the stamp of its data nearest to the time.
     :param gap: of ``child``, whose data is furthest from the time; ``edge_ns`` is its nearest stamp.
+    :param limiting: the frame without newer data than the latest common time; None: the program passed another
+        time.
     """
     child, parent, target, source = map(printable, (child, parent, target, source))
     requested = seconds(requested_ns)
@@ -148,6 +151,8 @@ def extrapolation(
         lack = f"the {which} sample of {child} (parent {parent}) at {seconds(edge_ns)} is {apart} s {how}"
     if 0 < requested_ns < YEAR_NS and max(quoted_ns, edge_ns) > 30 * YEAR_NS:
         lack += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
+    if limiting is not None:
+        lack += f". The latest common time is {requested} because {printable(limiting)} has no newer data"
     return ExtrapolationException(
         f"Lookup would require extrapolation {fact}, when looking up transform from frame [{source}] to "
         f"frame [{target}]; {lack}"

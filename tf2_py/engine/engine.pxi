@@ -504,11 +504,31 @@ cdef class Engine:
         unlock_written(&self._lock, &self._tree, &self._waiters)
         self._wake_all(&batch)
 
+    cdef str _limiting_frame(self, const Query* query, Status status):
+        # The frame without newer data than the latest common time, at which another has no data yet; None: the
+        # lookup failed for another reason, or data has arrived since.
+        cdef FrameId frames[2 * MAX_HOPS]
+        cdef int64_t newest_ns[2 * MAX_HOPS]
+        cdef Status found
+        cdef Query half = query[0]
+        cdef int64_t time_ns = query.target_ns if status.half == HALF_TARGET else query.source_ns
+        if status.gap not in (GAP_PAST, GAP_SINGLE) or time_ns != 0 or status.edge_ns < status.requested_ns:
+            return None
+        if status.half == HALF_SOURCE:
+            half.target, half.target_size = query.fixed, query.fixed_size
+        elif status.half == HALF_TARGET:
+            half.source, half.source_size = query.fixed, query.fixed_size
+        for i in range(self.moving_frames(&half, NULL, frames, newest_ns, &found)):
+            if newest_ns[i] == status.requested_ns:
+                return self.frame_names([frames[i]])[0]
+        return None
+
     cdef list _children_towards(self, const Query* query, FrameId parent):
         # The children of a frame; only those on the path, if there are such.
         cdef FrameId frames[2 * MAX_HOPS]
         cdef Status status
-        cdef uint32_t count = self.moving_frames(query, NULL, frames, NULL, &status)
+        cdef int64_t newest_ns[2 * MAX_HOPS]
+        cdef uint32_t count = self.moving_frames(query, NULL, frames, newest_ns, &status)
         [name] = self.frame_names([parent])
         on_path = set(self.frame_names([frames[i] for i in range(count)]))
         children = [one.name for one in self.frame_facts() if one.parent == name]
@@ -560,7 +580,7 @@ cdef class Engine:
         return 0
 
     cdef uint32_t moving_frames(self, const Query* query, const ClockReading* clock, FrameId* frames,
-                                int64_t* ages_ns, Status* status) noexcept nogil:
+                                int64_t* times_ns, Status* status) noexcept nogil:
         cdef const History* history
         cdef Path path
         cdef FrameId target, source
@@ -577,8 +597,7 @@ cdef class Engine:
                 frames[count] = (path.source[i] if i < path.source_hops
                                  else path.target[path.source_hops + path.target_hops - 1 - i])
                 history = &self._tree.histories[frames[count]]
-                if clock != NULL:
-                    ages_ns[count] = history_age(history, clock.now_ns)
+                times_ns[count] = history.newest_ns if clock == NULL else history_age(history, clock.now_ns)
                 count += history.kind == HISTORY_DYNAMIC
         lock_release(&self._lock)
         return count
@@ -593,6 +612,7 @@ cdef class Engine:
         cdef int64_t stamp_ns
         cdef uint32_t i
         query_frames(&query, target_frame, source_frame)
+        query.source_ns = time_ns
         lock_acquire(&self._lock)
         status = query_end_frames(&self._tree, &query, &target, &source)
         if status.code == STATUS_OK:
@@ -609,12 +629,14 @@ cdef class Engine:
         cdef str child = None
         cdef str parent = None
         cdef list children = None
+        cdef str limiting = None
         if status.code == STATUS_EXTRAPOLATION or status.code == STATUS_UNCONNECTED:
             child, parent = self.frame_names((status.child, status.parent))
+            limiting = self._limiting_frame(query, status)
         elif status.code == STATUS_BAD_LIMIT and status.child != NO_FRAME:
             children = self._children_towards(query, status.child)
         self._begin_advice()
-        return query_error(query, status, child, parent, children, call, self._advice, self)
+        return query_error(query, status, child, parent, children, limiting, call, self._advice, self)
 
     cdef int _begin_advice(self) except -1:
         cdef size_t count

@@ -93,9 +93,10 @@ cdef class Engine:
     # As walk_time_range. 0, or -1 without memory.
     cdef int answered_times(self, const Query* query, TimeRange* answered, Status* status) noexcept nogil
     # Fills in the moving frames on the path of the newest samples, up from the source and down to the target,
-    # and their ages, if there is a clock. There is room for 2 * MAX_HOPS of each; returns how many there are.
+    # and their ages, or without a clock their newest stamps. There is room for 2 * MAX_HOPS of each; returns
+    # how many there are.
     cdef uint32_t moving_frames(self, const Query* query, const ClockReading* clock, FrameId* frames,
-                                int64_t* ages_ns, Status* status) noexcept nogil
+                                int64_t* times_ns, Status* status) noexcept nogil
     # The ids of the frames from the source up to the common ancestor and down to the target. Raises what the
     # lookup raises.
     cdef list frames_between(self, target_frame, source_frame, int64_t time_ns)
@@ -131,6 +132,7 @@ cdef class Engine:
 
     cdef Status _file_waiter(self, Waiter* waiter) noexcept
     cdef Status _check_names(self, const Query* query) noexcept nogil
+    cdef str _limiting_frame(self, const Query* query, Status status)
     cdef list _children_towards(self, const Query* query, FrameId parent)
     cdef int _learn_most_names(self) except -1
     cdef int _begin_advice(self) except -1

@@ -3,6 +3,7 @@
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1:
     query.target = name_utf8(target_frame, &query.target_size, "target_frame")
     query.source = name_utf8(source_frame, &query.source_size, "source_frame")
+    query.source_ns = query.target_ns = 0
     query.fixed = NULL
     query.policy.is_given = False
     return 0
@@ -200,8 +201,8 @@ cdef object _bad_limit(const Query* query, Status status, list children, str cal
     return ValueError(errors.limit_of_root(name, argument, children))
 
 
-cdef object query_error(const Query* query, Status status, str child, str parent, list children, str call,
-                        Advice advice, object buffer):
+cdef object query_error(const Query* query, Status status, str child, str parent, list children,
+                        str limiting, str call, Advice advice, object buffer):
     target, source, fixed = _query_names(query)
     if status.code == STATUS_BAD_TARGET:
         return _bad_name(target, "target_frame", call, advice, buffer._tf2_names)
@@ -230,7 +231,7 @@ cdef object query_error(const Query* query, Status status, str child, str parent
         return advice.with_silence(error, buffer, dynamic_only=True)
     error = errors.extrapolation(
         status.requested_ns, GAP_NAMES[status.quoted_gap], status.other_ns, target, source,
-        GAP_NAMES[status.gap], status.edge_ns, child, parent,
+        GAP_NAMES[status.gap], status.edge_ns, child, parent, limiting,
     )
     # Data that may still arrive does not help with the past.
     if status.gap == GAP_EMPTY or status.requested_ns > status.edge_ns:

@@ -32,8 +32,8 @@ cdef int query_fill_any(Query* query, object target_frame, object source_frame, 
 
 # The only function that converts a status to an exception; the names are those of status.child and
 # status.parent. `children`: of STATUS_BAD_LIMIT, what may be limited instead; None: its frame is unknown.
-# `advice` was begun with `buffer`.
-cdef object query_error(const Query* query, Status status, str child, str parent, list children, str call,
-                        Advice advice, object buffer)
+# `limiting`: as in errors.extrapolation. `advice` was begun with `buffer`.
+cdef object query_error(const Query* query, Status status, str child, str parent, list children,
+                        str limiting, str call, Advice advice, object buffer)
 # One line: the lookup that a wait waits for, and what it lacks.
 cdef str query_wait(const Query* query, str lack)

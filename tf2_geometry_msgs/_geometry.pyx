@@ -382,7 +382,7 @@ def transform_covariance(
     :param transform: a TransformStamped or Transform.
     :return: a float64 array of shape (36,).
     :raises TypeError: ``cov_in`` does not consist of numbers, or ``transform`` is of another type.
-    :raises ValueError: ``cov_in`` has not 36 numbers, or the transform's rotation is not finite.
+    :raises ValueError: ``cov_in`` does not have 36 numbers, or the transform's rotation is not finite.
     """
     return _moved(cov_in, transform, _rotated_covariance)
 

@@ -18,11 +18,11 @@ def do_transform_odometry(odometry: Odometry, transform: TransformStamped) -> Od
 
 def do_transform_path(path: Path, transform: TransformStamped) -> Path:
     """
-    Transform a path from the child frame of ``transform`` to its parent frame: each pose.
+    Transform each pose of a path from the child frame of ``transform`` to its parent frame.
 
     :param path: a Path, meters; its poses may leave their frame empty.
     :param transform: a TransformStamped, meters.
     :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: a pose names another frame than the path, or the transform's rotation is not finite.
+    :raises ValueError: a pose has a frame other than the path's, or the transform's rotation is not finite.
     """

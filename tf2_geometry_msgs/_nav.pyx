@@ -29,7 +29,8 @@ cdef object _transformed_step(object step, const Transform* transform, object pa
     header = get_field(pose_stamped_layout, step, "header")
     frame = get_field(header_layout, header, "frame_id")
     if frame and path_frame and frame != path_frame:
-        raise ValueError(f"expected all poses in the frame of the path, {path_frame!r}, got one in {frame!r}")
+        wanted = f"expected the frame of the path, {path_frame!r}, or no frame for each pose"
+        raise ValueError(f"{wanted}, got {frame!r}")
     message = pose_stamped_layout.new()
     stamp_ns = nanoseconds(get_field(header_layout, header, "stamp"), "header.stamp")
     set_field(pose_stamped_layout, message, "header", new_header(stamp_ns, new_frame))
@@ -55,13 +56,13 @@ cdef object _copied_twist(object content):
 
 def do_transform_path(path: Path, transform: TransformStamped) -> Path:
     """
-    Transform a path from the child frame of ``transform`` to its parent frame: each pose.
+    Transform each pose of a path from the child frame of ``transform`` to its parent frame.
 
     :param path: a Path, meters; its poses may leave their frame empty.
     :param transform: a TransformStamped, meters.
     :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: a pose names another frame than the path, or the transform's rotation is not finite.
+    :raises ValueError: a pose has a frame other than the path's, or the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)

@@ -75,8 +75,8 @@ class BufferCore:
     the attributes of one, an int in nanoseconds, or a ``numpy.datetime64``; the time 0 means the latest time
     for which every frame on the path has data. A duration is an rclpy ``Duration``, a duration message, any
     object with the attributes of one, a ``timedelta``, or a number of seconds. Anything else raises a
-    ``TypeError``. A name that contains a NUL character, or the time NaT, raises a ``ValueError``, a name with
-    a lone surrogate a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message
+    ``TypeError``. A name that contains a NUL character, or the time NaT, raises a ``ValueError``; a name with
+    a lone surrogate, a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message
     raises an ``OverflowError``.
 
     Every method may be called from any thread. Calling ``__init__`` again empties the buffer; pending waits

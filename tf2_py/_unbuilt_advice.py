@@ -15,14 +15,15 @@ def advice() -> str:
         if built_for is None:
             return f"{home} lacks it. With {sys.executable}, reinstall tf2-ros-cython"
         return (
-            f"{home} is built for {built_for}, and this is Python {version}, {sys.executable}. Start the "
-            "other Python, take the folder out of PYTHONPATH, or install tf2-ros-cython into this one"
+            f"{home} is built for {built_for}, but this is Python {version}, {sys.executable}. Start the "
+            "other Python, remove the folder from PYTHONPATH, or install tf2-ros-cython into this one"
         )
     text = f"{home} is not built for Python {version}"
     for folder in map(os.path.abspath, sys.path):
         if folder != home and os.path.isfile(os.path.join(folder, "tf2_py", "__init__.py")):
-            return f"{text}, and hides the tf2_py in {folder}. cd elsewhere, or run `make build` there"
-    return f"{text}. Run `make build` there, or `pip install .` and then cd elsewhere"
+            text += f", and hides the tf2_py in {folder}"
+            return f"{text}. Change to another directory, or run `make build` in {home}"
+    return f"{text}. Run `make build` there, or `pip install .` and then change to another directory"
 
 
 def _built_for(package: str) -> str | None:

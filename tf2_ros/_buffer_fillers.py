@@ -59,16 +59,16 @@ class BufferSource:
 
     def end(self, reason: str = "") -> None:
         """
-        Say that this fills the buffer no more, from any thread; without effect if it has ended.
+        Report that this source no longer fills the buffer. Any thread may call this; later calls do nothing.
 
-        Lookups and awaits in the buffer end within 0.1 s, unless something else fills it, too. Their errors
-        contain the reason. What the buffer holds remains.
+        Lookups and awaits in the buffer end within 0.1 s, unless something else also fills it. Their errors
+        contain the reason. The buffer keeps what it holds.
         """
         if not self._why_ended:
             self._why_ended = f"{printable(self.name)} has ended" + (f" ({reason})" if reason else "")
 
     def why_ended(self) -> str:
-        """Say why it has ended, for errors; ``""`` while it fills the buffer."""
+        """Return why it has ended, as a text for errors; ``""`` while it fills the buffer."""
         return self._why_ended
 
     def silence(self, with_static: bool) -> str:

@@ -276,7 +276,8 @@ class Buffer(BufferCore, BufferInterface):
         if is_full:
             target_frame, target_time, source_frame, source_time, fixed_frame = arguments
             arguments = (target_frame, source_frame, source_time, fixed_frame, target_time)
-        lookup = Lookup(*arguments)._replace(policy=policy_of("can_transform", True, **policy))
+        call = "can_transform_full" if is_full else "can_transform"
+        lookup = Lookup(*arguments)._replace(policy=policy_of(call, True, **policy))
         try:
             lookup.block(self, duration_ns(timeout, "timeout"))
         except TransformException as error:

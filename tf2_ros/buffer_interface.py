@@ -116,8 +116,8 @@ class BufferInterface:
         :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param new_type: convert the result to this type. None: no conversion.
         :param prefix: put before the frame of the object, for example ``"robot1/"``: the prefix of the
-            :class:`TransformListener` that receives the transforms of the same robot. ``target_frame`` is a
-            whole name. The object is not changed.
+            :class:`TransformListener` that receives the transforms of the same robot. No prefix is
+            put before ``target_frame``. The object is not changed.
         :param policy: further arguments of the lookup: those of :class:`tf2_py.typing.LookupPolicy`, if this
             is a :class:`tf2_ros.Buffer`. The lookups of a :class:`tf2_ros.BufferClient` accept none.
         :return: a new object, with the stamp of the object given, even if a ``tolerance`` accepted an older

@@ -119,7 +119,7 @@ class MessageFilter(Generic[_Message]):
         much later, for example the duration of a sweep. None: zero. (The ``tolerance`` of a lookup differs:
         it accepts an older transform.)
     :param prefix: put before the frames of the messages, as in
-        :meth:`~tf2_ros.BufferInterface.transform`; ``target_frames`` are whole names.
+        :meth:`~tf2_ros.BufferInterface.transform`; not before ``target_frames``.
     :raises TypeError: ``buffer`` is not a Buffer, ``input`` is none of these, its messages have no header, or
         a duration is not a duration or a number.
     :raises ValueError: ``target_frames`` is empty, a name or ``prefix`` is invalid, ``queue_size`` or
@@ -456,7 +456,7 @@ class MessageFilter(Generic[_Message]):
         frames, lack = printable(" ".join(self._frames)), self._lack(queued)
         self._node.get_logger().warning(
             f"MessageFilter [target={frames}]: the last {dropped_in_a_row} messages were dropped; the "
-            f"newest, from frame [{printable(queued.frame)}], for {reason.value}. {lack}".rstrip()
+            f"newest, from frame [{printable(queued.frame)}], because of {reason.value}. {lack}".rstrip()
         )
 
 

@@ -206,7 +206,7 @@ def from_rotation(rotation: Rotation) -> Quaternion:
 
     :param rotation: a single rotation.
     :return: a new ``Quaternion``, of length one and with w >= 0.
-    :raises ValueError: there are several rotations, for which ``rotation.as_quat()`` makes an array; or NaN.
+    :raises ValueError: there are several rotations (use ``rotation.as_quat()`` for an array), or it is NaN.
 
     >>> from scipy.spatial.transform import Rotation
     >>> from tf2_ros.numpy import from_rotation
@@ -432,9 +432,9 @@ def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
     if wrong >= 0:
         reason = "must not be a reflection; its determinant is -1"
         if defect > TOLERANCE:
-            reason = f"must be orthogonal; R R^T is off by {defect:.2g}"
+            reason = f"must be orthogonal; R R^T differs from the identity by {defect:.2g}"
         which = _which("matrices", "matrix", shape, wrong)
-        raise ValueError(f"{which}: the rotation of a matrix {reason}")
+        raise ValueError(f"{which}: its rotation {reason}")
     return matrices[..., :3, 3].copy(), rotations.reshape(*shape, 4)
 
 

@@ -1,5 +1,5 @@
 """
-Serialized TFMessages: make them of transforms or arrays, read them, and insert many into a buffer.
+Serialized TFMessages: make them from transforms or arrays, read them, and insert many into a buffer.
 
 :func:`insert_messages` calls no Python for each transform, and also fills a
 :class:`~tf2_ros.records.Recording`.
@@ -114,7 +114,7 @@ def insert_messages(Engine buffer not None, messages, sources, *, on_malformed=N
     :raises KeyError: a topic has no source.
     :raises ValueError: a message cannot be read, a time does not fit into 64 bits, or a message is not bytes.
 
-    It holds the GIL. If it is interrupted, the buffer keeps the transforms that were inserted before.
+    The call holds the GIL. If it is interrupted, the buffer keeps the transforms that were inserted before.
     """
     cdef dict by_topic = {source.topic: source for source in sources}
     cdef Filling filling = Filling.__new__(Filling)
@@ -314,7 +314,7 @@ def serialize_arrays(frames, stamps_ns, transforms):
 
     :param frames: N pairs of names, parent and child.
     :param stamps_ns: nanoseconds, shape (N,).
-    :param transforms: x y z in meters, and the quaternion x y z w, which is not changed: shape (N, 7).
+    :param transforms: x y z in meters, and the quaternion x y z w, which is not normalized: shape (N, 7).
     :return: the bytes that a publisher sends and a recording stores.
     :raises TypeError: a name is not a str.
     :raises ValueError: a name contains a NUL character, or the three arguments have different lengths.

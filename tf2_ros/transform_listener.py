@@ -101,8 +101,8 @@ class TransformListener:
     - if a subclass overrides ``callback`` or ``static_callback``,
     - if the buffer is not a :class:`tf2_ros.Buffer`, or overrides a ``set_transform*`` method,
     - if the node overrides ``create_subscription``,
-    - if rcl lacks a function that the receiver calls (those of Jazzy and Kilted have all), or the
-      middleware does not report arrivals.
+    - if rcl lacks a function that the receiver calls (Jazzy and Kilted have them all), or the middleware does
+      not report arrivals.
 
     The property ``receives`` contains the topics that need no executor.
 
@@ -386,8 +386,8 @@ def _prefixed(prefix: str, transform: TransformStamped) -> TransformStamped:
 
 class StaticTransformListener(TransformListener):
     """
-    Fills a buffer with static transforms only; otherwise like a :class:`TransformListener`, whose arguments
-    it has, except for those of dynamic transforms.
+    Fills a buffer with static transforms only. It has the arguments of a :class:`TransformListener`, except
+    for those that concern dynamic transforms.
     """
 
     def __init__(

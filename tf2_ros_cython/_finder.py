@@ -52,15 +52,16 @@ class Aside:
             if found_on_path(name) == HOME:
                 warning = f"tf2-ros-cython is used, because there is no other tf2, but {unknown_rclpy()}"
             else:
-                warning = f"tf2-ros-cython steps aside: {unknown_rclpy()}, and 0 ends this warning"
+                reason = unknown_rclpy()
+                warning = f"another tf2 is used, not tf2-ros-cython: {reason}, or to 0 to end this warning"
             warnings.warn(warning, stacklevel=2)
 
 
 def unknown_rclpy() -> str:
     """Say why an rclpy is refused, and what to do."""
     return (
-        f"this ROS 2 has rclpy {refused_rclpy()}, and tf2-ros-cython was tested with {OLDEST_RCLPY} to "
-        f"{NEWEST_RCLPY}. Install a newer tf2-ros-cython; TF2_ROS_CYTHON=1 tries this one"
+        f"this ROS 2 has rclpy {refused_rclpy()}; this tf2-ros-cython was tested only with {OLDEST_RCLPY} "
+        f"to {NEWEST_RCLPY}. Install a newer one; or, to try this one, set TF2_ROS_CYTHON to 1"
     )
 
 

@@ -136,7 +136,7 @@ def _why_not(name: str, folder: Path) -> str:
         return "packages in a workspace or on PYTHONPATH take precedence"
     if not _is_arranged():
         return _not_arranged()
-    return "it builds on a package from a workspace"
+    return "a workspace has its own copy of a package that this one depends on"
 
 
 def _others(name: str, folder: Path | None) -> list[Path]:
@@ -153,9 +153,9 @@ def _others(name: str, folder: Path | None) -> list[Path]:
 def _describe_strays(python: str, imported: str, programs: list[Path]) -> str:
     some = ", ".join(map(str, programs[:2])) + (f" and {len(programs) - 2} more" if programs[2:] else "")
     return (
-        f"{python} runs {some}; its tf2_ros is {imported}. Rebuild with {sys.executable} -m colcon "
-        "build. Without --symlink-install, you can instead add to their setup.cfg: [build_scripts] "
-        "executable=/usr/bin/env python3"
+        f"{python} runs {some}; its tf2_ros is {imported}. Rebuild the workspace with {sys.executable} -m "
+        "colcon build. Or, if you build without --symlink-install, add to the setup.cfg of these programs: "
+        "[build_scripts] executable=/usr/bin/env python3"
     )
 
 

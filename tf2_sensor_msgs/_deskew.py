@@ -96,48 +96,49 @@ def deskew(
 
     :param cloud: the points, in meters, and the time of each in one of these fields, which the drivers of
         Velodyne, Ouster, Livox and Hesai write: ``time`` (float32 or float64: seconds after the cloud's
-        stamp, also negative), ``t`` or ``offset_time`` (uint32: nanoseconds after the stamp, negative from
-        2^31 on), ``timestamp`` (float64: seconds since 1970, or nanoseconds from 2^31 on).
+        stamp, possibly negative), ``t`` or ``offset_time`` (uint32: nanoseconds after the stamp; numbers from
+        2^31 on stand for negative ones), ``timestamp`` (float64: seconds since 1970; numbers from 2^31 on
+        are nanoseconds).
     :param buffer: the transforms.
     :param target_frame: the frame to transform the points into. Without ``fixed_frame``, the sensor must move
         in it, as in ``odom``.
     :param fixed_frame: a frame that does not move, such as ``odom``. Pass it if ``target_frame`` moves, as
         the robot's and the cloud's own frame do: the points are transformed into the target frame at
         ``target_time``.
-    :param target_time: only with ``fixed_frame``; 0: the latest common time of both frames, once they have
-        one. None: the stamp of the cloud.
+    :param target_time: only with ``fixed_frame``. None: the stamp of the cloud. 0: the latest common time of
+        both frames, or the stamp of the cloud if only static transforms connect them.
     :param times: the time of each point, row by row, as for ``buffer.lookup_transforms``, instead of a field;
         0 is the time 0, not the latest.
-    :param time_unit: the seconds that a 1 in the field stands for, if it is another unit, in whole
-        nanoseconds: 1e-6 for microseconds; the duration of a sweep if the numbers are fractions from 0 to 1.
-        ``time``, ``t`` and ``offset_time`` may then have any type, and sweeps any length.
+    :param time_unit: the unit of the numbers in the field, if it is not the one above: seconds or a duration,
+        for example 1e-6 for microseconds. For fractions from 0 to 1, pass the duration of a sweep. The unit
+        must be a whole number of nanoseconds. With it, ``time``, ``t`` and ``offset_time`` may have any type,
+        and a sweep any length.
     :param timeout: how long to wait for the transform of the last point; only for a ``tf2_ros.Buffer``.
     :param on_missing: ``'raise'`` raises the error of the first point without a transform, with its index;
-        ``'nan'`` makes the coordinates of such points NaN, for which they must be floats.
+        ``'nan'`` sets the coordinates of such points to NaN, so they must be floats.
     :param prefix: put before the frame of the cloud, as in ``buffer.transform``.
     :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`, but not
         ``max_age``, because points have times.
-    :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. All else
-        is copied, but with ``fixed_frame``, the field from which the times were read has the time of the new
-        stamp for each point, in the same unit.
+    :return: a new PointCloud2 in ``target_frame``, with the stamp of ``cloud``, or ``target_time``. The rest
+        is copied, with one exception: with ``fixed_frame``, the field of times is set to the new stamp for
+        every point, in the same unit.
     :raises TransformException: a point has no transform; see ``buffer.lookup_transform``.
     :raises OverflowError: ``target_time``, or the stamp of the cloud, does not fit into a message.
     :raises TypeError: an argument has the wrong type, or there is ``target_time`` without ``fixed_frame``, or
         ``time_unit`` with ``times``.
     :raises ValueError: no field has the times of the points; a time is not a number; the times need a
         ``time_unit``, because they may be fractions of a sweep, span over 3 s, or are over an hour from the
-        stamp;
-        ``on_missing='nan'``, and coordinates are integers; the cloud is inconsistent, as in
-        :func:`do_transform_cloud`; or the sensor does not move in ``fixed_frame`` (without it, in
-        ``target_frame``), because that frame is the sensor's or fixed to it.
+        stamp; ``on_missing`` is ``'nan'``, but coordinates are integers; the cloud is inconsistent, as in
+        :func:`do_transform_cloud`; or the sensor does not move in ``fixed_frame`` (or, without one, in
+        ``target_frame``), because that frame is the sensor's own or is fixed to it.
 
     Normals and viewpoints are transformed, too. Points with NaN coordinates need no time; in the result,
     their coordinates, normals and viewpoints are NaN. Integers are truncated, as in
     :func:`do_transform_cloud`.
 
-    Poses are looked up at selected times and interpolated between them. The times are chosen so that the
-    error of a point is at most 10 µm plus one millionth of its distance from the sensor. Where this would not
-    save time, the pose of each point is looked up.
+    Poses are looked up at selected times and interpolated between them, so that the error of a point is at
+    most 10 µm plus one millionth of its distance from the sensor. If this would not save time, the pose of
+    each point is looked up.
     """
     if not isinstance(buffer, BufferCore):
         raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
@@ -193,7 +194,7 @@ def deskew(
         if sweep.field is None:
             raise ValueError(f"times[{bad}]: expected a time, got NaT (the smallest int64)")
         name, text = sweep.field.name, sweep.field.unit.text
-        raise ValueError(f"points[{bad}]: expected {name} in {text}, got {found:g}")
+        raise ValueError(f"points[{bad}]: expected a time in the field {name}, in {text}, got {found:g}")
     exact = _exact_poses(motion, sweep.field, all_times, on_missing)
     is_missing = bool(np.isnan(exact.matrices[:, 0, 0]).any())
     return moved(exact, cloud.is_dense and not is_missing)[0]
@@ -308,7 +309,7 @@ def _too_long(field: TimeField, numbers: NDArray[np.float64]) -> str:
     wraps = ", negative from 2^31 on" if field.wraps else ""
     return (
         f"{field.name} is from {low:.10g} to {high:.10g} for at least 9 of 10 points: a sweep of "
-        f"{(high - low) * one:.6g} s if these are {field.unit.text}{wraps}. If that is right, pass "
+        f"{(high - low) * one:.6g} s if the numbers are {field.unit.text}{wraps}. If that is right, pass "
         f"time_unit={one:g}; otherwise the right unit, for example time_unit=1e-6 for µs, or times"
     )
 
@@ -325,7 +326,7 @@ def _unlikely(field: TimeField, lowest: float, highest: float, stamp_ns: int) ->
         side = "before" if after < 0 else "after"
         return (
             f"{field.name} is from {lowest:.10g} to {highest:.10g}, {abs(after):.6g} s {side} the cloud's "
-            f"stamp if these are {field.unit.text}. If that is right, pass time_unit={field.unit.ns / S:g}; "
+            f"stamp if the numbers are {field.unit.text}. If that is right, pass time_unit={field.unit.ns / S:g}; "
             "otherwise the right unit, or times"
         )
     return ""

@@ -91,8 +91,8 @@ def find_time_field(cloud: PointCloud2, stamp_ns: int, time_unit: "DurationLike 
         for name, (accepted, _) in KNOWN.items()
     )
     raise FieldError(
-        f"no field with the times of the points: expected {known}, but the cloud has {found}. If one of the "
-        "first three has another type, pass time_unit; if the times are elsewhere, pass times"
+        f"no field with the times of the points: expected one of {known}, but the cloud has {found}. If one "
+        "of the first three has another type, pass time_unit; if the times are elsewhere, pass times"
     )
 
 

@@ -457,7 +457,10 @@ def test_a_point_without_a_time_is_named(buffer, bad):
     cloud = as_cloud(points, DRIVERS["velodyne"][0])
     with pytest.raises(ValueError) as error:
         deskew(cloud, buffer, "odom")
-    assert str(error.value) == f"points[17]: expected time in s after the stamp, got {bad:g}"
+    assert (
+        str(error.value)
+        == f"points[17]: expected a time in the field time, in s after the stamp, got {bad:g}"
+    )
     moved = deskew(cloud, buffer, "odom", on_missing="nan")
     assert missing_in(moved, points.dtype) == [17, 1200]
     assert cloud.is_dense and not moved.is_dense
@@ -619,15 +622,15 @@ def test_a_time_unit_says_what_a_1_means(buffer, name, kind, number_of, unit, or
     ("driver", "numbers", "unit", "text"),
     [
         ("velodyne", (0, 99_800), 1.0,
-         " for at least 9 of 10 points: a sweep of 89820 s if these are s after the stamp. If that is right, "
+         " for at least 9 of 10 points: a sweep of 89820 s if the numbers are s after the stamp. If that is right, "
          "pass time_unit=1; otherwise the right unit, for example time_unit=1e-6 for µs, or times"),
-        ("velodyne", (-50, 0), 1.0, "a sweep of 45 s if these are s after the stamp. If "),
+        ("velodyne", (-50, 0), 1.0, "a sweep of 45 s if the numbers are s after the stamp. If "),
         ("velodyne", (0, 1), 1.0, "time is from 0 to 1, which may be seconds or fractions of a sweep: pass "
                                   "time_unit=1, or the duration of a sweep, for example time_unit=0.1"),
         ("velodyne", (-1, 0), 1.0, "time is from -1 to 0, which may be seconds or fractions of a sweep: "),
-        ("ouster", (0, 4e9), 1e-9, " s if these are ns after the stamp, negative from 2^31 on. If "),
-        ("hesai", (1.7e9, 1.7e9 + 9), 1.0, "a sweep of 8.1 s if these are s since 1970. If "),
-        ("livox", (1.7e18, 1.7e18 + 9e9), 1e-9, "a sweep of 8.1 s if these are ns since 1970. If "),
+        ("ouster", (0, 4e9), 1e-9, " s if the numbers are ns after the stamp, negative from 2^31 on. If "),
+        ("hesai", (1.7e9, 1.7e9 + 9), 1.0, "a sweep of 8.1 s if the numbers are s since 1970. If "),
+        ("livox", (1.7e18, 1.7e18 + 9e9), 1e-9, "a sweep of 8.1 s if the numbers are ns since 1970. If "),
     ],
 )  # fmt: skip
 def test_an_unlikely_sweep_is_asked_about(driver, numbers, unit, text):
@@ -654,10 +657,10 @@ def test_an_unlikely_sweep_is_asked_about(driver, numbers, unit, text):
     ("name", "kind", "numbers", "text"),
     [
         ("time", "f8", (STAMP + SINCE_STAMP) / S,
-         "time is from 1700000000 to 1700000000, 1.7e+09 s after the cloud's stamp if these are s after "
+         "time is from 1700000000 to 1700000000, 1.7e+09 s after the cloud's stamp if the numbers are s after "
          "the stamp. If that is right, pass time_unit=1; otherwise the right unit, or times"),
-        ("timestamp", "f8", SINCE_STAMP / S, "1.7e+09 s before the cloud's stamp if these are s since"),
-        ("timestamp", "f8", (STAMP + SINCE_STAMP) / 1e3, "before the cloud's stamp if these are ns "),
+        ("timestamp", "f8", SINCE_STAMP / S, "1.7e+09 s before the cloud's stamp if the numbers are s since"),
+        ("timestamp", "f8", (STAMP + SINCE_STAMP) / 1e3, "before the cloud's stamp if the numbers are ns "),
     ],
 )  # fmt: skip
 def test_times_far_from_the_stamp_are_asked_about(buffer, name, kind, numbers, text):
@@ -719,7 +722,7 @@ def test_a_unit_that_points_disagree_about_is_asked_for(buffer, driver, odd, odd
     points["timestamp"][:odd_points] = odd
     cloud = as_cloud(points, DRIVERS[driver][0])
     with pytest.raises(
-        ValueError, match=f"if these are {read_as} since 1970. If that is right, pass time_unit="
+        ValueError, match=f"if the numbers are {read_as} since 1970. If that is right, pass time_unit="
     ):
         deskew(cloud, buffer, "odom", on_missing=on_missing)
 
@@ -813,7 +816,8 @@ def test_times_beyond_all_stamps_are_asked_about(buffer, number, on_missing):
     cloud, points, times = measured("seconds in double")
     points["time"] = number
     with pytest.raises(
-        ValueError, match="the cloud's stamp if these are s after the stamp. If that is right, pass time_unit"
+        ValueError,
+        match="the cloud's stamp if the numbers are s after the stamp. If that is right, pass time_unit",
     ):
         deskew(as_cloud(points, DRIVERS["seconds in double"][0]), buffer, "odom", on_missing=on_missing)
 
@@ -923,7 +927,7 @@ def test_a_cloud_without_times_names_its_fields_and_takes_them_as_an_argument(bu
     with pytest.raises(ValueError) as error:
         deskew(cloud, buffer, "odom")
     assert str(error.value) == (
-        "no field with the times of the points: expected time (float32 or float64), t (uint32), "
+        "no field with the times of the points: expected one of time (float32 or float64), t (uint32), "
         "offset_time (uint32), timestamp (float64), but the cloud has x (float32), y (float32), z (float32), "
         "intensity (float32), ring (uint16), stamp (float32). "
         "If one of the first three has another type, pass time_unit; if the times are elsewhere, pass times"

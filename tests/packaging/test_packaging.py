@@ -155,8 +155,8 @@ def without_editables(folder):
     [
         (
             "_tf2_py.cpython-38-riscv64-linux-gnu.so",
-            "{home} is built for Python 3.8 (riscv64-linux-gnu), and this is Python {version}, {python}. "
-            "Start the other Python, take the folder out of PYTHONPATH, or install tf2-ros-cython into this "
+            "{home} is built for Python 3.8 (riscv64-linux-gnu), but this is Python {version}, {python}. "
+            "Start the other Python, remove the folder from PYTHONPATH, or install tf2-ros-cython into this "
             "one",
         ),
         (None, "{home} lacks it. With {python}, reinstall tf2-ros-cython"),
@@ -192,7 +192,7 @@ def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
     assert ended.returncode == 1
     [error] = [line for line in ended.stderr.splitlines() if line.startswith("ModuleNotFoundError: tf2_py.")]
     assert f" is missing: {project} is not built for Python " in error
-    assert "`make build` there" in error and "cd elsewhere" in error
+    assert "`make build` there" in error and "change to another directory" in error
     assert "During handling" not in ended.stderr
 
 

@@ -61,7 +61,7 @@ class TestInTheQueueOfTheListener:
         assert f"of /tf: {DEPTH} messages, last " in repr(listener)
         assert f" s ago, {SENT - DEPTH} lost; /tf_static" in repr(listener)
         warning = (
-            "Lost 8 messages on /tf: newer ones have displaced them in the queue, whose depth is 2. "
+            "Lost 8 messages on /tf: newer ones displaced them in the queue, whose depth is 2. "
             "Give the listener a deeper one, for example qos=100"
         )
         until(lambda: warning in errors_so_far())
@@ -128,9 +128,7 @@ class TestOnTheWay:
     ):
         with tf2_ros.TransformListener(buffer, node) as listener:
             until(lambda: listener._tf2_listening.topics[0].lost()[0] > 0, executor)
-            warning = (
-                " on /tf: they did not reach the listener. Make listener and publishers reliable, and give"
-            )
+            warning = " on /tf: they did not reach the listener. Make the listener and publishers reliable, and give"
             until(lambda: warning in errors_so_far(), executor)
             assert "lost; /tf_static" in repr(listener)
 

@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("inserter")]
 S = 10**9
 LATEST = Time()
 ONE_MESSAGE = re.compile(r": 1 message, last \d+\.\d+ s ago")
-NOTHING = "nothing has been received on /tf and on /tf_static"
+NOTHING = "nothing has been received on /tf or on /tf_static"
 
 
 @pytest.fixture(autouse=True)
@@ -49,7 +49,7 @@ class TestErrors:
         remapped = ["-r", "__ns:=/robot1", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
         node = new_node("listening", cli_args=["--ros-args", *remapped])
         tf2_ros.TransformListener(buffer, node)
-        assert error(buffer).endswith("received on /robot1/tf and on /robot1/tf_static")
+        assert error(buffer).endswith("received on /robot1/tf or on /robot1/tf_static")
 
     def test_a_static_listener_has_one_topic(self, tf2_ros, buffer, node):
         tf2_ros.StaticTransformListener(buffer, node, tf_static_topic="/mine")

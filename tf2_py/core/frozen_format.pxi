@@ -88,9 +88,9 @@ cdef bint _is_zero(const void* bytes, size_t size) noexcept nogil:
 
 cdef const char* frozen_check_format(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil:
     if memcmp(header.magic, FROZEN_MAGIC, sizeof(header.magic)) != 0:
-        return "it is not a frozen buffer, as Buffer.freeze writes it"
+        return "it is not a frozen buffer written by Buffer.freeze"
     if file_bytes >= sizeof(FrozenHeader) and header.version != FROZEN_VERSION:
-        return "its format version is not 1: freeze the buffer again with this tf2-ros-cython"
+        return "another version of tf2-ros-cython wrote it: freeze the buffer again with this one"
     return NULL
 
 
@@ -103,7 +103,7 @@ cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_b
     if file_bytes < sizeof(FrozenHeader):
         return "it ends within its header"
     if header.file_bytes != file_bytes:
-        return "its header gives another size"
+        return "its size is not the one in its header"
     # None of these sums can overflow: both counts have 32 bits.
     records = sizeof(FrozenHeader) + <uint64_t>header.frame_count * sizeof(FrozenFrame)
     records += <uint64_t>header.authority_count * sizeof(FrozenName)

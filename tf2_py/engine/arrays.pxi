@@ -139,7 +139,7 @@ def as_times_ns(times, *, bint accepts_nat=False):
         return _since_1970(array, wanted, accepts_nat)
     if array.dtype.kind not in "iu":
         seconds = ": multiply seconds by 1e9, and round them to int64" if array.dtype.kind == "f" else ""
-        raise TypeError(f"{wanted}, not of dtype {array.dtype}{seconds}")
+        raise TypeError(f"{wanted}, got dtype {array.dtype}{seconds}")
     if array.dtype.kind == "u" and array.size and int(array.max()) > np.iinfo(np.int64).max:
         raise ValueError(f"{wanted} that fit into 64 bits; the largest is {array.max()}")
     return received_array(array, "int64")

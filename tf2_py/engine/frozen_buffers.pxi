@@ -225,7 +225,7 @@ cdef int _require_read(int problem, str path) except -1:
     if problem == ENOMEM:
         raise MemoryError
     if problem == HAS_SHRUNK:
-        raise ValueError(f"{printable(path)}: it was shortened while it was read: try again")
+        raise ValueError(f"{printable(path)}: its size changed while it was being read: try again")
     if problem:
         raise OSError(problem, os.strerror(problem), path)
     return 0
@@ -289,7 +289,7 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
     try:
         facts = os.fstat(descriptor)
         if not S_ISREG(facts.st_mode):
-            raise ValueError(f"{printable(name)}: it is not a frozen buffer, as Buffer.freeze writes it")
+            raise ValueError(f"{printable(name)}: it is not a frozen buffer written by Buffer.freeze")
         _read_header(descriptor, facts.st_size, &header, name)
         mapping = _map(descriptor, facts.st_size, is_copy, name)
     finally:

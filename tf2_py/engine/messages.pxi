@@ -81,7 +81,7 @@ cdef int read_any_rotation(object message, Transform* out) except -1:
             transform = message.transform
         _read_transform(transform, out)
     except AttributeError as missing:
-        wanted = "a geometry_msgs/TransformStamped or Transform"
+        wanted = "a geometry_msgs/TransformStamped, a Transform,"
         raise _misfit(message, wanted, missing, "; pass the message first, then the transform") from None
     squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     if not isfinite(squared):

@@ -133,8 +133,7 @@ cdef int64_t _datetime64_ns(object value, str argument) except? -1:
     # If NumPy was not imported, no object of its class exists.
     numpy = sys.modules.get("numpy")
     if numpy is None or not isinstance(value, numpy.datetime64):
-        raise TypeError(f"{argument}: expected nanoseconds, or sec and nanosec, "
-                        f"got {type(value).__name__}: use {_times_to_use()}")
+        raise TypeError(f"{argument}: expected a time, got {type(value).__name__}: use {_times_to_use()}")
     if numpy.isnat(value):
         raise ValueError(f"{argument}: expected a time, got NaT")
     try:

@@ -106,13 +106,13 @@ class Topic:
             depth = self.subscription.qos_profile.depth
             self._warn(
                 overwritten,
-                f"newer ones have displaced them in the queue, whose depth is {depth}. Give the listener a "
-                f"deeper one, for example {option}={max(10 * depth, 100)}",
+                f"newer ones displaced them in the queue, whose depth is {depth}. Give the listener a "
+                f"deeper queue, for example {option}={max(10 * depth, 100)}",
             )
         if on_the_way:
             self._warn(
                 on_the_way,
-                "they did not reach the listener. Make listener and publishers reliable, and give the "
+                "they did not reach the listener. Make the listener and publishers reliable, and give the "
                 "publishers deeper queues",
             )
 

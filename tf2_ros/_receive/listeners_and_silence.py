@@ -62,7 +62,7 @@ def _silent(topics: Sequence[Topic]) -> str:
             parts.append(f"on {name}")
         elif silent_s >= SILENT_S and name not in static:  # static transforms are sent once
             parts.append(f"on {name} for {silent_s} s")
-    return "nothing has been received " + " and ".join(parts) if parts else ""
+    return "nothing has been received " + " or ".join(parts) if parts else ""
 
 
 # A forked child receives nothing through its parent's listeners, and may make its own for the same buffers.

@@ -40,7 +40,10 @@ def open_ring(name: str) -> RingReader:
         pass
     except (OSError, ValueError) as error:
         raise SharedBufferError(f"cannot attach to the shared buffer {name!r}: {error}") from None
-    raise SharedBufferError(f"no process of this user shares a buffer {name!r}: first start one that does")
+    raise SharedBufferError(
+        f"no process of this user shares a buffer {name!r}: start one, such as tf2_shared_buffer "
+        f"--name {name}"
+    )
 
 
 class Attachment:

@@ -24,7 +24,7 @@ class SharedBufferError(RuntimeError):
     ...     Buffer(attach="nobody")
     ... except SharedBufferError as error:
     ...     print(error)
-    no process of this user shares a buffer 'nobody': first start one that does
+    no process of this user shares a buffer 'nobody': start one, such as tf2_shared_buffer --name nobody
     """
 
 

@@ -233,8 +233,8 @@ cdef class ChangeSubscription(Pending):
     """
     Calls a function with each transform between two frames that differs from the previous one.
 
-    It waits for the next one during each call. A thread that is to deliver this one meanwhile leaves it to
-    the thread that calls, and an executor comes back to it after other work.
+    While the function runs, this already waits for the next transform. If that arrives meanwhile, the thread
+    that runs the function calls it again afterwards; an executor does other work in between.
     """
 
     cdef object _buffer, _callback

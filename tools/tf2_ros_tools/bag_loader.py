@@ -166,9 +166,9 @@ def load(
         types have.
     :param urdf: also compute the transforms of the joints of this robot, from the joint states on
         ``/joint_states``: its path, its text, a :class:`tf2_ros_tools.urdf.Robot`, or True, which means the
-        ``/robot_description`` in the recording. For other topics, a mapping from their names to these; True
-        then means the ``robot_description`` in the same namespace. Frames whose transforms are on ``topics``
-        keep these. The authority of fixed joints is ``urdf``.
+        ``/robot_description`` in the recording. To read other topics, pass a mapping from topics to such
+        values; True then means the ``robot_description`` in the namespace of the topic. Frames that have
+        transforms on ``topics`` keep them. The authority of fixed joints is ``urdf``.
     :param cache: a folder, which is created if it does not exist. The first call freezes the buffer to a file
         in this folder, and the next ones, in any process, map this file, unless the recording, its path or
         another argument has changed; see :meth:`tf2_py.BufferCore.open`. It may be the folder of the
@@ -178,8 +178,8 @@ def load(
         of its topic.
     :raises FileNotFoundError: the file does not exist.
     :raises BagError: the file is not a recording, is broken, or has none of the topics, or a topic has
-        messages of another type; or its joint states have no joint of the robot, or no message is from
-        ``start`` to ``end``.
+        messages of another type; or its joint states have no joint of the robot, or no message was
+        recorded between ``start`` and ``end``.
     :raises UrdfError: see :func:`tf2_ros_tools.urdf.load`.
     :raises OSError: the file in ``cache`` cannot be written.
     :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
@@ -188,9 +188,9 @@ def load(
     :raises ValueError: ``topics`` is empty, or ``end`` is before ``start``.
 
     The recording need not have all of the topics, and a topic may be empty. Transforms that a buffer refuses,
-    such as those with NaN, are logged. Reading a recording warns of messages that are left out, which are
-    joint states with another number of positions than names, and poses without names of frames. A warning
-    also lists frames whose stamps are all 0.
+    such as those with NaN, are logged. Warnings report messages that are left out: joint states whose
+    numbers of names and positions differ, and poses without frame names. A warning also lists frames whose
+    stamps are all 0.
     """
     what = wanted(topics, start, end, poses, urdf)
     buffer = new_buffer(cache_time)
@@ -307,7 +307,7 @@ def _described(recorded: Recorded, states: str) -> Robot:
     topic = f"{states.rpartition('/')[0]}/{DESCRIPTION}"
     where = f"{printable(recorded.path)}, topic {printable(topic)}"
     if topic not in recorded.topics:
-        raise BagError(f"{where}: this topic does not exist; pass the path of a URDF")
+        raise BagError(f"{where}: the recording lacks this topic; pass the path of a URDF instead")
     _check_type(recorded, topic, STRING)
     raws = [raw for _, _, raw in recorded.checked(recorded.raw([topic]))]
     if not raws:
@@ -367,7 +367,8 @@ def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
     if one.msgtype not in types:
         options = {JOINT_STATE: WITH_URDF, **dict.fromkeys((*NAMED, *POSES), WITH_POSES)}
         advice = f"; {options[one.msgtype]} reads it" if one.msgtype in options else ""
-        raise BagError(f"{where}: expected the type {types[0]}, got {printable(one.msgtype)}{advice}")
+        wanted = " or ".join(types)
+        raise BagError(f"{where}: expected the type {wanted}, got {printable(one.msgtype)}{advice}")
     encodings = foxglove_messages.ENCODINGS if one.msgtype in foxglove_messages.TYPES else ("cdr", "ros1")
     if one.encoding not in encodings:
         wanted = " or ".join(encodings)
@@ -395,7 +396,7 @@ def _check_times(recorded: Recorded, what: Wanted) -> None:
     begin = -inf if what.start_ns is None else what.start_ns
     end = inf if what.end_ns is None else what.end_ns
     if begin > last_ns or end < first_ns:
-        limits = (("from", what.start_ns), ("to", what.end_ns))
+        limits = (("from", what.start_ns), ("up to", what.end_ns))
         wanted = " ".join(f"{word} {ns / S:.3f} s" for word, ns in limits if ns is not None)
         has = f"its log times are {first_ns / S:.3f} to {last_ns / S:.3f} s"
         units = "`start` and `end` are log times in nanoseconds, --start and --end in seconds"

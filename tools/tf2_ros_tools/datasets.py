@@ -32,7 +32,7 @@ class Dataset:
     """
     The poses of F frames at the stamps of N messages of several recordings, in their order.
 
-    It is a sequence of rows, each a dict with the names of LeRobot: ``episode_index``, the number of the
+    It is a sequence of rows, each a dict with LeRobot's keys: ``episode_index``, the number of the
     recording in ``files``; ``frame_index``, the number of the message in the topic; ``timestamp``, the
     seconds since its first message; and ``stamp_ns``, ``pose``, ``valid`` and ``gap``, of shape
     (F, 7) or (F,), the numbers as float32. A ``DataLoader`` of torch makes batches of them.

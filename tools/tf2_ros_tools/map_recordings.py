@@ -57,7 +57,7 @@ def find_recordings(recordings: Recordings) -> list[str]:
     names = [os.fspath(path) for path in paths]
     found = [one for name in names for one in _meant_by(name)]
     if not found:
-        raise FileNotFoundError(errno.ENOENT, "no recordings were found in", ", ".join(names))
+        raise FileNotFoundError(errno.ENOENT, "no recordings were found", ", ".join(names))
     return list(dict.fromkeys(map(resolved, found)))
 
 

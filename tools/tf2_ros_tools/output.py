@@ -43,7 +43,7 @@ def not_known(name: str, known: Collection[str]) -> str:
     """Say that a frame is unknown, and suggest similar names."""
     near = get_close_matches(name, known, n=3)
     advice = f"; did you mean {' or '.join(near)}?" if near else ""
-    return printable(f"{name} is not known{advice}")
+    return printable(f"there is no frame {name}{advice}")
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | memoryview) -> None:

@@ -364,8 +364,8 @@ def add_check_options(made: ArgumentParser) -> None:
         "--max-delay",
         type=non_negative_number,
         metavar="S",
-        help="maximum delay of each dynamic transform; by default, on average, the longer of 1 s and 3 "
-        "periods",
+        help="maximum delay of each dynamic transform; by default, the average delay of a frame may be 1 s "
+        "or 3 of its periods, whichever is longer",
     )
     made.add_argument(
         "--ignore",

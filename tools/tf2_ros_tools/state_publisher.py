@@ -95,7 +95,7 @@ class StatePublisher:
         for one in parameters:
             value: Any = one.value
             if one.name == "robot_description" and not value:
-                reason = "robot_description must not be empty: set it, or name a file"
+                reason = "robot_description must not be empty: set this parameter, or pass the file of a URDF"
             elif one.name == "robot_description":
                 try:
                     _check_text(value)

@@ -191,8 +191,8 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, f
 
 def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     """
-    Read the joints of a URDF. Mimicking an unknown joint is a warning, and so is unexpanded xacro that hides
-    no joints or links.
+    Read the joints of a URDF. Python warnings report joints that mimic an unknown joint, and unexpanded xacro
+    outside joints and links.
 
     :param source: the path of a file, or the text itself, whose first character is ``<``.
     :param prefix: a text to put in front of the names of all frames, for several robots. One leading ``/`` of
@@ -272,7 +272,7 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise UrdfError(f"not XML: {error}") from None
     if root.tag != "robot":
-        raise UrdfError(f"expected the outermost element robot, got {printable(root.tag)}")
+        raise UrdfError(f"expected the root element <robot>, got <{printable(root.tag)}>")
     in_joints = [part for joint in root.findall("joint") for part in joint.iter()]
     values = [value for one in (*root.findall("link"), *in_joints) for value in one.attrib.values()]
     if _of_xacro([*root, *in_joints]) or any("${" in one or "$(" in one for one in values):
@@ -372,7 +372,7 @@ def _root(links: set[str], joints: Iterable[Joint]) -> str:
         other = above.setdefault(joint.child, joint)
         if other is not joint:
             link, one, two = map(printable, (joint.child, other.name, joint.name))
-            raise UrdfError(f"link {link} has two parents, by the joints {one} and {two}")
+            raise UrdfError(f"link {link} has two parents: it is the child of the joints {one} and {two}")
     if (name := one_in_a_loop({child: joint.parent for child, joint in above.items()})) is not None:
         raise UrdfError(f"link {printable(name)} is its own ancestor")
     mimics = {joint.name: joint.mimic[0] for joint in joints if joint.mimic is not None}

@@ -200,7 +200,7 @@ def test_a_wait_says_which_topic_is_silent_and_why():
         with pytest.raises(TimeoutError) as raised:
             feed.wait_until_heard(0.01)
         assert str(raised.value) == (
-            "nothing has been received on /tf and /tf_static in 0.01 s: the domain is wrong; "
+            "nothing has been received on /tf or /tf_static in 0.01 s: the domain is wrong; "
             "no node publishes it"
         )
         wire.reasons["/tf_static"] = "the domain is wrong"
@@ -268,12 +268,12 @@ def test_errors_of_lookups_say_what_has_not_been_received(monkeypatch):
             return str(raised.value).lower()
 
         # The buffer asks once in a while.
-        both = "nothing has been received on /tf and on /tf_static: the domain is wrong; no node publishes it"
+        both = "nothing has been received on /tf or on /tf_static: the domain is wrong; no node publishes it"
         until(lambda: both in error())
         wire.take(message("map", "base"), False)
         until(lambda: "nothing has been received on /tf_static: no node publishes it" in error())
         monkeypatch.setattr("tf2_ros_tools.live.feed.SILENT_S", 0.0)
-        until(lambda: "nothing has been received on /tf_static and on /tf for " in error())
+        until(lambda: "nothing has been received on /tf_static or on /tf for " in error())
         wire.take(message("base", "x"), True)
         until(lambda: "nothing has been received on /tf for " in error())
         monkeypatch.undo()
@@ -547,7 +547,7 @@ def test_a_forked_child_refuses_the_feed_of_its_parent():
     [
         ({"where": "robot"}, "expected an address such as zenoh://robot:7447"),
         ({"where": "dds://robot"}, "give the robot's address as dds://.peers=192.168.0.7"),
-        ({"where": "dds://?peer=x"}, "unknown option 'peer'; dds:// has peers"),
+        ({"where": "dds://?peer=x"}, "unknown option 'peer'; dds:// accepts peers"),
         ({"where": "dds://robot:seven"}, "expected an address such as"),
         ({"where": "dds://", "domain": -1}, "domain: expected a number from 0 to 232, got -1"),
         ({"where": "dds://", "domain": "1"}, "domain: expected a number from 0 to 232, got '1'"),

@@ -161,7 +161,7 @@ def test_nothing_answers(new_laptop, port):
     with pytest.raises(OrderError) as raised:
         laptop.do(f"connect('ws://127.0.0.1:{port}')")
     assert str(raised.value).startswith(
-        f"ConnectionError: connect: no bridge answers at ws://127.0.0.1:{port}. Start ros2 launch "
+        f"ConnectionError: connect: no bridge answers at ws://127.0.0.1:{port}. Start it on the robot with ros2 launch "
         "foxglove_bridge foxglove_bridge_launch.xml on the robot, or check the address: "
     )
 
@@ -175,9 +175,9 @@ def test_something_else_answers(new_laptop, port):
 
 
 def test_a_bridge_without_the_topics(laptop):
-    text = "no node publishes it, or topic_whitelist of the bridge lacks it"
+    text = "no node publishes it, or the bridge's topic_whitelist lacks it"
     assert why(laptop) == (
-        "TimeoutError: nothing has been received on /tf and /tf_static in 0.5 s: the bridge has no /tf: "
+        "TimeoutError: nothing has been received on /tf or /tf_static in 0.5 s: the bridge has no /tf: "
         f"{text}; the bridge has no /tf_static: {text}"
     )
 
@@ -186,7 +186,7 @@ def test_a_bridge_that_does_not_send_the_right_messages(bridge, laptop):
     bridge.do("offer('/tf', 'tf2_msgs/TFMessage', 'ros1'); offer('/tf_static')")
     laptop.until("len(robot.publishers()) == 2")
     assert why(laptop) == (
-        "TimeoutError: nothing has been received on /tf and /tf_static in 0.5 s: the bridge has /tf as "
+        "TimeoutError: nothing has been received on /tf or /tf_static in 0.5 s: the bridge has /tf as "
         f"tf2_msgs/TFMessage in ros1, and this feed reads {SCHEMA} in cdr; the bridge has /tf_static, "
         "but has sent nothing"
     )
@@ -221,7 +221,7 @@ def test_the_library_is_missing(new_laptop):
     ("where", "text"),
     [
         ("ws://", "^ws://: expected the host of a bridge, as in ws://robot:8765$"),
-        ("ws://robot?peers=1", "unknown option 'peers'; ws:// has none$"),
+        ("ws://robot?peers=1", "unknown option 'peers'; ws:// accepts none$"),
     ],
 )
 def test_addresses(where, text):

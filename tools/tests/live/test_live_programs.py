@@ -46,7 +46,7 @@ def test_tf2_live_says_why_nothing_arrives(robot):
     status, out, err = ended("tf2_live", "dds://", "-t", "0.1", env=NOWHERE)
     assert (status, err) == (1, "")
     assert (
-        "nothing has been received on /tf and /tf_static in 0.1 s: no robot was found in domain 231 so far"
+        "nothing has been received on /tf or /tf_static in 0.1 s: no robot was found in domain 231 so far"
         in out
     )
     status, out, _ = ended("tf2_live", "dds://", "-t", "0.1", "--json", env=NOWHERE)

@@ -307,7 +307,7 @@ def why(laptop):
     return str(raised.value)
 
 
-NOTHING = "TimeoutError: nothing has been received on /tf and /tf_static in 0.5 s: "
+NOTHING = "TimeoutError: nothing has been received on /tf or /tf_static in 0.5 s: "
 NO_STATIC = "TimeoutError: /tf is received (1 message), but nothing on /tf_static in 0.5 s: "
 
 
@@ -316,7 +316,7 @@ def test_nothing_answers(new_laptop, port):
     with pytest.raises(OrderError) as raised:
         laptop.do(f"connect('zenoh://127.0.0.1:{port}')")
     assert str(raised.value) == (
-        f"ConnectionError: connect: nothing answers at tcp/127.0.0.1:{port}. Start ros2 run rmw_zenoh_cpp "
+        f"ConnectionError: connect: nothing answers at tcp/127.0.0.1:{port}. Start a router on the robot with ros2 run rmw_zenoh_cpp "
         "rmw_zenohd on the robot, or check the address"
     )
 
@@ -417,7 +417,7 @@ def test_a_library_is_missing(new_laptop, library):
     ("where", "text"),
     [
         ("zenoh://", "^zenoh://: expected the host of a router, as in zenoh://robot:7447$"),
-        ("zenoh://robot?peers=1", "unknown option 'peers'; zenoh:// has none$"),
+        ("zenoh://robot?peers=1", "unknown option 'peers'; zenoh:// accepts none$"),
     ],
 )
 def test_addresses(where, text):

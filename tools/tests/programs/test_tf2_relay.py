@@ -139,7 +139,7 @@ class TestConflicts:
         relay = Relay(rule(frames=("map", "base", "optica"), rename={"base": "map"}), robot(), {})
         assert ("odom", "map") not in names(relay.dynamic_transforms(0.0, 0))
         assert relay.problems() == [
-            "rule 1: optica is not known; did you mean optical?",
+            "rule 1: there is no frame optica; did you mean optical?",
             "rule 1: base is not sent: the name map is already used",
         ]
 
@@ -230,4 +230,4 @@ def test_what_moves_is_sent_as_transforms_and_as_a_pose(tmp_path, node, executor
         assert poses[-1].header.frame_id == "r1/map"
         assert mounts[-1].pose.position.x == 0.5
         assert mounts[-1].header.stamp.sec > 1_000_000_000  # the time at which it was sent
-        until(lambda: "rule 4: camra is not known; did you mean camera?" in process.stderr.readline())
+        until(lambda: "rule 4: there is no frame camra; did you mean camera?" in process.stderr.readline())

@@ -237,7 +237,7 @@ def test_a_running_robot_is_written_until_interrupted_and_an_unknown_frame_told(
     options = ("-o", str(path), "--trail", "camera", "camra", "--origin", "/map")
     with broadcasting(), running("tf2_view", *options) as process:
         lines = iter(process.stderr.readline, "")
-        assert any("camra is not known; did you mean camera?" in line for line in lines)
+        assert any("there is no frame camra; did you mean camera?" in line for line in lines)
         until(lambda: path.exists() and path.stat().st_size > 100_000)
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=DEADLINE_S)

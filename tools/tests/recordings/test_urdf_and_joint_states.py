@@ -99,14 +99,17 @@ def with_more(more):
     ("text", "said"),
     [
         ("<robot", "not XML: unclosed token: line 1, column 0"),
-        ("<sdf/>", "expected the outermost element robot, got sdf"),
+        ("<sdf/>", "expected the root element <robot>, got <sdf>"),
         ("<robot><link/></robot>", "a link has no name"),
         (robot_of(LINKS), "there are two links a"),
         (robot_of(AB, AB), "there are two joints ab"),
         (robot_of(AB), "expected one link without a parent, got 2: a, c"),
         (robot_of(AB, joint("x", "d", "c")), "joint x: its parent d is not a link of the robot"),
         (robot_of('<joint name="x" type="fixed"/>'), "joint x has no parent"),
-        (robot_of(AB, BC, joint("ac", "a", "c")), "link c has two parents, by the joints bc and ac"),
+        (
+            robot_of(AB, BC, joint("ac", "a", "c")),
+            "link c has two parents: it is the child of the joints bc and ac",
+        ),
         (robot_of(AB, BC, joint("ca", "c", "a")), "link a is its own ancestor"),
         (
             robot_of(AB, joint("bc", "b", "c", "hinge")),
@@ -438,7 +441,7 @@ class TestRecordings:
             ({"urdf": {"/arm/states": ARM}}, f" has no topic /tf or /tf_static or /arm/states{COMPUTED}"),
             (
                 {"urdf": True},
-                ", topic /robot_description: this topic does not exist; pass the path of a URDF",
+                ", topic /robot_description: the recording lacks this topic; pass the path of a URDF instead",
             ),
             (
                 {"urdf": robot_of(AB, BC)},

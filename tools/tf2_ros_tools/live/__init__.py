@@ -47,7 +47,7 @@ def connect(
     :raises TypeError: ``prefix`` is not a str.
     :raises ValueError: the address, the domain or the name of a topic is invalid.
     :raises ConnectionError: nothing answers at the address, or DDS cannot start; the text says what to do.
-        With ``dds://``, it is no error that there is no robot yet.
+        With ``dds://``, it is not an error if no robot runs yet.
     :raises ModuleNotFoundError: the library for this transport is not installed; the text says how to install
         it.
     """

@@ -162,8 +162,8 @@ class DdsWire:
         if not self._participants:
             return (
                 f"no robot was found in domain {domain}{self._so_far()}. Check that its nodes run, "
-                "ROS_DOMAIN_ID, the robot's ROS_AUTOMATIC_DISCOVERY_RANGE, and the firewall (UDP from port "
-                f"{7400 + 250 * domain}). "
+                "and check ROS_DOMAIN_ID, the robot's ROS_AUTOMATIC_DISCOVERY_RANGE, and the firewall (UDP "
+                f"from port {7400 + 250 * domain}). "
                 "Without multicast, give the robot's address: dds://?peers=192.168.0.7"
             )
         publishers = self._publishers_of(topic)

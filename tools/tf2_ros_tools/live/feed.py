@@ -30,8 +30,8 @@ class Heard:
 
     Fields: ``count``, the number of messages; ``lost``, how many were lost, or None if the transport
     does not count losses; ``malformed``, how many more could not be read; ``last``, the seconds since the
-    last message, or None if there was none; ``rate``, the messages a second, by the times at which they
-    were sent, or else received; None if fewer than two were received.
+    last message, or None if there was none; ``rate``, messages per second, from the times at which
+    they were sent or, if these are unknown, received; None if fewer than two were received.
     """
 
     count: int
@@ -222,12 +222,12 @@ class Feed:
             raise TimeoutError(self._why_missing(missing, seconds))
 
     def why_ended(self) -> str:
-        """Say that the feed has ended, and why; ``""`` while it receives."""
+        """Return a text that says that the feed has ended, and why; ``""`` while it receives."""
         return self._source.why_ended()
 
     def why_silent(self, seconds: float) -> str:
         """
-        Say on which of the two topics nothing was received, and why if that is known.
+        Return a text that says on which of the two topics nothing was received, and why, if that is known.
 
         :param seconds: how long this program has listened, for the text.
         :return: a text; :meth:`why_ended` if the feed has ended; ``""`` if a message was received on both.
@@ -259,7 +259,7 @@ class Feed:
         """
         Get the broadcaster of static transforms on the static topic of this feed, the same each time.
 
-        Listeners receive what it has sent also if they start later, until the feed closes. It raises what
+        Listeners that start later also receive what it has sent, until the feed closes. It raises what
         :meth:`broadcaster` raises.
         """
         self._require_open()
@@ -333,7 +333,7 @@ class Feed:
         return [topic for topic in self._topics if topic.last_ns is None]
 
     def _why_missing(self, missing: list[_Topic], seconds: float) -> str:
-        names = " and ".join(topic.name for topic in missing)
+        names = " or ".join(topic.name for topic in missing)
         text = f"nothing has been received on {names} in {three_digits(seconds)} s"
         heard = [topic for topic in self._topics if topic not in missing]
         if heard:
@@ -353,7 +353,7 @@ class Feed:
             parts.append(f"on {heard[0][0].name} for {three_digits(last)} s")
         if not parts:
             return ""
-        return f"nothing has been received {' and '.join(parts)}{self._reasons(missing, SILENT_S)}"
+        return f"nothing has been received {' or '.join(parts)}{self._reasons(missing, SILENT_S)}"
 
     def _reasons(self, missing: list[_Topic], seconds: float) -> str:
         unread = [topic.malformed for topic in missing if topic.malformed]

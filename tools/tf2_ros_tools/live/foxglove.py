@@ -65,8 +65,8 @@ class FoxgloveWire:
         self._thread.start()
         if (error := first.get()) is not None:
             raise ConnectionError(
-                f"connect: no bridge answers at {self._url}. Start ros2 launch foxglove_bridge "
-                f"foxglove_bridge_launch.xml on the robot, or check the address: {error}"
+                f"connect: no bridge answers at {self._url}. Start it on the robot with ros2 launch "
+                f"foxglove_bridge foxglove_bridge_launch.xml, or check the address: {error}"
             ) from None
 
     def close(self) -> None:
@@ -90,10 +90,10 @@ class FoxgloveWire:
         channels = self._channels_of(topic)
         if not channels:
             return (
-                f"the bridge has no {topic}: no node publishes it, or topic_whitelist of the bridge lacks it"
+                f"the bridge has no {topic}: no node publishes it, or the bridge's topic_whitelist lacks it"
             )
         if not any(one.is_read for one in channels):
-            is_read = f"and this feed reads {SCHEMA} in {ENCODING}"
+            is_read = f"but this feed reads only {SCHEMA} in {ENCODING}"
             return f"the bridge has {topic} as {channels[0].schema} in {channels[0].encoding}, {is_read}"
         return f"the bridge has {topic}, but has sent nothing"
 

@@ -143,7 +143,7 @@ def refuse_options(address: Address, *known: str) -> None:
     """Raise a ValueError if an address has options other than these."""
     if unknown := [name for name in address.options if name not in known]:
         accepted = " and ".join(known) or "none"
-        text = f"unknown option {unknown[0]!r}; {address.scheme}:// has {accepted}"
+        text = f"unknown option {unknown[0]!r}; {address.scheme}:// accepts {accepted}"
         raise ValueError(f"{address.where}: {text}")
 
 

@@ -198,8 +198,8 @@ class ZenohWire:
             return zenoh.open(config)
         except zenoh.ZError:
             raise ConnectionError(
-                f"connect: nothing answers at {self._endpoint}. Start ros2 run rmw_zenoh_cpp rmw_zenohd on "
-                "the robot, or check the address"
+                f"connect: nothing answers at {self._endpoint}. Start a router on the robot with ros2 run "
+                "rmw_zenoh_cpp rmw_zenohd, or check the address"
             ) from None
 
     def _key(self, topic: str, type_hash: str) -> str:

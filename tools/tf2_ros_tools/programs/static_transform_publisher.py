@@ -95,7 +95,7 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
         if not options.old:
             for name in FRAMES:
                 if name not in given:
-                    raise UsageError(f"{_option(name)} is required, or --file")
+                    raise UsageError(f"{_option(name)} is required without --file")
             return [transform_of(COMMAND_LINE, given, _option)]
         names = OLD_FORMS.get(len(options.old))
         if names is None:

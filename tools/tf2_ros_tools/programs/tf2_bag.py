@@ -465,8 +465,8 @@ def _add_recording(made: Parser) -> None:
     made.add_argument("file", metavar="FILE", help="the recording")
     _add_topics(made)
     for name, summary in (
-        ("--start", "omit dynamic transforms that were recorded before this log time, in seconds"),
-        ("--end", "omit dynamic transforms that were recorded after this log time, in seconds"),
+        ("--start", "omit dynamic transforms recorded before this log time, in seconds since 1970"),
+        ("--end", "omit dynamic transforms recorded after this log time, in seconds since 1970"),
     ):
         made.add_argument(name, type=nanoseconds, metavar="S", help=summary)
 

@@ -96,7 +96,7 @@ PARSER.add_argument(
     metavar="DIGITS",
     type=_digits,
     default=DIGITS,
-    help=f"number of decimals without --json; {DIGITS} by default",
+    help=f"number of decimals; {DIGITS} by default; not used with --json",
 )
 PARSER.add_argument("--once", action="store_true", help="exit after the first transform")
 PARSER.add_argument(

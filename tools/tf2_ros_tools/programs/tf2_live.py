@@ -27,8 +27,8 @@ PARSER = Parser(
     "Listen to a robot for a while, without ROS 2 on this machine. Show who publishes which frames how "
     "often, which messages were lost, and by how much the clocks differ. If nothing arrives on a topic, say "
     "why.\n\n"
-    "Exit status: 0 if transforms arrived on both topics; 1 if not (always for a robot without static "
-    "frames); 2 after wrong usage.",
+    "Exit status: 0 if transforms arrived on both /tf and /tf_static; 1 if not, for example because a robot "
+    "publishes on only one of them; 2 after wrong usage.",
     """\
   tf2_live dds://                      robots in the ROS domain ROS_DOMAIN_ID, found by multicast
   tf2_live dds://?peers=192.168.0.7    this robot, on a network without multicast

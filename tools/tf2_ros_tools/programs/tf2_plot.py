@@ -38,7 +38,11 @@ EXAMPLE = """\
 PARSER = Parser("tf2_plot", DESCRIPTION, EXAMPLE)
 add_plot_options(PARSER, "tf2_plot_DATE.png")
 PARSER.add_argument(
-    "-t", type=positive_number, metavar="S", default=SECONDS, help=f"plot S seconds; {SECONDS:g} by default"
+    "-t",
+    type=positive_number,
+    metavar="S",
+    default=SECONDS,
+    help=f"plot the last S seconds, after the time for discovery; {SECONDS:g} by default",
 )
 add_live_option(PARSER)
 

@@ -28,7 +28,7 @@ keys of a rule:
   to         two topics, for dynamic and static transforms; with `as`, one topic; required
   from       the two topics that are read; by default [/tf, /tf_static]
   name       the rule's name in logs and errors
-  frames     send these frames, and all frames between them
+  frames     send these frames, and all frames between them; without `frames` and `subtree`, all frames
   subtree    send this frame, or these, with all frames below
   exclude    leave out this frame, or these, with all frames below
   collapse   true: leave out the frames between the chosen ones

@@ -21,8 +21,8 @@ PERIOD_S = 0.1  # from one batch to the next
 CHECK_AFTER = 50  # batches, by which publishers are found
 
 DESCRIPTION = """\
-Show the frames of a running robot in 3D, with their axes and names, in the viewer rerun, with a timeline of \
-the past. The command runs until the viewer is closed, or until it is interrupted.
+Show the frames of a running robot in 3D in the viewer rerun: their axes, their names, and a timeline of the \
+past. The command runs until the viewer is closed, or until it is interrupted.
 
 Exit status: 0 at the end; 1 if the viewer did not open; 2 after wrong usage."""
 

@@ -326,8 +326,8 @@ def _unlikely(field: TimeField, lowest: float, highest: float, stamp_ns: int) ->
         side = "before" if after < 0 else "after"
         return (
             f"{field.name} is from {lowest:.10g} to {highest:.10g}, {abs(after):.6g} s {side} the cloud's "
-            f"stamp if the numbers are {field.unit.text}. If that is right, pass time_unit={field.unit.ns / S:g}; "
-            "otherwise the right unit, or times"
+            f"stamp if the numbers are {field.unit.text}. If that is right, pass "
+            f"time_unit={field.unit.ns / S:g}; otherwise the right unit, or times"
         )
     return ""
 

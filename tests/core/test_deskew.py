@@ -622,8 +622,8 @@ def test_a_time_unit_says_what_a_1_means(buffer, name, kind, number_of, unit, or
     ("driver", "numbers", "unit", "text"),
     [
         ("velodyne", (0, 99_800), 1.0,
-         " for at least 9 of 10 points: a sweep of 89820 s if the numbers are s after the stamp. If that is right, "
-         "pass time_unit=1; otherwise the right unit, for example time_unit=1e-6 for µs, or times"),
+         " for at least 9 of 10 points: a sweep of 89820 s if the numbers are s after the stamp. If that is "
+         "right, pass time_unit=1; otherwise the right unit, for example time_unit=1e-6 for µs, or times"),
         ("velodyne", (-50, 0), 1.0, "a sweep of 45 s if the numbers are s after the stamp. If "),
         ("velodyne", (0, 1), 1.0, "time is from 0 to 1, which may be seconds or fractions of a sweep: pass "
                                   "time_unit=1, or the duration of a sweep, for example time_unit=0.1"),
@@ -657,8 +657,8 @@ def test_an_unlikely_sweep_is_asked_about(driver, numbers, unit, text):
     ("name", "kind", "numbers", "text"),
     [
         ("time", "f8", (STAMP + SINCE_STAMP) / S,
-         "time is from 1700000000 to 1700000000, 1.7e+09 s after the cloud's stamp if the numbers are s after "
-         "the stamp. If that is right, pass time_unit=1; otherwise the right unit, or times"),
+         "time is from 1700000000 to 1700000000, 1.7e+09 s after the cloud's stamp if the numbers are s "
+         "after the stamp. If that is right, pass time_unit=1; otherwise the right unit, or times"),
         ("timestamp", "f8", SINCE_STAMP / S, "1.7e+09 s before the cloud's stamp if the numbers are s since"),
         ("timestamp", "f8", (STAMP + SINCE_STAMP) / 1e3, "before the cloud's stamp if the numbers are ns "),
     ],

@@ -128,7 +128,7 @@ class TestOnTheWay:
     ):
         with tf2_ros.TransformListener(buffer, node) as listener:
             until(lambda: listener._tf2_listening.topics[0].lost()[0] > 0, executor)
-            warning = " on /tf: they did not reach the listener. Make the listener and publishers reliable, and give"
+            warning = " on /tf: they did not reach the listener. Make the listener and publishers reliable, and"
             until(lambda: warning in errors_so_far(), executor)
             assert "lost; /tf_static" in repr(listener)
 

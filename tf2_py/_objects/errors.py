@@ -127,7 +127,7 @@ def extrapolation(
     :param quoted_gap: of the frame that tf2's sentence is about: 'empty', 'single', 'future' or 'past'.
     :param quoted_ns: the stamp of its data nearest to the time.
     :param gap: of ``child``, whose data is furthest from the time; ``edge_ns`` is its nearest stamp.
-    :param limiting: the frame that has no newer data than the latest common time, which the program asked for.
+    :param limiting: the frame because of which the latest common time, which was asked for, is no later.
     """
     child, parent, target, source = map(printable, (child, parent, target, source))
     requested = seconds(requested_ns)

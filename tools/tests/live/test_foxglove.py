@@ -161,8 +161,8 @@ def test_nothing_answers(new_laptop, port):
     with pytest.raises(OrderError) as raised:
         laptop.do(f"connect('ws://127.0.0.1:{port}')")
     assert str(raised.value).startswith(
-        f"ConnectionError: connect: no bridge answers at ws://127.0.0.1:{port}. Start it on the robot with ros2 launch "
-        "foxglove_bridge foxglove_bridge_launch.xml on the robot, or check the address: "
+        f"ConnectionError: connect: no bridge answers at ws://127.0.0.1:{port}. Start it on the "
+        "robot with ros2 launch foxglove_bridge foxglove_bridge_launch.xml, or check the address: "
     )
 
 

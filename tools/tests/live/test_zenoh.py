@@ -316,8 +316,8 @@ def test_nothing_answers(new_laptop, port):
     with pytest.raises(OrderError) as raised:
         laptop.do(f"connect('zenoh://127.0.0.1:{port}')")
     assert str(raised.value) == (
-        f"ConnectionError: connect: nothing answers at tcp/127.0.0.1:{port}. Start a router on the robot with ros2 run rmw_zenoh_cpp "
-        "rmw_zenohd on the robot, or check the address"
+        f"ConnectionError: connect: nothing answers at tcp/127.0.0.1:{port}. Start a router on the "
+        "robot with ros2 run rmw_zenoh_cpp rmw_zenohd, or check the address"
     )
 
 

@@ -43,7 +43,9 @@ endif
 define HELP
 Try it
   make demo        watch a robot being broadcast and looked up
-  make test        run the tests: 4 minutes on 2 cores; TESTS=tests/ros/test_buffer.py: some of them
+  make test        run the tests: 4 minutes on 2 cores
+  make test-core TESTS=tests/ros/test_buffer.py
+                   run some of them
 Develop
   make build       compile after a change to a .pyx, .pxd, .pxi or .h file
   make lint        check style and types

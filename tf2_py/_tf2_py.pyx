@@ -184,7 +184,7 @@ cdef class BufferCore(Engine):
         batch.entries = &entry
         batch.count = 1
         batch.is_static = is_static
-        batch.authority = name_utf8(authority, &size, "authority")
+        batch.authority = authority_utf8(authority, &size)
         batch.authority_size = size
         self.insert(&batch)
         return self.report(&batch, None) if batch.needs_report else 0
@@ -242,7 +242,7 @@ cdef class BufferCore(Engine):
             batch.is_static = static
             for i in range(len(messages)):
                 read_transform_stamped(messages[i], &batch.entries[i].incoming, keep)
-            batch.authority = name_utf8(authority, &size, "authority")
+            batch.authority = authority_utf8(authority, &size)
             batch.authority_size = size
             self.insert(&batch)
             if batch.needs_report:
@@ -270,7 +270,7 @@ cdef class BufferCore(Engine):
         cdef bytes message
         memset(&batch, 0, sizeof(Batch))
         batch.is_static = static
-        batch.authority = name_utf8(authority, &size, "authority")
+        batch.authority = authority_utf8(authority, &size)
         batch.authority_size = size
         message = unchanging_bytes(data)
         size = PyBytes_GET_SIZE(message)
@@ -1221,7 +1221,7 @@ cdef class BufferCore(Engine):
 
 
 # Cython counts the arguments that a call lacks, and does not name them. So the code has a default for the
-# authority, whose type is then refused by its name; signatures show that it must be given.
+# authority, which authority_utf8 refuses; signatures show that it must be given.
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", RuntimeWarning)     # that the new defaults have no effect on calls
     for _setter in (BufferCore.set_transform, BufferCore.set_transform_static, BufferCore.set_transforms,

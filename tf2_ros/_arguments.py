@@ -4,7 +4,7 @@ import inspect
 from typing import Any
 
 from tf2_py import stored_name
-from tf2_py._internal import FOR_EVER_NS, duration_ns
+from tf2_py._internal import FOR_EVER_NS, MalformedObjectError, duration_ns
 
 
 class SignatureOfInit:
@@ -49,3 +49,14 @@ def with_prefix(prefix: str, name: str) -> str:
 def frame_of(header: Any, prefix: str) -> Any:
     """The frame to look up for a message: that of its header, with a prefix before it if there is one."""
     return stored_name(with_prefix(valid_prefix(prefix), header.frame_id)) if prefix else header.frame_id
+
+
+def source_of(stamped: Any, prefix: str) -> tuple[Any, Any]:
+    """The frame to look up for a message, as :func:`frame_of`, and its stamp."""
+    try:
+        header = stamped.header
+    except AttributeError:
+        kind = kind_of(stamped)
+        text = f"object_stamped: expected an object with a header, such as PoseStamped, got {kind}"
+        raise MalformedObjectError(text) from None
+    return frame_of(header, prefix), header.stamp

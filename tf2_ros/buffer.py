@@ -388,7 +388,7 @@ class Buffer(BufferCore, BufferInterface):
             transform, if there is one, and then each new one: at a later common time, along another path, or
             with another static transform. So changes arrive at the rate of the slowest moving frame on
             the path, one or two for each of its transforms. A slower loop body gets only the latest change.
-            The iteration ends with the shutdown of the context.
+            In asyncio, the iteration ends with the shutdown of the context.
 
         >>> async def follow(buffer):
         ...     async for transform in buffer.changes("map", "base_link"):
@@ -421,8 +421,8 @@ class Buffer(BufferCore, BufferInterface):
         :param silence: a function that an error calls to explain why data is missing. Its argument is True if
             a static transform may be missing, too. It returns a clause such as ``nothing has been received on
             /tf for 3 s``, which the error text then contains; or ``""``. None: errors explain nothing.
-        :return: a source, whose ``end(reason)`` ends lookups and awaits that still wait, once nothing else
-            fills the buffer. The iteration of :meth:`changes` ends, too.
+        :return: a source. Once nothing else fills the buffer, its ``end(reason)`` ends blocking lookups, and
+            in asyncio awaits and the iteration of :meth:`changes`.
         :raises TypeError: ``name`` is not a str, or ``silence`` cannot be called.
 
         >>> from tf2_ros import Buffer, TransformException

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, overload
 import tf2_py as tf2
 from tf2_py import TransformException
 from tf2_py.typing import DurationLike, TimeLike
-from tf2_ros._arguments import frame_of
+from tf2_ros._arguments import source_of
 from tf2_ros._message_classes import Header, PoseStamped, TransformStamped, time_msg
 from tf2_ros._registration import (
     ConvertRegistration,
@@ -144,11 +144,11 @@ class BufferInterface:
         """
         stamped: Any = object_stamped
         do_transform: Any = self.registration.get(type(stamped))
-        header = stamped.header
+        source_frame, stamp = source_of(stamped, prefix)
         look_up: Any = self.lookup_transform
-        transform = look_up(target_frame, frame_of(header, prefix), header.stamp, timeout, **policy)
+        transform = look_up(target_frame, source_frame, stamp, timeout, **policy)
         if policy:
-            transform = _at(header.stamp, transform)
+            transform = _at(stamp, transform)
         result: _New = do_transform(stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
@@ -178,13 +178,13 @@ class BufferInterface:
         """
         stamped: Any = object_stamped
         do_transform: Any = self.registration.get(type(stamped))
-        header = stamped.header
+        source_frame, stamp = source_of(stamped, prefix)
         look_up: Any = self.lookup_transform_full
         transform = look_up(
             target_frame,
             target_time,
-            frame_of(header, prefix),
-            header.stamp,
+            source_frame,
+            stamp,
             fixed_frame,
             timeout,
             **policy,
@@ -216,12 +216,11 @@ class BufferInterface:
         """
         stamped: Any = object_stamped
         do_transform: Any = self.registration.get(type(stamped))
-        header = stamped.header
+        source_frame, stamp = source_of(stamped, prefix)
         look_up: Any = self.lookup_transform_async
-        source_frame = frame_of(header, prefix)
-        transform = await look_up(target_frame, source_frame, header.stamp, timeout=timeout, **policy)
+        transform = await look_up(target_frame, source_frame, stamp, timeout=timeout, **policy)
         if policy:
-            transform = _at(header.stamp, transform)
+            transform = _at(stamp, transform)
         result: _New = do_transform(stamped, transform)
         return result if new_type is None else convert(result, new_type)
 

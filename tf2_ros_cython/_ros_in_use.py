@@ -28,7 +28,7 @@ def loadable_packages() -> tuple[str, ...]:
     return PACKAGES if has_rclpy() else _WITHOUT_ROS
 
 
-def absence(what: str = "tf2_ros") -> ModuleNotFoundError:
+def absence(what: str = "this") -> ModuleNotFoundError:
     """Make the error for a use of ``what`` without rclpy; its text says what to do."""
     text = (
         f"{what} needs ROS 2, but {sys.executable} finds no rclpy: source ROS 2, or run in a clone of"

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from tf2_ros_cython import _installation
 
-_ORIGIN = "import importlib.util as u; found = u.find_spec('tf2_ros'); print(found and found.origin)"
+_ORIGIN = "import importlib.util as u; found = u.find_spec('tf2_ros'); print(found.origin if found else '')"
 
 
 def strays() -> dict[str, tuple[str, list[Path]]]:
-    """By the Python that starts them: the tf2_ros that they import instead, and the programs."""
+    """By the Python that starts them: what is said of its tf2_ros, and the programs."""
     spec = importlib.util.find_spec("tf2_ros")
     ours = None if spec is None else spec.origin
     by_python: dict[str, list[Path]] = {}
@@ -21,8 +21,8 @@ def strays() -> dict[str, tuple[str, list[Path]]]:
         python = _python_of(program)
         if python is not None and not _is_in_the_same_folder(python, sys.executable):
             by_python.setdefault(python, []).append(program)
-    others = {python: _tf2_ros_of(python) for python in by_python}
-    return {python: (others[python], by_python[python]) for python in by_python if others[python] != ours}
+    found = {python: _tf2_ros_of(python) for python in by_python}
+    return {python: (said, by_python[python]) for python, (origin, said) in found.items() if origin != ours}
 
 
 def _programs() -> list[Path]:
@@ -54,6 +54,10 @@ def _is_in_the_same_folder(one: str, other: str) -> bool:
     return os.path.realpath(os.path.dirname(one)) == os.path.realpath(os.path.dirname(other))
 
 
-def _tf2_ros_of(python: str) -> str:
+def _tf2_ros_of(python: str) -> tuple[str, str]:
+    """Where it is, and a clause about it."""
     done = subprocess.run([python, "-c", _ORIGIN], capture_output=True, text=True, check=False)
-    return done.stdout.strip() or f"none ({done.stderr.strip()[-200:]})"
+    origin, error = done.stdout.strip(), done.stderr.strip()[-200:]
+    if origin:
+        return origin, f"its tf2_ros is {origin}"
+    return "", f"it has no tf2_ros ({error})" if error else "it has no tf2_ros"

@@ -131,8 +131,8 @@ def _why_not(name: str, folder: Path) -> str:
     if _installation.refused_rclpy() is not None:
         return _finder.unknown_rclpy()
     prefix = _installation.distribution_prefix()
-    is_of_workspace = prefix is not None and not _installation.lies_in(str(folder), prefix)
-    if is_of_workspace and str(folder) != _installation.SITE:
+    is_of_path = _is_arranged() if prefix is None else not _installation.lies_in(str(folder), prefix)
+    if is_of_path and str(folder) != _installation.SITE:
         return "packages in a workspace or on PYTHONPATH take precedence"
     if not _is_arranged():
         return _not_arranged()
@@ -153,7 +153,7 @@ def _others(name: str, folder: Path | None) -> list[Path]:
 def _describe_strays(python: str, imported: str, programs: list[Path]) -> str:
     some = ", ".join(map(str, programs[:2])) + (f" and {len(programs) - 2} more" if programs[2:] else "")
     return (
-        f"{python} runs {some}; its tf2_ros is {imported}. Rebuild the workspace with {sys.executable} -m "
+        f"{python} runs {some}; {imported}. Rebuild the workspace with {sys.executable} -m "
         "colcon build. Or, if you build without --symlink-install, add to the setup.cfg of these programs: "
         "[build_scripts] executable=/usr/bin/env python3"
     )

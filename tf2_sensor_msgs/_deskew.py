@@ -3,6 +3,7 @@
 import contextlib
 import re
 import time
+import warnings
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ MOST_SECONDS = 2.0**31
 # A longer sweep is taken for a wrong unit, as are times so far from the stamp, unless a unit is given; with
 # one, the poses of the longest sweeps are looked up for each point.
 LONG_NS, LONGEST_NS = 3 * S, 3600 * S
+# A sweep of many points that is shorter is reported, as the unit may be wrong, or the field not set.
+SHORT_NS, MANY_POINTS = S // 1000, 1000
 # No time is farther from the stamp, or from 1970.
 FARTHEST_NS = 2.0**62
 NOT_LATEST_NS = 1  # looked up for 0, which would mean the latest time
@@ -132,6 +135,8 @@ def deskew(
         :func:`do_transform_cloud`; or the sensor does not move in ``fixed_frame`` (or, without one, in
         ``target_frame``), because that frame is the sensor's own or is fixed to it.
 
+    A warning reports a sweep of 1,000 points or more within 1 ms, unless ``time_unit`` or ``times`` is given.
+
     Normals and viewpoints are transformed, too. Points with NaN coordinates need no time; in the result,
     their coordinates, normals and viewpoints are NaN. Integers are truncated, as in
     :func:`do_transform_cloud`.
@@ -166,6 +171,8 @@ def deskew(
         fixed = {"fixed_frame": fixed_frame, "target_time": new_ns or NOT_LATEST_NS}
     motion = Motion(buffer, target_frame, source_frame, fixed, policy)
     sweep = _read_sweep(cloud, stamp_ns, times, time_unit)
+    if times is None and time_unit is None:
+        _warn_if_short(sweep)
 
     def moved(poses: Poses, is_dense: bool) -> tuple[PointCloud2, bool]:
         stored = None
@@ -255,6 +262,18 @@ def _read_sweep(
     if not -FARTHEST_NS < lowest * field.unit.ns <= highest * field.unit.ns < FARTHEST_NS:
         lowest, highest = 0, -1
     return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), count, of_all)
+
+
+def _warn_if_short(sweep: Sweep) -> None:
+    if sweep.field is not None and sweep.size >= MANY_POINTS and 0 <= sweep.last - sweep.first < SHORT_NS:
+        name, unit = sweep.field.name, sweep.field.unit.text
+        seconds = (sweep.last - sweep.first) / S
+        warnings.warn(
+            f"deskew: {name}, in {unit}, spans {seconds:g} s in {sweep.size} points, so hardly any motion is "
+            "corrected: the driver may not set it, the cloud may have been deskewed before, or the unit is "
+            "another one, to pass as time_unit",
+            stacklevel=3,
+        )
 
 
 def _judge(field: TimeField, numbers: NDArray[np.float64], stamp_ns: int, guesses: bool) -> Judgement:

@@ -3,6 +3,7 @@
 import array
 import re
 import threading
+import warnings
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -651,6 +652,21 @@ def test_an_unlikely_sweep_is_asked_about(driver, numbers, unit, text):
         numbers[numbers >= 2**31] -= 2**32
     since = numbers * unit - (0 if numbers[0] > 1e6 else -STAMP / S) - START / S
     assert moved["x"] == pytest.approx(since, abs=1e-3, rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0, 1e-6, 1e-3, 0.0099], ids=["unset", "ms", "us", "990 us"])
+def test_a_sweep_of_many_points_in_no_time_is_reported(buffer, factor):
+    cloud, points, _ = measured("ouster", (SINCE_STAMP * factor).astype(int))
+    with pytest.warns(
+        UserWarning, match=r"^deskew: t, in ns after the stamp, spans \S+ s in 4000 points, so "
+    ):
+        moved = deskew(cloud, buffer, "odom")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert deskew(cloud, buffer, "odom", time_unit=1e-9) == moved
+        assert deskew(cloud, buffer, "odom", times=STAMP + points["t"].astype(int)) == moved
+        for few_or_long in (SINCE_STAMP[:999] * factor, SINCE_STAMP * 0.011):
+            deskew(measured("ouster", few_or_long.astype(int))[0], buffer, "odom")
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ class TestInTheQueueOfTheListener:
         assert f" s ago, {SENT - DEPTH} lost; /tf_static" in repr(listener)
         warning = (
             "Lost 8 messages on /tf: newer ones displaced them in the queue, whose depth is 2. "
-            "Give the listener a deeper one, for example qos=100"
+            "Give the listener a deeper queue, for example qos=100"
         )
         until(lambda: warning in errors_so_far())
 
@@ -128,7 +128,7 @@ class TestOnTheWay:
     ):
         with tf2_ros.TransformListener(buffer, node) as listener:
             until(lambda: listener._tf2_listening.topics[0].lost()[0] > 0, executor)
-            warning = " on /tf: they did not reach the listener. Make the listener and publishers reliable, and"
+            warning = " on /tf: they did not reach the listener. Make the listener and publishers reliable"
             until(lambda: warning in errors_so_far(), executor)
             assert "lost; /tf_static" in repr(listener)
 

@@ -113,7 +113,10 @@ class Policies:
     def _stale(self, target, source, name, limit):
         frame, age = self.frames[name], self._age_ns(name)
         if age == math.inf:
-            fact = "has no known age: the clock of the buffer is at 0, because simulated time has not begun"
+            fact = (
+                "has no known age: the clock of the buffer is at 0, because simulated time has not begun, "
+                "or nothing spins the node"
+            )
         else:
             clock = f"the clock of the buffer, at {seconds(self.now_ns)}"
             is_younger = age > self.now_ns - frame.newest_ns()

@@ -120,6 +120,7 @@ def extrapolation(
     child: str,
     parent: str,
     limiting: str | None,
+    tolerance_ns: int,
 ) -> ExtrapolationException:
     """
     The error for a time for which frames lack data: tf2's sentence, and the frame that lacks the most.
@@ -128,6 +129,7 @@ def extrapolation(
     :param quoted_ns: the stamp of its data nearest to the time.
     :param gap: of ``child``, whose data is furthest from the time; ``edge_ns`` is its nearest stamp.
     :param limiting: the frame because of which the latest common time, which was asked for, is no later.
+    :param tolerance_ns: how far beyond its newest sample ``child`` has an answer.
     """
     child, parent, target, source = map(printable, (child, parent, target, source))
     requested = seconds(requested_ns)
@@ -148,6 +150,8 @@ def extrapolation(
         }[gap]
         apart = seconds(abs(requested_ns - edge_ns))
         lack = f"the {which} sample of {child} (parent {parent}) at {seconds(edge_ns)} is {apart} s {how}"
+    if tolerance_ns > 0 and edge_ns < requested_ns:
+        lack += f"; tolerance allows {seconds(tolerance_ns)} s"
     if 0 < requested_ns < YEAR_NS and max(quoted_ns, edge_ns) > 30 * YEAR_NS:
         lack += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
     if limiting is not None:
@@ -184,7 +188,10 @@ def stale(
     """The error for a latest transform whose data is older than ``max_age`` allows."""
     child, parent, target, source = map(printable, (child, parent, target, source))
     if now_ns <= 0:
-        fact = "has no known age: the clock of the buffer is at 0, because simulated time has not begun"
+        fact = (
+            "has no known age: the clock of the buffer is at 0, because simulated time has not begun, "
+            "or nothing spins the node"
+        )
     elif age_ns == now_ns - newest_ns:
         fact = f"is {seconds(age_ns)} s old by the clock of the buffer, at {seconds(now_ns)}"
     else:

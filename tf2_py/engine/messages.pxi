@@ -49,6 +49,12 @@ cdef const char* name_utf8(object name, Py_ssize_t* size, str argument="frame na
     return text
 
 
+cdef const char* authority_utf8(object authority, Py_ssize_t* size) except NULL:
+    if authority is None:
+        raise TypeError("authority is missing: pass the name of the publisher, a str")
+    return name_utf8(authority, size, "authority")
+
+
 cdef str name_for_log(const char* text, size_t size):
     if size <= LOGGED_BYTES:
         return text[:size].decode("utf-8")

@@ -10,6 +10,7 @@ cdef int load_layouts() except -1
 # The UTF-8 of a name, owned by `name`. TypeError, which names the argument; UnicodeEncodeError (lone
 # surrogate) or ValueError (NUL).
 cdef const char* name_utf8(object name, Py_ssize_t* size, str argument=*) except NULL
+cdef const char* authority_utf8(object authority, Py_ssize_t* size) except NULL
 
 # For log lines: the name, which is UTF-8; only the beginning of a long one, and its size in bytes.
 cdef str name_for_log(const char* text, size_t size)

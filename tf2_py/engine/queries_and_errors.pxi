@@ -201,6 +201,16 @@ cdef object _bad_limit(const Query* query, Status status, list children, str cal
     return ValueError(errors.limit_of_root(name, argument, children))
 
 
+cdef int64_t _limit_of_name(const FrameLimits* limits, str frame) except -1:
+    # Not by the ids, which only lookups know.
+    cdef uint32_t i
+    name = frame.encode("utf-8")
+    for i in range(limits.count):
+        if limits.named[i].name[:limits.named[i].size] == name:
+            return limits.named[i].limit_ns
+    return limits.others_ns
+
+
 cdef object query_error(const Query* query, Status status, str child, str parent, list children,
                         str limiting, str call, Advice advice, object buffer):
     target, source, fixed = _query_names(query)
@@ -232,6 +242,7 @@ cdef object query_error(const Query* query, Status status, str child, str parent
     error = errors.extrapolation(
         status.requested_ns, GAP_NAMES[status.quoted_gap], status.other_ns, target, source,
         GAP_NAMES[status.gap], status.edge_ns, child, parent, limiting,
+        _limit_of_name(&query.policy.tolerance, child) if query.policy.is_given else 0,
     )
     # Data that may still arrive does not help with the past.
     if status.gap == GAP_EMPTY or status.requested_ns > status.edge_ns:

@@ -481,6 +481,19 @@ def test_a_misspelled_discovery_range_is_reported_and_means_this_machine(monkeyp
     ]
 
 
+@pytest.mark.parametrize(
+    "environment", [{"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, {"ROS_LOCALHOST_ONLY": "1"}], ids=str
+)
+def test_a_robot_on_this_machine_only(monkeypatch, environment):
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY"):
+        monkeypatch.delenv(name, raising=False)
+    address = parse("dds://", 0, ("/tf", "/tf_static"))
+    assert "AllowMulticast" not in dds._configuration(address)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert "<AllowMulticast>false</AllowMulticast>" in dds._configuration(address)
+
+
 def nodes_message(nodes, gid_bytes, order):
     """A message about nodes: namespace, name, number of subscriptions, and GUIDs of publishers."""
     data = bytearray([0, order == "<", 0, 0]) + bytes(gid_bytes)

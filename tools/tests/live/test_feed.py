@@ -563,7 +563,8 @@ def test_arguments_of_connect(arguments, text):
         connect(**arguments)
 
 
-def test_a_domain_of_the_environment_must_be_a_number(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "seven")
-    with pytest.raises(ValueError, match="^ROS_DOMAIN_ID: expected a number from 0 to 232, got 'seven'$"):
+@pytest.mark.parametrize("domain", ["seven", "233"])
+def test_a_domain_of_the_environment_must_be_a_number(monkeypatch, domain):
+    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+    with pytest.raises(ValueError, match=f"^ROS_DOMAIN_ID: expected a number from 0 to 232, got '{domain}'$"):
         connect("dds://")

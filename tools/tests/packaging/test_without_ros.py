@@ -39,7 +39,7 @@ def test_a_program_says_in_one_line_what_is_missing(world, command):
     name, *arguments = command.split()
     ended = world.run("-m", f"tf2_ros_tools.programs.{name}", *arguments)
     assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (1, "", 1)
-    assert ended.stderr.startswith(f"{name}: tf2_ros needs ROS 2, but {world.python} finds no rclpy")
+    assert ended.stderr.startswith(f"{name}: this needs ROS 2, but {world.python} finds no rclpy")
     assert "; or listen without ROS 2: --live dds://;" in ended.stderr
 
 

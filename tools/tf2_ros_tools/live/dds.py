@@ -308,7 +308,7 @@ def _configuration(address: Address) -> str:
         raise ConnectionError(
             f"{address.where}: ROS_AUTOMATIC_DISCOVERY_RANGE is OFF, so nothing can be found"
         )
-    is_local = discovery == "LOCALHOST"
+    is_local = discovery == "LOCALHOST" or os.environ.get("ROS_LOCALHOST_ONLY") == "1"
     if discovery not in RANGES:
         log.warning(
             f"ROS_AUTOMATIC_DISCOVERY_RANGE: expected one of {', '.join(RANGES[1:])}, got "

@@ -156,9 +156,9 @@ def _topic(name: str) -> str:
 def _domain(domain: int | None) -> int:
     if domain is None:
         text = os.environ.get("ROS_DOMAIN_ID") or "0"
-        if not text.isdecimal():
+        if not text.isdecimal() or int(text) > 232:
             raise ValueError(f"ROS_DOMAIN_ID: expected a number from 0 to 232, got {text!r}")
-        domain = int(text)
+        return int(text)
     if not isinstance(domain, int) or not 0 <= domain <= 232:
         raise ValueError(f"domain: expected a number from 0 to 232, got {domain!r}")
     return domain

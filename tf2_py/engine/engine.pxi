@@ -505,8 +505,8 @@ cdef class Engine:
         self._wake_all(&batch)
 
     cdef str _limiting_frame(self, const Query* query, Status status):
-        # The frame without newer data than the latest common time, at which another has no data yet; None: the
-        # lookup failed for another reason, or data has arrived since.
+        # The frame without newer data than the latest common time, at which another frame has no data yet;
+        # None: the lookup failed for another reason, or data has arrived since.
         cdef FrameId frames[2 * MAX_HOPS]
         cdef int64_t newest_ns[2 * MAX_HOPS]
         cdef Status found

@@ -367,7 +367,9 @@ def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
     if one.msgtype not in types:
         options = {JOINT_STATE: WITH_URDF, **dict.fromkeys((*NAMED, *POSES), WITH_POSES)}
         advice = f"; {options[one.msgtype]} reads it" if one.msgtype in options else ""
-        wanted = " or ".join(types)
+        wanted = (
+            types[0] if types[0] in TF_TYPES else " or ".join(types)
+        )  # few know of the others for transforms
         raise BagError(f"{where}: expected the type {wanted}, got {printable(one.msgtype)}{advice}")
     encodings = foxglove_messages.ENCODINGS if one.msgtype in foxglove_messages.TYPES else ("cdr", "ros1")
     if one.encoding not in encodings:

@@ -306,9 +306,9 @@ def test_nobody_is_there(new_laptop):
         laptop.do("robot.wait_until_heard(0.5)")
     assert str(raised.value) == (
         "TimeoutError: nothing has been received on /tf or /tf_static in 0.5 s: no robot was found in "
-        f"domain {domain} so far, and discovery takes up to 5 s. Check that its nodes run, ROS_DOMAIN_ID, "
-        f"the robot's ROS_AUTOMATIC_DISCOVERY_RANGE, and the firewall (UDP from port {7400 + 250 * domain}). "
-        "Without multicast, give the robot's address: dds://?peers=192.168.0.7"
+        f"domain {domain} so far, and discovery takes up to 5 s. Check that its nodes run, and check "
+        f"ROS_DOMAIN_ID, the robot's ROS_AUTOMATIC_DISCOVERY_RANGE, and the firewall (UDP from port "
+        f"{7400 + 250 * domain}). Without multicast, give the robot's address: dds://?peers=192.168.0.7"
     )
 
 

@@ -187,7 +187,7 @@ def test_a_bridge_that_does_not_send_the_right_messages(bridge, laptop):
     laptop.until("len(robot.publishers()) == 2")
     assert why(laptop) == (
         "TimeoutError: nothing has been received on /tf or /tf_static in 0.5 s: the bridge has /tf as "
-        f"tf2_msgs/TFMessage in ros1, and this feed reads {SCHEMA} in cdr; the bridge has /tf_static, "
+        f"tf2_msgs/TFMessage in ros1, but this feed reads only {SCHEMA} in cdr; the bridge has /tf_static, "
         "but has sent nothing"
     )
 

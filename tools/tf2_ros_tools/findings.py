@@ -132,7 +132,9 @@ def find(
     :param also: what is wrong apart from the streams.
     """
     found = [*also, *_in_the_tree(streams)]
-    found += _of_other_clocks(streams, "the log times" if recorded else "the clock of this program")
+    unset = {one.frame for one in found if one.kind == "unset"}  # their stamps are of no clock
+    with_clocks = [one for one in streams if one.frame not in unset]
+    found += _of_other_clocks(with_clocks, "the log times" if recorded else "the clock of this program")
     if not streams and all(one.kind != "nothing" for one in found):
         which = " that buffers accept" if refused else ""
         found.append(Finding("nothing", "", f"no transform{which} was received{where and f' {where}'}"))

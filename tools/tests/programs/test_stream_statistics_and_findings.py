@@ -396,6 +396,17 @@ class TestRecords:
         )
         assert said(found) == [f"unset: {text}"] * (count > 0)
 
+    def test_stamps_that_were_not_set_say_nothing_about_a_clock(self):
+        mine = records(steady("odom"), steady("base", "odom"))
+        mine["stamp_ns"][mine["child"] == FRAMES.index("odom")] = 0
+        streams = Streams()
+        streams.add(mine)
+        report, _ = streams.report(at(4.0), FRAMES, PUBLISHERS)
+        unset = Received(mine, FRAMES, PUBLISHERS, VALUES, str).findings()
+        assert "clocks" in {one.kind for one in find(report, Limits())}
+        kinds = [one.kind for one in find(report, Limits(), also=unset)]
+        assert "unset" in kinds and "clocks" not in kinds
+
     @pytest.mark.parametrize(
         ("lists", "expected"),
         [

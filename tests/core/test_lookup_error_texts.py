@@ -178,10 +178,15 @@ def test_an_error_at_the_latest_common_time_names_the_frame_without_newer_data(t
 @pytest.mark.ours
 def test_a_tolerance_that_is_too_short_names_the_frame_that_is_furthest_behind(tf2_ros, robot):
     buffer = robot({"base": 10, "arm": 11, "laser": 14, "cam": 16})
-    with pytest.raises(tf2_ros.ExtrapolationException, match=r"of arm \(parent base\) at 11\.0+ is 6\.0+ s"):
-        buffer.lookup_transform("cam", "laser", at(17), tolerance=2)
-    with pytest.raises(tf2_ros.ExtrapolationException, match=r"of arm \(parent base\) at 11\.0+ is 6\.0+ s"):
-        buffer.lookup_transform("cam", "laser", at(17), tolerance=5)
+    for tolerance in (2, 5, {"laser": 9, "arm": 5}):
+        with pytest.raises(
+            tf2_ros.ExtrapolationException,
+            match=r"of arm \(parent base\) at 11\.0+ is 6\.0+ s too old; tolerance allows (2|5)\.0+ s$",
+        ) as raised:
+            buffer.lookup_transform("cam", "laser", at(17), tolerance=tolerance)
+        assert f"{tolerance if tolerance == 2 else 5}.000000000 s" in str(raised.value)
+    with pytest.raises(tf2_ros.ExtrapolationException, match=r"of laser .* is 3\.0+ s too old$"):
+        buffer.lookup_transform("cam", "laser", at(17), tolerance={"arm": 9, "cam": 5})
     assert buffer.can_transform("cam", "laser", at(17), tolerance=6)
 
 

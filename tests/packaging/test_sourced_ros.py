@@ -323,12 +323,21 @@ def test_a_python_whose_checkout_is_gone_starts_in_silence(editable, made, ros):
 
 
 class TestWhich:
-    @pytest.mark.parametrize("is_same", [False, True], ids=["another", "the_same"])
-    def test_it_names_programs_that_another_python_starts(self, in_venv, ros, tmp_path, is_same):
+    @pytest.mark.parametrize(
+        ("is_same", "says"),
+        [(False, "its tf2_ros is {theirs}. "), (False, "it has no tf2_ros. "), (True, None)],
+        ids=["another", "without", "the_same"],
+    )
+    def test_it_names_programs_that_another_python_starts(self, in_venv, ros, tmp_path, is_same, says):
         overlay = Prefix(tmp_path / "overlay")
         program = overlay.path / "lib" / "my_robot" / "scan_pose"
         program.parent.mkdir()
         named = "/usr/bin/env python3" if is_same else sys._base_executable
+        if says == "it has no tf2_ros. ":
+            isolated = tmp_path / "python3"
+            isolated.write_text(f'#!/bin/sh\nexec {named} -I "$@"\n')
+            isolated.chmod(0o755)
+            named = str(isolated)
         program.write_text(f"#!{named}\nimport tf2_ros\n")
         environment = sourced(overlay, ros)
         environment["PATH"] = f"{in_venv.python.parent}{os.pathsep}{environment['PATH']}"
@@ -337,7 +346,7 @@ class TestWhich:
         assert (ended.returncode, len(told)) == ((0, 0) if is_same else (1, 1))
         if told:
             theirs = ros.path / SITE / "tf2_ros" / "__init__.py"
-            assert told[0].startswith(f"programs: {named} runs {program}; its tf2_ros is {theirs}. ")
+            assert told[0].startswith(f"programs: {named} runs {program}; {says.format(theirs=theirs)}")
 
     def test_it_tells_what_is_imported_and_before_what(self, anywhere, ros):
         ended = anywhere.run(sourced(ros), "-m", "tf2_ros_cython")
@@ -365,6 +374,14 @@ class TestWhich:
         [line] = [line for line in ended.stdout.splitlines() if line.startswith("tf2_ros: ")]
         assert line.startswith("tf2_ros: not tf2-ros-cython, ")
         assert reason in line
+
+    def test_without_ros_it_tells_of_another_on_the_path(self, in_venv, tmp_path):
+        other = Prefix(tmp_path / "other").add_stubs("fork", "tf2_ros")
+        environment = {**unsourced(), "PYTHONPATH": str(other.path / SITE)}
+        ended = in_venv.run(environment, "-m", "tf2_ros_cython")
+        assert ended.returncode == 1
+        [line] = [line for line in ended.stdout.splitlines() if line.startswith("tf2_ros: ")]
+        assert line.endswith(": packages in a workspace or on PYTHONPATH take precedence")
 
     def test_without_ros_it_is_right_if_buffers_load(self, in_venv, tmp_path):
         for entry in Path(numpy.__file__).parents[1].glob("numpy*"):

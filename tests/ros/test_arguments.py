@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PointStamped, PoseStamped, Transform, TransformStamped
+from geometry_msgs.msg import PointStamped, Pose, PoseStamped, Transform, TransformStamped
 from making_objects import at, stamp_ns, transform
 from rclpy.duration import Duration
 from rclpy.time import Time
@@ -294,6 +294,17 @@ def test_a_filter_refuses_wrong_inputs_callbacks_and_messages(tf2_ros, node, buf
 def test_a_function_for_messages_says_what_to_pass_instead(call, text):
     with pytest.raises(AttributeError, match=f"{text}$"):
         call()
+
+
+@either_kind
+def test_an_object_without_a_header(buffer, kind):
+    text = "^object_stamped: expected an object with a header, such as PoseStamped, got Pose$"
+    with pytest.raises(kind, match=text):
+        buffer.transform(Pose(), "map")
+    with pytest.raises(kind, match=text):
+        buffer.transform_full(Pose(), "map", at(1), "map")
+    with pytest.raises(kind, match=text):
+        buffer.transform_async(Pose(), "map").send(None)
 
 
 def test_a_listener_with_its_own_callback_needs_no_buffer(tf2_ros, node):

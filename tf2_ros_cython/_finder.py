@@ -50,18 +50,19 @@ class Aside:
             import warnings
 
             if found_on_path(name) == HOME:
-                warning = f"tf2-ros-cython is used, because there is no other tf2, but {unknown_rclpy()}"
+                reason = unknown_rclpy("to end this warning")
+                warning = f"tf2-ros-cython is used, because there is no other tf2, but {reason}"
             else:
                 reason = unknown_rclpy()
                 warning = f"another tf2 is used, not tf2-ros-cython: {reason}, or to 0 to end this warning"
             warnings.warn(warning, stacklevel=2)
 
 
-def unknown_rclpy() -> str:
-    """Say why an rclpy is refused, and what to do."""
+def unknown_rclpy(purpose: str = "to use this one") -> str:
+    """Say why an rclpy is refused, and what to do; ``purpose``: what ``TF2_ROS_CYTHON=1`` is for."""
     return (
         f"this ROS 2 has rclpy {refused_rclpy()}; this tf2-ros-cython was tested only with {OLDEST_RCLPY} "
-        f"to {NEWEST_RCLPY}. Install a newer one; or, to try this one, set TF2_ROS_CYTHON to 1"
+        f"to {NEWEST_RCLPY}. Install a newer tf2-ros-cython, or set TF2_ROS_CYTHON to 1 {purpose}"
     )
 
 

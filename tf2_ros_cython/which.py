@@ -131,7 +131,10 @@ def _why_not(name: str, folder: Path) -> str:
     if _installation.refused_rclpy() is not None:
         return _finder.unknown_rclpy()
     prefix = _installation.distribution_prefix()
-    is_of_path = _is_arranged() if prefix is None else not _installation.lies_in(str(folder), prefix)
+    if prefix is None:
+        is_of_path = str(folder) in map(os.path.abspath, os.environ.get("PYTHONPATH", "").split(os.pathsep))
+    else:
+        is_of_path = not _installation.lies_in(str(folder), prefix)
     if is_of_path and str(folder) != _installation.SITE:
         return "packages in a workspace or on PYTHONPATH take precedence"
     if not _is_arranged():

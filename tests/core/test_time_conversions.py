@@ -143,7 +143,7 @@ DELTAS = [datetime.timedelta(2), Timedelta(2)]
             [np.datetime64("NaT", unit) for unit in ("ns", "s", "D")],
         ),
         (time_ns, TypeError, "got datetime: use Time", [datetime.datetime(2024, 1, 1)]),
-        (time_ns, TypeError, r"^x is a (T|t)imedelta: use Time\(seconds=", DELTAS),
+        (time_ns, TypeError, r"^x: expected a time, got (T|t)imedelta: use Time\(seconds=", DELTAS),
         (time_ns, TypeError, USE_A_TIME, [1.5, np.float32(1), True, np.True_, None]),
         (time_ns, TypeError, USE_A_TIME, [np.timedelta64(1, "s"), Decimal(1)]),
         (duration_ns, TypeError, USE_A_DURATION, NO_DURATIONS),

@@ -95,7 +95,7 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
         return _datetime64_ns(value, argument)
     # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
     if isinstance(value, datetime.timedelta):
-        raise TypeError(f"{argument} is a {type(value).__name__}: use {_times_to_use()}")
+        raise TypeError(f"{argument}: expected a time, got {type(value).__name__}: use {_times_to_use()}")
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         _refuse_duration(value, found, argument)

@@ -43,7 +43,7 @@ class Pending:
     def __call__(self) -> Pending | None:
         """Call self as a function."""
     def cancel(self) -> None:
-        """End the wait; without effect if it has ended."""
+        """End the wait, or the calls of a subscription; later calls do nothing."""
     def drop(self, why: str) -> None:
         """End a queued one without its callbacks, because nothing can run them any more."""
 

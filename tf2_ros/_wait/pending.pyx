@@ -72,7 +72,7 @@ cdef class Pending:
             self._end(DONE, [])
 
     def cancel(self):
-        """End the wait; without effect if it has ended."""
+        """End the wait, or the calls of a subscription; later calls do nothing."""
         if self.life < DONE:
             self._end(CANCELLED, [])
 

@@ -1,4 +1,4 @@
-"""Draw which package imports and cimports which; docs/development/internals.md shows what this prints."""
+"""Print the packages by layer, and which each of them imports and cimports."""
 
 import re
 import sys

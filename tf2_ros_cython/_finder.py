@@ -50,20 +50,21 @@ class Aside:
             import warnings
 
             if found_on_path(name) == HOME:
-                reason = unknown_rclpy("to end this warning")
-                warning = f"tf2-ros-cython is used, because there is no other tf2, but {reason}"
+                used, ending = "tf2-ros-cython is used, because there is no other tf2, but", 1
             else:
-                reason = unknown_rclpy()
-                warning = f"another tf2 is used, not tf2-ros-cython: {reason}, or to 0 to end this warning"
+                used, ending = "another tf2 is used, not tf2-ros-cython:", 0
+            warning = f"{used} {unknown_rclpy()}. TF2_ROS_CYTHON={ending} ends this warning"
             warnings.warn(warning, stacklevel=2)
 
 
-def unknown_rclpy(purpose: str = "to use this one") -> str:
-    """Say why an rclpy is refused, and what to do; ``purpose``: what ``TF2_ROS_CYTHON=1`` is for."""
-    return (
-        f"this ROS 2 has rclpy {refused_rclpy()}; this tf2-ros-cython was tested only with {OLDEST_RCLPY} "
-        f"to {NEWEST_RCLPY}. Install a newer tf2-ros-cython, or set TF2_ROS_CYTHON to 1 {purpose}"
-    )
+def unknown_rclpy() -> str:
+    """Say why an rclpy is refused, and what to do if it is a new one."""
+    version = refused_rclpy() or ""
+    text = f"this ROS 2 has rclpy {version}; this tf2-ros-cython supports {OLDEST_RCLPY} to {NEWEST_RCLPY}"
+    major = version.partition(".")[0]
+    if major.isdigit() and int(major) < OLDEST_RCLPY:
+        return text
+    return f"{text}. Install a newer tf2-ros-cython, or try this one with TF2_ROS_CYTHON=1"
 
 
 def install(*, is_aside: bool = False) -> None:

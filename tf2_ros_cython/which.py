@@ -129,7 +129,7 @@ def _why_not(name: str, folder: Path) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "TF2_ROS_CYTHON=0 is set"
     if _installation.refused_rclpy() is not None:
-        return _finder.unknown_rclpy()
+        return f"rclpy {_installation.refused_rclpy()} is not supported, see precedence below"
     prefix = _installation.distribution_prefix()
     if prefix is None:
         is_of_path = str(folder) in map(os.path.abspath, os.environ.get("PYTHONPATH", "").split(os.pathsep))
@@ -157,8 +157,8 @@ def _describe_strays(python: str, imported: str, programs: list[Path]) -> str:
     some = ", ".join(map(str, programs[:2])) + (f" and {len(programs) - 2} more" if programs[2:] else "")
     return (
         f"{python} runs {some}; {imported}. Rebuild the workspace with {sys.executable} -m "
-        "colcon build. Or, if you build without --symlink-install, add to the setup.cfg of these programs: "
-        "[build_scripts] executable=/usr/bin/env python3"
+        "colcon build. Or, if you build without --symlink-install, add to the setup.cfg of their packages "
+        "the section [build_scripts] with executable=/usr/bin/env python3"
     )
 
 
@@ -172,18 +172,16 @@ def _not_arranged() -> str:
     if _installation.HOME == _installation.SITE:
         return "tf2-ros-cython is not installed in this Python; install it with pip"
     return (
-        f"this Python did not read {_installation.SITE}/tf2_ros_cython.pth when it started, because that "
-        f"folder is not its site-packages; add {_installation.HOME} to PYTHONPATH"
+        f"this Python did not read {_installation.SITE}/tf2_ros_cython.pth when it started, because it "
+        f"is not in its site-packages; add {_installation.HOME} to PYTHONPATH"
     )
 
 
 def _precedence(are_ours: bool) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
-        return (
-            "the order of sys.path, because TF2_ROS_CYTHON=0 is set; tf2-ros-cython if there is no other tf2"
-        )
+        return "the order of sys.path, because TF2_ROS_CYTHON=0 is set"
     if _installation.refused_rclpy() is not None:
-        return f"any other tf2 before tf2-ros-cython; {_finder.unknown_rclpy()}"
+        return f"any other tf2 before tf2-ros-cython: {_finder.unknown_rclpy()}"
     if not _is_arranged():
         return f"the order of sys.path{'' if are_ours else f'; {_not_arranged()}'}"
     prefix = _installation.distribution_prefix()
@@ -212,7 +210,7 @@ def _running_ros() -> str:
         return "none found; buffers and recordings work without it"
     prefix = _ros_in_use.running_prefix()
     if prefix is None:
-        return "replaced by a module of this program"
+        return "rclpy is a module of this program"
     version = _ros_in_use.rclpy_version(prefix)
     return f"{_ros_in_use.describe(version) if version else 'unknown version'} in {prefix}"
 
@@ -240,7 +238,7 @@ def _newer_sources() -> str:
     found = re.search(r'^name = "tf2-ros-cython"\nversion = "(.+)"$', project, re.MULTILINE)
     if found is None or found[1] == __version__:
         return ""
-    return f" (built; the sources are {found[1]}: run `make build` in {checkout})"
+    return f" (but the sources are {found[1]}: run `make build` in {checkout})"
 
 
 if __name__ == "__main__":

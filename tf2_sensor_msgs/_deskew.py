@@ -269,9 +269,9 @@ def _warn_if_short(sweep: Sweep) -> None:
         name, unit = sweep.field.name, sweep.field.unit.text
         seconds = (sweep.last - sweep.first) / S
         warnings.warn(
-            f"deskew: {name}, in {unit}, spans {seconds:g} s in {sweep.size} points, so hardly any motion is "
-            "corrected: the driver may not set it, the cloud may have been deskewed before, or the unit is "
-            "another one, to pass as time_unit",
+            f"deskew: the field {name} ({unit}) spans {seconds:g} s in {sweep.size} points, so hardly "
+            "any motion is corrected: the driver may not set it, the cloud may be deskewed already, "
+            "or the unit is another one (pass time_unit)",
             stacklevel=3,
         )
 

@@ -658,7 +658,7 @@ def test_an_unlikely_sweep_is_asked_about(driver, numbers, unit, text):
 def test_a_sweep_of_many_points_in_no_time_is_reported(buffer, factor):
     cloud, points, _ = measured("ouster", (SINCE_STAMP * factor).astype(int))
     with pytest.warns(
-        UserWarning, match=r"^deskew: t, in ns after the stamp, spans \S+ s in 4000 points, so "
+        UserWarning, match=r"^deskew: the field t \(ns after the stamp\) spans \S+ s in 4000 points, so "
     ):
         moved = deskew(cloud, buffer, "odom")
     with warnings.catch_warnings():

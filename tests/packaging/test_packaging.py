@@ -178,7 +178,7 @@ def test_sources_of_another_version_than_the_build_are_named(monkeypatch, capsys
     built = which.__version__
     monkeypatch.setattr(which, "__version__", "0.0.1")
     which.main(["tf2_which"])
-    said = f"version: tf2-ros-cython 0.0.1 (built; the sources are {built}: run `make build` in {ROOT})"
+    said = f"version: tf2-ros-cython 0.0.1 (but the sources are {built}: run `make build` in {ROOT})"
     assert capsys.readouterr().out.splitlines()[-1].startswith(said)
     monkeypatch.undo()
     which.main(["tf2_which"])

@@ -201,7 +201,7 @@ class TestUnknownRclpy:
         assert "this ROS 2 has rclpy 99.1.2" in ended.stderr
         told = in_venv.run(environment, "-m", "tf2_ros_cython")
         assert told.returncode == 1
-        assert "this ROS 2 has rclpy 99.1.2" in told.stdout
+        assert told.stdout.count("Install a newer tf2-ros-cython, or try this one with TF2_ROS_CYTHON=1") == 1
         quiet = in_venv.run({**environment, "TF2_ROS_CYTHON": "0"}, "-c", "import tf2_ros")
         assert (quiet.returncode, quiet.stderr) == (0, "")
 
@@ -212,6 +212,7 @@ class TestUnknownRclpy:
         assert ended.stdout.count(str(in_venv.home)) == 2, ended.stderr
         said = "tf2-ros-cython is used, because there is no other tf2, but this ROS 2 has rclpy "
         assert ended.stderr.count(said) == 1
+        assert "TF2_ROS_CYTHON=1 ends this warning" in ended.stderr
 
     def test_a_variable_tries_it(self, in_venv, ros, tmp_path):
         newer = rclpy_of(tmp_path / "newer", "99.1.2")
@@ -225,6 +226,8 @@ class TestUnknownRclpy:
         refused = in_venv.run(sourced(older, ros, TF2_ROS_CYTHON="1"), "-c", "import tf2_ros")
         assert "ImportError: tf2_ros needs rclpy " in refused.stderr
         assert "this is rclpy 1.0.6 in " in refused.stderr
+        told = in_venv.run(sourced(older, ros), "-m", "tf2_ros_cython")
+        assert "this ROS 2 has rclpy 1.0.6; " in told.stdout and "Install a newer" not in told.stdout
 
 
 def rclpy_of(path, version):

@@ -50,21 +50,23 @@ class Aside:
             import warnings
 
             if found_on_path(name) == HOME:
-                used, ending = "tf2-ros-cython is used, because there is no other tf2, but", 1
+                used = "tf2-ros-cython is used, because there is no other tf2, but"
+                warning = f"{used} {unknown_rclpy(is_used=True)}. TF2_ROS_CYTHON=1 ends this warning"
             else:
-                used, ending = "another tf2 is used, not tf2-ros-cython:", 0
-            warning = f"{used} {unknown_rclpy()}. TF2_ROS_CYTHON={ending} ends this warning"
+                used = "another tf2 is used, not tf2-ros-cython:"
+                warning = f"{used} {unknown_rclpy()}. TF2_ROS_CYTHON=0 ends this warning"
             warnings.warn(warning, stacklevel=2)
 
 
-def unknown_rclpy() -> str:
-    """Say why an rclpy is refused, and what to do if it is a new one."""
+def unknown_rclpy(*, is_used: bool = False) -> str:
+    """Say why an rclpy is refused, and what to do if it is a new one; ``is_used``: ours is, nevertheless."""
     version = refused_rclpy() or ""
     text = f"this ROS 2 has rclpy {version}; this tf2-ros-cython supports {OLDEST_RCLPY} to {NEWEST_RCLPY}"
     major = version.partition(".")[0]
     if major.isdigit() and int(major) < OLDEST_RCLPY:
         return text
-    return f"{text}. Install a newer tf2-ros-cython, or try this one with TF2_ROS_CYTHON=1"
+    attempt = "" if is_used else ", or try this one with TF2_ROS_CYTHON=1"
+    return f"{text}. Install a newer tf2-ros-cython{attempt}"
 
 
 def install(*, is_aside: bool = False) -> None:

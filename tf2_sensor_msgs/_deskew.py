@@ -270,8 +270,8 @@ def _warn_if_short(sweep: Sweep) -> None:
         seconds = (sweep.last - sweep.first) / S
         warnings.warn(
             f"deskew: the field {name} ({unit}) spans {seconds:g} s in {sweep.size} points, so hardly "
-            "any motion is corrected: the driver may not set it, the cloud may be deskewed already, "
-            "or the unit is another one (pass time_unit)",
+            "any motion is corrected: the field may be unset, the cloud already deskewed, "
+            "or the unit wrong (pass time_unit)",
             stacklevel=3,
         )
 

@@ -145,6 +145,8 @@ class Buffer(BufferCore, BufferInterface):
     ) -> None:
         if share is not None and attach is not None:
             raise ValueError("share and attach are mutually exclusive")
+        if hasattr(cache_time, "create_service"):
+            raise TypeError("Buffer: cache_time comes first: pass the node as Buffer(node=node)")
         if node is not None:
             _check_node(node)
         # Few programs share a buffer; only they load the modules for it.

@@ -296,6 +296,13 @@ def test_a_function_for_messages_says_what_to_pass_instead(call, text):
         call()
 
 
+def test_a_node_in_the_place_of_the_cache_time(tf2_ros, node):
+    with pytest.raises(
+        TypeError, match=r"^Buffer: cache_time comes first: pass the node as Buffer\(node=node\)$"
+    ):
+        tf2_ros.Buffer(node)
+
+
 @either_kind
 def test_an_object_without_a_header(buffer, kind):
     text = "^object_stamped: expected an object with a header, such as PoseStamped, got Pose$"

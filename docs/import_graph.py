@@ -1,4 +1,4 @@
-"""Print the packages by layer, and which each of them imports and cimports."""
+"""Print the packages by layer, and what each imports and cimports."""
 
 import re
 import sys

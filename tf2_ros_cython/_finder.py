@@ -50,6 +50,8 @@ class Aside:
             import warnings
 
             if found_on_path(name) == HOME:
+                if _is_too_old(refused_rclpy()):
+                    return  # importing tf2_ros raises an error that says so
                 used = "tf2-ros-cython is used, because there is no other tf2, but"
                 warning = f"{used} {unknown_rclpy(is_used=True)}. TF2_ROS_CYTHON=1 ends this warning"
             else:
@@ -60,13 +62,17 @@ class Aside:
 
 def unknown_rclpy(*, is_used: bool = False) -> str:
     """Say why an rclpy is refused, and what to do if it is a new one; ``is_used``: ours is, nevertheless."""
-    version = refused_rclpy() or ""
+    version = refused_rclpy() or "of an unknown version"
     text = f"this ROS 2 has rclpy {version}; this tf2-ros-cython supports {OLDEST_RCLPY} to {NEWEST_RCLPY}"
-    major = version.partition(".")[0]
-    if major.isdigit() and int(major) < OLDEST_RCLPY:
+    if _is_too_old(version):
         return text
     attempt = "" if is_used else ", or try this one with TF2_ROS_CYTHON=1"
     return f"{text}. Install a newer tf2-ros-cython{attempt}"
+
+
+def _is_too_old(version: str | None) -> bool:
+    major = (version or "").partition(".")[0]
+    return major.isdigit() and int(major) < OLDEST_RCLPY
 
 
 def install(*, is_aside: bool = False) -> None:

@@ -129,7 +129,7 @@ def _why_not(name: str, folder: Path) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "TF2_ROS_CYTHON=0 is set"
     if _installation.refused_rclpy() is not None:
-        return f"rclpy {_installation.refused_rclpy()} is not supported, see precedence below"
+        return "the version of rclpy is not supported, see precedence below"
     prefix = _installation.distribution_prefix()
     if prefix is None:
         is_of_path = str(folder) in map(os.path.abspath, os.environ.get("PYTHONPATH", "").split(os.pathsep))
@@ -157,8 +157,8 @@ def _describe_strays(python: str, imported: str, programs: list[Path]) -> str:
     some = ", ".join(map(str, programs[:2])) + (f" and {len(programs) - 2} more" if programs[2:] else "")
     return (
         f"{python} runs {some}; {imported}. Rebuild the workspace with {sys.executable} -m "
-        "colcon build. Or, if you build without --symlink-install, add to the setup.cfg of their packages "
-        "the section [build_scripts] with executable=/usr/bin/env python3"
+        "colcon build. Or, if you build without --symlink-install, add the section [build_scripts] with "
+        "executable=/usr/bin/env python3 to the setup.cfg of their packages"
     )
 
 
@@ -172,8 +172,8 @@ def _not_arranged() -> str:
     if _installation.HOME == _installation.SITE:
         return "tf2-ros-cython is not installed in this Python; install it with pip"
     return (
-        f"this Python did not read {_installation.SITE}/tf2_ros_cython.pth when it started, because it "
-        f"is not in its site-packages; add {_installation.HOME} to PYTHONPATH"
+        f"this Python did not read {_installation.SITE}/tf2_ros_cython.pth when it started, because the "
+        f"file is not in its site-packages; add {_installation.HOME} to PYTHONPATH"
     )
 
 

@@ -226,6 +226,8 @@ class TestUnknownRclpy:
         refused = in_venv.run(sourced(older, ros, TF2_ROS_CYTHON="1"), "-c", "import tf2_ros")
         assert "ImportError: tf2_ros needs rclpy " in refused.stderr
         assert "this is rclpy 1.0.6 in " in refused.stderr
+        alone = in_venv.run(sourced(older), "-c", "import tf2_ros")
+        assert "ends this warning" not in alone.stderr
         told = in_venv.run(sourced(older, ros), "-m", "tf2_ros_cython")
         assert "this ROS 2 has rclpy 1.0.6; " in told.stdout and "Install a newer" not in told.stdout
 

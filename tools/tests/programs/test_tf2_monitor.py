@@ -61,16 +61,20 @@ def test_a_pipe_gets_what_scripts_for_tf2s_program_parse(robot):
         "All Broadcasters:\n"
         f"Node: /fleet/robot {number} Hz, {figures.replace(',', '')}\n"
     )
-    with running("tf2_monitor", "camera", "map", "--interval", "1.5") as process:
-        out = [process.stdout.readline()]
-        assert out == ["Gathering data on camera -> map for 1.5 seconds...\n"]
+    for _ in range(3):  # some processes never learn from Fast DDS to which node a publisher belongs
+        with running("tf2_monitor", "camera", "map", "--interval", "1.5") as process:
+            out = [process.stdout.readline()]
+            assert out == ["Gathering data on camera -> map for 1.5 seconds...\n"]
 
-        def is_reported():
-            out.append(process.stdout.readline())
-            print(out[-1], end="")  # pytest shows it if this fails
-            return re.search(report, "".join(out))
+            def is_reported(process=process, out=out):
+                out.append(process.stdout.readline())
+                print(out[-1], end="")  # pytest shows it if this fails
+                return re.search(report, "".join(out)) or out.count("All Broadcasters:\n") == 10
 
-        until(is_reported)
+            until(is_reported)
+        if re.search(report, "".join(out)):
+            return
+    pytest.fail("no report had the names of the nodes")
 
 
 def test_a_pipe_gets_problems_after_all_of_that():

@@ -76,8 +76,8 @@ def _answer() -> tuple[list[str], int]:
         lines.append(f"does not load: {failure}")
     lines.append(f"precedence: {_precedence(are_ours)}")
     strays = _stray_programs.strays() if are_ours else {}
-    for python, (imported, programs) in strays.items():
-        lines.append(f"programs: {_describe_strays(python, imported, programs)}")
+    for python, (fact, programs) in strays.items():
+        lines.append(f"programs: {_describe_strays(python, fact, programs)}")
     lines.append(f"receiver: {_receiver(are_ours, failure)}")
     lines.append(f"ROS 2: {_running_ros()}")
     if importlib.util.find_spec("tf2_ros_tools") is None:
@@ -153,10 +153,10 @@ def _others(name: str, folder: Path | None) -> list[Path]:
     return found
 
 
-def _describe_strays(python: str, imported: str, programs: list[Path]) -> str:
+def _describe_strays(python: str, fact: str, programs: list[Path]) -> str:
     some = ", ".join(map(str, programs[:2])) + (f" and {len(programs) - 2} more" if programs[2:] else "")
     return (
-        f"{python} runs {some}; {imported}. Rebuild the workspace with {sys.executable} -m "
+        f"{python} runs {some}; {fact}. Rebuild the workspace with {sys.executable} -m "
         "colcon build. Or, if you build without --symlink-install, add the section [build_scripts] with "
         "executable=/usr/bin/env python3 to the setup.cfg of their packages"
     )

@@ -5,6 +5,7 @@ import threading
 from functools import partial
 
 import pytest
+from cdr_encoder import encode
 from compiling_extensions import compiled
 from making_objects import S, at, at_ns, stamp_ns, transform
 from messages_with_or_without_ros import Duration
@@ -83,6 +84,72 @@ def test_the_others_are_served_while_one_insert_helps_many(buffer):
     assert all(wait.take() is not None for wait in waits)
     assert {child: len(answers) for child, answers in told.items()} == {"b": 2000, "c": 2000}
     buffer._self_check()
+
+
+INSERTS = {
+    "messages": lambda buffer, links: buffer.set_transforms(links, "x"),
+    "serialized": lambda buffer, links: buffer.set_transforms_cdr(encode(links), "x"),
+}
+
+
+@pytest.mark.parametrize("insert", INSERTS.values(), ids=INSERTS)
+@pytest.mark.parametrize("tick", [0.05, 10.0])
+def test_each_insert_of_a_call_is_judged_before_the_next_one(buffer, insert, tick):
+    # With a tick of 50 ms, the call needs several slices.
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    told = []
+    waits = [buffer._wait("map", "odom", at_ns(11 * S + i), notify=told.append) for i in range(50)]
+    waits.append(buffer._wait("map", "odom", at(11)))
+    count = int(30 / tick)
+    insert(buffer, [transform("map", "odom", 12 + tick * i) for i in range(count)])
+    assert not buffer.can_transform_core("map", "odom", at(11))[0]
+    assert [stamp_ns(message) for message in told] == [11 * S + i for i in range(50)]
+    assert waits[-1].take() is not None
+    buffer._self_check()
+
+
+def insert(buffer, *seconds):
+    for one in seconds:
+        buffer.set_transform(transform("a", "b", one), "test")
+
+
+CHANGES = {
+    "insert": lambda buffer: insert(buffer, 40, 41),
+    "clear": lambda buffer: buffer.clear(),
+    "forget": lambda buffer: buffer.forget("b"),
+    "restore": lambda buffer: buffer.__setstate__(type(buffer)().__getstate__()),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+@pytest.mark.repeated
+def test_other_threads_do_not_remove_what_an_insert_has_answered(tf2_py, what):
+    # More waits than one slice tries, so the lock is released between two of them.
+    for _ in range(times(20, 100)):
+        buffer, told, count = tf2_py.BufferCore(Duration(seconds=10)), [], 500
+        insert(buffer, 1)
+        waits = [buffer._wait("a", "b", at(11), notify=told.append) for _ in range(count)]
+        together(partial(insert, buffer, 12), partial(CHANGES[what], buffer))
+        # All, unless the change came before the insert and removed what that needs.
+        assert len(told) in ((count,) if what == "insert" else (0, count))
+        assert buffer.statistics()["waiters"] == count - len(told)
+        buffer._self_check()
+        del waits
+
+
+def together(*calls):
+    """Call these in threads that begin at the same time."""
+    begin = threading.Barrier(len(calls))
+
+    def run(call):
+        begin.wait()
+        call()
+
+    threads = [threading.Thread(target=run, args=(call,)) for call in calls]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
 
 
 def test_waits_are_made_by_buffers_alone(buffer):

@@ -162,7 +162,7 @@ cdef void batch_free(Batch* batch) noexcept nogil:
 
 cdef void batch_begin(Batch* batch) noexcept nogil:
     batch.done = batch.taken = batch.refused = batch.unnormalised = 0
-    batch.waking = batch.no_memory = batch.needs_report = False
+    batch.no_memory = batch.needs_report = False
     batch.move.capacity = 0
     batch.problem = NULL
     links_init(&batch.ready)

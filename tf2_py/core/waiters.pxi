@@ -102,6 +102,8 @@ cdef void waiters_init(Waiters* waiters) noexcept nogil:
     links_init(&waiters.frames)
     links_init(&waiters.shape)
     links_init(&waiters.every)
+    links_init(&waiters.due)
+    waiters.ready = NULL
 
 
 cdef bint waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil:
@@ -150,27 +152,29 @@ cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noex
     return _attempt(waiters, tree, waiter)
 
 
-cdef bint wake_begin(Waiters* waiters, Wake* wake) noexcept nogil:
-    cdef FrameId frame = wake.change.frame
+cdef void wake_begin(Waiters* waiters, Link* ready) noexcept nogil:
+    cdef FrameId frame = waiters.change.frame
     cdef Waiter* waiter
-    links_init(&wake.due)
-    if wake.change.shape:
+    if waiters.change.shape:
         while not links_empty(&waiters.frames):
             waiter = waiters.frames.next.waiter
             _take_out(waiters, waiter)
-            _link_before(&wake.due, waiter)
-        _append_all(&wake.due, &waiters.shape)
+            _link_before(&waiters.due, waiter)
+        _append_all(&waiters.due, &waiters.shape)
     elif frame < waiters.watched_capacity:
-        _take_covered(waiters, &waiters.watched[frame], &wake.change.covered, &wake.due)
-    _append_all(&wake.due, &waiters.every)
-    return not links_empty(&wake.due)
+        _take_covered(waiters, &waiters.watched[frame], &waiters.change.covered, &waiters.due)
+    _append_all(&waiters.due, &waiters.every)
+    if not links_empty(&waiters.due):
+        waiters.ready = ready
 
 
-cdef bint wake_step(Waiters* waiters, const Tree* tree, Wake* wake, Link* ready) noexcept nogil:
-    cdef Waiter* waiter = wake.due.next.waiter
+cdef void wake_step(Waiters* waiters, const Tree* tree) noexcept nogil:
+    cdef Waiter* waiter = waiters.due.next.waiter
+    cdef Link* ready = waiters.ready
     cdef Link* link
     if waiter == NULL:
-        return False    # it has been removed meanwhile
+        waiters.ready = NULL    # it has been removed meanwhile
+        return
     waiters_remove(waiters, waiter)
     _attempt(waiters, tree, waiter)
     if waiter.answered and waiter.woken != NULL:
@@ -182,7 +186,8 @@ cdef bint wake_step(Waiters* waiters, const Tree* tree, Wake* wake, Link* ready)
             link = link.previous
         _link_before(link.next, waiter)
         waiter.is_listed = True
-    return not links_empty(&wake.due)
+    if links_empty(&waiters.due):
+        waiters.ready = NULL
 
 
 cdef Waiter* waiters_next_ready(Waiters* waiters, Link* ready) noexcept nogil:

@@ -14,8 +14,10 @@ watch its frame at a time that has data now, and those of every insert. So after
 pending whose lookup would answer.
 
 A wake is the work that follows from one change. It first takes the waiters to be tried out of their lists,
-so that one that is filed again is not tried again at once. Then they are tried one after the other, by the
-thread that made the change; between two of them the lock may be released.
+so that one that is filed again is not tried again at once. Then they are tried one after the other. Between
+two of them the lock may be released, but nothing may change the tree before the last one was tried: as in
+tf2, each insert is judged before the next one, which may prune what it has answered. So a thread that wants
+to insert first completes the wake of another one.
 
     waiters_add ──answered──► not listed
         └─► listed ──wake──► due ──answered──► not listed: `woken` is set, a thread blocks until then
@@ -77,12 +79,10 @@ cdef struct Waiters:
     Link every
     uint64_t arrivals       # waiters ever added
     uint64_t forgotten      # those of them before the last fork that made this process
-
-
-cdef struct Wake:
-    # What follows from one change.
-    Change change
+    # The wake that is under way.
+    Change change           # fill it before wake_begin
     Link due                # the waiters to be tried
+    Link* ready             # the list for those with an answer, see wake_begin; NULL: no wake is under way
 
 
 cdef inline void links_init(Link* head) noexcept nogil:
@@ -102,11 +102,11 @@ cdef void waiters_free(Waiters* waiters) noexcept nogil
 cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil
 # Returns whether it had no answer yet. No effect on one that is not listed, or forgotten.
 cdef bint waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil
-# Begins the wake for `wake.change`, which must be filled. Returns whether there is anyone to be tried.
-cdef bint wake_begin(Waiters* waiters, Wake* wake) noexcept nogil
-# Tries one waiter; an answered one that no thread blocks for is put into `ready`, in the order of
-# their arrival. Returns whether another one is left.
-cdef bint wake_step(Waiters* waiters, const Tree* tree, Wake* wake, Link* ready) noexcept nogil
+# Begins the wake for `waiters.change`, if there is anyone to be tried; none may be under way. Answered waiters
+# that no thread blocks for are put into `ready`, in the order of their arrival.
+cdef void wake_begin(Waiters* waiters, Link* ready) noexcept nogil
+# Tries one waiter of the wake that is under way; the last one ends it.
+cdef void wake_step(Waiters* waiters, const Tree* tree) noexcept nogil
 # Removes the first of those that are ready. NULL: there is none.
 cdef Waiter* waiters_next_ready(Waiters* waiters, Link* ready) noexcept nogil
 # In a forked child, before all else: forgets all waiters.

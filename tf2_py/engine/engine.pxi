@@ -175,6 +175,7 @@ cdef class Engine:
         cdef uint32_t authority = 0
         cdef uint64_t work
         cdef int64_t left = SLICE
+        cdef bint is_waking
         cdef HistoryMove moved
         moved.capacity = batch.move.capacity
         if moved.capacity:
@@ -190,25 +191,29 @@ cdef class Engine:
             # Each time, because the buffer may have been emptied meanwhile, with its names.
             authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
             batch.no_memory = batch.no_memory or authority == NAME_NO_MEMORY
-        while left > 0 and batch.move.capacity == 0 and (batch.waking or batch.done < batch.count):
-            if batch.waking:
-                batch.waking = wake_step(&self._waiters, &self._tree, &batch.wake, &batch.ready)
+        while left > 0:
+            is_waking = self._waiters.ready == &batch.ready
+            if is_waking or (self._waiters.ready != NULL and batch.done < batch.count):
+                wake_step(&self._waiters, &self._tree)
                 left -= INSERTS_PER_TRY
-            else:
+            elif batch.move.capacity == 0 and batch.done < batch.count:
                 work = self._tree.work
                 self._insert_next(batch, authority)
                 left -= <int64_t>(1 + self._tree.work - work)
+            else:
+                break
         batch.needs_report = (batch.refused > 0 or batch.unnormalised > 0 or batch.no_memory
                               or not links_empty(&batch.ready))
         batch.move.frame = self._tree.last_child
+        is_waking = self._waiters.ready == &batch.ready
         unlock_written(&self._lock, &self._tree, &self._waiters)
         if moved.capacity:
             history_drop_move(&moved)
-        return batch.waking or batch.done < batch.count or batch.move.capacity != 0
+        return is_waking or batch.done < batch.count or batch.move.capacity != 0
 
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil:
         cdef Entry* entry = &batch.entries[batch.done]
-        cdef Change* change = &batch.wake.change if self._waiters.count else NULL
+        cdef Change* change = &self._waiters.change if self._waiters.count else NULL
         batch.done += 1
         entry.refused = 0
         entry.unnormalised = False
@@ -230,7 +235,7 @@ cdef class Engine:
         else:
             batch.refused += 1
         if change != NULL:
-            batch.waking = wake_begin(&self._waiters, &batch.wake)
+            wake_begin(&self._waiters, &batch.ready)
 
     cdef int report(self, Batch* batch, object hand_over) except -1:
         error = self._deliver(batch, hand_over)
@@ -327,7 +332,7 @@ cdef class Engine:
     cdef bint begin_to_remove(self, Batch* batch, const char* name, size_t size) noexcept nogil:
         cdef bint had_samples = True
         cdef FrameId frame
-        lock_acquire(&self._lock)
+        self._lock_when_none_is_due()
         if name == NULL:
             tree_clear(&self._tree)
         else:
@@ -420,7 +425,7 @@ cdef class Engine:
         cdef Batch batch
         cdef list names = []
         cdef list authorities = []
-        lock_acquire(&self._lock)
+        self._lock_when_none_is_due()
         old = self._tree
         self._tree = tree[0]
         # The waiters watch the old tree's frames.
@@ -433,12 +438,24 @@ cdef class Engine:
         self._advice.forget()
         return self._wake_all(&batch)
 
+    cdef void _lock_when_none_is_due(self) noexcept nogil:
+        # To change the tree otherwise than by an insert, which would also wait for the end of a wake.
+        cdef int64_t left = SLICE
+        lock_acquire(&self._lock)
+        while self._waiters.ready != NULL:
+            wake_step(&self._waiters, &self._tree)
+            left -= INSERTS_PER_TRY
+            if left <= 0:
+                unlock_written(&self._lock, &self._tree, &self._waiters)
+                lock_acquire(&self._lock)
+                left = SLICE
+
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil:
         # As after an insert that may complete every waiter. With the lock held.
         batch.count = 0
         batch_begin(batch)
-        change_begin(&batch.wake.change, True)
-        batch.waking = wake_begin(&self._waiters, &batch.wake)
+        change_begin(&self._waiters.change, True)
+        wake_begin(&self._waiters, &batch.ready)
 
     cdef int _wake_all(self, Batch* batch) except -1:
         with nogil:
@@ -499,7 +516,7 @@ cdef class Engine:
         if not self._reads_clock:
             return
         self.read_clock(&not_needed, &reading)
-        lock_acquire(&self._lock)
+        self._lock_when_none_is_due()
         self._begin_to_wake_all(&batch)
         unlock_written(&self._lock, &self._tree, &self._waiters)
         self._wake_all(&batch)

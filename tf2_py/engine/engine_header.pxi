@@ -143,6 +143,7 @@ cdef class Engine:
     cdef object _deliver(self, Batch* batch, object hand_over)
     # Takes the tree over, with the frozen file that has it.
     cdef int _replace_tree(self, const Tree* tree, frozen=*) except -1
+    cdef void _lock_when_none_is_due(self) noexcept nogil
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil
     cdef int _wake_all(self, Batch* batch) except -1
 

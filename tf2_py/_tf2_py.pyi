@@ -737,6 +737,7 @@ class BufferCore:
         notify: Callable[..., Any] | None = None,
         policy: Any = None,
         after: _Wait | None = None,
+        until_refused: bool = False,
     ) -> _Wait:
         """
         Wait for a lookup, which is at two times if ``fixed_frame`` and ``target_time`` are given.
@@ -749,6 +750,8 @@ class BufferCore:
         :param policy: of ``policy_of``.
         :param after: a previous wait for the same simple lookup at the latest time: wait for an answer
             that differs from its answer.
+        :param until_refused: end with the lookup's error once the buffer refuses the data that a simple
+            lookup at a time lacks, because it is older than what the frame keeps.
         :return: a ``Wait``; its answer may be available at once.
         :raises InvalidArgumentException: a name is empty or begins with ``/``: the wait would never end.
         """

@@ -1029,6 +1029,7 @@ cdef class BufferCore(Engine):
         notify: Callable[[TransformStamped], Any] | None = None,
         policy: Any = None,
         after: Wait | None = None,
+        until_refused: bool = False,
     ) -> Wait:
         """
         Wait for a lookup, which is at two times if ``fixed_frame`` and ``target_time`` are given.
@@ -1041,6 +1042,8 @@ cdef class BufferCore(Engine):
         :param policy: of ``policy_of``.
         :param after: a previous wait for the same simple lookup at the latest time: wait for an answer
             that differs from its answer.
+        :param until_refused: end with the lookup's error once the buffer refuses the data that a simple
+            lookup at a time lacks, because it is older than what the frame keeps.
         :return: a ``Wait``; its answer may be available at once.
         :raises InvalidArgumentException: a name is empty or begins with ``/``: the wait would never end.
         """
@@ -1049,6 +1052,7 @@ cdef class BufferCore(Engine):
         query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, policy)
         if after is not None:
             wait.only_after(after)
+        wait._waiter.until_refused = until_refused
         wait.begin(self, (target_frame, source_frame, fixed_frame), &query, policy, notify)
         return wait
 

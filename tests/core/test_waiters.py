@@ -11,6 +11,8 @@ from making_objects import S, at, at_ns, stamp_ns, transform
 from messages_with_or_without_ros import Duration
 from repetitions import times
 
+from tf2_py import ExtrapolationException
+
 pytestmark = pytest.mark.ours
 
 
@@ -150,6 +152,43 @@ def together(*calls):
         thread.start()
     for thread in threads:
         thread.join()
+
+
+@pytest.mark.parametrize(
+    ("script", "ends"),
+    [
+        # Inserts, each with its frame, or the wait, "?"; and whether the last insert ends it with the error.
+        ("? b12 b21", False),
+        ("? b12 b21.1", True),
+        ("? b22", True),
+        ("b22 ?", True),
+        ("? b12 b12.5 b30", True),
+        ("? c22", False),  # not connected
+        ("? c22 b12", True),
+        ("? b12 c12 c22", True),
+        ("? b12 c5 b22", False),  # it lacks data of `c` the most
+        ("? b12 c5 b22 c13", True),
+        ("? b12 c13 b13 d40", False),  # not on the path
+    ],
+)
+def test_a_wait_until_its_data_is_refused_ends_then(buffer, script, ends):
+    got = []
+    for word in script.split():
+        assert got == []
+        if word == "?":
+            source = "c" if "c" in script else "b"
+            wait = buffer._wait(
+                "a", source, at(11), notify=lambda *given: got.append(given), until_refused=True
+            )
+        else:
+            parent = {"b": "a", "c": "b", "d": "c"}[word[0]]
+            buffer.set_transform(transform(parent, word[0], float(word[1:])), "test")
+        buffer._self_check()
+    assert len(got) == (ends and script[-1] != "?")
+    if ends:
+        with pytest.raises(ExtrapolationException, match="Requested time 11|time 11.* but only time"):
+            wait.take()
+    assert buffer.statistics()["waiters"] == (not ends)
 
 
 def test_waits_are_made_by_buffers_alone(buffer):

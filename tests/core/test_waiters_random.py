@@ -4,6 +4,8 @@ After whatever happens to a buffer, no waiter is pending whose lookup would answ
 `pytest --seed` searches from another seed, and the environment variable WAITERS_RUNS sets how many there are.
 """
 
+import copy
+import itertools
 import os
 from contextlib import suppress
 
@@ -15,7 +17,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from making_objects import at_ns, transform
 from messages_with_or_without_ros import Duration
 
-from tf2_py import BufferCore, LookupException
+from tf2_py import BufferCore, ExtrapolationException, LookupException
 from tf2_py._internal import policy_of
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
@@ -40,22 +42,36 @@ policies = st.sampled_from(
 
 
 class Pending:
-    """A waiter, and the answers that it was notified of; `present`: the one that it already has."""
+    """
+    A waiter, and the answers that it was notified of, None for an error; `present`: the one that it already
+    has.
+    """
 
-    def __init__(self, buffer, told, lookup, policy=None, after=None):
-        self.buffer, self.lookup, self.policy = buffer, lookup, policy
+    def __init__(self, buffer, told, lookup, policy=None, after=None, until_refused=False):
+        self.buffer, self.lookup, self.policy, self.until_refused = buffer, lookup, policy, until_refused
         self.answers = answers = []
         self.present = None if after is None else after.take()
 
-        def notify(answer):  # it must not keep this alive
+        def notify(answer, error=None):  # it must not keep this alive
             answers.append(answer)
             told.append(answers)
 
-        self.wait = buffer._wait(*lookup, policy=policy, after=after, notify=notify)
+        self.wait = buffer._wait(
+            *lookup, policy=policy, after=after, notify=notify, until_refused=until_refused
+        )
 
-    def now(self):
+    def now(self, buffer=None):
         """What a lookup answers now, or None."""
-        return self.buffer._wait(*self.lookup, policy=self.policy).take()
+        return (buffer or self.buffer)._wait(*self.lookup, policy=self.policy).take()
+
+    def first_answer(self, buffer, links, static):
+        """What is answered first while these are inserted one by one, or None."""
+        for link in links:
+            buffer.set_transforms([link], "random", static)
+            now = self.now(buffer)
+            if now not in (None, self.present):
+                return now
+        return None
 
 
 class Machine(RuleBasedStateMachine):
@@ -120,12 +136,20 @@ class Machine(RuleBasedStateMachine):
             self.last[child] = ns
             self.newest[child] = max(ns, self.newest.get(child, 0))
             self.now = max(ns, self.now)
+        first = [
+            one.first_answer(copy.copy(self.buffer), links, static) if len(links) > 1 else None
+            for one in self.pending
+        ]
         self.buffer.set_transforms(links, "random", static)
         answered = [one for one in self.pending if one.answers]
         # In the order in which they began to wait.
         assert [id(answers) for answers in self.told] == [id(one.answers) for one in answered]
-        assert len(links) > 1 or all(one.answers[0] == one.now() for one in answered)
-        assert all(one.answers[0] != one.present for one in answered)
+        if len(links) == 1:
+            assert all(one.answers[0] == one.now() for one in answered)
+        for one, answer in zip(self.pending, first if len(links) > 1 else (), strict=False):
+            is_refused = one.until_refused and one.answers == [None]
+            assert (one.answers or [None])[0] == answer or is_refused, (one.lookup, answer)
+        assert all(one.answers[0] != one.present for one in answered if one.present is not None)
         self.settle()
 
     def settle(self):
@@ -148,6 +172,11 @@ class Machine(RuleBasedStateMachine):
     @rule(links=st.lists(st.tuples(frames, frames, times), min_size=2, max_size=4), static=st.integers(0, 9))
     def move_several(self, links, static):
         self.put([self.link(*link) for link in links], self.statics and static == 9)
+
+    @rule(child=frames, other=frames, steps=st.lists(st.integers(0, 25), min_size=2, max_size=5))
+    def move_far(self, child, other, steps):
+        # One call spans more than the cache time: later inserts prune what earlier ones have answered.
+        self.put([self.link(child, other, ("frame", ahead)) for ahead in itertools.accumulate(steps)])
 
     @rule(
         other=frames,
@@ -204,18 +233,22 @@ class Machine(RuleBasedStateMachine):
     def ask(self, lookup, **options):
         one = Pending(self.buffer, self.told, lookup, **options)
         assert not self.told  # but has the answer at once
-        if one.wait.take() is None:
-            self.pending.append(one)
+        try:
+            if one.wait.take() is None:
+                self.pending.append(one)
+        except ExtrapolationException:
+            assert one.until_refused and one.now() is None
         if len(self.pending) > MOST_PENDING:
             assert self.pending.pop(0).wait.cancel()
 
-    @rule(child=frames, time=times, latest=st.booleans())
-    def wait_for_link(self, child, time, latest):
-        self.ask((self.parents[child], child, at_ns(0 if latest else self.time(child, *time))))
+    @rule(child=frames, time=times, latest=st.booleans(), refused=st.booleans())
+    def wait_for_link(self, child, time, latest, refused):
+        time = at_ns(0 if latest else self.time(child, *time))
+        self.ask((self.parents[child], child, time), until_refused=refused)
 
-    @rule(ends=st.tuples(names, names), time=times, latest=st.booleans())
-    def wait(self, ends, time, latest):
-        self.ask((*ends, at_ns(0 if latest else self.time(ends[1], *time))))
+    @rule(ends=st.tuples(names, names), time=times, latest=st.booleans(), refused=st.booleans())
+    def wait(self, ends, time, latest, refused):
+        self.ask((*ends, at_ns(0 if latest else self.time(ends[1], *time))), until_refused=refused)
 
     @rule(ends=st.tuples(names, names, names), at=times, target_at=times, latest=st.integers(0, 3))
     def wait_full(self, ends, at, target_at, latest):

@@ -289,6 +289,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     if change != NULL:
         change.frame = child
         change.covered = changed.covered
+        change.horizon_ns = history_horizon(history, &tree.retention, history.newest_ns)
         change.shape = (change.shape or tree.ever_looped or before != tree.parents[child]
                         or before & MIXED_PARENTS != 0)
     if outcome == HISTORY_TOO_OLD:

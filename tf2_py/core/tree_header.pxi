@@ -44,6 +44,7 @@ cdef struct Change:
     bint shape              # any failed lookup may have an answer now
     FrameId frame           # the child; NO_FRAME: no history was touched
     TimeRange covered       # times for which it has data only since then; may be too large
+    int64_t horizon_ns      # data of earlier times is refused
 
 
 cdef inline void change_begin(Change* change, bint shape) noexcept nogil:
@@ -51,6 +52,7 @@ cdef inline void change_begin(Change* change, bint shape) noexcept nogil:
     change.frame = NO_FRAME
     change.covered.first = INT64_MAX
     change.covered.last = INT64_MIN
+    change.horizon_ns = INT64_MIN
 
 
 # Zero a Tree before tree_init, which returns 0, or -1 without memory: then tree_free is still due.

@@ -82,18 +82,26 @@ cdef void _take_out(Waiters* waiters, Waiter* waiter) noexcept nogil:
     waiter.frame = NO_FRAME
 
 
-cdef void _take_covered(Waiters* waiters, const Watched* watched, const TimeRange* covered,
-                        Link* due) noexcept nogil:
-    # Moves the waiters that watch one of these times to `due`: backwards, because entries move forwards, and
-    # each to its front, so that they keep the order of their arrival.
+cdef void _take_concerned(Waiters* waiters, const Watched* watched) noexcept nogil:
+    # Moves the waiters that watch a time which the change covers, or after which it refuses data, to `due`:
+    # backwards, because entries move forwards, and each to its front, so that they keep the order of their
+    # arrival.
+    cdef TimeRange covered = waiters.change.covered
+    cdef int64_t horizon_ns = waiters.change.horizon_ns
+    cdef int64_t last_ns = max(covered.last, horizon_ns)
+    cdef int64_t time_ns
     cdef uint32_t i = watched.count
     cdef Waiter* waiter
     while i:
         i -= 1
-        if covered.first <= watched.entries[i].time_ns <= covered.last:
-            waiter = watched.entries[i].waiter
+        time_ns = watched.entries[i].time_ns
+        if time_ns > last_ns:
+            continue    # most waiters are for a later time
+        waiter = watched.entries[i].waiter
+        if (covered.first <= time_ns <= covered.last
+                or (time_ns < horizon_ns and waiter.until_refused)):
             _take_out(waiters, waiter)
-            _link_before(due.next, waiter)
+            _link_before(waiters.due.next, waiter)
 
 
 # Waiting.
@@ -123,6 +131,28 @@ cdef bint _is_answer(Status status) noexcept nogil:
     return status.code == STATUS_OK or (status.code == STATUS_BAD_LIMIT and status.gap == GAP_NONE)
 
 
+cdef bint _is_refused(const Tree* tree, const Waiter* waiter, const Status* status) noexcept nogil:
+    # Whether the tree refuses the data that the lookup lacks, of a frame on the path of the newest samples.
+    # Otherwise the frames may still be connected in another way.
+    cdef const History* history = &tree.histories[status.child]
+    cdef Path path
+    cdef FrameId target, source
+    cdef int64_t newest_ns
+    cdef uint32_t i
+    if (not waiter.until_refused or status.code != STATUS_EXTRAPOLATION or waiter.query.source_ns == 0
+            or status.requested_ns >= history_horizon(history, &tree.retention, history.newest_ns)
+            or query_end_frames(tree, &waiter.query, &target, &source).code != STATUS_OK
+            or walk_common_time(tree, target, source, &path, &newest_ns).code != STATUS_OK):
+        return False
+    for i in range(path.source_hops):
+        if path.source[i] == status.child:
+            return True
+    for i in range(path.target_hops):
+        if path.target[i] == status.child:
+            return True
+    return False
+
+
 cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil:
     cdef Transform answer
     cdef int64_t stamp_ns
@@ -131,7 +161,7 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
     if (status.code == STATUS_OK and waiter.only_new and stamp_ns == waiter.stamp_ns
             and memcmp(&answer, &waiter.answer, sizeof(Transform)) == 0):
         status.code = STATUS_NOT_NEW
-    if _is_answer(status):
+    if _is_answer(status) or _is_refused(tree, waiter, &status):
         waiter.status = status
         waiter.answer = answer
         waiter.stamp_ns = stamp_ns
@@ -162,7 +192,7 @@ cdef void wake_begin(Waiters* waiters, Link* ready) noexcept nogil:
             _link_before(&waiters.due, waiter)
         _append_all(&waiters.due, &waiters.shape)
     elif frame < waiters.watched_capacity:
-        _take_covered(waiters, &waiters.watched[frame], &waiters.change.covered, &waiters.due)
+        _take_concerned(waiters, &waiters.watched[frame])
     _append_all(&waiters.due, &waiters.every)
     if not links_empty(&waiters.due):
         waiters.ready = ready
@@ -220,6 +250,7 @@ cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcep
     cdef const Link* link
     cdef const Waiter* waiter
     cdef Transform answer
+    cdef Status status
     cdef int64_t stamp_ns
     cdef uint32_t count = 0
     cdef int i
@@ -234,12 +265,16 @@ cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcep
                 return "a waiter that watches a frame in another list"
             if i == 0 and waiters.watched[waiter.frame].entries[waiter.entry].waiter != waiter:
                 return "a waiter whose entry is not its own"
+            status = query_answer(tree, &waiter.query, &answer, &stamp_ns)
             # Late samples may change the answer of one that waits for another one, and the clock that of one
             # that judges ages.
             if (not waiter.only_new
                     and not (waiter.query.policy.is_given and waiter.query.policy.judges_age)
-                    and _is_answer(query_answer(tree, &waiter.query, &answer, &stamp_ns))):
+                    and _is_answer(status)):
                 return "a waiter whose lookup would answer"
+            # Another frame of its path may refuse data, too.
+            if status.child == waiter.frame and _is_refused(tree, waiter, &status):
+                return "a waiter whose data is refused"
             count += 1
             link = link.next
     # Those that are due are counted, too.

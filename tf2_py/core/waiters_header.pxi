@@ -11,7 +11,8 @@ lacked, and is in one of three lists:
 
 An insert that changes the shape of the tree (see Change) tries all waiters. Any other one tries those that
 watch its frame at a time that has data now, and those of every insert. So after an insert no waiter is
-pending whose lookup would answer.
+pending whose lookup would answer. One that is to end when its data is refused is also tried when its time
+falls behind the horizon of the frame.
 
 A wake is the work that follows from one change. It first takes the waiters to be tried out of their lists,
 so that one that is filed again is not tried again at once. Then they are tried one after the other. Between
@@ -50,8 +51,10 @@ cdef struct Waiter:
     uint32_t entry          # ... by this entry; NO_FRAME: none
     uint64_t arrival        # ordinal among all waiters ever added
     bint only_new           # waits for another answer than the one below
-    uint32_t answered       # atomic: the lookup has an answer ...
-    Status status           # ... which is STATUS_OK, or STATUS_BAD_LIMIT: then the fields below are not set
+    bint until_refused      # ends when the tree refuses the data that its simple lookup at a time lacks
+    uint32_t answered       # atomic: the lookup has an answer, or has ended
+    # STATUS_OK, or the error that ends the wait: then the two fields below are not set.
+    Status status
     Transform answer        # meters and unit quaternion
     int64_t stamp_ns        # of the answer
     Event* woken            # set when a wake has answered it; NULL: the waiter becomes ready instead
@@ -102,8 +105,8 @@ cdef void waiters_free(Waiters* waiters) noexcept nogil
 cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil
 # Returns whether it had no answer yet. No effect on one that is not listed, or forgotten.
 cdef bint waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil
-# Begins the wake for `waiters.change`, if there is anyone to be tried; none may be under way. Answered waiters
-# that no thread blocks for are put into `ready`, in the order of their arrival.
+# Begins the wake for `waiters.change`, if there is anyone to be tried; none may be under way. Answered
+# waiters that no thread blocks for are put into `ready`, in the order of their arrival.
 cdef void wake_begin(Waiters* waiters, Link* ready) noexcept nogil
 # Tries one waiter of the wake that is under way; the last one ends it.
 cdef void wake_step(Waiters* waiters, const Tree* tree) noexcept nogil

@@ -98,6 +98,7 @@ cdef class Wait(WaiterOwner):
         is none, and one that this finds is not delivered otherwise.
 
         :raises ValueError: a limit of the policy could never apply, which ends the wait.
+        :raises ExtrapolationException: the buffer refuses the missing data, which ends the wait.
         """
         outcome = self._outcome()
         if isinstance(outcome, Exception):

@@ -7,7 +7,6 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeAlias, TypedDict, overload
 
@@ -15,7 +14,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tf2_py import BufferCore, TransformException, stored_name
+from tf2_py import ExtrapolationException, TransformException, stored_name
 from tf2_py._internal import (
     FOR_EVER_NS,
     bad_name,
@@ -76,10 +75,11 @@ class FilterFailureReason(str, Enum):
     """
     Why a message filter dropped a message.
 
-    ``OUT_THE_BACK``: the message is older than everything that the buffer keeps or accepts.
-    ``EMPTY_FRAME_ID``: its header has no frame_id. ``NO_TRANSFORM_FOUND``: the name of a frame is invalid, or
-    the transform was not available and ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest message
-    when the queue overflowed. ``TIMEOUT``: its transform was not available in time.
+    ``OUT_THE_BACK``: its transform is not available, and the buffer refuses data of its time as too old.
+    ``EMPTY_FRAME_ID``: its header has no frame_id. ``NO_TRANSFORM_FOUND``: the name of its frame is invalid,
+    its time with ``tolerance`` is later than a stamp can be, or the transform was not available and
+    ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest message when the queue overflowed.
+    ``TIMEOUT``: its transform was not available in time.
 
     >>> from geometry_msgs.msg import PointStamped
     >>> from tf2_ros import Buffer, FilterFailureReason, MessageFilter
@@ -110,7 +110,8 @@ class MessageFilter(Generic[_Message]):
         have a ``header``.
     :param buffer: the buffer with the transforms.
     :param target_frames: a name, or several; a message passes when its frame can be transformed into all of
-        them.
+        them. As in tf2, this is tried after each insert, and what is available once counts, although the
+        buffer may lose it while the message waits for the others.
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
     :param node: the executor that spins it takes the messages of a topic, and runs the callbacks for
         transforms that a listener receives.
@@ -353,9 +354,19 @@ class MessageFilter(Generic[_Message]):
             raise TypeError(f"input: expected (message type, topic, qos), a filter, or None, got {input!r}")
 
     def _begin(self, queued: QueuedMessage) -> None:
+        stamp_ns = queued.stamp_ns
+        # The latest time, 0, has no later one.
+        needed = [(frame, stamp_ns + ns) for frame, ns in self._needed if stamp_ns or ns == 0]
         may_wait = self._timeout_ns is None or self._timeout_ns > 0
-        reason = None if may_wait else FilterFailureReason.NO_TRANSFORM_FOUND
-        outcome, text = self._outcome(queued, reason)
+        missing = FilterFailureReason.NO_TRANSFORM_FOUND
+        outcome: _Outcome | None
+        text: str | None
+        try:
+            queued.begin(self._buffer, needed)
+        except (TransformException, OverflowError, ValueError) as error:
+            outcome, text = missing if queued.frame else FilterFailureReason.EMPTY_FRAME_ID, str(error)
+        else:
+            outcome, text = self._outcome(queued, None if may_wait else missing)
         if outcome is not None:
             # The transform of this one may have completed earlier ones, whose callbacks wait for an executor.
             while (oldest := self._calls.oldest()) not in (None, queued) and oldest.over():
@@ -363,16 +374,12 @@ class MessageFilter(Generic[_Message]):
             queued.end(outcome, text)
         elif self._timeout_ns is not None:
             deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
-        # Those that were added before may have become too old while they waited.
-        while (oldest := self._calls.oldest()) is not None:
-            if self._is_too_old(oldest):
-                reason = FilterFailureReason.OUT_THE_BACK
-            elif 0 < self._queue_size < len(self._calls.waiting):
-                reason = FilterFailureReason.QUEUE_FULL
-            else:
-                break
+        while 0 < self._queue_size < len(self._calls.waiting):
+            oldest = self._calls.oldest()
+            if oldest is None:
+                break  # another thread has ended some
             # What it lacked may have been received without having been reported.
-            oldest.end(*self._outcome(oldest, reason))
+            oldest.end(*self._outcome(oldest, FilterFailureReason.QUEUE_FULL))
 
     def _outcome(
         self, queued: QueuedMessage, otherwise: FilterFailureReason | None
@@ -382,78 +389,31 @@ class MessageFilter(Generic[_Message]):
 
         :param otherwise: the reason to drop it if it lacks a transform.
         """
-        outcome = self._look_up(queued) or otherwise
+        try:
+            outcome: _Outcome | None = queued.take() or otherwise
+        except ExtrapolationException as error:
+            return FilterFailureReason.OUT_THE_BACK, str(error)
         return outcome, self._text(queued, outcome)
-
-    def _look_up(self, queued: QueuedMessage) -> _Outcome | None:
-        """
-        The transform into the first target frame, if all are available; the reason, if they will never be.
-
-        Otherwise wait for the first one that a message lacks. Several threads may do so at the same time.
-        """
-        while True:
-            first = None
-            try:
-                for frame, margin_ns in self._needed:
-                    if margin_ns and not queued.stamp_ns:
-                        continue  # the latest time has no later one
-                    stamp_ns = queued.stamp_ns + margin_ns
-                    wait = BufferCore._wait(
-                        self._buffer, frame, queued.frame, stamp_ns, notify=queued.answered
-                    )
-                    answer = wait.take()
-                    if answer is None:
-                        break
-                    first = first or answer
-                else:
-                    return first
-            except (TransformException, OverflowError, ValueError):
-                if not queued.frame:
-                    return FilterFailureReason.EMPTY_FRAME_ID
-                return FilterFailureReason.NO_TRANSFORM_FOUND
-            queued.waits_for(wait)
-            # Another thread may just have inserted it, and be superseded by this one.
-            if wait.take() is None:
-                return None
 
     def _text(self, queued: QueuedMessage, outcome: _Outcome | None) -> str | None:
         """What is said of a message that is dropped now; None: it is not, or nobody wants to know."""
         if not isinstance(outcome, FilterFailureReason) or not self._calls.wants_text():
             return None
-        lack = self._lack(queued)
+        lack: str = queued.lack()
         if outcome is FilterFailureReason.QUEUE_FULL:
             return f"Another message has arrived while {counted(self._queue_size, 'message')} waited: {lack}"
         if outcome is FilterFailureReason.TIMEOUT:
             return errors.timed_out(lack, self._timeout_ns or 0)
         return lack
 
-    def _lack(self, queued: QueuedMessage) -> str:
-        """Why a message does not pass now, in the words of a lookup; "": it does."""
-        if is_invalid_name(queued.frame):
-            return str(bad_name(queued.frame, "source_frame"))
-        for frame, margin_ns in self._needed:
-            stamp_ns = queued.stamp_ns + margin_ns if queued.stamp_ns else 0
-            try:
-                BufferCore._look_up(self._buffer, frame, queued.frame, stamp_ns)
-            except (TransformException, OverflowError, ValueError) as error:
-                return str(error)
-        return ""
-
-    def _is_too_old(self, queued: QueuedMessage) -> bool:
-        """Whether the buffer would refuse data of a message's time for every frame on the path."""
-        for frame in self._frames if queued.stamp_ns and not queued.over() else ():
-            with suppress(TransformException):  # not connected yet
-                newest = BufferCore.get_latest_common_time(self._buffer, frame, queued.frame)
-                if newest.nanoseconds - self._buffer.cache_time_ns > queued.stamp_ns:
-                    return True
-        return False
-
     def _warn_of_drops(self, queued: QueuedMessage, reason: FilterFailureReason) -> None:
         dropped_in_a_row = self._calls.dropped_in_a_row
         if dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
-        frames, lack = printable(" ".join(self._frames)), self._lack(queued)
+        frames, lack = printable(" ".join(self._frames)), queued.lack()
+        if is_invalid_name(queued.frame):
+            lack = str(bad_name(queued.frame, "source_frame"))
         self._node.get_logger().warning(
             f"MessageFilter [target={frames}]: the last {dropped_in_a_row} messages were dropped; the "
             f"newest, from frame [{printable(queued.frame)}], because of {reason.value}. {lack}".rstrip()

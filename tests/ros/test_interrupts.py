@@ -156,20 +156,6 @@ class TestEachLine:
                     buffer.set_transform(transform("map", "robot", second), "x")
                 until(task.done)
 
-    @pytest.mark.parametrize("frames", ["map", ("map", "base")])
-    def test_a_filter_passes_its_message(self, buffer, tf2_ros, node, executor, frames):
-        passed = []
-        buffer.set_transform_static(transform("map", "base"), "x")
-        with tf2_ros.MessageFilter(None, buffer, frames, 10, node=node) as filter, spinning(executor):
-            filter.registerCallback(lambda message: passed.append(message.header.stamp.sec))
-            for second, interrupting in each_line():
-                filter.add(point(second))
-                with interrupting():
-                    buffer.set_transform(transform("map", "robot", second), "x")
-                until(lambda second=second: passed == [second])
-                passed.clear()
-            assert filter.statistics()["received"] == filter.statistics()["passed"] == second
-
     @pytest.mark.parametrize("closes", [False, True])
     def test_an_addition_that_is_interrupted_or_closed_leaves_no_message(self, buffer, tf2_ros, node, closes):
         for _, interrupting in each_line():

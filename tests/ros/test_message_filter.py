@@ -11,6 +11,7 @@ from functools import partial
 from types import SimpleNamespace
 
 import pytest
+from cdr_encoder import encode
 from geometry_msgs.msg import PointStamped
 from hypothesis import given
 from hypothesis import strategies as st
@@ -52,6 +53,7 @@ class Script:
     |---|---|
     | ``M2``, ``M2@camera`` | a message of second 2 arrives, from ``lidar`` or from another frame |
     | ``T1.5``, ``T1:odom>map`` | a transform of second 1.5 is inserted: ``lidar`` in ``map``, or others |
+    | ``T1,2``, ``T1,2:odom>map`` | transforms of these seconds are inserted by one call |
     | ``forget`` | the buffer is cleared |
     | ``clear``, ``close`` | the filter is cleared, or closed |
     | ``=1,2@camera`` | these messages have passed since the last such word, in this order; ``=``: none |
@@ -77,8 +79,7 @@ class Script:
         if word[0] == "M":
             self.filter.add(point(word[1:]))
         elif word[0] == "T":
-            parent, child = argument.split(">") if argument else ("map", "lidar")
-            insert(self.buffer, float(name[1:]), parent, child)
+            self.buffer.set_transforms(links(word), "me")
         elif word[0] == "=":
             assert list(map(word_of, taken(self.passed))) == list(filter(None, word[1:].split(",")))
         elif word[0] == "!":
@@ -87,6 +88,13 @@ class Script:
             assert [(reason, word_of(m)) for reason, m in taken(self.dropped)] == expected
         else:
             {"forget": self.buffer.clear, "clear": self.filter.clear, "close": self.filter.close}[word]()
+
+
+def links(word):
+    """The transforms of a word."""
+    name, _, frames = word.partition(":")
+    parent, child = frames.split(">") if frames else ("map", "lidar")
+    return [transform(parent, child, float(seconds)) for seconds in name[1:].split(",")]
 
 
 def taken(found):
@@ -130,11 +138,18 @@ def adds_up(counts):
         ({}, "M4 M2 M3 M1 M1@camera T1 =1 T1:map>camera =1@camera T3 =2,3 T5 =4"),
         # Time 0 is the latest.
         ({"tolerance": Duration(seconds=1)}, "M0 T5 =0"),
-        # Several target frames are all needed, at the same moment.
+        # Several target frames are all needed, each at any moment.
         ({"frames": "map odom earth"}, "M1 T1 T1:earth>map = T1:odom>earth =1"),
-        ({"frames": "map mirror"}, "M1 T1 forget T1:lidar>mirror = T1 =1"),
+        ({"frames": "map mirror"}, "M1 T1 forget T1:lidar>mirror =1"),
+        ({"frames": "map mirror"}, "T1 M11 T12,40,41 = T11:lidar>mirror =11"),
         # With a tolerance, transforms are needed for later, too.
         ({"tolerance": Duration(seconds=0.5)}, "M1 T1 T1.4 = T1.5 =1"),
+        ({"tolerance": Duration(seconds=5)}, "T1 M11 T12,25,26 =11"),
+        # Each insert is judged before the next one prunes, also within one call.
+        ({}, "T1 M11 T12,40,41 =11"),
+        ({}, "T1 M11 M30 T12,40,41 =11,30"),
+        ({}, "M11 T1,12,40,1 =11"),
+        ({}, "T1:map>odom T1:odom>lidar M11 T12,40,41:odom>lidar T12:map>odom !OUT_THE_BACK:11"),
         # The queue has a size; what need not wait drops nothing.
         ({"queue_size": 2}, "M1 M2 M3 M4 !QUEUE_FULL:1,2 T1 T5 =3,4"),
         ({"queue_size": 1}, "M9 T1 M1 M1 =1,1 clear T11 ="),
@@ -143,13 +158,26 @@ def adds_up(counts):
         # Reasons for which messages are dropped.
         ({}, "M1@ M2@/ !EMPTY_FRAME_ID:1@,2@/"),
         ({}, "M1@//lidar !NO_TRANSFORM_FOUND:1@//lidar"),
-        ({"tolerance": Duration(seconds=1)}, "M2147483647.5 T1 M1 T2 =1 clear"),
+        ({"tolerance": Duration(seconds=1)}, "M2147483647.5 !NO_TRANSFORM_FOUND:2.14748365e+09"),
         ({"buffer_timeout": Infinite}, "M1 T1 =1"),
         ({"buffer_timeout": 0.05}, "T1 M2 !TIMEOUT:2 T3 = M3 =3"),
         ({"buffer_timeout": 2.0}, "T1 M2 T2 =2 M3 !TIMEOUT:3"),
         ({"buffer_timeout": Duration()}, "M1 !NO_TRANSFORM_FOUND:1 T1 M1 =1"),
         ({}, "T20 T21 M10.9 !OUT_THE_BACK:10.9 M11 = T11 =11"),
-        ({}, "M1 T20 = M20 !OUT_THE_BACK:1 =20"),
+        ({}, "M1 T20 !OUT_THE_BACK:1 M20 =20"),
+        ({}, "M11 T12 T21 = T21.1 !OUT_THE_BACK:11"),
+        ({}, "M11 T12,21,30,31 !OUT_THE_BACK:11"),
+        ({}, "M11 M12 T29 !OUT_THE_BACK:11,12 M11 !OUT_THE_BACK:11"),
+        ({}, "M0 T29 =0"),
+        ({"frames": "map odom"}, "M11 T29 !OUT_THE_BACK:11"),
+        ({"tolerance": Duration(seconds=8)}, "T20 M11 = T29.5 !OUT_THE_BACK:11"),
+        ({"buffer_timeout": Duration()}, "T29 M11 !OUT_THE_BACK:11"),
+        # Not while the frames may still be connected in another way.
+        ({}, "M11 T29:odom>lidar = T29:map>odom !OUT_THE_BACK:11"),
+        ({}, "M11 T29:odom>lidar = forget T11 =11"),
+        # The path may lack data of another frame, too.
+        ({}, "T5:map>odom T29:odom>lidar M11 !OUT_THE_BACK:11"),
+        ({}, "T1:map>odom T29:map>odom T12:odom>lidar M11 = T30:odom>lidar !OUT_THE_BACK:11"),
     ],
     ids=str,
 )
@@ -157,12 +185,54 @@ def test_script(make, options, script):
     make(**options).run(script)
 
 
-SECONDS = st.integers(0, 14).map(str)
+SECONDS = st.integers(0, 14) | st.integers(0, 40)  # the buffer keeps 10
+FRAMES = ["map", "odom", "lidar", "camera"]
 WORDS = st.one_of(
     st.builds("M{}@{}".format, SECONDS, st.sampled_from(["lidar", "camera", "", "//bad"])),
-    st.builds("T{}:{}>{}".format, SECONDS, *[st.sampled_from(["map", "odom", "lidar", "camera"])] * 2),
+    st.builds(
+        "T{}:{}>{}".format,
+        st.lists(SECONDS, min_size=1, max_size=4).map(lambda seconds: ",".join(map(str, seconds))),
+        *[st.sampled_from(FRAMES)] * 2,
+    ),
     st.sampled_from(["forget", "clear"]),
 )
+
+
+class OneByOne:
+    """
+    What becomes of the messages that wait in a filter, as in tf2: after each insert, each transform that a
+    message needs is tried.
+    """
+
+    def __init__(self, buffer, frames, tolerance):
+        self.buffer, self.frames, self.tolerance = buffer, frames.split(), Duration(seconds=tolerance)
+        self.lacking = {}  # by the id of a message: what it lacks
+        self.may_end = set()  # ids of those that lack data which the buffer has refused
+
+    def add(self, message):
+        stamp = Time.from_msg(message.header.stamp)
+        stamps = [stamp, stamp + self.tolerance] if stamp.nanoseconds else [stamp]
+        self.lacking[id(message)] = [
+            (frame, message.header.frame_id, one) for frame in self.frames for one in stamps
+        ]
+        return self.passed()
+
+    def insert(self, link):
+        self.buffer.set_transform(link, "me")
+        return self.passed()
+
+    def passed(self):
+        """The ids of the messages that pass now."""
+        histories = self.buffer.histories().values()
+        horizons = [int(one.stamps_ns[-1]) - 10 * S for one in histories]
+        for key, lacking in self.lacking.items():
+            lacking[:] = [query for query in lacking if not self.buffer.can_transform(*query)]
+            if any(0 < stamp.nanoseconds < ns for *_, stamp in lacking for ns in horizons):
+                self.may_end.add(key)
+        passed = {key for key, lacking in self.lacking.items() if not lacking}
+        for key in passed:
+            del self.lacking[key]
+        return passed
 
 
 @given(
@@ -175,33 +245,36 @@ def test_in_any_script_each_message_has_one_outcome_as_soon_as_it_can(
     tf2_ros, node, frames, tolerance, size, words
 ):
     script = Script(tf2_ros, node, None, frames, size, tolerance=Duration(seconds=tolerance))
-    buffer, waiting, checks = script.buffer, Counter(), []
-
-    def can_transform(word):
-        header = point(word).header
-        stamp = Time.from_msg(header.stamp)
-        stamps = [stamp, stamp + Duration(seconds=tolerance if stamp.nanoseconds else 0)]
-        return all(
-            buffer.can_transform(frame, header.frame_id, one) for frame in frames.split() for one in stamps
-        )
-
-    script.filter.registerCallback(lambda message: checks.append(can_transform(word_of(message))))
+    one_by_one = OneByOne(tf2_ros.Buffer(Duration(seconds=10)), frames, tolerance)
+    kept = []  # so that ids are unique
     for word in words:
-        script.step(word)
+        passes = set()
         if word[0] == "M":
-            waiting[word[1:].removesuffix("@lidar")] += 1
+            message = point(word[1:])
+            kept.append(message)
+            passes = one_by_one.add(message)
+            script.filter.add(message)
+        else:
+            script.step(word)
+        if word[0] == "T":
+            for link in links(word):
+                passes |= one_by_one.insert(link)
+        if word == "forget":
+            one_by_one.buffer.clear()
         if word == "clear":
-            waiting.clear()
-        for message in [*taken(script.passed), *(m for _, m in taken(script.dropped))]:
-            waiting[word_of(message)] -= 1
+            one_by_one.lacking.clear()
+        passed, dropped = list(map(id, taken(script.passed))), taken(script.dropped)
+        assert sorted(passed) == sorted(passes), "each passes once, when it can"
+        for reason, message in dropped:
+            del one_by_one.lacking[id(message)]
+            assert reason != "OUT_THE_BACK" or id(message) in one_by_one.may_end
+            assert reason != "QUEUE_FULL" or size
         counts = script.filter.statistics()
-        assert counts["waiting"] == waiting.total() and adds_up(counts)
-        assert not size or waiting.total() <= size
-        assert not any(map(can_transform, +waiting)), "one waits that could pass"
-        assert waiting == +waiting, "one has ended twice"
-    assert all(checks), "one has passed that could not be transformed"
+        assert counts["waiting"] == len(one_by_one.lacking) and adds_up(counts)
+        assert not size or counts["waiting"] <= size
+        script.buffer._self_check()
     script.filter.close()
-    assert buffer.statistics()["waiters"] == 0
+    assert script.buffer.statistics()["waiters"] == 0
 
 
 def test_threads_that_add_and_insert_lose_nothing(tf2_ros, node, buffer):
@@ -331,6 +404,25 @@ class TestCallbacks:
         assert "MainThread" not in names[1:]
         assert [m.header.stamp.nanosec for m in taken(script.passed)] == list(range(100))
         script.filter.clear()
+        listener.unregister()
+
+    def test_of_what_a_listener_receives_at_once_each_insert_counts(
+        self, tf2_ros, make, executor, peer, node
+    ):
+        script, sender, found = make(), peer(), []
+        listener = tf2_ros.TransformListener(script.buffer, node)
+        script.filter.registerFailureCallback(lambda *given: found.append(given[2]), with_text=True)
+        script.run("T1 M11")
+        future = script.buffer.wait_for_transform_async("map", "lidar", at(11))
+        messages = [transform("map", "lidar", seconds) for seconds in (12, 40, 41)]
+        sender.send_bytes(encode(messages))
+        until(lambda: script.passed, executor)
+        assert future.done() and not script.buffer.can_transform("map", "lidar", at(11))
+        script.run("=11 M35")
+        sender.send_bytes(encode([transform("map", "lidar", 60)]))
+        until(lambda: script.dropped, executor)
+        script.run("!OUT_THE_BACK:35")
+        assert re.search(r"past\.  Requested time 35", found[0])
         listener.unregister()
 
     @pytest.mark.parametrize("how", ["clear", "destroy_node"])
@@ -537,7 +629,7 @@ class TestEnd:
     def test_one_that_is_dropped_leaves_no_waiter(self, tf2_ros, node, buffer):
         filter = tf2_ros.MessageFilter(None, buffer, ["map", "odom"], 0, node=node, buffer_timeout=1000.0)
         filter.add(point())
-        assert buffer.statistics()["waiters"] == 1
+        assert buffer.statistics()["waiters"] == 2
         del filter
         gc.collect()
         assert buffer.statistics()["waiters"] == 0

@@ -6,11 +6,12 @@ See :mod:`tf2_ros._wait.pending` for why this is Cython.
 
 from libc.stdint cimport int64_t
 
-from tf2_ros._wait.pending cimport CANCELLED, PENDING, Pending, call_back
+from tf2_ros._wait.pending cimport CANCELLED, DONE, Pending, call_back
 
 import weakref
 from collections import OrderedDict
 
+from tf2_py import BufferCore, ExtrapolationException
 from tf2_ros._wait.call_queue import put_or_call
 
 PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
@@ -90,15 +91,53 @@ cdef class FilterCalls:
         return 0
 
 
+cdef class Waits:
+    """
+    The waits for several transforms, of which all are needed; it has the methods of a Wait.
+
+    :param count: how many there will be; until then it has no answer.
+    """
+
+    cdef list _waits
+    cdef Py_ssize_t _count
+
+    def __init__(self, Py_ssize_t count):
+        self._waits, self._count = [], count
+
+    def add(self, wait):
+        """Add one."""
+        self._waits.append(wait)
+
+    def take(self):
+        """The first answer, if all are available; a wait keeps its answer. Raises as ``Wait.take``."""
+        cdef list answers = [wait.take() for wait in self._waits]
+        is_complete = len(answers) == self._count and all([answer is not None for answer in answers])
+        return answers[0] if is_complete else None
+
+    def reason(self):
+        """The exception of the first lookup without an answer, or None."""
+        for wait in self._waits:
+            if wait.take() is None:
+                return wait.reason()
+        return None
+
+    def cancel(self):
+        """End all."""
+        for wait in self._waits:
+            wait.cancel()
+
+
 cdef class QueuedMessage(Pending):
     """
     A message that waits in a filter. Its result is a transform, or the reason why it is dropped; then its
     error is a text about that, or None.
 
+    It waits for each transform that it needs, from the beginning. As in tf2, what an insert has answered
+    stays the answer, although the buffer may have lost that data when the last one is answered.
+
     :param frame: of its header, without a leading slash.
     :param outcome: called with this, and a reason to drop it if it lacks a transform, or None: returns its
-        result and error. Without a reason the result may be None, and it waits for what it lacks
-        (`waits_for`).
+        result and error. Without a reason the result may be None, and it waits on.
     :param warn: called with this and the reason after it was dropped.
     """
 
@@ -114,15 +153,49 @@ cdef class QueuedMessage(Pending):
         self._calls, self._outcome, self._warn = calls, outcome, warn
         self.call_queue, self.kept = call_queue, calls.waiting
 
-    def waits_for(self, wait):
-        """Note what it waits for, unless it has an outcome."""
-        if self.life == PENDING:
-            self.wait = wait
+    def begin(self, buffer, list needed):
+        """
+        Begin to wait.
 
-    def answered(self, answer):
-        """Pass, unless the message lacks another transform. If it is interrupted, the engine repeats it."""
-        result, error = self._outcome(self, None)
-        return None if result is None else self.end_or_queue(result, error)
+        :param needed: of each transform that it needs, the target frame and the time in nanoseconds. The
+            first one is its result.
+        """
+        cdef Waits several = None
+        if len(needed) > 1:
+            several = self.wait = Waits(len(needed))
+        for frame, ns in needed:
+            wait = BufferCore._wait(buffer, frame, self.frame, ns, notify=self.answered, until_refused=True)
+            if self.life >= DONE:
+                wait.cancel()   # another thread has ended it meanwhile
+            elif several is not None:
+                several.add(wait)
+            else:
+                self.wait = wait
+
+    def answered(self, answer, error=None):
+        """Pass, unless the message lacks another transform; with an error, drop it."""
+        if error is None and isinstance(self.wait, Waits):
+            try:
+                answer = self.take()
+            except ExtrapolationException as refused:
+                error = refused
+        if error is not None:
+            return self.end_or_queue(
+                self._calls._reasons.OUT_THE_BACK, str(error) if self._calls.wants_text() else None)
+        return None if answer is None else self.end_or_queue(answer)
+
+    def take(self):
+        """
+        Its transform if all are available, also those whose answers are being delivered; or None.
+
+        :raises ExtrapolationException: the buffer refuses the missing data.
+        """
+        return None if self.wait is None else self.wait.take()
+
+    def lack(self):
+        """Why it does not pass now, in the words of a lookup; "": it does, or does not wait."""
+        error = None if self.wait is None else self.wait.reason()
+        return "" if error is None else str(error)
 
     def expire(self):
         """At the timeout: drop the message; in the executor that has the node, if one does."""

@@ -21,7 +21,7 @@ from cpython.unicode cimport PyUnicode_Check
 from libc.errno cimport EINTR, ENOMEM, errno
 from libc.float cimport DBL_EPSILON
 from libc.stdint cimport INT64_MIN, SIZE_MAX
-from libc.string cimport strchr, strlen
+from libc.string cimport strchr
 from posix.mman cimport (
     MAP_ANONYMOUS,
     MAP_FAILED,
@@ -195,10 +195,10 @@ cdef class BufferCore(Engine):
 
         :param transform: a ``geometry_msgs/TransformStamped`` or an object with its fields.
             The translation is in meters, the rotation a quaternion x y z w. The stamp 0 has no special
-            meaning.
+            meaning. A frame name ends at a NUL character, as it does when ROS sends the message.
         :param str authority: the publisher; listings and log lines show it.
         :raises TypeError: an object lacks a field, or a value has the wrong type.
-        :raises ValueError: a name contains a NUL character.
+        :raises ValueError: a name contains a lone surrogate, or the authority a NUL character.
         :raises OverflowError: the stamp does not fit into 64-bit nanoseconds.
 
         Invalid transforms, such as those with NaN, without names, or older than the history, are dropped

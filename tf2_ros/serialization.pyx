@@ -278,7 +278,7 @@ def serialize_transforms(transforms):
         What every buffer refuses, such as a rotation of zero length, is serialized as it is.
     :return: the bytes that a publisher sends and a recording stores.
     :raises TypeError: ``transforms`` is something else, or a name is not a str.
-    :raises ValueError: a name contains a NUL character.
+    :raises ValueError: a name contains a lone surrogate.
     :raises OverflowError: a stamp does not fit into a message.
 
     >>> from geometry_msgs.msg import TransformStamped

@@ -125,6 +125,15 @@ def test_malformed_messages_are_counted_and_survived(tf2_ros, buffer, node, exec
     assert errors_so_far().count(line) < len(bad)
 
 
+@pytest.mark.ours
+def test_a_received_name_ends_at_a_nul(tf2_ros, buffer, node, executor, peer):
+    tf2_ros.TransformListener(buffer, node)
+    made = TFMessage(transforms=[transform("map", "robotXarm", 1), transform("map", "end", 1)])
+    peer().send_bytes(bytes(serialize_message(made)).replace(b"robotXarm", b"robot\0arm"))
+    until(knows(buffer, "end"), executor)
+    assert buffer._getFrameStrings() == ["robot", "map", "end"]
+
+
 def test_a_set_transform_of_the_buffer_itself_is_called(tf2_ros, buffer, node, executor, peer):
     seen = []
     buffer.set_transform = lambda transform, authority: seen.append(transform)

@@ -60,7 +60,8 @@ cdef inline void _numbers_of(Reader* reader, Transform* out) noexcept nogil:
 
 
 cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogil:
-    # The length includes the terminating NUL; some writers send an empty string as length 0.
+    # The length includes the terminating NUL; some writers send an empty string as length 0. What follows an
+    # earlier NUL does not count, because ROS's messages in C and Python end there.
     cdef size_t length = _uint32(reader)
     cdef const unsigned char* at = _read_bytes(reader, length, 1)
     text[0] = ""
@@ -69,13 +70,13 @@ cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogi
         return
     if at[length - 1] != 0:
         reader.problem = "a string without its terminating NUL"
-    elif memchr(at, 0, length - 1) != NULL:
-        reader.problem = "a string with a NUL inside"
-    elif not is_utf8(at, length - 1):
+        return
+    length = strlen(<const char*>at)
+    if not is_utf8(at, length):
         reader.problem = "a string that is not UTF-8"
     else:
         text[0] = <const char*>at
-        size[0] = length - 1
+        size[0] = length
 
 
 cdef void _begin_to_read(Reader* reader, const unsigned char* data, size_t size) noexcept nogil:

@@ -39,11 +39,14 @@ cdef int load_layouts() except -1:
     return 0
 
 
-cdef const char* name_utf8(object name, Py_ssize_t* size, str argument="frame name") except NULL:
-    cdef const char* text
+cdef const char* _utf8(object name, Py_ssize_t* size, str argument) except NULL:
     if not PyUnicode_Check(name):
         raise TypeError(f"{argument}: expected a str, got {type(name).__name__}")
-    text = PyUnicode_AsUTF8AndSize(name, size)
+    return PyUnicode_AsUTF8AndSize(name, size)
+
+
+cdef const char* name_utf8(object name, Py_ssize_t* size, str argument="frame name") except NULL:
+    cdef const char* text = _utf8(name, size, argument)
     if memchr(text, 0, size[0]) != NULL:
         raise ValueError(f"a frame name must not contain a NUL character: {name!r}")
     return text
@@ -118,11 +121,12 @@ cdef int read_transform_stamped(object message, Incoming* out, list keep) except
         out.stamp_ns = nanoseconds(header_layout.get(header, HEADER_STAMP), "header.stamp")
     except AttributeError as missing:
         raise _misfit(message, "a geometry_msgs/TransformStamped", missing) from None
-    # This comes last, so that no Python code runs between taking these pointers and using them.
-    out.parent = name_utf8(parent, &size)
-    out.parent_size = size
-    out.child = name_utf8(child, &size)
-    out.child_size = size
+    # This comes last, so that no Python code runs between taking these pointers and using them. The names end
+    # at a NUL, as they do if the message is sent.
+    out.parent = _utf8(parent, &size, "header.frame_id")
+    out.parent_size = strlen(out.parent)
+    out.child = _utf8(child, &size, "child_frame_id")
+    out.child_size = strlen(out.child)
     if keep is not None:
         keep.append(parent)
         keep.append(child)
@@ -234,7 +238,7 @@ def serialize_as_ros(list transforms):
         for i in range(batch.count):
             try:
                 read_transform_stamped(transforms[i], &batch.entries[i].incoming, keep)
-            except (OverflowError, TypeError, ValueError):  # what is no number; a name with a NUL
+            except (OverflowError, TypeError, ValueError):  # what is no number; a lone surrogate
                 return None
         data = batch_cdr(&batch)
         # After writing, because asking for the refusals changes the names and the rotation.

@@ -105,7 +105,11 @@ class Poses(Source):
 
     def read(self, message: Any) -> tuple[Names, list[float]]:
         """Get the frames and the numbers of a message."""
-        frames = self._frames or (message.header.frame_id, message.child_frame_id)
+        # What follows a NUL is not received, either.
+        frames = self._frames or (
+            message.header.frame_id.partition("\0")[0],
+            message.child_frame_id.partition("\0")[0],
+        )
         if not all(frames):
             self.leave_out("frame_id is not set" if frames[1] else "child_frame_id is not set")
             return tuple(frames), []

@@ -15,7 +15,7 @@ cdef object copy_shallow(Layout layout, object message)
 # The first `count` fields.
 cdef int read_doubles(Layout layout, object message, double* out, int count) except -1
 # Normalized; as in tf2, zero length means no rotation.
-cdef int read_orientation(object quaternion, double* out) except -1
+cdef int read_orientation(object quaternion, double* out, str field) except -1
 # The target frame of a TransformStamped, and a header for results: that frame and the transform's stamp.
 cdef object target_frame(object transform)
 cdef object target_header(object transform)

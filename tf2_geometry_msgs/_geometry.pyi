@@ -43,7 +43,7 @@ def do_transform_point(point: _Point, transform: TransformStamped | Transform) -
     :param transform: a TransformStamped; for a point without a header also a Transform; meters.
     :return: a new message of the same class; its header, if any, has the transform's frame and stamp.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises ValueError: a rotation is not finite. Coordinates may be NaN or infinite.
     """
 
 def do_transform_pose(pose: Pose, transform: TransformStamped | Transform) -> Pose:
@@ -69,7 +69,7 @@ def do_transform_pose_with_covariance(
     :param transform: a TransformStamped or Transform, meters.
     :return: a new PoseWithCovariance.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite.
+    :raises ValueError: the covariance is not 36 numbers, or a rotation is not finite.
     """
 
 def do_transform_pose_with_covariance_stamped(
@@ -106,7 +106,7 @@ def do_transform_transform(content: Transform, transform: TransformStamped | Tra
     :param transform: a TransformStamped or Transform, meters.
     :return: a new Transform; its rotation has length one and w >= 0.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: the rotation of ``transform`` is not finite.
+    :raises ValueError: a rotation is not finite.
     """
 
 def do_transform_transform_stamped(

@@ -6,7 +6,6 @@ velocities and accelerations.
 from cpython.float cimport PyFloat_AS_DOUBLE, PyFloat_CheckExact
 from cpython.object cimport PyObject
 from cpython.unicode cimport PyUnicode_Check
-from libc.math cimport NAN
 from libc.string cimport memcpy
 
 cimport numpy as cnp
@@ -135,12 +134,12 @@ cdef int _read_numbers(Layout layout, object message, double* out, int count) ex
         raise _type_error(layout, message, missing) from None
 
 
-cdef int read_orientation(object quaternion, double* out) except -1:
+cdef int read_orientation(object quaternion, double* out, str field) except -1:
     read_doubles(quaternion_layout, quaternion, out, 4)
     if out[0] == 0.0 and out[1] == 0.0 and out[2] == 0.0 and out[3] == 0.0:
         out[3] = 1.0
     elif not quaternion_normalise_any(out):
-        out[0] = out[1] = out[2] = out[3] = NAN
+        raise ValueError(f"{field}: expected finite numbers, got {(out[0], out[1], out[2], out[3])}")
     return 0
 
 
@@ -277,7 +276,7 @@ cdef object _composed(Layout layout, object old, const Transform* transform, str
     # A message of two fields: the `place` of a frame, and its `turn`.
     cdef Transform result
     read_doubles(place_layout, get_field(layout, old, place), result.translation, 3)
-    read_orientation(get_field(layout, old, turn), result.rotation)
+    read_orientation(get_field(layout, old, turn), result.rotation, turn)
     transform_compose(transform, &result, &result)
     message = layout.new()
     set_field(layout, message, place, place_layout.new_doubles(result.translation, 3))
@@ -356,7 +355,7 @@ cdef object _rotated_covariance(object covariance, const Transform* transform):
 
 cdef object _rotated_quaternion(object quaternion, const Transform* transform):
     cdef double q[4]
-    read_orientation(quaternion, q)
+    read_orientation(quaternion, q, "quaternion")
     quaternion_multiply(transform.rotation, q, q)
     return new_orientation(q)
 
@@ -397,7 +396,7 @@ def do_transform_point(
     :param transform: a TransformStamped; for a point without a header also a Transform; meters.
     :return: a new message of the same class; its header, if any, has the transform's frame and stamp.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: the transform's rotation is not finite.
+    :raises ValueError: a rotation is not finite. Coordinates may be NaN or infinite.
     """
     if type(point) is point_stamped_layout.message_class or not _has_axes(point):
         return _moved_stamped(point_stamped_layout, "point", point, transform, _transformed_point)
@@ -473,7 +472,7 @@ def do_transform_pose_with_covariance(
     :param transform: a TransformStamped or Transform, meters.
     :return: a new PoseWithCovariance.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite.
+    :raises ValueError: the covariance is not 36 numbers, or a rotation is not finite.
     """
     return _moved(pose, transform, transformed_pose_with_covariance)
 
@@ -497,7 +496,7 @@ def do_transform_transform(content: Transform, transform: TransformStamped | Tra
     :param transform: a TransformStamped or Transform, meters.
     :return: a new Transform; its rotation has length one and w >= 0.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: the rotation of ``transform`` is not finite.
+    :raises ValueError: a rotation is not finite.
     """
     return _moved(content, transform, _composed_transform)
 

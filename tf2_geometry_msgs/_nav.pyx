@@ -62,7 +62,7 @@ def do_transform_path(path: Path, transform: TransformStamped) -> Path:
     :param transform: a TransformStamped, meters.
     :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: a pose has a frame other than the path's, or the transform's rotation is not finite.
+    :raises ValueError: a pose has a frame other than the path's, or a rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -83,7 +83,7 @@ def do_transform_odometry(odometry: Odometry, transform: TransformStamped) -> Od
     :param transform: a TransformStamped, meters.
     :return: a new Odometry with the transform's frame and stamp.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: a covariance is not 36 numbers, or the transform's rotation is not finite.
+    :raises ValueError: a covariance is not 36 numbers, or a rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = odometry_layout

@@ -1,5 +1,7 @@
 """Transform what an IMU and a magnetometer measure."""
 
+from libc.math cimport isfinite
+
 from tf2_geometry_msgs._geometry cimport (
     copied_covariance,
     get_field,
@@ -33,14 +35,16 @@ cdef Layout magnetic_field_layout = Layout(
 )
 
 
-cdef object _transformed_attitude(object quaternion, const Transform* transform):
+cdef object _transformed_attitude(object quaternion, bint is_estimate, const Transform* transform):
     # The attitude of the new frame in the same world: q' = q r^-1.
     cdef double q[4]
     cdef double back[4]
     read_doubles(quaternion_layout, quaternion, q, 4)
     if q[0] == 0.0 and q[1] == 0.0 and q[2] == 0.0 and q[3] == 0.0:
         return quaternion_layout.new_doubles(q, 4)
-    read_orientation(quaternion, q)
+    if not is_estimate and not isfinite(q[0] + q[1] + q[2] + q[3]):
+        return quaternion_layout.new_doubles(q, 4)
+    read_orientation(quaternion, q, "orientation")
     quaternion_conjugate(transform.rotation, back)
     quaternion_multiply(q, back, q)
     return new_orientation(q)
@@ -53,24 +57,24 @@ def do_transform_imu(imu: Imu, transform: TransformStamped) -> Imu:
     Both frames are fixed to the IMU. Both vectors and their covariances (R C R^T) are rotated. The reference
     point does not move: the acceleration is still that at the IMU. The orientation becomes that of the new
     frame in the same world, q' = q r^-1, with its old covariance, as in tf2's C++. A covariance that begins
-    with -1 marks a missing estimate and stays unchanged, as does an orientation of zero length.
+    with -1 marks a missing estimate and stays unchanged, as does an orientation of zero length, or one that
+    is missing and not finite.
 
     :param imu: an Imu, radians per second and meters per second squared.
     :param transform: a TransformStamped.
     :return: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0.
     :raises TypeError: an argument has another type. If it lacks a field, the error is also an AttributeError.
-    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite.
+    :raises ValueError: a covariance is not 9 numbers, or a rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = imu_layout
     read_transform(transform, &tf)
     message = layout.new()
     set_field(layout, message, "header", target_header(transform))
-    set_field(
-        layout, message, "orientation", _transformed_attitude(get_field(layout, imu, "orientation"), &tf)
-    )
-    covariance = get_field(layout, imu, "orientation_covariance")
-    set_field(layout, message, "orientation_covariance", copied_covariance(covariance, 3))
+    covariance = copied_covariance(get_field(layout, imu, "orientation_covariance"), 3)
+    set_field(layout, message, "orientation_covariance", covariance)
+    attitude = get_field(layout, imu, "orientation")
+    set_field(layout, message, "orientation", _transformed_attitude(attitude, covariance[0] != -1.0, &tf))
     velocity = get_field(layout, imu, "angular_velocity")
     set_field(layout, message, "angular_velocity", rotated_vector(velocity, &tf))
     covariance = get_field(layout, imu, "angular_velocity_covariance")

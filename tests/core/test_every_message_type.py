@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from expected_transforms import numbers_in, turn, xyz
-from geometry_msgs.msg import Pose, Quaternion, Vector3
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from leaks import assert_nothing_is_left
@@ -116,6 +116,43 @@ def test_other_objects_and_transforms_are_type_errors_that_name_what_is_wanted(c
 def test_a_transform_whose_rotation_is_not_finite_is_a_value_error(cls, q):
     with pytest.raises(ValueError, match="^transform.rotation: expected a quaternion of finite length, got "):
         apply(Maker(15).message(cls), transform("map", "base", 0, xyzw=q))
+
+
+def every_part(message):
+    """The message, its parts that are messages, and their parts."""
+    if isinstance(message, list):
+        parts = message
+    else:
+        yield message
+        parts = [getattr(message, name) for name in message.get_fields_and_field_types()]
+    for part in parts:
+        if isinstance(part, list) or hasattr(part, "get_fields_and_field_types"):
+            yield from every_part(part)
+
+
+@every_type
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf], ids=str)
+def test_a_rotation_of_the_data_that_is_not_finite_is_a_value_error(cls, t, number):
+    message = Maker(17).message(cls)
+    for quaternion in [part for part in every_part(message) if isinstance(part, Quaternion)]:
+        for name in "xyzw":
+            before = getattr(quaternion, name)
+            setattr(quaternion, name, float(number))
+            with pytest.raises(
+                ValueError, match="^(orientation|rotation|quaternion): expected finite numbers"
+            ):
+                apply(message, t)
+            setattr(quaternion, name, before)
+
+
+@every_type
+def test_coordinates_that_are_not_finite_pass_through(cls, t):
+    message = Maker(18).message(cls)
+    points = [part for part in every_part(message) if isinstance(part, Point | Vector3)]
+    for part in points:
+        part.x = np.nan
+    got = apply(message, t)
+    assert bool(np.isnan(numbers(got)).any()) == bool(points)
 
 
 @every_type

@@ -338,6 +338,8 @@ def test_what_an_imu_marks_as_absent_stays_so(t):
     got = tf2.do_transform_imu(imu, t)
     assert got.orientation == imu.orientation
     assert all(getattr(got, part).tolist() == [-1.0] + [0.0] * 8 for part in parts)
+    imu.orientation.w = math.nan
+    assert math.isnan(tf2.do_transform_imu(imu, t).orientation.w)
 
 
 def test_calls_leave_nothing_behind(cloud, t):

@@ -86,7 +86,7 @@ def test_each_frame_may_have_a_limit_of_its_own(tf2_ros, buffer):
         {"odom": 1, "base": 0.0625},
         {"odom": 2},
         {"base": 0.1},
-        {"camera": 0},  # it does not move
+        {"camera": float("inf")},
         {},
     ):
         assert buffer.can_transform("map", "camera", LATEST, max_age=limits), limits
@@ -321,6 +321,36 @@ def test_a_limit_of_a_root_is_refused_and_its_child_on_the_path_named(buffer, wa
     # Once it is a child, it may have a limit.
     insert(buffer, "earth", "map", 99)
     assert WAYS[way](buffer, **{argument: {"map": 0.5}})
+
+
+@pytest.mark.parametrize("way", ["lookup_transform", "with a timeout", "can", "async", "future", "many"])
+def test_a_limit_of_a_static_frame_on_the_path_is_refused_and_moving_frames_named(buffer, way):
+    """It would never apply, so a localiser that has stopped would not be noticed."""
+    buffer.set_transform_static(transform("map", "odom", 3), "x")
+    text = r"^max_age has a limit for \[odom\], which is static, .*: limit \[base\] instead$"
+    for limits in ({"odom": 0.2}, {"odom": 5, "base": 0.01}, {"base": 9, "odom": 0}):
+        with pytest.raises(ValueError, match=text):
+            WAYS[way](buffer, max_age=limits)
+    # A tolerance is an allowance, which a static frame does not need. The lidar is not on this path.
+    assert WAYS[way](buffer, tolerance={"odom": 1})
+    buffer.set_transform_static(transform("base", "lidar", 3), "x")
+    assert WAYS[way](buffer, max_age={"lidar": 0.2})
+
+
+def test_a_limit_of_a_static_frame_names_the_frames_of_its_part_of_the_path(tf2_ros, buffer):
+    with pytest.raises(ValueError, match=r"limit \[odom\] or \[base\] instead$"):
+        buffer.lookup_transform("camera", "map", LATEST, max_age={"camera": 1})
+    with pytest.raises(ValueError, match=r"limit \[base\] instead$"):
+        buffer.lookup_transform_full("map", 0, "camera", 0, "odom", max_age={"camera": 1})
+    with pytest.raises(
+        ValueError, match="is static, and therefore has no age; no frame of this lookup moves$"
+    ):
+        buffer.lookup_transform("camera", "base", LATEST, max_age={"camera": 1})
+    empty = tf2_ros.Buffer()
+    future = empty.wait_for_transform_async("base", "camera", 0, max_age={"camera": 1})
+    empty.set_transform_static(transform("base", "camera", 3), "x")
+    with pytest.raises(ValueError, match=r"\[camera\], which is static"):
+        future.result()
 
 
 @pytest.mark.parametrize("way", ["with a timeout", "async", "future"])

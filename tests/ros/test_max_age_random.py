@@ -61,10 +61,15 @@ class Question:
         return of_model(look_up, policy, *self.arguments)
 
     def is_over(self, model):
-        """Whether a wait for it ends: with an answer, or because that is there and a limit is void."""
+        """
+        Whether a wait for it ends: with an answer, because that is there and a limit is void, or because a
+        frame on the path is limited although it is static.
+        """
         outcome = self.outcome(model)
         if outcome[1] != "ValueError":
             return outcome[0] == "answer"
+        if "is static" in outcome[2][0]:
+            return True
         valid = tuple(pair for pair in self.limits if pair[0] in model.frames)
         return self.outcome(model, valid)[0] == "answer"
 

@@ -97,6 +97,10 @@ class Policies:
 
     def _judge_ages(self, target, source, hops, max_age):
         """Raise the error about the frame that is furthest beyond its limit, or one of several."""
+        named = dict(max_age) if isinstance(max_age, tuple) else {}
+        static = [name for name in hops if name in named and self.frames[name].static]
+        if static:
+            raise ModelError("ValueError", *[self._of_static(name, target, source) for name in static])
         limits = {name: limit_of(max_age, name, None) for name in hops if not self.frames[name].static}
         beyond = {
             # Of infinite ages, the lowest limit decides.
@@ -109,6 +113,12 @@ class Policies:
             furthest = [name for name in beyond if beyond[name] == most]
             texts = [self._stale(target, source, name, limits[name]) for name in furthest]
             raise ModelError("ExtrapolationException", *texts)
+
+    def _of_static(self, name, target, source):
+        moving = [one for one in self._newest_hops(target, source) if not self.frames[one].static]
+        some = " or ".join(f"[{one}]" for one in moving[:MOST_SUGGESTED])
+        instead = f": limit {some} instead" if some else "; no frame of this lookup moves"
+        return f"max_age has a limit for [{name}], which is static, and therefore has no age{instead}"
 
     def _stale(self, target, source, name, limit):
         frame, age = self.frames[name], self._age_ns(name)

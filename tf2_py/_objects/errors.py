@@ -217,12 +217,20 @@ def limit_of_unknown(name: str, argument: str, call: str) -> str:
     return f"{argument} has a limit for [{printable(name)}], which does not exist"
 
 
-def limit_of_root(name: str, argument: str, children: list[str]) -> str:
-    """The error text for a limit of a frame that is not a child, so that the limit could never apply."""
-    some = " or ".join(f"[{printable(child)}]" for child in children[:MOST_SUGGESTED])
+def limit_without_effect(name: str, argument: str, is_static: bool, instead: list[str]) -> str:
+    """
+    The error text for a limit of a frame that is static or not a child, so that the limit could never apply.
+
+    :param instead: the frames that may be limited.
+    """
+    some = " or ".join(f"[{printable(one)}]" for one in instead[:MOST_SUGGESTED])
+    text = f"{argument} has a limit for [{printable(name)}], which "
+    if is_static:
+        text += "is static, and therefore has no age"
+        return f"{text}: limit {some} instead" if some else f"{text}; no frame of this lookup moves"
     return (
-        f"{argument} has a limit for [{printable(name)}], which has no parent. A limit applies to the "
-        f"transform of a frame from its parent: limit {some or 'a child'} instead"
+        f"{text}has no parent. A limit applies to the transform of a frame from its parent: limit "
+        f"{some or 'a child'} instead"
     )
 
 

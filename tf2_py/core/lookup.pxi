@@ -370,7 +370,16 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
     cdef const History* history = &tree.histories[frame]
     cdef int64_t limit_ns = limit_of(&policy.max_age, frame)
     cdef int64_t age_ns
-    if history.kind == HISTORY_STATIC or limit_ns == INT64_MAX:
+    if limit_ns == INT64_MAX:
+        return False
+    if history.kind == HISTORY_STATIC:
+        # Without an age, it would pass, and the caller would believe that old data is refused.
+        if policy.max_age.count:
+            excess_ns[0] = INT64_MAX
+            status.code = STATUS_BAD_LIMIT
+            status.gap = GAP_NONE
+            status.child = frame
+            status.parent = policy.tolerance.count + limit_index(&policy.max_age, frame)
         return False
     age_ns = history_age(history, now_ns)
     if age_ns - limit_ns <= excess_ns[0]:
@@ -597,6 +606,7 @@ cdef Status query_judge_limits(const Query* query, const QueryFrames* frames, St
     # While no path is known, a program has just started, and the frame of the limit may still appear.
     if frames.bad_limit != UINT32_MAX and status.code in (STATUS_OK, STATUS_EXTRAPOLATION):
         status.code = STATUS_BAD_LIMIT
+        status.half = HALF_NONE
         status.parent = frames.bad_limit
         status.child = query.policy.tolerance.found[frames.bad_limit]
     return status

@@ -76,12 +76,18 @@ cdef struct FrameLimits:
     int64_t others_ns       # that of all other frames
 
 
-cdef inline int64_t limit_of(const FrameLimits* limits, FrameId frame) noexcept nogil:
+cdef inline uint32_t limit_index(const FrameLimits* limits, FrameId frame) noexcept nogil:
+    # Of the frame's own limit; `count`: it has none.
     cdef uint32_t i
     for i in range(limits.count):
         if limits.found[i] == frame:
-            return limits.named[i].limit_ns
-    return limits.others_ns
+            return i
+    return limits.count
+
+
+cdef inline int64_t limit_of(const FrameLimits* limits, FrameId frame) noexcept nogil:
+    cdef uint32_t i = limit_index(limits, frame)
+    return limits.others_ns if i == limits.count else limits.named[i].limit_ns
 
 
 cdef struct ClockReading:
@@ -121,7 +127,7 @@ cdef enum StatusCode:
     STATUS_BAD_TARGET       # the target frame's name is empty, begins with '/', or is unknown
     STATUS_BAD_SOURCE       # the same for the source frame
     STATUS_BAD_FIXED        # the same for the fixed frame
-    STATUS_BAD_LIMIT        # a limit could never apply, because its frame is unknown or was never a child
+    STATUS_BAD_LIMIT        # a limit could never apply: its frame is unknown, was never a child, or is static
     STATUS_NOT_NEW          # for a waiter for a change: the answer is the one that it already has
 
 

@@ -527,29 +527,30 @@ cdef class Engine:
         cdef FrameId frames[2 * MAX_HOPS]
         cdef int64_t newest_ns[2 * MAX_HOPS]
         cdef Status found
-        cdef Query half = query[0]
+        cdef Query half = _half_of(query, status)
         cdef int64_t time_ns = query.target_ns if status.half == HALF_TARGET else query.source_ns
         if status.gap not in (GAP_PAST, GAP_SINGLE) or time_ns != 0 or status.edge_ns < status.requested_ns:
             return None
-        if status.half == HALF_SOURCE:
-            half.target, half.target_size = query.fixed, query.fixed_size
-        elif status.half == HALF_TARGET:
-            half.source, half.source_size = query.fixed, query.fixed_size
         for i in range(self.moving_frames(&half, NULL, frames, newest_ns, &found)):
             if newest_ns[i] == status.requested_ns:
                 return self.frame_names([frames[i]])[0]
         return None
 
-    cdef list _children_towards(self, const Query* query, FrameId parent):
-        # The children of a frame; only those on the path, if there are such.
+    cdef tuple _limits_instead(self, const Query* query, Status status):
+        # The parent of a frame without an age, None if it is a root; and the frames to limit instead: those
+        # that move on the path; of a root, its children.
         cdef FrameId frames[2 * MAX_HOPS]
-        cdef Status status
+        cdef Status found
         cdef int64_t newest_ns[2 * MAX_HOPS]
-        cdef uint32_t count = self.moving_frames(query, NULL, frames, newest_ns, &status)
-        [name] = self.frame_names([parent])
-        on_path = set(self.frame_names([frames[i] for i in range(count)]))
-        children = [one.name for one in self.frame_facts() if one.parent == name]
-        return [child for child in children if child in on_path] or children
+        cdef Query half = _half_of(query, status)
+        cdef uint32_t count = self.moving_frames(&half, NULL, frames, newest_ns, &found)
+        [name] = self.frame_names([status.child])
+        on_path = self.frame_names([frames[i] for i in range(count)])
+        parents = {one.name: one.parent for one in self.frame_facts()}
+        if parents.get(name) is not None:
+            return parents[name], on_path
+        children = [child for child in parents if parents[child] == name]
+        return None, [child for child in children if child in on_path] or children
 
     cdef Status _check_names(self, const Query* query) noexcept nogil:
         cdef QueryFrames frames
@@ -645,15 +646,15 @@ cdef class Engine:
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
         cdef str child = None
         cdef str parent = None
-        cdef list children = None
+        cdef list instead = None
         cdef str limiting = None
         if status.code == STATUS_EXTRAPOLATION or status.code == STATUS_UNCONNECTED:
             child, parent = self.frame_names((status.child, status.parent))
             limiting = self._limiting_frame(query, status)
         elif status.code == STATUS_BAD_LIMIT and status.child != NO_FRAME:
-            children = self._children_towards(query, status.child)
+            parent, instead = self._limits_instead(query, status)
         self._begin_advice()
-        return query_error(query, status, child, parent, children, limiting, call, self._advice, self)
+        return query_error(query, status, child, parent, instead, limiting, call, self._advice, self)
 
     cdef int _begin_advice(self) except -1:
         cdef size_t count
@@ -821,6 +822,16 @@ cdef class Engine:
         cache_time_ns = self._tree.retention.cache_time_ns
         lock_release(&self._lock)
         return cache_time_ns
+
+
+cdef Query _half_of(const Query* query, Status status):
+    # The simple lookup that a status is about.
+    cdef Query half = query[0]
+    if status.half == HALF_SOURCE:
+        half.target, half.target_size = query.fixed, query.fixed_size
+    elif status.half == HALF_TARGET:
+        half.source, half.source_size = query.fixed, query.fixed_size
+    return half
 
 
 cdef int extend_path(list chain, list frames) except -1:

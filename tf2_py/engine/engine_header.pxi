@@ -133,7 +133,7 @@ cdef class Engine:
     cdef Status _file_waiter(self, Waiter* waiter) noexcept
     cdef Status _check_names(self, const Query* query) noexcept nogil
     cdef str _limiting_frame(self, const Query* query, Status status)
-    cdef list _children_towards(self, const Query* query, FrameId parent)
+    cdef tuple _limits_instead(self, const Query* query, Status status)
     cdef int _learn_most_names(self) except -1
     cdef int _begin_advice(self) except -1
     cdef int _log_refused(self, Batch* batch) except -1

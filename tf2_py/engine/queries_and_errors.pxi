@@ -187,8 +187,8 @@ cdef object _bad_name(str name, str argument, str call, Advice advice, object li
     return errors.LookupException(advice.extend(unknown, name, list_names))
 
 
-cdef object _bad_limit(const Query* query, Status status, list children, str call, Advice advice,
-                       object list_names):
+cdef object _bad_limit(const Query* query, Status status, bint is_static, list instead, str call,
+                       Advice advice, object list_names):
     cdef uint32_t tolerances = query.policy.tolerance.count
     cdef const FrameLimit* limit
     if status.parent < tolerances:
@@ -196,9 +196,9 @@ cdef object _bad_limit(const Query* query, Status status, list children, str cal
     else:
         argument, limit = "max_age", &query.policy.max_age.named[status.parent - tolerances]
     name = limit.name[:limit.size].decode("utf-8")
-    if children is None:
+    if instead is None:
         return ValueError(advice.extend(errors.limit_of_unknown(name, argument, call), name, list_names))
-    return ValueError(errors.limit_of_root(name, argument, children))
+    return ValueError(errors.limit_without_effect(name, argument, is_static, instead))
 
 
 cdef int64_t _limit_of_name(const FrameLimits* limits, str frame) except -1:
@@ -211,7 +211,7 @@ cdef int64_t _limit_of_name(const FrameLimits* limits, str frame) except -1:
     return limits.others_ns
 
 
-cdef object query_error(const Query* query, Status status, str child, str parent, list children,
+cdef object query_error(const Query* query, Status status, str child, str parent, list instead,
                         str limiting, str call, Advice advice, object buffer):
     target, source, fixed = _query_names(query)
     if status.code == STATUS_BAD_TARGET:
@@ -221,7 +221,7 @@ cdef object query_error(const Query* query, Status status, str child, str parent
     if status.code == STATUS_BAD_FIXED:
         return _bad_name(fixed, "fixed_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_LIMIT:
-        return _bad_limit(query, status, children, call, advice, buffer._tf2_names)
+        return _bad_limit(query, status, parent is not None, instead, call, advice, buffer._tf2_names)
     target, source = _ends(query, status)
     if status.code == STATUS_UNCONNECTED:
         error = errors.unconnected(target, source, parent, child)

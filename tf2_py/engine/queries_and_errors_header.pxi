@@ -31,9 +31,10 @@ cdef int query_fill_any(Query* query, object target_frame, object source_frame, 
 # Why a lookup has no answer: as an exception, and as a sentence about a wait.
 
 # The only function that converts a status to an exception; the names are those of status.child and
-# status.parent. `children`: of STATUS_BAD_LIMIT, what may be limited instead; None: its frame is unknown.
+# status.parent; of STATUS_BAD_LIMIT, `parent` is that of a static frame. `instead`: of STATUS_BAD_LIMIT, what
+# may be limited instead; None: its frame is unknown.
 # `limiting`: as in errors.extrapolation. `advice` was begun with `buffer`.
-cdef object query_error(const Query* query, Status status, str child, str parent, list children,
+cdef object query_error(const Query* query, Status status, str child, str parent, list instead,
                         str limiting, str call, Advice advice, object buffer)
 # One line: the lookup that a wait waits for, and what it lacks.
 cdef str query_wait(const Query* query, str lack)

@@ -172,8 +172,7 @@ class BufferCore:
         Remove every transform of a frame, also static ones, as if it had never been a child.
 
         :param frame: the child frame of these transforms.
-        :return: whether it had any.
-        :raises LookupException: the frame is unknown.
+        :return: whether it had any. A frame that is unknown has none.
 
         Frames that no remaining transform refers to become unknown, until a new transform refers to them.
         They still count for ``max_frames``.

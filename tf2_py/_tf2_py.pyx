@@ -295,16 +295,13 @@ cdef class BufferCore(Engine):
         Remove every transform of a frame, also static ones, as if it had never been a child.
 
         :param frame: the child frame of these transforms.
-        :return: whether it had any.
-        :raises LookupException: the frame is unknown.
+        :return: whether it had any. A frame that is unknown has none.
 
         Frames that no remaining transform refers to become unknown, until a new transform refers to them.
         They still count for ``max_frames``.
         """
         cdef Py_ssize_t size
-        cdef const char* text
-        self._require_frame(frame, "forget")
-        text = name_utf8(frame, &size)
+        cdef const char* text = name_utf8(frame, &size, "frame")
         return self.remove(text, size)
 
     # Travelling: pickles, copies, files.

@@ -237,8 +237,9 @@ class Model(Listings, Policies):
 
     def forget(self, name):
         """Whether the frame had samples."""
+        if name not in self.names:
+            return False
         self._found.clear()
-        self._require_frame("forget", name)
         forgotten = self.frames.pop(name, None)
         named = set().union(*[frame.parents() for frame in self.frames.values()])
         self.hidden |= set(self.order) - named - set(self.frames)

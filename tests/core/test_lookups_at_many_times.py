@@ -1,5 +1,6 @@
 """Lookups at many times in one call: the same answers as as many calls."""
 
+import math
 from functools import partial
 from itertools import permutations
 
@@ -185,6 +186,19 @@ def test_times_of_several_kinds_in_any_order(buffer, places):
 
 
 @needs_pandas
+def test_a_missing_integer_of_a_column_is_named(buffer):
+    pandas = pytest.importorskip("pandas")
+    for column in (
+        pandas.Series([S, None], dtype="Int64"),
+        pandas.Series([S, None], dtype="Int64").array,
+        pandas.Series([S, None]),
+        [S, pandas.NA],
+    ):
+        with pytest.raises(ValueError, match=MISSING):
+            buffer.lookup_transforms("map", "odom", column)
+
+
+@needs_pandas
 def test_a_date_of_pandas_that_does_not_fit_is_named(buffer):
     pandas = pytest.importorskip("pandas")
     late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])
@@ -200,15 +214,25 @@ def test_whole_numbers_of_any_types_are_taken(buffer):
 
 
 ARRAY = r"integer nanoseconds of shape \(N,\)"
-TO_INT64 = "float64: multiply seconds by 1e9, and round them to int64$"
+TO_INT64 = "float64, which rounds nanoseconds: keep those as int64; multiply seconds by 1e9, and round them"
+MISSING = r"times\[1\] is missing \(NA, null, NaN or masked\)$"
+
+
+class NAType:
+    """Of pandas, in an array of objects."""
+
+
 BEYOND = r"times\[1\]: expected whole nanoseconds within 64 bits"
 NO_TIMES = [
     (TypeError, ARRAY, 1, None, "12", ["1"], [...], [True, False], [5, True], [5, "6"]),
+    (ValueError, MISSING, [5, None], (5, None, 7), [5, math.nan], np.array([5, NAType()], object)),
+    (ValueError, MISSING, np.array([1.7e18, math.nan]), np.ma.masked_array([5, 6], [False, True])),
+    (ValueError, MISSING, np.array([5, None], object), [Time(seconds=5), None], np.float32([5, math.nan])),
     (TypeError, ARRAY, [1.5, 2.5], np.array([1.0]), np.array([5, 1.5], object)),
     ((TypeError, ValueError), ARRAY, np.int64(3)),
     (ValueError, ARRAY, [[S]], [S, (S, S)], [np.array([S])], np.array([S, [S]], object)),
     (ValueError, ARRAY, np.zeros((2, 2), np.int64), [2**63], [2**70], np.array([2**63], np.uint64)),
-    (ValueError, ARRAY, np.array([5, 2**63], object), np.ma.masked_array([5, 6], [False, True])),
+    (ValueError, ARRAY, np.array([5, 2**63], object)),
     (ValueError, ARRAY, [2**63, 1], [np.uint64(2**63), np.int64(1)]),
     (TypeError, TO_INT64, [1.5], np.array([2.0]), [1.5, 2**63]),
     (TypeError, "timedelta64", np.array([2, 3], "m8[ns]")),

@@ -126,20 +126,25 @@ def as_times_ns(times, *, bint accepts_nat=False):
             array = np.asarray(times, object)   # among int64, NumPy makes floats of uint64
     except OverflowError as error:
         raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
-    mask = mask_of(times)
-    if mask is not None and mask.any():
-        raise ValueError(f"{wanted}; some are masked")
     if array.size == 0 and not isinstance(times, np.ndarray):
         array = array.astype(np.int64)
     if array.ndim != 1:
         raise ValueError(f"{wanted}; the shape is {array.shape}")
+    mask = mask_of(times)
+    if mask is not None and mask.any():
+        raise _missing(wanted, mask.argmax())
     if array.dtype == object:
         array = np.array(_nanoseconds(array, wanted, accepts_nat), dtype=np.int64)
     if array.dtype.kind == "M":
         return _since_1970(array, wanted, accepts_nat)
+    if array.dtype.kind == "f":
+        is_nan = np.isnan(array)
+        if is_nan.any():
+            raise _missing(wanted, is_nan.argmax())
+        raise TypeError(f"{wanted}, got dtype {array.dtype}, which rounds nanoseconds: keep those as int64; "
+                        "multiply seconds by 1e9, and round them to int64")
     if array.dtype.kind not in "iu":
-        seconds = ": multiply seconds by 1e9, and round them to int64" if array.dtype.kind == "f" else ""
-        raise TypeError(f"{wanted}, got dtype {array.dtype}{seconds}")
+        raise TypeError(f"{wanted}, got dtype {array.dtype}")
     if array.dtype.kind == "u" and array.size and int(array.max()) > np.iinfo(np.int64).max:
         raise ValueError(f"{wanted} that fit into 64 bits; the largest is {array.max()}")
     return received_array(array, "int64")
@@ -174,6 +179,15 @@ cdef object _since_1970(times, str wanted, bint accepts_nat):
     return np.array(_nanoseconds(times, wanted, accepts_nat), dtype=np.int64)
 
 
+cdef object _missing(str wanted, i):
+    # A column of integers with a missing value reaches NumPy as floats, or as objects.
+    return ValueError(f"{wanted}; times[{i}] is missing (NA, null, NaN or masked)")
+
+
+cdef bint _is_missing(time):
+    return time is None or type(time).__name__ == "NAType" or (isinstance(time, float) and isnan(time))
+
+
 cdef bint _is_nat(time):
     import numpy as np
     if isinstance(time, np.datetime64):
@@ -189,6 +203,8 @@ cdef list _nanoseconds(times, str wanted, bint accepts_nat):
             found.append(INT64_MIN if is_nat else nanoseconds(time, f"times[{i}]"))
         return found
     except TypeError as error:
+        if _is_missing(time):
+            raise _missing(wanted, i) from None
         # Not a check beforehand: a named tuple with sec and nanosec is a time.
         if isinstance(time, (list, tuple)) or getattr(time, "ndim", 0):
             raise ValueError(f"{wanted}; times[{i}] is a {type(time).__name__}") from None

@@ -16,6 +16,7 @@ if TYPE_CHECKING or HAS_ROS:
 
 
 SHUT_DOWN = "The context was shut down"
+NEVER_FILLED = "it has no TransformListener and nothing was inserted"
 
 
 class Filler(Protocol):
@@ -117,7 +118,7 @@ def add_source(buffer: Any, name: str, silence: "Callable[[bool], str] | None") 
     """See :meth:`Buffer.add_source`."""
     source = BufferSource(name, silence)
     buffer._tf2_fillers.add(source)
-    BufferCore._ask_for_silence(buffer, _silence_of)
+    BufferCore._ask_for_silence(buffer, silence_of)
     return source
 
 
@@ -129,18 +130,25 @@ def ask_for_silence(buffer: BufferCore, find_silence: Callable[[object], tuple[s
     """
     fillers = getattr(buffer, "_tf2_fillers", None)
     if isinstance(fillers, Fillers):
-        fillers.find_silence, find_silence = find_silence, _silence_of
+        fillers.find_silence, find_silence = find_silence, silence_of
     BufferCore._ask_for_silence(buffer, find_silence)
 
 
-def _silence_of(buffer: Any) -> tuple[str, str]:
+def silence_of(buffer: Any) -> tuple[str, str]:
+    """What the errors of a ``Buffer`` say about what fills it, see ``BufferCore._ask_for_silence``."""
     fillers: Fillers = buffer._tf2_fillers
+    sources = [one for one in fillers.known if isinstance(one, BufferSource)]
+    if fillers.find_silence is None and not sources:
+        return "" if _was_filled(buffer) else NEVER_FILLED, ""
     found = [("", "") if fillers.find_silence is None else fillers.find_silence(buffer)]
-    for one in fillers.known:
-        if isinstance(one, BufferSource):
-            found.append((one.silence(True), one.silence(False)))
+    found += [(one.silence(True), one.silence(False)) for one in sources]
     with_static, without = (" and ".join(filter(None, clauses)) for clauses in zip(*found, strict=True))
     return with_static, without
+
+
+def _was_filled(buffer: Any) -> bool:
+    counts = BufferCore.statistics(buffer)
+    return bool(counts["frames"] or counts["taken"] or buffer._tf2_attachment)
 
 
 class Shutdown:

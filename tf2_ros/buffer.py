@@ -12,7 +12,7 @@ from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of, seconds, time_ns
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
-from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, note_filler
+from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, note_filler, silence_of
 from tf2_ros._message_classes import TransformStamped
 from tf2_ros._shared.shared_names import buffer_name, is_wanted, require_support
 from tf2_ros._wait.blocking_lookup import Lookup
@@ -203,6 +203,7 @@ class Buffer(BufferCore, BufferInterface):
         BufferInterface.__init__(self)
         self._tf2_follow_clock(Buffer.__show_time)
         self._tf2_fillers = Fillers()
+        BufferCore._ask_for_silence(self, silence_of)
         self.clock: Clock = Clock() if node is None else node.get_clock()
         self._tf2_followed = self.clock  # reports its jumps
         if not HAS_ROS:

@@ -1,9 +1,10 @@
 """What errors, warnings and the repr of a listener say of what was received."""
 
+import copy
 import re
 
 import pytest
-from making_objects import at
+from making_objects import at, transform
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from waiting import until
@@ -39,6 +40,20 @@ class TestErrors:
             f"The buffer is empty: {NOTHING}"
         )
         assert buffer.can_transform("map", "robot", LATEST, return_debug_tuple=True)[1].endswith(NOTHING)
+
+    def test_a_buffer_that_nothing_ever_fills_says_that_it_has_no_listener(self, tf2_ros, buffer):
+        reason = "The buffer is empty: it has no TransformListener and nothing was inserted"
+        assert error(buffer).endswith(f"does not exist. {reason}")
+        future = buffer.wait_for_transform_async("map", "robot", LATEST, timeout=0.01)
+        until(future.done)
+        assert reason in str(future.exception())
+        assert error(copy.copy(buffer)).endswith(reason)
+        filled, known = tf2_ros.Buffer(), tf2_ros.Buffer()
+        filled.set_transform(transform("map", "robot", 1), "me")
+        filled.forget("robot")
+        known.add_source("the simulator")
+        for one in (filled, known):
+            assert error(one).endswith("The buffer is empty")
 
     def test_after_the_end_of_the_listener_its_topics_are_not_named(self, tf2_ros, buffer, node):
         with tf2_ros.TransformListener(buffer, node):

@@ -266,7 +266,10 @@ class Model(Listings, Policies):
         return name == RESERVED or name in self.names
 
     def _unknown(self):
-        return "" if self.names else ". The buffer is empty"
+        if self.names:
+            return ""
+        why = "" if self.taken else ": it has no TransformListener and nothing was inserted"
+        return f". The buffer is empty{why}"
 
     def _check_name(self, call, name):
         if name == "":

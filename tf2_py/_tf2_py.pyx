@@ -434,6 +434,8 @@ cdef class BufferCore(Engine):
         status = self.lookup(query, NULL, &stamp_ns)
         if status.code == STATUS_OK:
             return (1, "")
+        if asks_for_1970(query, &status):
+            self.log_1970(status.requested_ns)
         return (0, str(self.error(query, status, "canTransform")))
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time) -> TransformStamped:

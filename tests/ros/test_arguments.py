@@ -12,7 +12,7 @@ from geometry_msgs.msg import PointStamped, Pose, PoseStamped, Transform, Transf
 from making_objects import at, stamp_ns, transform
 from rclpy.duration import Duration
 from rclpy.time import Time
-from waiting import PROMPT_S, seconds_of
+from waiting import PROMPT_S, errors_so_far, seconds_of, until
 
 import tf2_geometry_msgs
 
@@ -106,6 +106,25 @@ class TestTimes:
         with pytest.raises(tf2_py.ExtrapolationException) as plausible:
             buffer.lookup_transform("map", "robot", Time(seconds=1_794_000_000))
         assert "1970" not in str(plausible.value)
+
+    @pytest.mark.parametrize("way", ["can_transform", "with a timeout", "future", "before the data"])
+    def test_a_time_in_the_wrong_unit_is_logged_for_those_who_see_no_error(self, buffer, capfd, way):
+        seconds = 1_795_000_000
+        if way != "before the data":
+            buffer.set_transform(transform("map", "robot", seconds), "me")
+        if way == "can_transform":
+            assert not buffer.can_transform("map", "robot", seconds)
+        elif way == "with a timeout":
+            assert not buffer.can_transform("map", "robot", seconds, 0.001)
+        else:
+            waiting = buffer.wait_for_transform_async("map", "robot", seconds)
+            assert not waiting.done()
+        buffer.set_transform(transform("map", "robot", seconds + 1), "me")
+        line = (
+            "A lookup at 1.795000000 s has no answer. The requested time is in 1970: is it in the wrong unit"
+        )
+        until(lambda: line in errors_so_far())
+
 
 
 class TestTimeouts:

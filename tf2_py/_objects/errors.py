@@ -11,6 +11,7 @@ SHORTEST_WAIT_NS = 1_000_000  # texts do not mention a shorter wait
 
 MOST_SUGGESTED = 3
 LONGEST = 100  # characters; longer names, which any sender may choose, are not compared
+IN_1970 = "The requested time is in 1970: is it in the wrong unit, or simulated time?"
 QUOTES = frozenset('"[]')  # programs search error texts for the names between these
 
 
@@ -153,7 +154,7 @@ def extrapolation(
     if tolerance_ns > 0 and edge_ns < requested_ns:
         lack += f"; tolerance allows {seconds(tolerance_ns)} s"
     if 0 < requested_ns < YEAR_NS and max(quoted_ns, edge_ns) > 30 * YEAR_NS:
-        lack += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
+        lack += f". {IN_1970}"
     if limiting is not None:
         lack += f". The latest common time is {requested} because {printable(limiting)} has no newer data"
     return ExtrapolationException(

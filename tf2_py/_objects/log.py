@@ -7,7 +7,7 @@ import sys
 import traceback
 from typing import Any
 
-from tf2_py._objects.errors import seconds
+from tf2_py._objects.errors import IN_1970, seconds
 from tf2_py.printable import printable
 
 # By bit of the engine's REFUSED_*: the tag that users search for, the key in statistics(), the reason.
@@ -83,6 +83,11 @@ def unnormalised(length: float, parent: str, child: str, authority: str) -> None
         "later refuses it: publish length 1. This is logged once for each child_frame_id"
     )
     logger().warning(printable(text))
+
+
+def in_1970(time_ns: int) -> None:
+    """Log the time of a lookup without an answer, which a program that only waits would not see."""
+    logger().warning(f"A lookup at {seconds(time_ns)} s has no answer. {IN_1970}")
 
 
 def not_logged(count: int) -> None:

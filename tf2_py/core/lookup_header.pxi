@@ -90,6 +90,14 @@ cdef struct QueryFrames:
     uint32_t bad_limit          # the first limit that could never apply, as in Status; UINT32_MAX: none
 
 
+cdef inline bint asks_for_1970(const Query* query, const Status* status) noexcept nogil:
+    # Whether it fails because it asks for a time in 1970, and the data is of this century: the time is in
+    # another unit, or of another clock.
+    return (status.code == STATUS_EXTRAPOLATION and status.gap in (GAP_PAST, GAP_SINGLE)
+            and status.requested_ns in (query.source_ns, query.target_ns)
+            and 0 < status.requested_ns < YEAR_NS and status.edge_ns > 30 * YEAR_NS)
+
+
 # If `out` is NULL, only the status is computed. `stamp_ns` receives the time looked up or, if a policy let a
 # frame stay at its newest sample, the oldest stamp of such samples.
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,

@@ -17,11 +17,13 @@ cdef extern from *:
     #define TF2_NEWEST INT64_MIN
     #define TF2_MIN_STAMP_NS (-2147483648000000000LL)
     #define TF2_MAX_STAMP_NS 2147483647999999999LL
+    #define TF2_YEAR_NS (365LL * 86400 * 1000000000)
     """
     const int64_t NEWEST "TF2_NEWEST"       # as a time: that of the newest sample, for any stamp
     # What the stamp of a message can carry, in nanoseconds: its seconds have 32 bits, with a sign.
     const int64_t MIN_STAMP_NS "TF2_MIN_STAMP_NS"
     const int64_t MAX_STAMP_NS "TF2_MAX_STAMP_NS"
+    const int64_t YEAR_NS "TF2_YEAR_NS"
 
 
 # Asked now and then by what may take seconds: whether to give up. NULL: nobody wants it to.

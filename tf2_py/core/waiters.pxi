@@ -167,6 +167,8 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
         waiter.stamp_ns = stamp_ns
         store_release(&waiter.answered, True)
         return status
+    if asks_for_1970(&waiter.query, &status):
+        waiters.in_1970_ns = status.requested_ns
     head = _list_for(waiters, &waiter.query, status)
     if head == &waiters.frames and _watch(waiters, tree, waiter, status.child, status.requested_ns) != 0:
         head = &waiters.every

@@ -82,6 +82,7 @@ cdef struct Waiters:
     Link every
     uint64_t arrivals       # waiters ever added
     uint64_t forgotten      # those of them before the last fork that made this process
+    int64_t in_1970_ns      # the time of the last failed attempt that asks_for_1970; 0: none, or it was taken
     # The wake that is under way.
     Change change           # fill it before wake_begin
     Link due                # the waiters to be tried

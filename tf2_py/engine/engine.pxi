@@ -202,8 +202,11 @@ cdef class Engine:
                 left -= <int64_t>(1 + self._tree.work - work)
             else:
                 break
+        if self._waiters.in_1970_ns:
+            batch.in_1970_ns = self._waiters.in_1970_ns
+            self._waiters.in_1970_ns = 0
         batch.needs_report = (batch.refused > 0 or batch.unnormalised > 0 or batch.no_memory
-                              or not links_empty(&batch.ready))
+                              or not links_empty(&batch.ready) or batch.in_1970_ns != 0)
         batch.move.frame = self._tree.last_child
         is_waking = self._waiters.ready == &batch.ready
         unlock_written(&self._lock, &self._tree, &self._waiters)
@@ -241,6 +244,9 @@ cdef class Engine:
         error = self._deliver(batch, hand_over)
         self._log_refused(batch)
         self._log_unnormalised(batch)
+        if batch.in_1970_ns:
+            self.log_1970(batch.in_1970_ns)
+            batch.in_1970_ns = 0
         if error is not None:
             raise error
         if batch.no_memory:
@@ -283,6 +289,11 @@ cdef class Engine:
                     name_for_log(entry.incoming.child, entry.incoming.child_size),
                     name_for_log(batch.authority, batch.authority_size),
                 )
+        return 0
+
+    cdef int log_1970(self, int64_t time_ns) except -1:
+        if self._throttle.passes("1970"):
+            log.in_1970(time_ns)
         return 0
 
     cdef void count_malformed(self) noexcept nogil:
@@ -686,10 +697,15 @@ cdef class Engine:
         self._advice.ask(find_silence)
 
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1:
+        cdef int64_t in_1970_ns
         catch_up(self)
         lock_acquire(&self._lock)
         status[0] = self._file_waiter(waiter)
+        in_1970_ns = self._waiters.in_1970_ns
+        self._waiters.in_1970_ns = 0
         unlock_written(&self._lock, &self._tree, &self._waiters)
+        if in_1970_ns:
+            self.log_1970(in_1970_ns)
         if not waiter.answered:
             catch_up(self)      # with what arrived before the inboxes were armed
         return 0

@@ -102,6 +102,8 @@ cdef class Engine:
     cdef list frames_between(self, target_frame, source_frame, int64_t time_ns)
     # The exception for a status; `call` is the function that the text names.
     cdef object error(self, const Query* query, Status status, str call=*)
+    # Logs the time of a query that asks_for_1970 and whose error nobody may see. Waits log theirs themselves.
+    cdef int log_1970(self, int64_t time_ns) except -1
 
     # Reads the clock for a query that judges ages, which refers to the reading; ValueError: there is none.
     cdef int read_clock(self, Query* query, ClockReading* reading) except -1

@@ -496,6 +496,12 @@ class Buffer(BufferCore, BufferInterface):
                 self.time_jump_callback(None)
         return now_ns, False, True
 
+    def _tf2_now_ns(self) -> int:
+        with suppress(Exception):  # an error must not be replaced by one of the program's own clock
+            clock: Any = self.clock
+            return 0 if clock is None else time_ns(clock.now(), "the time of the buffer's clock")
+        return 0
+
     def __warn_of_standstill(self, now_ns: int) -> None:
         """Warn once of each: while simulated time stands still, no data becomes older."""
         shown_ns, since = self._tf2_standstill

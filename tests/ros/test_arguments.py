@@ -3,6 +3,7 @@
 import asyncio
 import math
 import re
+import time
 from datetime import timedelta
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ from geometry_msgs.msg import PointStamped, Pose, PoseStamped, Transform, Transf
 from making_objects import at, stamp_ns, transform
 from rclpy.duration import Duration
 from rclpy.time import Time
+from simulated_clock import simulate
 from waiting import PROMPT_S, errors_so_far, seconds_of, until
 
 import tf2_geometry_msgs
@@ -125,6 +127,27 @@ class TestTimes:
         )
         until(lambda: line in errors_so_far())
 
+    @pytest.mark.parametrize("simulated", [False, True])
+    def test_a_time_ahead_of_the_clock_of_the_buffer_is_called_so(self, tf2_ros, tf2_py, node, simulated):
+        if simulated:
+            simulate(node, seconds=100)
+        buffer = tf2_ros.Buffer(node=node if simulated else None)
+        now_ns = 100 * 10**9 if simulated else time.time_ns()
+        for ago_ns in (2, 1):
+            buffer.set_transform(transform("map", "robot", ns=now_ns - ago_ns), "me")
+
+        def error(time_ns, **options):
+            with pytest.raises(tf2_py.ExtrapolationException) as caught:
+                buffer.lookup_transform("map", "robot", time_ns, **options)
+            return str(caught.value)
+
+        said = r"too old; the requested time is (\d+)\.\d{9} s ahead of the clock of the buffer"
+        for options in ({}, {"timeout": 0.01}, {"tolerance": 1}):
+            ahead = re.search(said, error(now_ns + 3600 * 10**9, **options))
+            assert 3500 < int(ahead[1]) <= 3600
+        assert "ahead" not in error(now_ns) + error(1)
+        buffer.clock = None
+        assert "ahead" not in error(now_ns + 3600 * 10**9)
 
 
 class TestTimeouts:

@@ -45,9 +45,11 @@ REASONS = (
 class Gap(Exception):
     """A frame has no data at a time: the text of tf2, and what is said after it."""
 
-    def __init__(self, text, addition, missing=math.inf, newest_ns=0, from_1970=False, is_late=False):
+    def __init__(
+        self, text, addition, missing=math.inf, newest_ns=0, from_1970=False, is_late=False, time=None
+    ):
         super().__init__(text, addition)
-        self.text, self.addition = text, addition
+        self.text, self.addition, self.time = text, addition, time
         self.missing, self.newest_ns, self.from_1970 = missing, newest_ns, from_1970
         self.is_late = is_late  # the sample follows the time
 
@@ -61,7 +63,7 @@ def gap(name, time, sample, text, where, newest_ns):
     addition = f"{sample_text} is {seconds(missing)} s {how}"
     year = 365 * 86400 * 10**9
     from_1970 = 0 < time < year and stamp > 30 * year
-    return Gap(f"extrapolation {text}", addition, missing, newest_ns, from_1970, stamp > time)
+    return Gap(f"extrapolation {text}", addition, missing, newest_ns, from_1970, stamp > time, time)
 
 
 def interpolated(older, newer, ns):
@@ -464,9 +466,9 @@ class Model(Listings, Policies):
         """tf2 names one of the gaps of its walks; here they are those on the path, if that is known."""
         met = [[gap] if gap else [] for gap in gaps]
         limiting = self._limiting(target, source, time) if is_latest else None
-        of_tf2 = extrapolation_text(target, source, *met, limiting)
+        of_tf2 = extrapolation_text(target, source, *met, limiting, self.now_ns)
         known = self._gaps_on_path(target, source, time)
-        texts = [extrapolation_text(target, source, *known, limiting)] if known else []
+        texts = [extrapolation_text(target, source, *known, limiting, self.now_ns)] if known else []
         if not known or self.looped:
             texts.append(of_tf2)
         return ModelError("ExtrapolationException", *texts, of_tf2=of_tf2)
@@ -578,7 +580,7 @@ class Model(Listings, Policies):
         return [], answers
 
 
-def extrapolation_text(target, source, source_gaps, target_gaps, limiting):
+def extrapolation_text(target, source, source_gaps, target_gaps, limiting, now_ns):
     """
     What is said of the gaps of a lookup; each side's are in the order of the hops up from its end.
 
@@ -589,6 +591,9 @@ def extrapolation_text(target, source, source_gaps, target_gaps, limiting):
     quoted = max(firsts, key=lambda gap: gap.newest_ns)
     lack = max(source_gaps + target_gaps, key=lambda gap: gap.missing)
     addition = lack.addition
+    if lack.time is not None and not lack.is_late and 0 < (now_ns or 0) < lack.time:
+        ahead = seconds(lack.time - now_ns)
+        addition += f"; the requested time is {ahead} s ahead of the clock of the buffer"
     if quoted.from_1970 or lack.from_1970:
         addition += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
     if limiting is not None and lack.is_late:

@@ -122,6 +122,7 @@ def extrapolation(
     parent: str,
     limiting: str | None,
     tolerance_ns: int,
+    now_ns: int,
 ) -> ExtrapolationException:
     """
     The error for a time for which frames lack data: tf2's sentence, and the frame that lacks the most.
@@ -131,6 +132,7 @@ def extrapolation(
     :param gap: of ``child``, whose data is furthest from the time; ``edge_ns`` is its nearest stamp.
     :param limiting: the frame because of which the latest common time, which was asked for, is no later.
     :param tolerance_ns: how far beyond its newest sample ``child`` has an answer.
+    :param now_ns: what the clock of the buffer shows; 0: it has none, or simulated time has not begun.
     """
     child, parent, target, source = map(printable, (child, parent, target, source))
     requested = seconds(requested_ns)
@@ -151,6 +153,9 @@ def extrapolation(
         }[gap]
         apart = seconds(abs(requested_ns - edge_ns))
         lack = f"the {which} sample of {child} (parent {parent}) at {seconds(edge_ns)} is {apart} s {how}"
+        if edge_ns < requested_ns and 0 < now_ns < requested_ns:
+            ahead = seconds(requested_ns - now_ns)
+            lack += f"; the requested time is {ahead} s ahead of the clock of the buffer"
     if tolerance_ns > 0 and edge_ns < requested_ns:
         lack += f"; tolerance allows {seconds(tolerance_ns)} s"
     if 0 < requested_ns < YEAR_NS and max(quoted_ns, edge_ns) > 30 * YEAR_NS:

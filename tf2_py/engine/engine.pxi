@@ -509,6 +509,10 @@ cdef class Engine:
         self._reads_clock = True
         return 0
 
+    def _tf2_now_ns(self):
+        """The time of the buffer's clock, for errors; 0: it has none, or simulated time has not begun."""
+        return 0
+
     def _tf2_follow_clock(self, show_time):
         """
         Count ages by this clock.

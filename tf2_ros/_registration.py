@@ -74,7 +74,12 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
         importlib.import_module(_REGISTERED_BY[package])
     if key in table:
         return table[key]
-    advice = "" if package == "tf2_py" else "import the package that registers it, or "
+    if package in _REGISTERED_BY:
+        # Importing a package does not help.
+        is_scan = getattr(key, "__name__", "") == "LaserScan"
+        advice = f"see docs/{'point-clouds.md#laser-scans' if is_scan else 'adding-a-type.md'}, or "
+    else:
+        advice = "" if package == "tf2_py" else "import the package that registers it, or "
     raise TypeException(
         f"Type {key} is not loaded or supported: {advice}register a function with tf2_ros.{method}"
     )

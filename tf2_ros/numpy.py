@@ -53,6 +53,7 @@ _Message = TypeVar("_Message", Transform, TransformStamped, Pose, PoseStamped)
 
 # How far a matrix may differ from a rotation; a product of a few float32 matrices differs less.
 TOLERANCE = 1e-5
+ROUNDED = 0.1  # a rotation whose numbers have two decimals differs by less
 OF_ARRAYS = "translations and rotations: expected numbers"
 
 
@@ -433,6 +434,9 @@ def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
         reason = "must not be a reflection; its determinant is -1"
         if defect > TOLERANCE:
             reason = f"must be orthogonal; R R^T differs from the identity by {defect:.2g}"
+            if defect < ROUNDED:
+                svd = "u, _, vt = numpy.linalg.svd(m[..., :3, :3]); m[..., :3, :3] = u @ vt"
+                reason += f". If its numbers are rounded: {svd}"
         which = _which("matrices", "matrix", shape, wrong)
         raise ValueError(f"{which}: its rotation {reason}")
     return matrices[..., :3, 3].copy(), rotations.reshape(*shape, 4)

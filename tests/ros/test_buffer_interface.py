@@ -9,10 +9,11 @@ from geometry_msgs.msg import (
     Wrench,
 )
 from making_objects import at, transform
+from paths import ROOT
 from processes import output_of
 from rclpy.duration import Duration
 from rclpy.time import Time
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import LaserScan, PointCloud2, Range
 from std_msgs.msg import Header
 from waiting import until
 
@@ -104,6 +105,17 @@ def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
     said = "Type <class 'int'> is not loaded or supported"  # as tf2
     assert str(caught.value).startswith(f"{said}: import the package")
     assert caught.value.errstr == str(caught.value)
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(
+    ("kind", "page"), [(LaserScan, "point-clouds.md#laser-scans"), (Range, "adding-a-type.md")], ids=str
+)
+def test_the_refusal_of_a_type_whose_package_is_imported_names_the_page(buffer, interface, kind, page):
+    with pytest.raises(interface.TypeException, match=f"supported: see docs/{page}, or register a function"):
+        buffer.transform(kind(), "map")
+    path, _, anchor = page.partition("#")
+    assert anchor.replace("-", " ") in (ROOT / "docs" / path).read_text().lower()
 
 
 @pytest.mark.ours

@@ -294,7 +294,8 @@ class BufferCore:
         :param target_frame: the frame to transform data into.
         :param source_frame: the frame of the data, or a sequence of F frames.
         :param times: N times: integer nanoseconds or datetime64 (array-like of shape (N,), also a column of a
-            data frame), or a sequence of time objects; 0 is the latest common time.
+            data frame), or a sequence of time objects; 0 is the latest common time. NaT, and the smallest
+            int64, is a time without an answer.
         :param fixed_frame: with ``target_time``, look up the source at each of ``times``, and the target at
             ``target_time``.
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
@@ -308,8 +309,8 @@ class BufferCore:
         :raises TransformException: see :meth:`lookup_transform_core`.
         :raises TypeError: ``times`` are not times, or only one of ``fixed_frame`` and ``target_time`` is
             given.
-        :raises ValueError: ``times`` do not have one dimension, are NaT or do not fit into 64 bits, or
-            ``on_missing`` is neither of the two.
+        :raises ValueError: ``times`` do not have one dimension or do not fit into 64 bits, one is NaT and
+            ``on_missing`` is ``'raise'``, or ``on_missing`` is neither of the two.
 
         The GIL is released, so other threads run during the call.
         """
@@ -640,8 +641,9 @@ class BufferCore:
             for both ends of each interval; the times between the ends need no answer.
         :raises TransformException: a lookup failed; the text contains the index of the time.
         :raises TypeError: ``times`` are not times, or the interval is not a duration.
-        :raises ValueError: ``averaging_interval`` is negative, ``times`` do not have one dimension, are NaT
-            or do not fit into 64 bits, or ``on_missing`` is neither of the two.
+        :raises ValueError: ``averaging_interval`` is negative, ``times`` do not have one dimension or do not
+            fit into 64 bits, one is NaT and ``on_missing`` is ``'raise'``, or ``on_missing`` is neither of
+            the two.
 
         The GIL is released, so other threads run during the call.
         """

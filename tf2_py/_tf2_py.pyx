@@ -501,7 +501,8 @@ cdef class BufferCore(Engine):
         :param target_frame: the frame to transform data into.
         :param source_frame: the frame of the data, or a sequence of F frames.
         :param times: N times: integer nanoseconds or datetime64 (array-like of shape (N,), also a column of a
-            data frame), or a sequence of time objects; 0 is the latest common time.
+            data frame), or a sequence of time objects; 0 is the latest common time. NaT, and the smallest
+            int64, is a time without an answer.
         :param fixed_frame: with ``target_time``, look up the source at each of ``times``, and the target at
             ``target_time``.
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
@@ -515,8 +516,8 @@ cdef class BufferCore(Engine):
         :raises TransformException: see :meth:`lookup_transform_core`.
         :raises TypeError: ``times`` are not times, or only one of ``fixed_frame`` and ``target_time`` is
             given.
-        :raises ValueError: ``times`` do not have one dimension, are NaT or do not fit into 64 bits, or
-            ``on_missing`` is neither of the two.
+        :raises ValueError: ``times`` do not have one dimension or do not fit into 64 bits, one is NaT and
+            ``on_missing`` is ``'raise'``, or ``on_missing`` is neither of the two.
 
         The GIL is released, so other threads run during the call.
         """
@@ -610,7 +611,8 @@ cdef class BufferCore(Engine):
         cdef TimeSeries series
         cdef Status status
         cdef Py_ssize_t i
-        times_ns = as_times_ns(times)
+        cdef bint is_nan_wanted = _is_nan_wanted(on_missing)
+        times_ns, missing = _times_and_missing(times, is_nan_wanted)
         accepted = policy_of(call, False, **policy)
         is_many = not isinstance(source_frame, (str, bytes)) and is_sequence(source_frame)
         frames = list(source_frame) if is_many else [source_frame]
@@ -618,7 +620,7 @@ cdef class BufferCore(Engine):
         widths = [16] if as_matrices else [3, 4]
         arrays = [new_array((len(frames) * count, width)) for width in widths]
         series_begin(&series, int64s_of(times_ns), count)
-        series.nan_missing = _is_nan_wanted(on_missing)
+        series.nan_missing = is_nan_wanted
         catch_up(self)
         for frame in frames if is_many else ():     # all names, before the lookups
             query_fill_series(&query, target_frame, frame, fixed_frame, target_time, accepted)
@@ -636,6 +638,9 @@ cdef class BufferCore(Engine):
             self._lookup_series(&query, &series)
         if is_many:
             arrays = [array.reshape(len(frames), count, widths[i]) for i, array in enumerate(arrays)]
+        if missing is not None:
+            for array in arrays:
+                array[..., missing, :] = float("nan")
         return arrays[0] if as_matrices else tuple(arrays)
 
     def transform_points(
@@ -672,7 +677,7 @@ cdef class BufferCore(Engine):
         cdef ClockReading reading
         cdef TimeSeries series
         rows, dtype = as_points(points)
-        times_ns = as_times_ns(times)
+        times_ns, _ = _times_and_missing(times, False)
         series_begin(&series, int64s_of(times_ns), len(times_ns))
         if len(rows) != series.count:
             raise ValueError(f"times: expected one for each of {len(rows)} points, got {series.count}")
@@ -955,8 +960,9 @@ cdef class BufferCore(Engine):
             for both ends of each interval; the times between the ends need no answer.
         :raises TransformException: a lookup failed; the text contains the index of the time.
         :raises TypeError: ``times`` are not times, or the interval is not a duration.
-        :raises ValueError: ``averaging_interval`` is negative, ``times`` do not have one dimension, are NaT
-            or do not fit into 64 bits, or ``on_missing`` is neither of the two.
+        :raises ValueError: ``averaging_interval`` is negative, ``times`` do not have one dimension or do not
+            fit into 64 bits, one is NaT and ``on_missing`` is ``'raise'``, or ``on_missing`` is neither of
+            the two.
 
         The GIL is released, so other threads run during the call.
         """
@@ -964,7 +970,8 @@ cdef class BufferCore(Engine):
         cdef TimeSeries series
         cdef Transform poses[2]
         cdef Py_ssize_t i, k
-        times_ns = as_times_ns(times)
+        cdef bint is_nan_wanted = _is_nan_wanted(on_missing)
+        times_ns, missing = _times_and_missing(times, is_nan_wanted)
         cdef Py_ssize_t count = len(times_ns)
         cdef int64_t interval_ns = duration_ns(averaging_interval, "averaging_interval")
         cdef int64_t common_ns
@@ -978,7 +985,7 @@ cdef class BufferCore(Engine):
         cdef double* angular_of = doubles_of(angular, 3)
         translations, rotations = new_array((2 * count, 3)), new_array((2 * count, 4))
         series_begin(&series, ends_of, 2 * count)
-        series.nan_missing = _is_nan_wanted(on_missing)
+        series.nan_missing = is_nan_wanted
         query_frames(&query, observation_frame, tracking_frame)
         if count:
             common_ns = self._common_time(observation_frame, tracking_frame, "lookupTransform")
@@ -993,6 +1000,8 @@ cdef class BufferCore(Engine):
                     memcpy(poses[k].rotation, &series.rotations[4 * (2 * i + k)], 4 * sizeof(double))
                 twist_between(&poses[0], &poses[1], <double>(ends_of[2 * i + 1] - ends_of[2 * i]) * 1e-9,
                               &linear_of[3 * i], &angular_of[3 * i])
+        if missing is not None:
+            linear[missing] = angular[missing] = float("nan")
         return linear, angular
 
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:
@@ -1231,6 +1240,25 @@ with warnings.catch_warnings():
                     BufferCore.set_transforms_cdr):
         _setter.__defaults__ = _setter.__defaults__[1:] or None
     del _setter
+
+
+cdef tuple _times_and_missing(times, bint is_nan_wanted):
+    # Times that can be looked up, and which of them are NaT, or the least int64, with which recordings mark a
+    # stamp that is not set; None: none of them.
+    times_ns = as_times_ns(times, accepts_nat=is_nan_wanted)
+    cdef const int64_t* times_of = int64s_of(times_ns)
+    cdef Py_ssize_t count = len(times_ns)
+    cdef Py_ssize_t i = 0
+    while i < count and times_of[i] != INT64_MIN:
+        i += 1
+    if i == count:
+        return times_ns, None
+    if not is_nan_wanted:
+        raise ValueError(f"times[{i}]: expected a time, got NaT (the smallest int64): this stamp is not set")
+    missing = times_ns == INT64_MIN
+    times_ns = times_ns.copy()
+    times_ns[missing] = 0
+    return times_ns, missing
 
 
 cdef bint _is_nan_wanted(on_missing) except -1:

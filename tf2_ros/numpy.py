@@ -249,7 +249,7 @@ def to_columns(
     if isinstance(transforms, tuple) and not any(hasattr(part, "header") for part in transforms):
         if times is None:
             raise TypeError("arrays have no stamps: pass times")
-        stamps_ns = as_times_ns(times)
+        stamps_ns = as_times_ns(times, accepts_nat=True)
         translations, rotations = _pair(transforms)
     else:
         if times is not None:

@@ -11,9 +11,11 @@ from messages_with_or_without_ros import Duration, Time
 from rotations import Turn
 
 from tf2_py import BufferCore, ExtrapolationException, TransformException
+from tf2_ros.numpy import to_columns
 
 pytestmark = pytest.mark.ours
 
+NAT = -(2**63)  # as an integer
 FRAMES = ["map", "odom", "base", "arm", "hand", "mast", "camera", "plate"]
 POLICIES = [
     {"tolerance": 0.3},
@@ -241,6 +243,8 @@ NO_TIMES = [
         r"times\[1\]: .* got NaT",
         np.array([3, "NaT"], "M8[ns]"),
         np.array([3, "NaT"], "M8[D]"),
+        np.array([3, NAT, NAT]),
+        [3, NAT],
     ),
     (ValueError, BEYOND, np.array(["1970-01-02", "9999-01-01"], "M8[D]"), np.array([1000, 1], "M8[ps]")),
 ]
@@ -251,6 +255,41 @@ def test_what_is_no_time_says_what_is_wanted(buffer, error, text, wrong):
     for times in wrong:
         with pytest.raises(error, match=text):
             buffer.lookup_transforms("map", "odom", times)
+
+
+class TestMissingTimes:
+    """NaT, and the smallest int64, its value as an integer."""
+
+    @pytest.mark.parametrize("dtype", ["i8", "M8[ns]"])
+    def test_a_missing_time_is_a_row_of_nan(self, buffer, dtype):
+        times = np.array([3 * S, NAT, 4 * S, NAT]).view(dtype)
+        for source in ("base", "map", "plate", ["base", "plate"]):  # the plate never moves
+            for target in ("map", "camera"):
+                wanted = buffer.lookup_transforms(target, source, [3 * S, 4 * S])
+                got = buffer.lookup_transforms(target, source, times, on_missing="nan")
+                for one, other in zip(got, wanted, strict=True):
+                    np.testing.assert_array_equal(one[..., ::2, :], other)
+                    assert np.isnan(one[..., 1::2, :]).all()
+        matrices = buffer.lookup_matrices("map", "base", times, on_missing="nan")
+        assert np.isnan(matrices).all(axis=(1, 2)).tolist() == [False, True, False, True]
+        velocities = buffer.lookup_velocities("base", "map", times, Duration(seconds=1), on_missing="nan")
+        for one in velocities:
+            assert np.isnan(one).all(axis=1).tolist() == [False, True, False, True]
+        columns = to_columns(buffer.lookup_transforms("map", "base", times, on_missing="nan"), times)
+        assert columns["stamp_ns"].tolist() == times.view("i8").tolist()
+
+    def test_otherwise_it_is_an_error(self, buffer):
+        times = np.array([3 * S, NAT])
+        wanted = r"^times\[1\]: expected a time, got NaT .*: this stamp is not set$"
+        for look_up in (
+            lambda: buffer.lookup_transforms("map", "base", times),
+            lambda: buffer.lookup_transforms("mast", "camera", times),  # static: any time has an answer
+            lambda: buffer.lookup_matrices("map", "base", times),
+            lambda: buffer.lookup_velocities("base", "map", times, 1),
+            lambda: buffer.transform_points(np.zeros((2, 3)), times, "map", "base"),
+        ):
+            with pytest.raises(ValueError, match=wanted):
+                look_up()
 
 
 class TestPoints:

@@ -30,6 +30,7 @@ from tf2_ros_tools.bag_reader import (
     open_recording,
     resolved,
     stamps_of,
+    topics_without_stamps,
     typestore,
 )
 from tf2_ros_tools.joints_and_poses import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
@@ -447,7 +448,9 @@ def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
     :param path: the recording, see :func:`load`.
     :param topic: a topic of any type whose messages begin with a ``std_msgs/Header``, or a type of Foxglove
         with a ``timestamp``.
-    :return: int64, shape (N,), nanoseconds, in the order of the recording.
+    :return: int64, shape (N,), nanoseconds, in the order of the recording. If the stamp of a message is not
+        set, it is the smallest int64, NaT: a lookup at this time has no answer, whereas 0 would mean the
+        latest time.
     :raises FileNotFoundError, ModuleNotFoundError: see :func:`load`.
     :raises BagError: the recording is broken, does not have the topic, or its messages have no header.
     """
@@ -466,7 +469,7 @@ class Heard:
     the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
     stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
     ``left_out`` has a sentence for each topic of which messages are left out, ``absent`` says what may
-    explain that a frame is unknown.
+    explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics.
     """
 
     buffer: "Buffer"
@@ -480,6 +483,7 @@ class Heard:
     saved: bool
     left_out: list[str]
     absent: list[str]
+    unset: list[str]
 
 
 def hear(
@@ -488,12 +492,14 @@ def hear(
     *,
     at: str | None = None,
     progress: bool | None = None,
+    counts_unset: bool = False,
 ) -> Heard:
     """
     Read a recording as :func:`tf2_ros_tools.bag.load` does, and record each transform.
 
     :param what: None: the transforms on TOPICS.
     :param at: a topic whose stamps are read, too; see :func:`tf2_ros_tools.bag.stamps`.
+    :param counts_unset: whether ``unset`` is filled, which reads messages of each topic.
     """
     what = what or wanted()
     buffer, recording = new_buffer(None), Recording()
@@ -501,6 +507,11 @@ def hear(
     with open_recording(path) as recorded:
         left_out = fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
         times_ns = None if at is None else stamps_of(recorded, at)
+        unset = [
+            f"{counted(count, 'message')} on {printable(topic)} have the stamp 0, because the publisher does"
+            " not set it: their times are unknown"
+            for topic, count in (topics_without_stamps(recorded) if counts_unset else ())
+        ]
     records = np.concatenate([*pieces, recording.take()])
     records = records[np.argsort(records["received_ns"], kind="stable")]
     publishers = [name.decode() for name in recording.publishers()]
@@ -508,7 +519,7 @@ def hear(
     if end_ns is not None and what.end_ns is not None:
         end_ns = min(end_ns, what.end_ns)
     frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
-    own = (recorded.saved, left_out, absent)
+    own = (recorded.saved, left_out, absent, unset)
     return Heard(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)
 
 

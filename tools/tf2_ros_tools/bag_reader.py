@@ -9,6 +9,7 @@ import struct
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from itertools import islice
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -35,6 +36,8 @@ _Made = TypeVar("_Made")
 
 S = 1_000_000_000
 LAST_NS = (1 << 63) - 1  # log times are int64
+# In place of a stamp of 0, which is not set: to lookups, 0 means the latest time, and this, NaT, no time.
+UNSET_NS = -(1 << 63)
 # The name of the metadata with which a file begins that a buffer has saved.
 SAVED = b"tf2_ros_cython.buffer"
 # What repairs a file, by its extension.
@@ -512,32 +515,62 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     Read the stamps of all messages of a topic whose messages begin with a ``std_msgs/Header``, or are those
     of Foxglove.
 
-    :return: nanoseconds, in the order of the recording.
+    :return: nanoseconds, in the order of the recording; UNSET_NS if a stamp is not set.
     :raises BagError: the topic does not exist, its messages begin with something else, or one cannot be read.
     """
     name = f"{printable(recorded.path)}, topic {printable(topic)}"
     if topic not in recorded.topics:
         raise BagError(f"{name}: this topic does not exist; the topics are {listed(recorded.topics)}")
     about = recorded.topics[topic]
+    try:
+        stamped = _is_stamped(recorded, about)
+    except Exception as error:  # the parsers define error classes only for some kinds of damage
+        where = f"topic {printable(topic)}, definition of its type"
+        raise explained(error, recorded.path, where) from error
+    if not stamped:
+        raise BagError(f"{name}: {printable(about.msgtype)} does not begin with a {HEADER}")
+    found = np.array([*_stamps(recorded, about)], np.int64)
+    found[found == 0] = UNSET_NS
+    return found
+
+
+def topics_without_stamps(recorded: Recorded) -> Iterator[tuple[str, int]]:
+    """
+    Get the topics whose publishers do not set the stamps of their messages, and how many have none.
+
+    The first ten messages of each topic decide whether all are read, so that images usually are not.
+    """
+    for about in recorded.topics.values():
+        # To RViz, the stamp 0 of a marker means that it stays where it is.
+        if about.msgtype.startswith("visualization_msgs/"):
+            continue
+        # What a topic that nobody asked for has instead of stamps does not matter here.
+        with suppress(Exception):
+            if not _is_stamped(recorded, about) or 0 not in islice(_stamps(recorded, about), 10):
+                continue
+            stamps = np.array([*_stamps(recorded, about)], np.int64)
+            # Before a node receives a simulated time, its time is 0.
+            unset = int(np.count_nonzero(stamps[np.argmax(stamps != 0) :] == 0))
+            if unset > 1:
+                yield about.name, unset
+
+
+def _is_stamped(recorded: Recorded, about: RecordedTopic) -> bool:
+    if foxglove_messages.is_stamped(about.msgtype, about.encoding):
+        return True
+    return all(map(_begins_with_header, recorded.connections([about.name])))
+
+
+def _stamps(recorded: Recorded, about: RecordedTopic) -> Iterator[int]:
     is_foxglove = foxglove_messages.is_stamped(about.msgtype, about.encoding)
-    if not is_foxglove:
-        try:
-            stamped = all(map(_begins_with_header, recorded.connections([topic])))
-        except Exception as error:  # the parsers define error classes only for some kinds of damage
-            where = f"topic {printable(topic)}, definition of its type"
-            raise explained(error, recorded.path, where) from error
-        if not stamped:
-            raise BagError(f"{name}: {printable(about.msgtype)} does not begin with a {HEADER}")
-    stamps: list[int] = []
-    for connection, log_ns, raw in recorded.checked(recorded.raw([topic], convert=False)):
+    for connection, log_ns, raw in recorded.checked(recorded.raw([about.name], convert=False)):
         if is_foxglove:
-            stamps.append(recorded.of_foxglove(connection, log_ns, raw, foxglove_messages.stamp_ns))
+            yield recorded.of_foxglove(connection, log_ns, raw, foxglove_messages.stamp_ns)
             continue
         try:
-            stamps.append(_stamp_ns(about, raw))
+            yield _stamp_ns(about, raw)
         except (ValueError, IndexError, struct.error) as error:
-            recorded.malformed(topic, log_ns, error)
-    return np.array(stamps, np.int64)
+            recorded.malformed(about.name, log_ns, error)
 
 
 def _stamp_ns(about: RecordedTopic, raw: Raw) -> int:

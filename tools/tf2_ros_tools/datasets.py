@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from tf2_py import LookupException
 from tf2_py.printable import printable
 from tf2_ros_tools.bag_loader import TOPICS, PoseTopics, Topics, Urdfs
-from tf2_ros_tools.bag_reader import BagError
+from tf2_ros_tools.bag_reader import UNSET_NS, BagError
 from tf2_ros_tools.map_recordings import Recordings, map_recordings
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, write_whole
@@ -43,8 +43,10 @@ class Dataset:
     :param failed: maps the recordings that could not be read to the reasons.
     :param episodes: indices into ``files``, int64, shape (N,).
     :param indices: the number of the message in its recording, int64, shape (N,).
-    :param stamps_ns: int64, shape (N,).
-    :param timestamps: seconds since the first message of the recording, float64, shape (N,).
+    :param stamps_ns: int64, shape (N,). The smallest int64, NaT, if the stamp of a message is not set: such
+        a row has no answer.
+    :param timestamps: seconds since the first message of the recording that has a stamp, float64, shape (N,);
+        NaN without a stamp.
     :param poses: float64, shape (N, F, 7): x y z in meters, qx qy qz qw; NaN without an answer.
     :param valid: bool, shape (N, F): whether there is an answer.
     :param gaps: float64, shape (N, F): seconds between the two samples that the pose was interpolated from,
@@ -215,7 +217,7 @@ def dataset(
         episodes=np.repeat(np.arange(len(tables)), counts),
         indices=np.concatenate([np.arange(count) for count in counts]),
         stamps_ns=np.concatenate(stamps),
-        timestamps=np.concatenate([(one - one[:1]) / S for one in stamps]),
+        timestamps=np.concatenate([*map(_since_first, stamps)]),
         poses=np.stack([columns(name) for name in POSE], axis=2),
         valid=columns("valid"),
         gaps=columns("gap"),
@@ -225,3 +227,11 @@ def dataset(
             reason = next(iter(result.unanswered.values()))
             raise LookupException(f"{name!r} has no pose at any stamp of {at}: {reason}")
     return made
+
+
+def _since_first(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The seconds since the first stamp that is set; NaN for those that are not."""
+    is_set = stamps_ns != UNSET_NS
+    first = stamps_ns[is_set][:1].sum()
+    seconds: NDArray[np.float64] = np.where(is_set, (stamps_ns - first) / S, np.nan)
+    return seconds

@@ -33,7 +33,7 @@ from tf2_ros_tools.bag_loader import (
 from tf2_ros_tools.bag_reader import SUFFIXES, BagError, resolved
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, write_whole
-from tf2_ros_tools.pose_tables import as_parquet, look_up_frames, metadata_of, times_when
+from tf2_ros_tools.pose_tables import as_parquet, look_up_frames, metadata_of, times_when, unset_among
 from tf2_ros_tools.recording_report import report
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def _is_rosbag2(folder: str) -> bool:
 S = 1_000_000_000
 # The metadata of a table that says what it was made from. The number changes with the format of this
 # metadata or of the table, and with the meaning of a request.
-KEY, FORMAT = b"tf2_ros.map_recordings", 5
+KEY, FORMAT = b"tf2_ros.map_recordings", 6
 
 
 # A line of the table of findings: file, kind, frame and text. Only the kind "summary" has numbers, too:
@@ -161,7 +161,7 @@ def work(request: Request, recording: str, table: str, cache: str | None = None)
         # Before it is read, because it may change meanwhile.
         made_from = _made_from(request, recording)
         cached = None if cache is None else cached_of(request, recording, cache)
-        heard = hear(recording, request.what, at=request.at, progress=False)
+        heard = hear(recording, request.what, at=request.at, progress=False, counts_unset=True)
     except BagError as error:
         return [_row(recording, ERROR, str(error))]
     except (FileNotFoundError, PermissionError) as error:
@@ -184,7 +184,8 @@ def work(request: Request, recording: str, table: str, cache: str | None = None)
     summary = _row(recording, "summary", f"{length}, answers at {valid} of {counted(rows, 'time')}")
     summary |= {"transforms": len(heard.records), "rows": rows, "valid": valid, "span_s": span_s}
     if not lacks and valid < rows:
-        text = f"no answer at {rows - valid} of {counted(rows, 'time')}"
+        unset = unset_among(times_ns)
+        text = f"no answer at {rows - valid} of {counted(rows, 'time')}{unset and f': {unset}'}"
         lacks = [_row(recording, "lookup", text)]
     problems = [_row(recording, one.kind, one.text, one.frame) for one in report(heard).findings]
     summary["seconds"] = round(time.perf_counter() - begin, 3)

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import BufferCore, TransformException
+from tf2_ros_tools.bag_reader import UNSET_NS
 from tf2_ros_tools.optional_libraries import require
+from tf2_ros_tools.output import counted
 from tf2_ros_tools.stream_statistics import moving_on, stamps_on, taken
 
 if TYPE_CHECKING:
@@ -113,7 +115,7 @@ def look_up(
     """
     Look up the pose of ``source`` in ``target`` at each of N times; see ``Table.poses``.
 
-    :param times_ns: shape (N,), nanoseconds. 0 is the time 0, not the latest one.
+    :param times_ns: shape (N,), nanoseconds. 0 is the time 0, not the latest one; UNSET_NS has no answer.
     :param max_gap: see :func:`look_up_table`.
     :raises LookupException: a frame is unknown.
     :raises InvalidArgumentException: a name is invalid.
@@ -175,11 +177,21 @@ def why_unanswered(
     """Say why a lookup has no answer at any of N times."""
     if not len(times_ns):
         return "there are no times to look up: the frames do not move, or the topic has no messages"
+    known = times_ns[times_ns != UNSET_NS]
+    if not len(known):
+        return unset_among(times_ns)
     try:
-        buffer.lookup_transform(target, source, int(times_ns[0]) or 1, max_gap=max_gap)
+        buffer.lookup_transform(target, source, int(known[0]) or 1, max_gap=max_gap)
     except TransformException as reason:
         return str(reason)
     return f"the frames between {target} and {source} never had data at the same time"
+
+
+def unset_among(times_ns: NDArray[np.int64]) -> str:
+    """Say how many messages, at whose stamps something was looked up, have none; empty: all have one."""
+    count = int(np.count_nonzero(times_ns == UNSET_NS))
+    of = f" of {len(times_ns)}" if count < len(times_ns) else ""
+    return f"the stamp is not set in {counted(count, 'message')}{of}" if count else ""
 
 
 # Write tables.

@@ -52,6 +52,7 @@ def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Exp
     """
     records = heard.records
     also = [Finding("malformed", "", text) for text in heard.left_out]
+    also += [Finding("unset", "", text) for text in heard.unset]
     if not len(records):
         where = f"({'; '.join(heard.absent)})" if heard.absent else ""
         found = find([], limits, expectations, where=where, also=also)

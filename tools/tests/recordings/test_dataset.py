@@ -55,6 +55,20 @@ def test_the_longest_gap_of_all_frames_between_counts(tmp_path):
     assert fixed.valid.all() and not fixed.gaps.any()
 
 
+def test_an_image_without_a_stamp_has_no_pose(tmp_path):
+    stamps = [0, 100 * S, 0, 101 * S, 0]
+    images = [scan(100 * S + i, ns, "/images") for i, ns in enumerate(stamps)]
+    path = write_mcap(tmp_path / "run.mcap", [*drive(20), *images])
+    data = bag.dataset(path, ["camera"], at="/images", relative_to="base")  # where it never moves
+    assert data.stamps_ns.tolist() == [ns or -(2**63) for ns in stamps]
+    assert data.valid[:, 0].tolist() == [False, True, False, True, False]
+    np.testing.assert_equal(data.timestamps, [np.nan, 0.0, np.nan, 1.0, np.nan])
+    assert np.isnan(data.poses[~data.valid]).all() and np.isnan(data.gaps[~data.valid]).all()
+    unset = write_mcap(tmp_path / "unset.mcap", [*drive(20), *(scan(100 * S + i, 0) for i in range(5))])
+    with pytest.raises(LookupException, match="any stamp of /scan: the stamp is not set in 5 messages$"):
+        bag.dataset(unset, ["camera"], at="/scan", relative_to="base")
+
+
 def test_rows_can_be_chosen(path):
     data = made(path)
     good = data.where(data.valid.all(axis=1) & (data.gaps <= 0.05).all(axis=1))

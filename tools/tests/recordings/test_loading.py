@@ -128,6 +128,24 @@ def test_every_format_holds_the_same(form, tmp_path):
     assert counts == Counter(one.topic for one in [*DRIVE, *scans])
 
 
+@pytest.mark.parametrize(
+    "form", ["folder-mcap", "folder-sqlite3-message", "ros1", "foxglove", "foxglove-json"]
+)
+def test_a_stamp_that_is_not_set_has_no_answer(form, tmp_path):
+    stamps, ros = [100 * S + 7, 0, 101 * S, 0], 1 if form == "ros1" else 2
+    scans = [scan(100 * S + i, ns, ros=ros) for i, ns in enumerate(stamps)]
+    path = FORMATS[form](tmp_path, [*drive(20), *scans])
+    times = bag.stamps(path, "/scan")
+    assert times.tolist() == [ns or -(2**63) for ns in stamps]
+    assert np.isnat(times.view("M8[ns]")).tolist() == [False, True, False, True]
+    buffer = bag.load(path)
+    for target in ("map", "base"):  # the camera moves in one, not in the other
+        translations, _ = buffer.lookup_transforms(target, "camera", times, on_missing="nan")
+        assert np.isnan(translations[:, 0]).tolist() == [False, True, False, True]
+        with pytest.raises(ValueError, match=r"^times\[1\]: .*: this stamp is not set$"):
+            buffer.lookup_transforms(target, "camera", times)
+
+
 # What is kept.
 
 

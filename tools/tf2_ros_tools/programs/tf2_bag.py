@@ -11,7 +11,7 @@ from dataclasses import asdict, replace
 from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, show, show_json, three_digits, write_whole
@@ -104,18 +104,22 @@ def _heard_of(options: Namespace, at: str | None = None) -> Heard:
     """
     from tf2_ros_tools.bag_loader import without_stamps
 
-    heard = _judged_of(options, at)
+    heard = _read(options, at=at)
     for text in (*heard.left_out, *without_stamps(heard.buffer)):
         options.parser.warn(text)
     return heard
 
 
-def _judged_of(options: Namespace, at: str | None = None) -> Heard:
-    """Read the transforms of the recording; the findings say what is left out."""
+def _judged_of(options: Namespace) -> Heard:
+    """Read the transforms of the recording; the findings say what is left out, or has no stamp."""
+    return _read(options, counts_unset=True)
+
+
+def _read(options: Namespace, **how: Any) -> Heard:
     from tf2_ros_tools.bag_loader import hear, wanted
 
     what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
-    return hear(options.file, what, at=at)
+    return hear(options.file, what, **how)
 
 
 # List the contents and the problems of a recording.
@@ -220,7 +224,8 @@ def lookup(options: Namespace) -> int:
     missing = len(table) - int(table.valid.sum())
     if missing:
         text = f"no answer at {missing} of {len(table)} times{', which are left out' * (kind == 'tum')}"
-        options.parser.warn(text)
+        unset = pose_tables.unset_among(table.stamps_ns)
+        options.parser.warn(f"{text}{unset and f': {unset}'}")
     return SUCCESS
 
 

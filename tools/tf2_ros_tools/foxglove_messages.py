@@ -71,14 +71,13 @@ def _of_protobuf(part: Any) -> Transform:
 
 def _of_json(part: Any) -> Transform:
     parent, child = (_field(part, name, str) for name in ("parent_frame_id", "child_frame_id"))
-    translation, rotation = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]
-    if "translation" in part:
-        t = _field(part, "translation", dict)
-        translation = [float(_field(t, name, int, float)) for name in "xyz"]
-    if "rotation" in part:
-        q = _field(part, "rotation", dict)
-        rotation = [float(_field(q, name, int, float)) for name in "xyzw"]
-    return (parent, child), stamp_ns(part), translation, rotation
+    time_ns = stamp_ns(part)
+    # Both are required, so that a pose in other fields, as before 2023, is not read as the identity.
+    t = _field(part, "translation", dict)
+    translation = [float(_field(t, name, int, float)) for name in "xyz"]
+    q = _field(part, "rotation", dict)
+    rotation = [float(_field(q, name, int, float)) for name in "xyzw"]
+    return (parent, child), time_ns, translation, rotation
 
 
 _KINDS = {dict: "an object", str: "a text", int: "an integer", float: "a number"}

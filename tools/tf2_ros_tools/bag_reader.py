@@ -266,9 +266,14 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
 
 
 def _in_detail(error: Exception, folder: Path, parts: Collection[Path]) -> Exception:
-    """Add to an error of rosbags about a metadata.yaml which files there are, which it does not say."""
+    """Add to an error of rosbags about a folder, whose files can be opened, which files there are."""
     if not parts:
         return error
+    if isinstance(error, KeyError | UnicodeDecodeError) or str(error).startswith("Serialization format"):
+        files = listed(one.name for one in parts)
+        why = "a topic is not in CDR, or the definition of a type is not in UTF-8"
+        advice = f"which rosbags does not read in a folder; load its files one by one: {files}"
+        return BagError(f"{printable(str(folder))}: {why}, {advice}")
     text, metadata = str(error), (folder / "metadata.yaml").read_text(errors="replace")
     file = next(iter(parts))
     storage = STORAGES.get(Path(file.name.removesuffix(PACKED)).suffix)
@@ -373,9 +378,10 @@ def _opened(path: Path, stack: ExitStack) -> Reader:
         if not is_of_ros_1:
             _read_all_chunks(reader.storage)
         return Folder(reader) if path.is_dir() else reader
-    except (KeyError, rosbag2.ReaderError) as error:
-        # rosbags refuses an .mcap whose profile, or one of whose schemas, is not of ROS 2.
-        is_foreign = isinstance(error, KeyError) or str(error).startswith("Profile is not")
+    except (KeyError, UnicodeDecodeError, rosbag2.ReaderError) as error:
+        # rosbags refuses an .mcap whose profile, or one of whose schemas, is not of ROS 2; it decodes each
+        # schema as text.
+        is_foreign = not isinstance(error, rosbag2.ReaderError) or str(error).startswith("Profile is not")
         if path.suffix != ".mcap" or not path.is_file() or not is_foreign:
             raise
         return ForeignMcap(path, stack)
@@ -491,7 +497,8 @@ class ForeignMcap:
 
         definition = MessageDefinition(Format.NONE, "")
         if schema is not None and schema.encoding in ("ros1msg", "ros2msg"):
-            definition = MessageDefinition(Format.MSG, schema.data.decode())
+            # Comments need not be in UTF-8.
+            definition = MessageDefinition(Format.MSG, schema.data.decode(errors="replace"))
         msgtype = "__schemaless__" if schema is None else schema.name
         if msgtype.count("/") == 1:  # as ROS 1 writes it
             msgtype = msgtype.replace("/", "/msg/")

@@ -10,6 +10,7 @@ from making_bags import (
     ODOMETRY,
     STAMPED,
     STAMPS,
+    TF,
     TRANSFORM,
     WITH_COVARIANCE,
     S,
@@ -17,11 +18,15 @@ from making_bags import (
     Tf,
     drive,
     posed,
+    raw,
     series,
+    store,
+    write_folder,
     write_foxglove,
     write_mcap,
 )
 from making_objects import about_z
+from mcap.writer import Writer
 from robot_of_all_joints import ARM
 
 from tf2_ros_tools import bag
@@ -218,6 +223,36 @@ class TestFoxglove:
         with pytest.raises(bag.BagError, match=f"^{re.escape(where)}.*{said}"):
             bag.load(path)
 
+    @pytest.mark.parametrize("schema", [b"\xb2\xff\x00", b"\x0a\x03abc", b"# caf\xe9\nint32 x\n"])
+    @pytest.mark.parametrize("encoding", ["protobuf", "flatbuffer", "ros2msg"])
+    @pytest.mark.parametrize("profile", ["", "ros2"])
+    def test_other_topics_may_have_any_schema(self, schema, encoding, profile, tmp_path):
+        path = tmp_path / "run.mcap"
+        with open(path, "wb") as file:
+            writer = Writer(file)
+            writer.start(profile)
+            other = writer.register_channel(
+                "/other", "cdr", writer.register_schema("x/msg/Y", encoding, schema)
+            )
+            writer.add_message(other, 1, schema, 1)
+            text, _ = store().generate_msgdef(TF, ros_version=2)
+            tf = writer.register_channel("/tf", "cdr", writer.register_schema(TF, "ros2msg", text.encode()))
+            writer.add_message(tf, S, raw(Sent(S, "/tf", [Tf("map", "base", S, (1, 2, 3))])), S)
+            writer.finish()
+        [(_, _, found)] = bag.transforms(path)
+        assert found.transform.translation.z == 3.0
+
+    def test_a_folder_of_several_encodings_is_read_file_by_file(self, tmp_path):
+        path = write_folder(tmp_path / "run", drive())
+        metadata = path / "metadata.yaml"
+        metadata.write_text(
+            metadata.read_text().replace("serialization_format: cdr", "serialization_format: json", 1)
+        )
+        text = "a topic is not in CDR, or .* load its files one by one: run.mcap$"
+        with pytest.raises(bag.BagError, match=text):
+            bag.load(path)
+        assert bag.load(path / "run.mcap").can_transform("map", "base", 101 * S)
+
     def test_other_topics_and_encodings_are_named(self, tmp_path):
         path = write_foxglove(tmp_path / "run.mcap", drive(prefix="/one"))
         others = "its topics with transforms: /one/tf, /one/tf_static: choose from these"
@@ -253,6 +288,22 @@ class TestFoxglove:
                 b' "translation": {"x": 1%s, "y": 2, "z": 3}}' % (b"0" * 400),
                 "too large to convert to float",
             ),
+            *[
+                (
+                    b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0}%s}'
+                    % pose,
+                    f"it has no {lacks}",
+                )
+                for pose, lacks in (
+                    (b"", "translation"),
+                    (
+                        b', "transform": {"translation": {"x": 1, "y": 2, "z": 3}, "rotation": {}}',
+                        "translation",
+                    ),
+                    (b', "translation": {"x": 1, "y": 2, "z": 3}', "rotation"),
+                    (b', "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}', "translation"),
+                )
+            ],
             (b'{"transforms": {}}', "transforms: expected an array, got dict"),
             (b'{"transforms": [1]}', "expected an object, got int"),
             (b'{"parent_frame_id": "a"}', "it has no child_frame_id"),
@@ -288,19 +339,3 @@ class TestFoxglove:
         for read in (bag.load, lambda path: [*bag.transforms(path)]):
             with pytest.raises(bag.BagError, match=f"^{re.escape(where)}.*{said}"):
                 read(path)
-            *[
-                (
-                    b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0}%s}'
-                    % pose,
-                    f"it has no {lacks}",
-                )
-                for pose, lacks in (
-                    (b"", "translation"),
-                    (
-                        b', "transform": {"translation": {"x": 1, "y": 2, "z": 3}, "rotation": {}}',
-                        "translation",
-                    ),
-                    (b', "translation": {"x": 1, "y": 2, "z": 3}', "rotation"),
-                    (b', "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}', "translation"),
-                )
-            ],

@@ -47,7 +47,8 @@ class Dataset:
         a row has no answer.
     :param timestamps: seconds since the first message of the recording that has a stamp, float64, shape (N,);
         NaN without a stamp.
-    :param poses: float64, shape (N, F, 7): x y z in meters, qx qy qz qw; NaN without an answer.
+    :param poses: float64, shape (N, F, 7): x y z in meters, qx qy qz qw, with the sign that is closer to the
+        row before; NaN without an answer.
     :param valid: bool, shape (N, F): whether there is an answer.
     :param gaps: float64, shape (N, F): seconds between the two samples that the pose was interpolated from,
         the longest of all frames in between; 0 at a sample, NaN without an answer.

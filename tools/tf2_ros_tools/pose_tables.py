@@ -36,7 +36,8 @@ class Table:
     The pose of one frame in another one at N times.
 
     :param stamps_ns: int64, shape (N,), nanoseconds.
-    :param poses: float64, shape (N, 7): x y z in meters, qx qy qz qw of length one; NaN without an answer.
+    :param poses: float64, shape (N, 7): x y z in meters, qx qy qz qw of length one, with the sign that is
+        closer to the row before; NaN without an answer.
     :param gaps: float64, shape (N,): seconds between the two samples that a pose was interpolated from, the
         longest of all frames in between; 0 at a sample and if nothing moves; NaN without an answer.
     """
@@ -124,7 +125,15 @@ def look_up(
     # For tf2, 0 means the latest common time. Use the next nanosecond, when no frame has moved noticeably.
     times = np.where(stamps_ns == 0, 1, stamps_ns)
     found = buffer.lookup_transforms(target, source, times, on_missing="nan", max_gap=max_gap)
-    return np.concatenate(found, axis=1)
+    poses = np.concatenate(found, axis=1)
+    # q and -q are the same rotation; a table must not jump from one to the other.
+    valid = ~np.isnan(poses[:, 0])
+    turns = poses[valid, 3:]
+    jumps = (turns[1:] * turns[:-1]).sum(axis=1) < 0.0
+    is_opposite = np.cumsum(jumps) % 2 == 1
+    turns[1:][is_opposite] = 0.0 - turns[1:][is_opposite]  # without a zero becoming -0.0
+    poses[valid, 3:] = turns
+    return poses
 
 
 def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> NDArray[np.int64]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, write_mcap
+from making_objects import about_z
 
 from tf2_ros_tools.bag import load
 from tf2_ros_tools.bag_loader import hear
@@ -56,6 +57,23 @@ def test_a_chain_has_the_stamps_of_its_own_frames(path):
     assert table.stamps_ns[table.valid].tolist() == [
         stamp for stamp in sorted(stamps + of_arm) if of_arm[0] <= stamp <= of_arm[1]
     ]
+
+
+def test_neighbouring_rows_do_not_jump_to_the_opposite_quaternion(tmp_path):
+    stamps = [100 * S + i * S for i in range(101)]  # two turns
+    turns = [about_z(2 * np.pi * i / 50) for i in range(101)]
+    poses = zip(stamps, turns, strict=True)
+    moving = [Sent(ns, "/tf", [Tf("map", "base", ns, (0, 0, 0), q)]) for ns, q in poses]
+    buffer = load(write_mcap(tmp_path / "a.mcap", moving))
+    _, rotations = buffer.lookup_transforms("map", "base", stamps)
+    assert (np.einsum("ij,ij->i", rotations[1:], rotations[:-1]) < 0).sum() == 2  # as with tf2
+    times = [stamps[0] - 1, *stamps[:30], -(2**63), *stamps[30:], stamps[-1] + 1, *reversed(stamps)]
+    table = look_up_table(buffer, "map", "base", times)
+    answers = table.poses[table.valid, 3:]
+    assert len(answers) == 202
+    assert (np.einsum("ij,ij->i", answers[1:], answers[:-1]) > 0.99).all()
+    np.testing.assert_allclose(answers[:101], turns, atol=1e-15)
+    assert np.isnan(table.poses[~table.valid]).all()
 
 
 def test_a_stamp_in_seconds_keeps_its_nanoseconds():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from io import BytesIO
 from os import PathLike
 from tempfile import TemporaryDirectory
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 S = 1_000_000_000
+FLOAT32_M = 2.0**15  # float32 rounds smaller coordinates by less than 1 mm
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,7 +37,9 @@ class Dataset:
     It is a sequence of rows, each a dict with LeRobot's keys: ``episode_index``, the number of the
     recording in ``files``; ``frame_index``, the number of the message in the topic; ``timestamp``, the
     seconds since its first message; and ``stamp_ns``, ``pose``, ``valid`` and ``gap``, of shape
-    (F, 7) or (F,), the numbers as float32. A ``DataLoader`` of torch makes batches of them.
+    (F, 7) or (F,), the numbers as float32. If a coordinate is 32,768 m or larger, as in UTM, float32
+    would round it by more than 1 mm, and the poses of all rows are float64. A ``DataLoader`` of torch makes
+    batches of them.
 
     :param frames: their names.
     :param relative_to: the frame in which the poses are given.
@@ -79,12 +83,18 @@ class Dataset:
             "frame_index": int(self.indices[row]),
             "timestamp": float(self.timestamps[row]),
             STAMP_NS: int(self.stamps_ns[row]),
-            "pose": self.poses[row].astype(np.float32),
+            "pose": self.poses[row].astype(self._pose_dtype),
             "valid": self.valid[row].copy(),
             "gap": self.gaps[row].astype(np.float32),
         }
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
+    @cached_property
+    def _pose_dtype(self) -> type[np.floating[Any]]:
+        # One for all rows, because a batch has one.
+        is_far = np.abs(self.poses[..., :3]) >= FLOAT32_M  # false for NaN
+        return np.float64 if is_far.any() else np.float32
+
         return (self[row] for row in range(len(self)))
 
     def where(self, mask: ArrayLike) -> Dataset:

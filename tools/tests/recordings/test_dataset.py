@@ -69,6 +69,18 @@ def test_an_image_without_a_stamp_has_no_pose(tmp_path):
         bag.dataset(unset, ["camera"], at="/scan", relative_to="base")
 
 
+def test_rows_are_float32_unless_it_would_round_by_more_than_a_millimeter(path, tmp_path):
+    assert {row["pose"].dtype for row in made(path)} == {np.dtype(np.float32)}
+    for x, dtype in ((32_000.0, np.float32), (5_400_000.3, np.float64), (-5_400_000.3, np.float64)):
+        utm = [Sent(100 * S, "/tf_static", [Tf("utm", "map", 0, (0.0, x, 0.0))])]
+        data = bag.dataset(write(tmp_path / f"{x}.mcap", utm), FRAMES, at="/images", relative_to="utm")
+        assert {row["pose"].dtype for row in data} == {np.dtype(dtype)}
+        for row, pose in zip(data, data.poses, strict=True):
+            np.testing.assert_allclose(row["pose"].astype(np.float64), pose, rtol=0, atol=1e-3)
+        unanswered = data.where(~data.valid.any(axis=1))
+        assert len(unanswered) == 2 and unanswered[0]["pose"].dtype == np.float32
+
+
 def test_rows_can_be_chosen(path):
     data = made(path)
     good = data.where(data.valid.all(axis=1) & (data.gaps <= 0.05).all(axis=1))

@@ -17,7 +17,7 @@ from tf2_py import LookupException
 from tf2_py.printable import printable
 from tf2_ros_tools.bag_loader import TOPICS, PoseTopics, Topics, Urdfs
 from tf2_ros_tools.bag_reader import UNSET_NS, BagError
-from tf2_ros_tools.map_recordings import Recordings, map_recordings
+from tf2_ros_tools.map_recordings import Recordings, find_recordings, map_recordings
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, write_whole
 from tf2_ros_tools.pose_tables import POSE, STAMP_NS
@@ -43,7 +43,8 @@ class Dataset:
 
     :param frames: their names.
     :param relative_to: the frame in which the poses are given.
-    :param files: the paths of the recordings.
+    :param files: the paths of the recordings, each once, in the order in which they were passed; those in a
+        folder are sorted.
     :param failed: maps the recordings that could not be read to the reasons.
     :param episodes: indices into ``files``, int64, shape (N,).
     :param indices: the number of the message in its recording, int64, shape (N,).
@@ -88,13 +89,13 @@ class Dataset:
             "gap": self.gaps[row].astype(np.float32),
         }
 
-    def __iter__(self) -> Iterator[dict[str, Any]]:
     @cached_property
     def _pose_dtype(self) -> type[np.floating[Any]]:
         # One for all rows, because a batch has one.
         is_far = np.abs(self.poses[..., :3]) >= FLOAT32_M  # false for NaN
         return np.float64 if is_far.any() else np.float32
 
+    def __iter__(self) -> Iterator[dict[str, Any]]:
         return (self[row] for row in range(len(self)))
 
     def where(self, mask: ArrayLike) -> Dataset:
@@ -194,8 +195,10 @@ def dataset(
     from pyarrow import parquet
 
     with TemporaryDirectory(prefix="tf2-ros-cython-") as folder:
+        # For their order, which is that of labels, too.
+        paths = find_recordings(recordings)
         result = map_recordings(
-            recordings,
+            paths,
             relative_to,
             names,
             folder if out is None else out,
@@ -209,7 +212,7 @@ def dataset(
             progress=progress,
         )
         written = {**result.done, **result.skipped}
-        tables = {path: parquet.read_table(written[path]) for path in sorted(written)}
+        tables = {path: parquet.read_table(written[path]) for path in paths if path in written}
     if not tables:
         path, problem = next(iter(result.failed.items()))
         raise BagError(problem if path in problem else f"{printable(path)}: {problem}")

@@ -116,6 +116,16 @@ class TestManyRecordings:
         result = bag.map_recordings(runs, "map", FRAMES, tmp_path / "tables", at="/images", workers=1)
         assert len(result.skipped) == 3
 
+    def test_a_list_keeps_its_order(self, runs, tmp_path):
+        passed = [str(runs / f"run{i}.mcap") for i in (2, 0, 1)]
+        for how in ({}, *[{"out": tmp_path / "tables", "workers": 1}] * 2):
+            for listed in (passed, iter(passed), [*passed, passed[0]]):  # each once
+                data = made(listed, **how)
+                assert data.files == tuple(passed)
+                assert data.stamps_ns[[0, 6, 12]].tolist() == [TIMES[0] + i * S for i in (2, 0, 1)]
+        mixed = made([passed[1], str(runs)])
+        assert mixed.files == tuple(str(runs / f"run{i}.mcap") for i in range(3))
+
     def test_the_same_robot_and_poses_reach_every_worker(self, tmp_path):
         pytest.importorskip("distributed")
         runs = tmp_path / "runs"

@@ -36,7 +36,7 @@ from tf2_ros_tools.bag_reader import (
 from tf2_ros_tools.joints_and_poses import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, first_names
-from tf2_ros_tools.urdf import Robot, fixed, parse
+from tf2_ros_tools.urdf import Robot, fixed, parse, unmatched
 from tf2_ros_tools.urdf import load as load_urdf
 
 if TYPE_CHECKING:
@@ -190,8 +190,8 @@ def load(
 
     The recording need not have all of the topics, and a topic may be empty. Transforms that a buffer refuses,
     such as those with NaN, are logged. Warnings report messages that are left out: joint states whose
-    numbers of names and positions differ, and poses without frame names. A warning also lists frames whose
-    stamps are all 0.
+    numbers of names and positions differ, and poses without frame names. Other warnings list names in joint
+    states that are not joints of the URDF, and frames whose stamps are all 0.
     """
     what = wanted(topics, start, end, poses, urdf)
     buffer = new_buffer(cache_time)
@@ -247,7 +247,7 @@ def fill_buffer(
 
     :param recording: records each transform; see :func:`tf2_ros.serialization.insert_messages`.
     :param records: see the same function.
-    :return: a sentence for each topic of which messages are left out.
+    :return: a sentence for each topic of which messages, or the positions of some joints, are left out.
     """
     sources = sources_of(recorded, what)
     robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
@@ -295,12 +295,14 @@ def fill_buffer(
                     f" {first_names(states.names)}, have no positions of the URDF's joints,"
                     f" {first_names(own)}{why}"
                 )
-    return [
+    left_out = [
         f"{counted(one.left_out, 'message')} on {printable(topic)} {'is' if one.left_out == 1 else 'are'}"
         f" left out: {one.reason}"
         for topic, one in (posed | joints).items()
         if one.left_out
     ]
+    unmatched_names = {topic: unmatched(one.robot, one.seen) for topic, one in joints.items()}
+    return left_out + [f"on {printable(topic)}, {text}" for topic, text in unmatched_names.items() if text]
 
 
 def _described(recorded: Recorded, states: str) -> Robot:
@@ -468,7 +470,7 @@ class Heard:
     the name of a topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to
     the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
     stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
-    ``left_out`` has a sentence for each topic of which messages are left out, ``absent`` says what may
+    ``left_out`` has a sentence for each topic of which something is left out, ``absent`` says what may
     explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics.
     """
 

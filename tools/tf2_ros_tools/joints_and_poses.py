@@ -61,7 +61,8 @@ class Joints(Source):
 
     :param without: frames whose transforms are known, which are omitted.
 
-    ``matched`` says whether a joint of the robot was among them; ``names`` are those that came last.
+    ``matched`` says whether a joint of the robot was among them; ``names`` are those that came last, ``seen``
+    all that had positions.
     """
 
     msgtype = JOINT_STATE
@@ -71,6 +72,7 @@ class Joints(Source):
         self._without = without
         self.matched = False
         self.names: Names = ()
+        self.seen: dict[str, None] = {}
 
     def read(self, message: Any) -> tuple[Names, Row]:
         """Get the names and positions of a message; positions are optional."""
@@ -83,6 +85,7 @@ class Joints(Source):
     def transforms(self, names: Names, numbers: Floats) -> Moved:
         """Compute the transforms of N messages with these names."""
         joints, translations, rotations = self.robot.transforms(names, numbers)
+        self.seen |= dict.fromkeys(names)
         self.matched = self.matched or bool(joints)
         wanted = [k for k, joint in enumerate(joints) if joint.child not in self._without]
         frames = [(joints[k].parent, joints[k].child) for k in wanted]

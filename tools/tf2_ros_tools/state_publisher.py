@@ -22,11 +22,12 @@ from tf2_py.printable import printable
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.output import counted, first_names
 from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.urdf import fixed, parse
+from tf2_ros_tools.urdf import fixed, parse, unmatched
 
 S = 1_000_000_000
 LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
 JUMP_NS = 1_000_000_000  # stamps go back further than this when a recording begins again
+MOST_JUDGED = 10_000  # names
 LONGEST_TEXT = 80  # of a description that is none, in an error
 SILENCE_S = 5.0  # after which a warning says that no joint states arrive
 SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
@@ -116,7 +117,7 @@ class StatePublisher:
         """Read the description, and publish it and the fixed joints."""
         description = self._value("robot_description")
         self._robot = parse(description, self._value("frame_prefix"))
-        self._has_warned_of_unknown = False
+        self._judged: set[str] = set()  # names in joint states
         self._left_out: set[str] = set()  # the joints of which a warning has said so
         self._descriptions.publish(String(data=description))
         self._static.publish(fixed(self._robot, (), self._node.get_clock().now().nanoseconds))
@@ -145,9 +146,9 @@ class StatePublisher:
         stamp_ns = state.header.stamp.sec * S + state.header.stamp.nanosec
         if not self._is_due(names, stamp_ns):
             return
+        self._warn_of_unknown(names)
         joints, translations, rotations = self._robot.transforms(names, positions)
         if not joints:
-            self._warn_of_unknown(names)
             return
         # Every listener refuses other transforms, and those in C++ log each of them.
         transforms = np.hstack((translations, rotations))
@@ -159,13 +160,12 @@ class StatePublisher:
             self._transforms.publish(serialize_arrays(frames, stamps_ns, transforms[finite]))
 
     def _warn_of_unknown(self, names: Sequence[str]) -> None:
-        """Say once that joint states are of another robot."""
-        if not self._has_warned_of_unknown:
-            self._has_warned_of_unknown = True
-            own = [one.name for one in self._robot.joints if one.type != "fixed"]
-            known = f"contain none of the robot's movable joints: {first_names(own)}"
-            lack = known if own else "have no effect, because the robot has no movable joints"
-            self._log.warning(f"Joint states of {first_names(names)} {lack}")
+        """Say once of each name that it is not a joint of the robot."""
+        # A publisher that invents names must not fill the memory.
+        if len(self._judged) < MOST_JUDGED and not self._judged.issuperset(names):
+            if text := unmatched(self._robot, names, self._judged):
+                self._log.warning(f"In joint states, {text}")
+            self._judged.update(names)
 
     def _warn_of_left_out(self, names: Sequence[str]) -> None:
         """Say once for each joint that it is left out."""

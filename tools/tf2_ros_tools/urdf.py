@@ -79,12 +79,14 @@ class Robot:
     :param root: the frame of the link without a parent, with the prefix.
     :param joints: all of them.
     :param warnings: a sentence for each probable mistake in the URDF.
+    :param floating: the names of the floating joints.
     """
 
     name: str
     root: str
     joints: tuple[Joint, ...]
     warnings: tuple[str, ...] = ()
+    floating: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         moving = sum(one.type != "fixed" for one in self.joints)
@@ -170,6 +172,23 @@ def fixed(robot: Robot, without: Collection[str], stamp_ns: int = 0) -> bytes:
     frames = [(one.parent, one.child) for one in joints]
     transforms = [[*one.translation, *one.rotation] for one in joints]
     return serialize_arrays(frames, [stamp_ns] * len(joints), transforms)
+
+
+def unmatched(robot: Robot, names: Iterable[str], without: Collection[str] = ()) -> str:
+    """
+    Say which names of joint states are not joints of a robot, and which joints they lack.
+
+    :param without: names that are not judged.
+    :return: empty if all are joints, or if no joint of the robot moves.
+    """
+    given, known = dict.fromkeys(names), {*without, *robot.floating, *(one.name for one in robot.joints)}
+    unknown = [name for name in given if name not in known]
+    movable = [one for one in robot.joints if one.type != "fixed"]
+    if not unknown or not movable:
+        return ""
+    lack = [one.name for one in movable if one.mimic is None and one.name not in given]
+    text = f"{first_names(unknown)} {'is not a joint' if len(unknown) == 1 else 'are not joints'} of the URDF"
+    return f"{text}; missing there: {first_names(lack)}" if lack else text
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
@@ -291,7 +310,8 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
         problems.append(
             f"xacro was not expanded: {first_names(left)}; it is ignored, because it is not in a joint"
         )
-    return Robot(root.get("name", ""), frames[_root(links, joints)], tuple(named), tuple(problems))
+    floating = tuple(one.name for one in joints if one.type == "floating")
+    return Robot(root.get("name", ""), frames[_root(links, joints)], tuple(named), tuple(problems), floating)
 
 
 def _of_xacro(elements: Iterable[ElementTree.Element]) -> list[str]:

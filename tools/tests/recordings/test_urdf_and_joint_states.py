@@ -1,6 +1,7 @@
 """A robot's joints: what a URDF says, and the transforms of live and recorded joint states."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -422,6 +423,28 @@ class TestRecordings:
             check(bag.load(path, urdf=ARM), stamps, values)
         heard = hear(path, wanted(urdf=ARM))
         assert [line_of(one) for one in report(heard).findings] == [f"malformed: {said}"]
+
+    @pytest.mark.parametrize(
+        ("added", "urdf", "said"),
+        [
+            ((), ARM, ""),
+            (("mount", "drive", "fly"), ARM, ""),  # fixed, planar, floating
+            (("hand", "li-ft"), ARM, "hand, li-ft are not joints of the URDF"),
+            ((), ARM.replace('"lift"', '"li.ft"'), "lift is not a joint of the URDF; missing there: li.ft"),
+        ],
+    )
+    def test_names_that_are_not_joints_are_named(self, added, urdf, said, tmp_path):
+        messages, stamps, _ = states()
+        other = [joint_state(stamps[-1] + i, [name], [0.0]) for i, name in enumerate(added)]
+        path = write_mcap(tmp_path / "run.mcap", [*messages, *other])
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            bag.load(path, urdf=urdf)
+        assert [str(one.message) for one in warned] == ([f"{path}: on /joint_states, {said}"] if said else [])
+        (tmp_path / "arm.urdf").write_text(urdf)
+        found = report(hear(path, wanted(urdf=tmp_path / "arm.urdf"))).findings
+        lines = [line_of(one) for one in found if one.kind == "malformed"]
+        assert lines == ([f"malformed: on /joint_states, {said}"] if said else [])
 
     def test_states_that_are_all_left_out_are_an_error_with_the_reason(self, tmp_path):
         path = write_mcap(tmp_path / "run.mcap", [joint_state(S, NAMES, [1.0])])

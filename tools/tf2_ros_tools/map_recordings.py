@@ -174,7 +174,7 @@ def work(request: Request, recording: str, table: str, cache: str | None = None)
     if request.at is None:
         with suppress(TransformException):  # look_up_frames says why
             times_ns = times_when(heard, request.target, frames[0], request.rate)
-    tables, reasons = look_up_frames(heard.buffer, request.target, frames, times_ns, heard.absent)
+    tables, reasons = look_up_frames(heard, request.target, frames, times_ns)
     lacks = [_row(recording, "lookup", text, "" if single else one) for one, text in reasons.items()]
     answered = np.logical_and.reduce([one.valid for one in tables.values()])
     rows, valid, span_s = len(answered), int(answered.sum()), 0.0

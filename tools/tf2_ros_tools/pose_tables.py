@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tf2_py import BufferCore, TransformException
+from tf2_py import BufferCore, ConnectivityException, TransformException
 from tf2_ros_tools.bag_reader import UNSET_NS
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted
-from tf2_ros_tools.stream_statistics import moving_on, stamps_on, taken
+from tf2_ros_tools.stream_statistics import moving_on, path_to_root, stamps_on, taken
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
@@ -60,14 +60,10 @@ Tables = Mapping[str, Table]
 
 
 def look_up_frames(
-    buffer: Buffer, target: str, frames: Sequence[str], times_ns: ArrayLike, absent: Sequence[str] = ()
+    heard: Heard, target: str, frames: Sequence[str], times_ns: ArrayLike
 ) -> tuple[dict[str, Table], dict[str, str]]:
-    """
-    Look up the tables of frames in ``target`` at N times, and why frames have no answer at any time.
-
-    :param absent: what may explain that a frame is unknown.
-    """
-    stamps_ns = np.asarray(times_ns, np.int64)
+    """Look up the tables of frames in ``target`` at N times, and why frames have no answer at any time."""
+    buffer, stamps_ns = heard.buffer, np.asarray(times_ns, np.int64)
     count = len(stamps_ns)
     tables: dict[str, Table] = {}
     reasons: dict[str, str] = {}
@@ -76,7 +72,7 @@ def look_up_frames(
             tables[frame] = look_up_table(buffer, target, frame, stamps_ns)
         except TransformException as error:
             tables[frame] = Table(stamps_ns, np.full((count, 7), np.nan), np.full(count, np.nan))
-            reasons[frame] = "; ".join([str(error), *absent])
+            reasons[frame] = why_unconnected(heard, target, frame, error)
             continue
         if not tables[frame].valid.any():
             reasons[frame] = why_unanswered(buffer, target, frame, stamps_ns)
@@ -178,6 +174,18 @@ def times_when(heard: Heard, target: str, source: str, rate: float | None) -> ND
     stamps = stamps_on(heard.records, heard.frames, heard.buffer.frames(), between)
     # Without anything that moves, one time is enough.
     return stamps if len(stamps) else taken(heard.records)["stamp_ns"][:1].astype(np.int64)
+
+
+def why_unconnected(heard: Heard, target: str, source: str, error: TransformException) -> str:
+    """Add to the error of a lookup what may explain that a frame is unknown or is not connected."""
+    newest, accepted = heard.buffer.frames(), taken(heard.records)
+    ends = (source, target) if isinstance(error, ConnectivityException) else ()
+    for frame in (name for end in ends for name in path_to_root(newest, end)):
+        own = accepted["child"] == heard.frames.index(frame)
+        parents = sorted({heard.frames[parent] for parent in accepted["parent"][own]})
+        if len(parents) > 1:
+            return f"{error}; {frame} has {len(parents)} parents: {', '.join(parents)}"
+    return "; ".join([str(error), *heard.absent])
 
 
 def why_unanswered(

@@ -215,6 +215,18 @@ class TestOtherTopics:
         assert parquet.read_table(table).to_pydict()["x"] == [i / 10 for i in range(20)]
 
 
+@pytest.mark.parametrize("period", [1, 5])  # a conflict, and a single change
+def test_two_parents_explain_missing_connections_better_than_static_transforms(run, period, tmp_path):
+    parents = [("map", "odom")[i // period % 2] for i in range(10)]
+    moving = [Sent((9 + i) * S, "/tf", [Tf(one, "base", (9 + i) * S)]) for i, one in enumerate(parents)]
+    path = write_mcap(tmp_path / "run.mcap", moving)
+    with pytest.raises(RunError, match="are not part of the same tree.*; base has 2 parents: map, odom$"):
+        run("lookup", path, "map", "base")
+    for ends in (("map", "odom"), ("map", "bass")):
+        with pytest.raises(RunError, match="; no static transforms were recorded"):
+            run("lookup", path, *ends)
+
+
 class TestStampsThatAreNotSet:
     @pytest.fixture
     def path(self, tmp_path):

@@ -207,7 +207,7 @@ def lookup(options: Namespace) -> int:
             times_ns = pose_tables.times_when(heard, target, source, options.rate)
         table = pose_tables.look_up_table(heard.buffer, target, source, times_ns, options.max_gap)
     except TransformException as failure:
-        raise RunError("; ".join([str(failure), *heard.absent])) from None
+        raise RunError(pose_tables.why_unconnected(heard, target, source, failure)) from None
     if not table.valid.any():
         reason = pose_tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, options.max_gap)
         raise RunError(reason)

@@ -117,6 +117,8 @@ def wanted(
     for topic, frames in posed.items():
         if frames is not None and (isinstance(frames, str) or len(frames) != 2):
             raise TypeError(f"poses: expected (parent, child) or None for {topic}, got {frames!r}")
+        if frames is not None and "\0" in "".join(frames):
+            raise ValueError(f"poses: a frame name must not contain a NUL character, got {frames!r}")
     return Wanted(prefixes, start_ns, end_ns, posed, robots)
 
 

@@ -43,7 +43,7 @@ def tf_message(message: Any) -> bytes:
     else:
         found = message.transforms if hasattr(message, "transforms") else [message]
         parts = [_of_protobuf(part) for part in found]
-    # What follows a NUL is not received, either.
+    # To tf2, names are C strings.
     frames = [(parent.partition("\0")[0], child.partition("\0")[0]) for (parent, child), *_ in parts]
     stamps_ns = [part[1] for part in parts]
     return serialize_arrays(frames, stamps_ns, [[*xyz, *xyzw] for _, _, xyz, xyzw in parts])

@@ -108,7 +108,7 @@ class Poses(Source):
 
     def read(self, message: Any) -> tuple[Names, list[float]]:
         """Get the frames and the numbers of a message."""
-        # What follows a NUL is not received, either.
+        # To tf2, names are C strings.
         frames = self._frames or (
             message.header.frame_id.partition("\0")[0],
             message.child_frame_id.partition("\0")[0],

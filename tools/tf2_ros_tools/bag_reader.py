@@ -45,6 +45,10 @@ TOOLS = {".mcap": "`mcap recover`", ".db3": "`sqlite3 FILE .recover`", ".bag": "
 REINDEX = "`ros2 bag reindex`"  # likewise a folder
 STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}  # the names of rosbag2, by the extension
 PACKED = ".zstd"  # what rosbag2 adds to the name of a compressed file
+ZSTD = b"\x28\xb5\x2f\xfd"
+# What files begin with, by the extension.
+MAGICS = {".mcap": b"\x89MCAP0\r\n", ".db3": b"SQLite format 3\0", ".bag": b"#ROSBAG V", PACKED: ZSTD}
+UNFINISHED = ".bag.active"  # what rosbag of ROS 1 renames when it ends
 SUFFIXES = (*TOOLS, *(f"{suffix}{PACKED}" for suffix in TOOLS))
 FROZEN = ".tf2"  # the extension of frozen buffers
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # what a file begins with
@@ -160,7 +164,9 @@ class Recorded:
         stop = None if end_ns is None or end_ns >= LAST_NS else end_ns + 1
         messages: Iterator[RawMessage] = self._reader.messages(connections, start_ns, stop)
         is_foreign = any(self.topics[one.topic].encoding != "cdr" for one in connections)
-        return self._converted(messages) if convert and is_foreign else messages
+        if is_foreign:
+            return self._converted(messages) if convert else messages
+        return _decompressed(messages)
 
     def _converted(self, messages: Iterator[RawMessage]) -> Iterator[RawMessage]:
         # From ROS 1 to CDR, with the types of ROS 2: the conversion removes the `seq` of a header.
@@ -210,6 +216,23 @@ class Recorded:
         """Raise the BagError for one message that cannot be read."""
         place = f"{printable(self.path)}, topic {printable(topic)}, log time {log_ns} ns"
         raise BagError(f"{place}: {printable(str(error))}") from error
+
+
+def full_name(msgtype: str) -> str:
+    """Get the name of a type as ROS 2 writes it, from that of ROS 1, which some recorders write, too."""
+    return msgtype.replace("/", "/msg/") if msgtype.count("/") == 1 else msgtype
+
+
+def _decompressed(messages: Iterable[RawMessage]) -> Iterator[RawMessage]:
+    # That each message is compressed is only in the metadata.yaml of a folder, which a file alone lacks. No
+    # message in CDR begins like this.
+    for connection, log_ns, raw in messages:
+        if raw[:4] == ZSTD:
+            require("zstandard", "bag")
+            from zstandard import ZstdDecompressor
+
+            raw = ZstdDecompressor().decompressobj().decompress(raw)
+        yield connection, log_ns, raw
 
 
 def is_static(topic: str) -> bool:

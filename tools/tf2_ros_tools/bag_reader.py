@@ -128,7 +128,7 @@ class Recorded:
         self.topics: dict[str, RecordedTopic] = {}
         for name in dict.fromkeys(one.topic for one in reader.connections):
             own = self.connections([name])
-            types = " and ".join(dict.fromkeys(one.msgtype for one in own))
+            types = " and ".join(dict.fromkeys(full_name(one.msgtype) for one in own))
             self.topics[name] = RecordedTopic(
                 name, types, sum(one.msgcount for one in own), _encoding(own[0])
             )
@@ -522,9 +522,7 @@ class ForeignMcap:
         if schema is not None and schema.encoding in ("ros1msg", "ros2msg"):
             # Comments need not be in UTF-8.
             definition = MessageDefinition(Format.MSG, schema.data.decode(errors="replace"))
-        msgtype = "__schemaless__" if schema is None else schema.name
-        if msgtype.count("/") == 1:  # as ROS 1 writes it
-            msgtype = msgtype.replace("/", "/msg/")
+        msgtype = "__schemaless__" if schema is None else full_name(schema.name)
         ext = ConnectionExtRosbag2(channel.message_encoding, [])
         return Connection(channel.id, channel.topic, msgtype, definition, "", count, ext, self)
 
@@ -615,7 +613,7 @@ def _begins_with_header(connection: "Connection") -> bool:
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import get_types_from_msg
 
-    msgtype, (form, text) = connection.msgtype, connection.msgdef
+    msgtype, (form, text) = full_name(connection.msgtype), connection.msgdef
     if form == MessageDefinitionFormat.MSG:
         types = get_types_from_msg(text, msgtype)
     else:

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from making_bags import (
     FORMATS,
+    ODOMETRY,
     SCAN,
     STRING,
     TF,
@@ -22,6 +23,8 @@ from making_bags import (
     Sent,
     Tf,
     drive,
+    packed,
+    posed,
     raw,
     scan,
     store,
@@ -32,6 +35,7 @@ from making_bags import (
     write_ros1_mcap,
     write_split,
 )
+from mcap.writer import Writer
 from rosbags import rosbag2
 
 from tf2_py import BufferCore, TransformException
@@ -144,6 +148,36 @@ def test_a_stamp_that_is_not_set_has_no_answer(form, tmp_path):
         assert np.isnan(translations[:, 0]).tolist() == [False, True, False, True]
         with pytest.raises(ValueError, match=r"^times\[1\]: .*: this stamp is not set$"):
             buffer.lookup_transforms(target, "camera", times)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_file_of_compressed_messages_needs_no_folder(storage, tmp_path):
+    scans = [scan(105 * S + i, 90 * S + 3 * i) for i in range(5)]
+    folder = write_folder(tmp_path / "run", [*DRIVE, *scans], storage, "message")
+    [file] = (one for one in folder.iterdir() if one.suffix != ".yaml")
+    alone = file.rename(tmp_path / file.name)
+    np.testing.assert_equal(answers(bag.load(alone)), EXPECTED)
+    assert sorted(flat_read(alone)) == sorted(flat(DRIVE))
+    assert bag.stamps(alone, "/scan").tolist() == [90 * S + 3 * i for i in range(5)]
+
+
+@pytest.mark.parametrize("profile", ["ros2", ""])
+def test_types_may_have_names_of_ros_1(profile, tmp_path):
+    path = tmp_path / "run.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start(profile)
+        transforms = Sent(S, "/tf", [Tf("map", "base", S, (1, 0, 0))])
+        for one in (scan(S, 7), transforms, posed(S, 2.0, "/odom", ODOMETRY)):
+            text, _ = store().generate_msgdef(one.msgtype, ros_version=2)
+            schema = writer.register_schema(one.msgtype.replace("/msg/", "/"), "ros2msg", text.encode())
+            channel = writer.register_channel(one.topic, "cdr", schema)
+            writer.add_message(channel, one.log_ns, raw(one), one.log_ns)
+        writer.finish()
+    assert bag.load(path).lookup_transform("map", "base", S).transform.translation.x == 1.0
+    posed_too = bag.load(path, poses={"/odom": ("odom", "b")})
+    assert posed_too.lookup_transform("odom", "b", S).transform.translation.x == 2.0
+    assert bag.stamps(path, "/scan").tolist() == [7]
 
 
 # What is kept.

@@ -274,6 +274,8 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
         try:
             is_packed = source.suffix == PACKED and source.is_file()
             opened = stack.enter_context(_unpacked(source)) if is_packed else source
+            if is_packed:
+                _refuse_content(opened, name)
             reader = _opened(opened, stack)
             recorded = Recorded(name, reader, parts if source.is_dir() else [opened])
         except Exception as error:
@@ -325,6 +327,9 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
         advice = f"expected a folder with a metadata.yaml, or a file that ends in {pending}"
         if path.suffix == FROZEN:
             advice = "it is a frozen buffer, which `tf2_ros.Buffer.open` reads"
+        if path.name.endswith(UNFINISHED):
+            advice = f"{TOOLS['.bag']} repairs it; then remove .active from its name"
+            raise BagError(f"{name} was not closed by its recorder: {advice}")
         raise BagError(f"{name} is not a recording: {advice}")
     else:
         _refuse_special(path)
@@ -333,6 +338,8 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
     for part in [path / "metadata.yaml", *parts] if path.is_dir() else [path]:
         if part.is_file():
             _refuse_pointer(part)
+            if part.suffix in MAGICS:
+                _refuse_content(part, str(part))
         for log in logs_of(part):
             advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
             raise BagError(f"{printable(str(part))} is incomplete without {printable(log.name)}: {advice}")
@@ -371,6 +378,18 @@ def _refuse_pointer(path: Path) -> None:
             f"{printable(str(path))} is a pointer of Git LFS, not the recording: `git lfs pull`"
             " downloads the recording"
         )
+
+
+def _refuse_content(path: Path, name: str) -> None:
+    """Refuse a file that has the name of a recording, but another content, which no tool repairs."""
+    with open(path, "rb") as file:
+        begin = file.read(16)
+    magic = MAGICS[path.suffix]
+    if begin.startswith(magic) or magic.startswith(begin):  # what was cut off is another fault
+        return
+    text = f"{printable(name)} is not a recording: it does not begin as {path.suffix} files do"
+    others = [suffix for suffix, magic in MAGICS.items() if begin.startswith(magic)]
+    raise BagError(f"{text}, but as {others[0]} files do: rename it" if others else text)
 
 
 def _begins_with(path: Path, begin: bytes) -> bool:

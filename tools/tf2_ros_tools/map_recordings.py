@@ -30,7 +30,7 @@ from tf2_ros_tools.bag_loader import (
     progress_bar,
     wanted,
 )
-from tf2_ros_tools.bag_reader import SUFFIXES, BagError, resolved
+from tf2_ros_tools.bag_reader import SUFFIXES, UNFINISHED, BagError, resolved
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, write_whole
 from tf2_ros_tools.pose_tables import as_parquet, look_up_frames, metadata_of, times_when, unset_among
@@ -73,7 +73,9 @@ def _meant_by(path: str) -> list[str]:
             found.append(folder)
             inside.clear()
         else:
-            names = (name for name in files if name.endswith(SUFFIXES) and not name.startswith("."))
+            # Those that were not closed are reported as failed.
+            ends = (*SUFFIXES, UNFINISHED)
+            names = (name for name in files if name.endswith(ends) and not name.startswith("."))
             found += (os.path.join(folder, name) for name in names)
     return sorted(found) + closed
 

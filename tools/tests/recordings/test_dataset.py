@@ -145,7 +145,7 @@ class TestManyRecordings:
         assert not (there.poses == here.poses).all()
 
     def test_none_that_can_be_read_is_an_error(self, runs, tmp_path):
-        with pytest.raises(bag.BagError, match="broken.mcap is broken: "):
+        with pytest.raises(bag.BagError, match="broken.mcap is not a recording: "):
             made(runs / "broken.mcap")
         with pytest.raises(bag.BagError, match="none: No such file or directory"):
             made(tmp_path / "none")

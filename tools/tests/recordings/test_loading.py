@@ -358,7 +358,10 @@ def spoiled(data, at, size=60):
 BROKEN = "{path}.* is broken.*; `{tool}.*` may repair it$"
 FAULTS = {
     "empty": (lambda data: b"", "{path} is empty$"),
-    "text": (lambda data: b"hello\n" * 99, BROKEN),
+    "text": (
+        lambda data: b"hello\n" * 99,
+        r"{path} is not a recording: it does not begin as \.\w+ files do$",
+    ),
     "half": (lambda data: data[: len(data) // 2], "{folder}.* is broken.*; `{tool}.*` may repair it$"),
     "end": (lambda data: data[: len(data) * 49 // 50], "{folder}.* is broken.*; `{tool}.*` may repair it$"),
     "middle": (lambda data: spoiled(data, len(data) // 2, 300), "is broken.*; `{tool}.*` may repair it$"),
@@ -574,6 +577,18 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
             "a.tf2 is not a recording: it is a frozen buffer, which `tf2_ros.Buffer.open` reads$",
         ),
         (lambda at: file(at, "a.txt"), "a.txt is not a recording: expected a folder with a metadata.yaml"),
+        (
+            lambda at: write_ros1(at / "run.bag", drive()).rename(at / "run.bag.active"),
+            "run.bag.active was not closed by its recorder: `rosbag reindex` repairs it; then remove .active",
+        ),
+        (
+            lambda at: write_mcap(at / "run.mcap", drive()).rename(at / "run.db3"),
+            r"run.db3 is not a recording: .* as \.db3 files do, but as \.mcap files do: rename it$",
+        ),
+        (
+            lambda at: packed(write_db3(at / "run.db3", drive())).rename(at / "run.bag.zstd"),
+            r"run.bag.zstd is not a recording: .* as \.bag files do, but as \.db3 files do: rename it$",
+        ),
         (pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
         (lambda at: pipe_inside(at, "a.mcap"), "run/a.mcap is not a recording: it is a pipe or a device"),
         (lambda at: pipe_inside(at, "a.db3.zstd"), "run/a.db3.zstd is not a recording: it is a pipe"),

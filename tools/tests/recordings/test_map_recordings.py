@@ -254,6 +254,8 @@ def test_a_folder_is_searched_and_one_of_rosbag2_is_one_recording(runs):
     assert find_recordings(runs / "monday" / "run.mcap") == [str(runs / "monday" / "run.mcap")]
     compressed = (runs / "tuesday" / "run.mcap").rename(runs / "tuesday" / "run.mcap.zstd")
     assert find_recordings(runs / "tuesday") == find_recordings(compressed) == [str(compressed)]
+    unfinished = compressed.rename(runs / "tuesday" / "run.bag.active")  # reported as failed
+    assert find_recordings(runs / "tuesday") == [str(unfinished)]
 
 
 def test_a_pipe_is_no_recording_and_is_not_opened(runs):

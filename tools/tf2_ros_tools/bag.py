@@ -4,7 +4,13 @@ from tf2_ros_tools.bag_loader import load, stamps, transforms
 from tf2_ros_tools.bag_reader import BagError
 from tf2_ros_tools.datasets import Dataset, dataset
 from tf2_ros_tools.map_recordings import MappedRecordings, map_recordings
+from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.saved_buffers import load_saved, save
+
+# Now, because a program may need them only when it saves what it has recorded for an hour.
+require("rosbags", "bag")
+require("mcap", "bag")
+require("tqdm", "bag")
 
 __all__ = [
     "BagError",

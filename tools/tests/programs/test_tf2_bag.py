@@ -19,6 +19,7 @@ from test_tree_and_heard_pictures import texts_of
 from waiting import DEADLINE_S, until
 
 from tf2_ros_tools.bag import save
+from tf2_ros_tools.optional_libraries import MissingLibraryError
 from tf2_ros_tools.program import RunError
 from tf2_ros_tools.programs.tf2_bag import PARSER, bag
 
@@ -213,6 +214,12 @@ class TestOtherTopics:
         assert run(*command, "--out", tmp_path / "tables")[0] == 0
         [table] = (tmp_path / "tables").glob("*.parquet")
         assert parquet.read_table(table).to_pydict()["x"] == [i / 10 for i in range(20)]
+
+
+def test_a_library_that_the_end_needs_is_missed_before_the_recording_is_read(run, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingLibraryError, match="pyarrow is not installed: pip install"):
+        run("lookup", tmp_path / "none.mcap", "a", "b", "-o", "a.parquet")
 
 
 @pytest.mark.parametrize("period", [1, 5])  # a conflict, and a single change

@@ -7,6 +7,7 @@ import sqlite3
 import sys
 from collections import Counter
 from contextlib import closing
+from subprocess import run
 
 import numpy as np
 import pytest
@@ -651,6 +652,15 @@ def test_a_missing_library_is_named_with_its_extra(module, tmp_path, monkeypatch
     advice = rf"{module} is not installed: pip install 'tf2-ros-tools\[bag\]'"
     with pytest.raises(ModuleNotFoundError, match=advice):
         bag.load(path)
+
+
+@pytest.mark.parametrize("module", ["mcap", "rosbags", "tqdm"])
+def test_a_missing_library_is_named_by_the_import(module):
+    """Not by `save`, after a program has recorded for its whole time."""
+    code = f"import sys; sys.modules[{module!r}] = None; from tf2_ros_tools import bag; print('recording')"
+    done = run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.endswith(f"{module} is not installed: pip install 'tf2-ros-tools[bag]'\n")
 
 
 def test_a_recording_is_closed_after_an_error_and_an_abandoned_iteration(tmp_path):

@@ -199,6 +199,9 @@ def lookup(options: Namespace) -> int:
     from tf2_py import TransformException
     from tf2_ros_tools import pose_tables
 
+    kind = "csv" if options.output is None else format_of(options.output)
+    if kind == "parquet":
+        require("pyarrow", "fleet")  # before the recording is read, which may take long
     heard = _heard_of(options, options.at)
     target, source = options.target, options.source
     times_ns = options.times if options.at is None else heard.times_ns
@@ -211,7 +214,6 @@ def lookup(options: Namespace) -> int:
     if not table.valid.any():
         reason = pose_tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, options.max_gap)
         raise RunError(reason)
-    kind = "csv" if options.output is None else format_of(options.output)
     if kind == "parquet":
         contents = pose_tables.as_parquet({"": table}, options.file)
     else:

@@ -86,7 +86,7 @@ def live(options: Namespace) -> int:
             lines = _lines(topics, publishers, streams)
             show(*lines, *_clock(feed.clock_offset), *([silence] if silence else []))
         if options.output is not None:
-            from tf2_ros_tools.bag import save
+            from tf2_ros_tools.saved_buffers import save
 
             save(session.buffer, options.output)
     return FAILURE if silence else SUCCESS

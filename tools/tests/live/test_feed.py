@@ -128,6 +128,17 @@ def test_rates_are_of_the_times_at_which_messages_were_sent():
     assert feed.topics["/tf_static"].rate is None
 
 
+def test_a_rate_is_of_what_was_sent_since_the_clock_of_the_robot_was_set():
+    feed = Feed()
+    began_ns = time.time_ns()
+    for first_ns in (30 * S, began_ns, began_ns - 3600 * S):
+        for i in range(101):
+            feed.take(message(), False, sent_ns=first_ns + i * S // 50)
+        assert feed.topics["/tf"].rate == pytest.approx(50)
+    feed.take(message(), False, sent_ns=40 * S)
+    assert feed.topics["/tf"].rate is None
+
+
 def test_rates_are_of_the_times_of_reception_if_it_is_not_known_when_messages_were_sent():
     feed = Feed()
     began_s = time.time()

@@ -21,6 +21,7 @@ PERIODS = 6
 BYTES = (bytes, bytearray, memoryview)
 SILENT_S = 3.0  # without a message: from then on, errors say so
 AHEAD_S, BEHIND_S = 0.01, 1.0  # from these offsets of the clocks on, a feed warns
+LEAP_NS = 10 * S  # from one message of a topic to another: the clock of the robot was set
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class Heard:
     Fields: ``count``, the number of messages; ``lost``, how many were lost, or None if the transport
     does not count losses; ``malformed``, how many more could not be read; ``last``, the seconds since the
     last message, or None if there was none; ``rate``, messages per second, from the times at which
-    they were sent or, if these are unknown, received; None if fewer than two were received.
+    they were sent or, if these are unknown, received, since the last leap of these times by more than 10 s
+    (the clock of a robot was set); None if fewer than two were received since.
     """
 
     count: int
@@ -47,21 +49,25 @@ class _Topic:
         self.count = self.malformed = 0
         self.lost = 0 if counts_losses else None
         self.last_ns: int | None = None  # of the monotonic clock
-        # Of the clock of the sender, if it is known: several messages arrive at once when it has been found.
-        self.first_sent_ns = self.last_sent_ns = 0
+        # For the rate: the number of the first message since the last leap of the clock, and when the
+        # earliest and the latest one since were sent. The clock is the sender's, if it is known: several
+        # messages arrive at once when the sender has been found.
+        self.first, self.earliest_ns, self.latest_ns = 0, 0, 0
 
     def note(self, sent_ns: int) -> None:
         self.count += 1
         self.last_ns = time.monotonic_ns()
-        self.first_sent_ns = min(self.first_sent_ns or sent_ns, sent_ns)
-        self.last_sent_ns = max(self.last_sent_ns, sent_ns)
+        if not self.first or not self.earliest_ns - LEAP_NS <= sent_ns <= self.latest_ns + LEAP_NS:
+            self.first, self.earliest_ns, self.latest_ns = self.count, sent_ns, sent_ns
+        self.earliest_ns = min(self.earliest_ns, sent_ns)
+        self.latest_ns = max(self.latest_ns, sent_ns)
 
     def heard(self) -> Heard:
-        if self.last_ns is None:
+        if (last_ns := self.last_ns) is None:
             return Heard(self.count, self.lost, self.malformed, None)
-        last = (time.monotonic_ns() - self.last_ns) / S
-        lasted_ns = self.last_sent_ns - self.first_sent_ns
-        rate = (self.count - 1) * S / lasted_ns if lasted_ns else None
+        last = (time.monotonic_ns() - last_ns) / S
+        lasted_ns = self.latest_ns - self.earliest_ns
+        rate = (self.count - self.first) * S / lasted_ns if lasted_ns else None
         return Heard(self.count, self.lost, self.malformed, last, rate)
 
 

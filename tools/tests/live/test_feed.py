@@ -459,6 +459,18 @@ def test_a_static_broadcaster_sends_the_last_of_each_child_again(broadcasting):
     assert sorted(again.buffer.frames()) == ["base", "camera", "imu", "lidar"]
 
 
+def test_a_static_broadcaster_keeps_one_transform_of_a_frame_with_and_without_a_slash(broadcasting):
+    feed = broadcasting
+    fixed = feed.static_broadcaster()
+    for x, child in enumerate(("/dock", "dock", "/dock", "dock")):
+        fixed.sendTransform(
+            [transform("map", child, xyz=(-1, 0, 0)), transform("/map", child, xyz=(x, 0, 0))]
+        )
+        late = Feed()
+        late.take(feed._wire.sent[-1][1], True)
+        assert seen(feed, "map", "dock") == seen(late, "map", "dock") == x
+
+
 def named(child):
     """With a name that ROS's own class would not accept."""
     one = transform("map", "base")

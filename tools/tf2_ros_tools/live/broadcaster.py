@@ -81,7 +81,8 @@ class StaticBroadcaster(Broadcaster):
         """
         new = list(transform) if isinstance(transform, Iterable) else [transform]
         self._serialized(new)  # raises what is wrong with them
+        # Listeners ignore a slash at the beginning of a name.
         with self._lock:
-            merged = self._sent | {one.child_frame_id: deepcopy(one) for one in new}
+            merged = self._sent | {one.child_frame_id.removeprefix("/"): deepcopy(one) for one in new}
             self._sender.send(serialize_transforms(merged.values()))
             self._sent = merged

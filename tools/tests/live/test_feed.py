@@ -195,6 +195,71 @@ def test_what_is_not_a_message_is_refused():
     assert feed.topics["/tf"] == Heard(0, 0, 0, None)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "error", "text"),
+    [
+        ({"is_static": 2}, TypeError, "^is_static: expected True or False, got 2$"),
+        ({"is_static": "false"}, TypeError, "^is_static: expected True or False, got 'false'$"),
+        ({"is_static": None}, TypeError, "^is_static: expected True or False, got None$"),
+        ({"publisher": None}, TypeError, "^publisher: expected a str, got NoneType$"),
+        ({"publisher": "a\0b"}, ValueError, "must not contain a NUL character"),
+        ({"sent_ns": float("nan")}, TypeError, "^sent_ns: expected an int, got float$"),
+        ({"sent_ns": "1"}, TypeError, "^sent_ns: expected an int, got str$"),
+        ({"lost": 0.5}, TypeError, "^lost: expected an int, got float$"),
+        ({"lost": -1}, ValueError, "^lost: expected 0 or more, got -1$"),
+    ],
+)
+def test_invalid_arguments_of_take_are_refused_and_nothing_is_inserted(arguments, error, text):
+    feed = Feed()
+    with pytest.raises(error, match=text):
+        feed.take(**{"data": message(), "is_static": False} | arguments)
+    assert feed.topics["/tf"] == Heard(0, 0, 0, None) and feed.buffer.frames() == {}
+
+
+def test_views_of_bytes_in_any_layout_are_read():
+    feed, data = Feed(), message()
+    spread = bytes(byte for one in data for byte in (one, 0))
+    views = [
+        memoryview(spread)[::2],
+        memoryview(data[::-1])[::-1],
+        memoryview(data).cast("B", (2, len(data) // 2)),
+    ]
+    for view in views:
+        feed.take(view, False, sent_ns=np.int64(5))
+    assert feed.topics["/tf"].count == len(views) and seen(feed) == 1
+    views[0].release()
+    with pytest.raises(ValueError, match="released memoryview"):
+        feed.take(views[0], False)
+    assert feed.topics["/tf"].malformed == 0
+
+
+@pytest.mark.parametrize("what", ["name", "prefix"])
+def test_names_and_prefixes_of_feeds(what):
+    with pytest.raises(TypeError, match=f"^{what}: expected a str, got int$"):
+        Feed(**{what: 1})
+    with pytest.raises(ValueError, match="must not contain a NUL character"):
+        Feed(**{what: "a\0b"})
+
+
+@pytest.mark.parametrize(
+    ("seconds", "error"),
+    [
+        (float("nan"), ValueError),
+        (float("inf"), ValueError),
+        (1e10, ValueError),
+        ("3", TypeError),
+        (None, TypeError),
+    ],
+)
+def test_a_wait_needs_a_number_of_seconds(seconds, error):
+    with Feed() as feed:
+        with pytest.raises(error, match="^seconds: expected a number"):
+            feed.wait_until_heard(seconds)
+        for none in (0, -1.0, float("-inf"), np.float32(0)):
+            with pytest.raises(TimeoutError):
+                feed.wait_until_heard(none)
+
+
 def test_waiting_until_heard():
     with Feed() as feed:
         feed.take(message(), False)
@@ -574,6 +639,16 @@ def test_a_forked_child_refuses_the_feed_of_its_parent():
         ({"where": "dds://robot:seven"}, "expected an address such as"),
         ({"where": "dds://", "domain": -1}, "domain: expected a number from 0 to 232, got -1"),
         ({"where": "dds://", "domain": "1"}, "domain: expected a number from 0 to 232, got '1'"),
+        ({"where": "dds://", "domain": True}, "domain: expected a number from 0 to 232, got True"),
+        ({"where": "ws://robot:0"}, "got 'ws://robot:0': a port is a number from 1 to 65535$"),
+        ({"where": "zenoh://robot:0"}, "got 'zenoh://robot:0': a port is a number from 1 to 65535$"),
+        ({"where": "zenoh://robot:70000"}, "got 'zenoh://robot:70000': Port out of range"),
+        (
+            {"where": "ws://robot/bridge"},
+            "'ws://robot/bridge': only a host, a port and options are understood",
+        ),
+        ({"where": "ws://me:pass@robot"}, "only a host, a port and options are understood"),
+        ({"where": "dds://?peers=robot#1"}, "only a host, a port and options are understood"),
         ({"where": "dds://", "topic": ""}, "expected the name of a topic, such as /tf, got ''"),
         (
             {"where": "dds://", "topic": "tf_static"},
@@ -584,6 +659,12 @@ def test_a_forked_child_refuses_the_feed_of_its_parent():
 def test_arguments_of_connect(arguments, text):
     with pytest.raises(ValueError, match=text):
         connect(**arguments)
+
+
+@pytest.mark.parametrize("where", [None, b"dds://", 5])
+def test_an_address_is_a_str(where):
+    with pytest.raises(TypeError, match="^where: expected a str, such as zenoh://robot:7447, "):
+        connect(where)
 
 
 @pytest.mark.parametrize("domain", ["seven", "233"])

@@ -44,8 +44,8 @@ def connect(
     :param prefix: put before all frame names that arrive, such as ``"robot1/"``.
     :param recording: records who sent which transform when.
     :return: a feed, which receives until it is closed; its attribute ``buffer`` is the buffer.
-    :raises TypeError: ``prefix`` is not a str.
-    :raises ValueError: the address, the domain or the name of a topic is invalid.
+    :raises TypeError: ``where`` or ``prefix`` is not a str.
+    :raises ValueError: the address, the domain, the prefix or the name of a topic is invalid.
     :raises ConnectionError: nothing answers at the address, or DDS cannot start; the text says what to do.
         With ``dds://``, it is not an error if no robot runs yet.
     :raises ModuleNotFoundError: the library for this transport is not installed; the text says how to install

@@ -1,11 +1,13 @@
 """Fill a buffer with what arrives from a robot, over any wire."""
 
 import logging
+import operator
 import os
 import threading
 import time
 from collections import deque
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 from tf2_ros import Buffer
@@ -84,7 +86,8 @@ class Feed:
     :param prefix: a text to put in front of the names of all frames that arrive.
     :param wire: the transport, for :func:`connect`.
     :param recording: records who sent which transform when.
-    :raises TypeError: ``prefix`` is not a str.
+    :raises TypeError: ``name`` or ``prefix`` is not a str.
+    :raises ValueError: ``name`` or ``prefix`` contains a NUL character.
     :raises ConnectionError: the transport cannot receive; the text says what to do.
 
     The attribute ``buffer`` is what the feed fills. A ``with`` statement closes the feed.
@@ -100,15 +103,13 @@ class Feed:
         wire: Wire | None = None,
         recording: Recording | None = None,
     ) -> None:
+        MessageSource(_text("name", name), False, _text("prefix", prefix))  # raises what is wrong with them
         self._recording = recording
         self.buffer = Buffer() if buffer is None else buffer
         self._name = name
         counts_losses = wire is None or wire.counts_losses
         self._topics = tuple(_Topic(topic, counts_losses) for topic in topics)
-        if not isinstance(prefix, str):
-            raise TypeError(f"prefix: expected a str, got {type(prefix).__name__}")
         self._prefix = prefix
-        self._sources: dict[tuple[str, bool], MessageSource] = {}  # by authority, and whether it is static
         self._lock = threading.RLock()  # on the counts
         # A topic was heard for the first time, or the feed has ended.
         self._changed = threading.Condition(self._lock)
@@ -149,7 +150,9 @@ class Feed:
         :param publisher: the name of whoever sent it; listings and log lines show it. ``""``: not known.
         :param sent_ns: when it was sent, by the clock of the robot, in ns since 1970. 0: not known.
         :param lost: how many messages of this publisher were lost since its last one.
-        :raises TypeError: ``data`` is not bytes, a bytearray or a memoryview.
+        :raises TypeError: ``data`` is not bytes, a bytearray or a memoryview, or another argument has the
+            wrong type.
+        :raises ValueError: ``lost`` is negative, or ``publisher`` contains a NUL character.
         :raises RuntimeError: this is a forked child of the process that made the feed.
 
         A malformed message is counted, and the first of each topic is logged. The buffer logs and counts the
@@ -158,12 +161,20 @@ class Feed:
         self._refuse_fork()
         if not isinstance(data, BYTES):
             raise TypeError(f"data: expected bytes or a memoryview, got {type(data).__name__}")
+        if isinstance(data, memoryview) and not data.c_contiguous:
+            data = data.tobytes()
+        if not isinstance(is_static, bool):
+            raise TypeError(f"is_static: expected True or False, got {is_static!r}")
+        sent_ns, lost = _integer("sent_ns", sent_ns), _integer("lost", lost)
+        if lost < 0:
+            raise ValueError(f"lost: expected 0 or more, got {lost}")
+        source = MessageSource(_text("publisher", publisher) or self._name, is_static, self._prefix)
         if self._source.why_ended():
             return
         received_ns = time.time_ns()
         malformed = None
         try:
-            self._insert(data, is_static, publisher or self._name, received_ns)
+            self._insert(data, source, received_ns)
         except ValueError as error:
             malformed = error
         with self._lock:
@@ -215,11 +226,17 @@ class Feed:
         Wait until a message was received on each of the two topics.
 
         :param seconds: how long to wait.
+        :raises TypeError: ``seconds`` is not a number.
+        :raises ValueError: ``seconds`` is NaN or infinite.
         :raises TimeoutError: nothing was received on a topic; the text says on which one, and why, if known.
         :raises ConnectionError: the feed has ended.
         :raises RuntimeError: this is a forked child of the process that made the feed.
         """
         self._refuse_fork()
+        if not isinstance(seconds, Real):
+            raise TypeError(f"seconds: expected a number, got {type(seconds).__name__}")
+        if not seconds <= threading.TIMEOUT_MAX:
+            raise ValueError(f"seconds: expected a number up to {threading.TIMEOUT_MAX:g}, got {seconds}")
         with self._changed:
             self._changed.wait_for(lambda: self._source.why_ended() or not self._missing(), seconds)
             self._require_open()
@@ -306,12 +323,8 @@ class Feed:
         except Exception:
             _log().exception(f"{self._name}: a message could not be inserted")
 
-    def _insert(self, data: bytes | memoryview, is_static: bool, authority: str, received_ns: int) -> None:
-        source = self._sources.get((authority, is_static))
-        if source is None:
-            source = MessageSource(authority, is_static, self._prefix)
-            self._sources[authority, is_static] = source
-        message = (authority, received_ns, data)
+    def _insert(self, data: bytes | memoryview, source: MessageSource, received_ns: int) -> None:
+        message = (source.topic, received_ns, data)
         insert_messages(self.buffer, [message], [source], recording=self._recording)
 
     def _note_delay(self, delay_ns: int) -> str:
@@ -389,15 +402,29 @@ class _Echo:
     """Inserts what it sends into the buffer, too; the wire does not receive it again."""
 
     def __init__(self, feed: Feed, sender: Sender, is_static: bool) -> None:
-        self._feed, self._sender, self._is_static = feed, sender, is_static
+        self._feed, self._sender = feed, sender
+        self._source = MessageSource(OWN, is_static, feed._prefix)
 
     def send(self, data: bytes) -> None:
         self._feed._require_open()
         self._sender.send(data)
-        self._feed._insert(data, self._is_static, OWN, time.time_ns())
+        self._feed._insert(data, self._source, time.time_ns())
 
     def close(self) -> None:
         self._sender.close()
+
+
+def _text(name: str, value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{name}: expected a str, got {type(value).__name__}")
+    return value
+
+
+def _integer(name: str, value: object) -> int:
+    try:
+        return operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise TypeError(f"{name}: expected an int, got {type(value).__name__}") from None
 
 
 def _log() -> logging.Logger:

@@ -118,11 +118,18 @@ def parse(where: str, domain: int | None, topics: tuple[str, str]) -> Address:
     """
     Take apart what ``connect`` was given.
 
+    :raises TypeError: the address is not a str.
     :raises ValueError: the address, the domain or the name of a topic is invalid.
     """
+    if not isinstance(where, str):
+        raise TypeError(f"where: expected a str, such as {EXAMPLES}, got {type(where).__name__}")
     try:
         parts = urlsplit(where)
         port = parts.port
+        if port == 0:
+            raise ValueError("a port is a number from 1 to 65535")
+        if "://" in where and (parts.path.strip("/") or parts.fragment or parts.username is not None):
+            raise ValueError("only a host, a port and options are understood")
     except ValueError as error:
         raise ValueError(f"expected an address such as {EXAMPLES}, got {where!r}: {error}") from None
     names = tuple(_topic(name) for name in topics)
@@ -159,6 +166,6 @@ def _domain(domain: int | None) -> int:
         if not text.isdecimal() or int(text) > 232:
             raise ValueError(f"ROS_DOMAIN_ID: expected a number from 0 to 232, got {text!r}")
         return int(text)
-    if not isinstance(domain, int) or not 0 <= domain <= 232:
+    if not isinstance(domain, int) or isinstance(domain, bool) or not 0 <= domain <= 232:
         raise ValueError(f"domain: expected a number from 0 to 232, got {domain!r}")
     return domain

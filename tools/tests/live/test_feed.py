@@ -67,13 +67,10 @@ class Wire:
 
 class Sender:
     def __init__(self, wire, topic):
-        self.wire, self.topic, self.closed = wire, topic, False
+        self.wire, self.topic = wire, topic
 
     def send(self, data):
         self.wire.sent.append((self.topic, data))
-
-    def close(self):
-        self.closed = True
 
 
 PIPE = """
@@ -596,19 +593,61 @@ def test_broadcasters_end(broadcasting):
         Feed().broadcaster()
 
 
+INTERRUPTED = """
+from interrupting import interrupt_at_each_line
+from test_feed import Feed, Wire, message, transform
+
+def make():
+    feed = Feed(wire=Wire())
+    feed.take(message(), False)
+    return feed
+
+CALLS = [
+    lambda feed: feed.close(),
+    lambda feed: feed.broadcaster().sendTransform(transform("map", "a")),
+    lambda feed: feed.static_broadcaster().sendTransform(transform("map", "b")),
+    lambda feed: feed.take(message(), True),
+    lambda feed: feed.wait_until_heard(0),
+    lambda feed: (feed.topics, feed.clock_offset, feed.publishers()),
+]
+HANDLERS = [
+    lambda feed: feed.close("a signal"),
+    lambda feed: feed.why_ended() or [call(feed) for call in CALLS[1:4]],
+]
+for handle in HANDLERS:
+    for call in CALLS:
+        assert interrupt_at_each_line(call, handle, make) > 3
+"""
+
+
+def run_here(program):
+    path = os.pathsep.join([os.path.dirname(__file__), os.environ["PYTHONPATH"]])
+    command = [sys.executable, "-c", program]
+    return subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, timeout=5 * DEADLINE_S).returncode
+
+
+def test_a_signal_handler_may_call_a_feed_whatever_it_interrupts():
+    assert run_here(INTERRUPTED) == 0
+
+
 FORKED = """
 import os, sys
 from test_feed import Feed, Wire, message, transform
-feed = Feed(wire=Wire())
+feed = Feed(name="x://robot", wire=Wire())
 feed.take(message(), False)
-sender = feed.broadcaster()
+senders = feed.broadcaster(), feed.static_broadcaster()
 if (child := os.fork()) == 0:
     for call in (
         lambda: feed.take(message(), False),
         lambda: feed.wait_until_heard(1),
         lambda: feed.broadcaster(),
+        lambda: feed.static_broadcaster(),
         lambda: feed.publishers(),
-        lambda: sender.sendTransform(transform("map", "base")),
+        lambda: feed.topics,
+        lambda: feed.clock_offset,
+        lambda: feed.why_silent(1),
+        lambda: senders[0].sendTransform(transform("map", "base")),
+        lambda: senders[1].sendTransform(transform("map", "base")),
     ):
         try:
             call()
@@ -616,6 +655,11 @@ if (child := os.fork()) == 0:
             assert str(error).startswith("this feed belongs to the parent process"), error
         else:
             os._exit(1)
+    assert feed.why_ended().startswith("this feed belongs to the parent process")
+    try:
+        feed.buffer.lookup_transform("map", "camera", 0)
+    except Exception as error:
+        assert "X://robot: this feed belongs to the parent process: create a new one" in str(error), error
     feed.close()
     os._exit(feed._wire.closed)
 assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
@@ -624,10 +668,49 @@ feed.take(message(), False)
 
 
 def test_a_forked_child_refuses_the_feed_of_its_parent():
-    here = os.path.dirname(__file__)
-    path = os.pathsep.join([here, os.environ["PYTHONPATH"]])
-    done = subprocess.run([sys.executable, "-c", FORKED], env=os.environ | {"PYTHONPATH": path})
-    assert done.returncode == 0
+    assert run_here(FORKED) == 0
+
+
+FORKED_AT_ANY_TIME = """
+import os, signal, threading
+from test_feed import Feed, Wire, message, transform
+from waiting import DEADLINE_S
+
+feed = Feed(wire=Wire())
+moving, fixed = feed.broadcaster(), feed.static_broadcaster()
+calls = [
+    lambda: feed.take(message(), False, sent_ns=1),
+    lambda: moving.sendTransform(transform("map", "a")),
+    lambda: fixed.sendTransform(transform("map", "b")),
+    lambda: feed.buffer.lookup_transform("map", "nowhere", 0),
+    lambda: feed.topics,
+    lambda: feed.close(),
+]
+
+def fill(call):
+    while True:
+        call()
+
+for call in calls[:3]:
+    threading.Thread(target=fill, args=(call,), daemon=True).start()
+for _ in range(15):
+    if (child := os.fork()) == 0:
+        signal.alarm(round(DEADLINE_S))  # ends a child that waits for a lock
+        for call in calls:
+            try:
+                call()
+            except Exception:
+                pass
+        os._exit(0)
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if status:
+        os._exit(1)
+os._exit(0)
+"""
+
+
+def test_a_forked_child_waits_for_no_lock_of_its_parent():
+    assert run_here(FORKED_AT_ANY_TIME) == 0
 
 
 @pytest.mark.parametrize(

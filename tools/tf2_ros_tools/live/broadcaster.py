@@ -1,7 +1,7 @@
 """Send transforms to a robot, without ROS 2."""
 
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from copy import deepcopy
 
 from tf2_py import BufferCore
@@ -19,11 +19,11 @@ class Broadcaster:
     feed.
     """
 
-    def __init__(self, sender: Sender) -> None:
-        self._sender = sender
+    def __init__(self, sender: Sender, require_open: Callable[[], None]) -> None:
+        self._sender, self._require_open = sender, require_open
         # Says what every buffer refuses. It holds nothing, but knows what it has warned about.
         self._judge = BufferCore()
-        self._judging = threading.Lock()
+        self._judging = threading.RLock()
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """
@@ -37,11 +37,13 @@ class Broadcaster:
             sent.
         :raises OverflowError: a stamp does not fit into a message; nothing is sent.
         :raises ConnectionError: the feed has ended, or sending failed.
+        :raises RuntimeError: this is a forked child of the process that made the feed.
         """
         self._sender.send(self._serialized(transform))
 
     def _serialized(self, transform: TransformStamped | Iterable[TransformStamped]) -> bytes:
         """Serialize valid transforms; raise what ``sendTransform`` raises."""
+        self._require_open()  # first, because a forked child must not wait for a lock of its parent
         data, recording = serialize_transforms(transform), Recording()
         with self._judging:
             insert_messages(self._judge, [(OWN, 0, data)], [MessageSource(OWN)], recording=recording)
@@ -65,9 +67,9 @@ class StaticBroadcaster(Broadcaster):
     ends with its feed.
     """
 
-    def __init__(self, sender: Sender) -> None:
-        super().__init__(sender)
-        self._lock = threading.Lock()  # the last message must contain all transforms
+    def __init__(self, sender: Sender, require_open: Callable[[], None]) -> None:
+        super().__init__(sender, require_open)
+        self._sending = threading.RLock()  # the last message must contain all transforms
         self._sent: dict[str, TransformStamped] = {}  # by child frame
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
@@ -82,7 +84,7 @@ class StaticBroadcaster(Broadcaster):
         new = list(transform) if isinstance(transform, Iterable) else [transform]
         self._serialized(new)  # raises what is wrong with them
         # Listeners ignore a slash at the beginning of a name.
-        with self._lock:
+        with self._sending:
             merged = self._sent | {one.child_frame_id.removeprefix("/"): deepcopy(one) for one in new}
             self._sender.send(serialize_transforms(merged.values()))
             self._sent = merged

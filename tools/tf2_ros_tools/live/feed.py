@@ -8,7 +8,7 @@ import time
 from collections import deque
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
@@ -24,6 +24,10 @@ BYTES = (bytes, bytearray, memoryview)
 SILENT_S = 3.0  # without a message: from then on, errors say so
 AHEAD_S, BEHIND_S = 0.01, 1.0  # from these offsets of the clocks on, a feed warns
 LEAP_NS = 10 * S  # from one message of a topic to another: the clock of the robot was set
+POLL_S = 0.01
+FORKED = "this feed belongs to the parent process: create a new one after the fork"
+
+B = TypeVar("B", bound=Broadcaster)
 
 
 @dataclass(frozen=True)
@@ -104,26 +108,23 @@ class Feed:
         recording: Recording | None = None,
     ) -> None:
         MessageSource(_text("name", name), False, _text("prefix", prefix))  # raises what is wrong with them
+        self._process = os.getpid()
         self._recording = recording
         self.buffer = Buffer() if buffer is None else buffer
         self._name = name
         counts_losses = wire is None or wire.counts_losses
         self._topics = tuple(_Topic(topic, counts_losses) for topic in topics)
         self._prefix = prefix
-        self._lock = threading.RLock()  # on the counts
-        # A topic was heard for the first time, or the feed has ended.
-        self._changed = threading.Condition(self._lock)
+        self._wire = wire
+        # Held by `take` only, while it counts. A signal handler may call `take` again, therefore an RLock.
+        self._counting = threading.RLock()
         self._source = self.buffer.add_source(name, self._silence)  # whose end ends the waits in the buffer
         self._delays: deque[tuple[int, int]] = deque(maxlen=PERIODS)  # the number of a period, and ns
         self._warned_of_clock = False
-        self._making = threading.Lock()  # held while a broadcaster is made
-        self._broadcaster: Broadcaster | None = None
-        self._static_broadcaster: StaticBroadcaster | None = None
-        self._process = os.getpid()
-        self._wire = wire
+        self._broadcasters: dict[type[Broadcaster], Broadcaster] = {}
         if wire is not None:
             try:
-                wire.open(self._take_of_wire, self._end)
+                wire.open(self._take_of_wire, self._source.end)
             except BaseException:
                 self.close("it could not be opened")
                 raise
@@ -177,14 +178,12 @@ class Feed:
             self._insert(data, source, received_ns)
         except ValueError as error:
             malformed = error
-        with self._lock:
+        with self._counting:
             topic = self._topics[is_static]
             if topic.lost is not None:
                 topic.lost += lost
             if malformed is None:
                 topic.note(sent_ns or received_ns)
-                if topic.count == 1:
-                    self._changed.notify_all()
             else:
                 topic.malformed += 1
             # A latched message was sent at any time.
@@ -198,9 +197,13 @@ class Feed:
 
     @property
     def topics(self) -> dict[str, Heard]:
-        """What was received on each topic: a :class:`Heard` by the name of the topic."""
-        with self._lock:
-            return {topic.name: topic.heard() for topic in self._topics}
+        """
+        What was received on each topic: a :class:`Heard` by the name of the topic.
+
+        :raises RuntimeError: this is a forked child of the process that made the feed.
+        """
+        self._refuse_fork()
+        return {topic.name: topic.heard() for topic in self._topics}
 
     @property
     def clock_offset(self) -> float | None:
@@ -210,10 +213,12 @@ class Feed:
 
         Ages, as for ``max_age``, are off by this amount, because they compare stamps of the robot with the
         clock of this machine.
+
+        :raises RuntimeError: this is a forked child of the process that made the feed.
         """
+        self._refuse_fork()
         oldest = time.monotonic_ns() // PERIOD_NS - PERIODS
-        with self._lock:
-            delays = [delay_ns for period, delay_ns in self._delays if period > oldest]
+        delays = [delay_ns for period, delay_ns in self._delays.copy() if period > oldest]
         return min(delays) / S if delays else None
 
     def publishers(self) -> list[Publisher]:
@@ -232,21 +237,27 @@ class Feed:
         :raises ConnectionError: the feed has ended.
         :raises RuntimeError: this is a forked child of the process that made the feed.
         """
-        self._refuse_fork()
         if not isinstance(seconds, Real):
             raise TypeError(f"seconds: expected a number, got {type(seconds).__name__}")
         if not seconds <= threading.TIMEOUT_MAX:
             raise ValueError(f"seconds: expected a number up to {threading.TIMEOUT_MAX:g}, got {seconds}")
-        with self._changed:
-            self._changed.wait_for(lambda: self._source.why_ended() or not self._missing(), seconds)
+        deadline_s = time.monotonic() + seconds
+        while True:
             self._require_open()
-            missing = self._missing()
-        if missing:
-            raise TimeoutError(self._why_missing(missing, seconds))
+            missing, left_s = self._missing(), deadline_s - time.monotonic()
+            if not missing:
+                return
+            if left_s <= 0:
+                raise TimeoutError(self._why_missing(missing, seconds))
+            time.sleep(min(left_s, POLL_S))
 
     def why_ended(self) -> str:
-        """Return a text that says that the feed has ended, and why; ``""`` while it receives."""
-        return self._source.why_ended()
+        """
+        Return a text that says that the feed has ended, and why; ``""`` while it receives.
+
+        In a forked child, the feed of the parent has ended.
+        """
+        return self._source.why_ended() or ("" if self._process == os.getpid() else FORKED)
 
     def why_silent(self, seconds: float) -> str:
         """
@@ -272,11 +283,7 @@ class Feed:
             ended.
         :raises RuntimeError: this is a forked child of the process that made the feed.
         """
-        self._require_open()
-        with self._making:
-            if self._broadcaster is None:
-                self._broadcaster = Broadcaster(self._sender(is_static=False))
-            return self._broadcaster
+        return self._made(Broadcaster, is_static=False)
 
     def static_broadcaster(self) -> StaticBroadcaster:
         """
@@ -285,36 +292,23 @@ class Feed:
         Listeners that start later also receive what it has sent, until the feed closes. It raises what
         :meth:`broadcaster` raises.
         """
-        self._require_open()
-        with self._making:
-            if self._static_broadcaster is None:
-                self._static_broadcaster = StaticBroadcaster(self._sender(is_static=True))
-            return self._static_broadcaster
+        return self._made(StaticBroadcaster, is_static=True)
 
     def close(self, reason: str = "it was closed") -> None:
         """
         End the feed and its broadcasters. Lookups and awaits in the buffer end, too, unless something else
         fills it. The buffer keeps what it holds.
 
-        It may be called several times, and in any thread.
+        It may be called several times, in any thread, and in a signal handler. In a forked child it does
+        nothing.
 
         :param reason: why it ends, for errors.
         """
         if self._process != os.getpid():
             return  # the wire belongs to the parent
-        self._end(reason)
-        with self._making:
-            for broadcaster in (self._broadcaster, self._static_broadcaster):
-                if broadcaster is not None:
-                    broadcaster._sender.close()
+        self._source.end(reason)
         if self._wire is not None:
             self._wire.close()
-
-    def _end(self, reason: str) -> None:
-        """Receive no more. It may be called in a thread of the wire, which cannot close the wire."""
-        self._source.end(reason)
-        with self._changed:
-            self._changed.notify_all()
 
     def _take_of_wire(self, *message: Any, **more: Any) -> None:
         # A library would lose an exception, or end its thread.
@@ -363,8 +357,9 @@ class Feed:
 
     def _silence(self, with_static: bool) -> str:
         """What has not been received, for the errors of lookups."""
-        with self._lock:
-            heard = [(topic, topic.heard().last) for topic in self._topics[: 1 + with_static]]
+        if self._process != os.getpid():
+            return f"{self._name}: {FORKED}"
+        heard = [(topic, topic.heard().last) for topic in self._topics[: 1 + with_static]]
         missing = [topic for topic, last in heard if last is None]
         parts = [f"on {topic.name}" for topic in missing]
         # Static transforms are sent once.
@@ -382,10 +377,16 @@ class Feed:
         found = "; ".join(filter(None, dict.fromkeys(reasons)))
         return f": {found}" if found else ""
 
-    def _sender(self, is_static: bool) -> Sender:
+    def _made(self, kind: type[B], is_static: bool) -> B:
+        """The broadcaster of this kind."""
+        self._require_open()
         if self._wire is None:
             raise ConnectionError(f"{self._name} cannot send; use a feed from connect()")
-        return _Echo(self, self._wire.sender(self._topics[is_static].name, is_static), is_static)
+        if kind not in self._broadcasters:
+            sender = self._wire.sender(self._topics[is_static].name, is_static)
+            # Another thread may have made one meanwhile.
+            self._broadcasters.setdefault(kind, kind(_Echo(self, sender, is_static), self._require_open))
+        return cast(B, self._broadcasters[kind])
 
     def _require_open(self) -> None:
         self._refuse_fork()
@@ -394,8 +395,7 @@ class Feed:
 
     def _refuse_fork(self) -> None:
         if self._process != os.getpid():
-            text = "this feed belongs to the parent process: create a new one after the fork"
-            raise RuntimeError(text)
+            raise RuntimeError(FORKED)
 
 
 class _Echo:
@@ -406,12 +406,8 @@ class _Echo:
         self._source = MessageSource(OWN, is_static, feed._prefix)
 
     def send(self, data: bytes) -> None:
-        self._feed._require_open()
         self._sender.send(data)
         self._feed._insert(data, self._source, time.time_ns())
-
-    def close(self) -> None:
-        self._sender.close()
 
 
 def _text(name: str, value: object) -> str:

@@ -74,9 +74,6 @@ class Sender(Protocol):
         :raises ConnectionError: it cannot be sent.
         """
 
-    def close(self) -> None:
-        """End the publisher; also a second time."""
-
 
 class Wire(Protocol):
     """A transport. Methods may be called by several threads at once."""

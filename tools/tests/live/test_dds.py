@@ -21,7 +21,7 @@ pytestmark = pytest.mark.ours
 dds = pytest.importorskip("tf2_ros_tools.live.dds", reason="cyclonedds is not installed")
 
 LAPTOP = """
-import logging, time
+import logging, threading, time
 from tf2_ros import TransformStamped
 from tf2_ros_tools.live import connect
 
@@ -222,10 +222,31 @@ def test_a_callback_closes_the_feed_in_its_thread(robot, laptop):
     laptop.until("called")
     with pytest.raises(OrderError, match="dds:// has ended .the goal is reached."):
         laptop.do("robot.wait_until_heard(0)")
-    laptop.do("robot._wire._thread.join()")
+    laptop.until("[one for one in threading.enumerate() if one.name == 'dds://'] == []")
     assert len(laptop.do("called")) == 1
     laptop.do("robot.close()")
     assert laptop.errors() == ""
+
+
+def test_a_callback_that_exits_ends_the_feed(robot, laptop):
+    matched(robot, laptop)
+    laptop.do("import sys; watch = robot.buffer.on_change('map', 'base', lambda _: sys.exit('enough'))")
+    robot.do("send(out, ('map', 'base', 1))")
+    laptop.until("robot.why_ended()")
+    text = "dds:// has ended (receiving failed: SystemExit('enough'))"
+    assert laptop.do("robot.why_ended()") == text
+    with pytest.raises(OrderError, match="receiving failed: SystemExit"):
+        laptop.do("robot.buffer.lookup_transform('map', 'nowhere', 0, timeout=60.0)")
+    laptop.do("robot.close()")
+
+
+def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop):
+    laptop.do("from interrupting import interrupt_at_each_line")
+    for call in ("close", "broadcaster", "static_broadcaster"):
+        handled = (
+            f"lambda feed: feed.{call}(), lambda feed: feed.close('a signal'), lambda: connect('dds://')"
+        )
+        assert laptop.do(f"interrupt_at_each_line({handled})") > 10
 
 
 def test_closing_while_messages_arrive_and_connecting_again(robot, laptop):

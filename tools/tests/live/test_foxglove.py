@@ -1,9 +1,12 @@
 """A robot with foxglove_bridge: a server of foxglove-sdk in one process, and in another one no ROS."""
 
+import base64
+import hashlib
 import json
 import socket
 import struct
 import threading
+from contextlib import contextmanager
 
 import pytest
 from obeying_processes import Obeying, OrderError
@@ -255,6 +258,7 @@ def test_damaged_messages(port, caplog):
         b"\x05" + good[1:],
     ]
     damaged += [json.dumps({"op": "advertise", "channels": [ADVERTISED | {key: []}]}) for key in ADVERTISED]
+    damaged += ["[" * 100_000, advertisement.replace("7", "1e999"), advertisement.replace("7", "7" * 5000)]
     subscribed = []
 
     def handler(connection):
@@ -278,6 +282,97 @@ def test_damaged_messages(port, caplog):
         sum("ignoring a message that is not in Foxglove's protocol" in one.message for one in caplog.records)
         == 1
     )
+
+
+@contextmanager
+def answering(answer):
+    """A server that sends this for the first request, then does what `answer` does; its address."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def run():
+            one, _ = server.accept()
+            with one:
+                request = one.recv(10_000).decode()
+                answer(one, request)
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        yield f"ws://127.0.0.1:{server.getsockname()[1]}"
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        "HTTP/1.1 200 OK\r\nContent-Length: 0\r\n\r\n",
+        "HTTP/1.1 302 Found\r\nLocation: /login\r\nContent-Length: 0\r\n\r\n",
+        "HTTP/1.1 302 Found\r\nLocation: https://127.0.0.1/\r\nContent-Length: 0\r\n\r\n",
+        "HTTP/1.1 302 Found\r\nLocation: http://[\r\nContent-Length: 0\r\n\r\n",
+        "HTTP/1.1 101 Switching Protocols\r\n\r\n",
+        "SSH-2.0-OpenSSH_9.6\r\n",
+        "",
+    ],
+)
+def test_connecting_to_another_server_is_an_error(answer):
+    with answering(lambda one, _: one.sendall(answer.encode())) as where:
+        with pytest.raises(
+            ConnectionError, match=f"^connect: no bridge answers at {where}. Start it on the robot"
+        ):
+            connect(where)
+
+
+@pytest.mark.parametrize("host", ["a..b", "robot.invalid", "a" * 64, "."])
+def test_hosts_without_an_address(host):
+    with pytest.raises(ConnectionError, match=f"^connect: no bridge answers at ws://{host}:8765. Start it"):
+        connect(f"ws://{host}")
+
+
+def test_a_feed_closes_while_the_bridge_pings_and_never_reads():
+    def ping(one, request):
+        [key] = [
+            line.split()[1] for line in request.split("\r\n") if line.lower().startswith("sec-websocket-key")
+        ]
+        digest = hashlib.sha1((key + "258EAFA5-E914-47DA-95CA-C5AB0DC85B11").encode()).digest()
+        head = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        accept = f"Sec-WebSocket-Accept: {base64.b64encode(digest).decode()}\r\n"
+        one.sendall(f"{head}{accept}Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n".encode())
+        one.settimeout(1.0)  # the laptop reads no more, because it cannot write
+        try:
+            while True:
+                one.sendall(100 * (b"\x89\x7d" + bytes(125)))
+        except TimeoutError:
+            pings_for_nothing.set()
+        with pytest.raises(OSError):
+            one.settimeout(None)
+            while True:
+                one.sendall(b"\x89\x00")
+
+    pings_for_nothing = threading.Event()
+    with answering(ping) as where, connect(where) as feed:
+        assert pings_for_nothing.wait(SECONDS)
+        closing = threading.Thread(target=feed.close, daemon=True)
+        closing.start()
+        closing.join(SECONDS)
+        assert not closing.is_alive()
+
+
+def test_a_callback_that_exits_ends_the_feed(bridge, laptop, port):
+    bridge.do("offer('/tf')")
+    bridge.until("channels['/tf'].has_sinks()")
+    laptop.do("import sys; watch = robot.buffer.on_change('map', 'base', lambda _: sys.exit('enough'))")
+    bridge.do(f"send('/tf', '{BASE}')")
+    laptop.until("robot.why_ended()")
+    text = f"ws://127.0.0.1:{port} has ended (receiving failed: SystemExit('enough'))"
+    assert laptop.do("robot.why_ended()") == text
+    with pytest.raises(OrderError, match="receiving failed: SystemExit"):
+        laptop.do(f"robot.buffer.lookup_transform('map', 'nowhere', 0, timeout={SECONDS})")
+
+
+def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop, port):
+    laptop.do("from interrupting import interrupt_at_each_line")
+    close = "lambda feed: feed.close()"
+    lines = laptop.do(f"interrupt_at_each_line({close}, {close}, lambda: connect('ws://127.0.0.1:{port}'))")
+    assert lines > 10
 
 
 @pytest.mark.parametrize("closer", ["a thread", "a callback"])

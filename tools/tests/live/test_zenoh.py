@@ -532,6 +532,25 @@ def close():
     assert laptop.until("[one for one in threading.enumerate() if 'zenoh' in one.name] == []")
 
 
+def test_a_callback_that_exits_ends_the_feed(stand_in, laptop, port):
+    matched(stand_in, laptop)
+    laptop.do("import sys; watch = robot.buffer.on_change('map', 'base', lambda _: sys.exit('enough'))")
+    stand_in.do("send(out, ('map', 'base', 1))")
+    laptop.until("robot.why_ended()")
+    text = f"zenoh://127.0.0.1:{port} has ended (receiving failed: SystemExit('enough'))"
+    assert laptop.do("robot.why_ended()") == text
+    with pytest.raises(OrderError, match="receiving failed: SystemExit"):
+        laptop.do("robot.buffer.lookup_transform('map', 'nowhere', 0, timeout=60.0)")
+    laptop.do("robot.close()")
+
+
+def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop, port):
+    laptop.do("from interrupting import interrupt_at_each_line")
+    for call in ("close", "broadcaster", "static_broadcaster"):
+        handled = f"lambda feed: feed.{call}(), lambda feed: feed.close('a signal'), lambda: connect('zenoh://127.0.0.1:{port}')"
+        assert laptop.do(f"interrupt_at_each_line({handled})") > 10
+
+
 def test_broadcasters_end_with_their_feed(laptop, port):
     laptop.do("moving, fixed = robot.broadcaster(), robot.static_broadcaster()")
     laptop.do("robot.close()")

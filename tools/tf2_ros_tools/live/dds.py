@@ -4,10 +4,10 @@ import logging
 import os
 import socket
 import struct
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -32,7 +32,17 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from tf2_py.printable import printable
-from tf2_ros_tools.live.wire import DISCOVERY_S, TYPE, Address, End, Publisher, Sender, Take, refuse_options
+from tf2_ros_tools.live.wire import (
+    DISCOVERY_S,
+    TYPE,
+    Address,
+    End,
+    Publisher,
+    Sender,
+    Take,
+    WireThread,
+    refuse_options,
+)
 from tf2_ros_tools.output import first_names
 
 log = logging.getLogger("tf2_ros_tools.live")
@@ -102,7 +112,7 @@ class DdsWire:
         refuse_options(address, "peers")
         self._address = address
         self._domain: Domain | None = None  # all else in it ends with it
-        self._thread: threading.Thread | None = None
+        self._thread: WireThread | None = None
         self._is_closing = False
         self._participants: set[int] = set()  # handles, without ours
         self._publishers: dict[int, DcpsEndpoint] = {}  # by handle, without ours
@@ -136,19 +146,16 @@ class DdsWire:
             is_set = "; CYCLONEDDS_URI is set" if "CYCLONEDDS_URI" in os.environ else ""
             text = f"Cyclone DDS cannot start (see its output above{is_set}): {error}"
             raise ConnectionError(f"{self._address.where}: {text}") from None
-        self._thread = threading.Thread(
-            target=self._run, args=(take, end), name=self._address.where, daemon=True
-        )
-        self._thread.start()
+        self._thread = WireThread(self._address.where, partial(self._run, take, end), end)
 
     def close(self) -> None:
         self._is_closing = True
         if self._thread is None:
             self._domain = None
-        elif self._thread is not threading.current_thread():
-            with suppress(DDSException):  # the thread has ended already, and all entities with it
-                self._closed.set(True)
-            self._thread.join()
+            return
+        with suppress(DDSException):  # the thread has ended already, and all entities with it
+            self._closed.set(True)
+        WireThread.wait_for([self._thread])
 
     def publishers(self) -> list[Publisher]:
         return [
@@ -193,9 +200,6 @@ class DdsWire:
                 if not self._take(False, take, end) or turn % TURNS == 0:
                     self._look_around(end)
                     self._take(True, take, end)
-        except Exception as error:
-            log.exception(f"{self._address.where}: receiving failed")
-            end(f"receiving failed: {error}")
         finally:
             self._domain = None
 
@@ -252,19 +256,12 @@ class DdsWire:
 class _DdsSender:
     def __init__(self, participant: DomainParticipant, topic: str, qos: Qos, where: str) -> None:
         self._where = where
-        self._writer: DataWriter[Any] | None = None
         with self._errors():
             self._writer = DataWriter(participant, Topic(participant, _dds_name(topic), TFMessage), qos)
 
     def send(self, data: bytes) -> None:
-        writer = self._writer
-        if writer is None:
-            raise ConnectionError(f"{self._where}: this broadcaster has ended")
         with self._errors():
-            writer.write(TFMessage(data))
-
-    def close(self) -> None:
-        self._writer = None
+            self._writer.write(TFMessage(data))
 
     @contextmanager
     def _errors(self) -> Iterator[None]:

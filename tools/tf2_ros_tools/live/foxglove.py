@@ -5,14 +5,16 @@ import logging
 import queue
 import socket
 import struct
-import threading
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
+from typing import NamedTuple
 
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from tf2_ros_tools.live.wire import Address, End, Publisher, Sender, Take, refuse_options
+from tf2_ros_tools.live.wire import Address, End, Publisher, Sender, Take, WireThread, refuse_options
 
 log = logging.getLogger("tf2_ros_tools.live")
 
@@ -51,31 +53,32 @@ class FoxgloveWire:
         self._address = address
         host = f"[{address.host}]" if ":" in address.host else address.host
         self._url = f"ws://{host}:{address.port or PORT}"
-        self._closing = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._is_closed = False
+        self._waking: queue.SimpleQueue[None] = queue.SimpleQueue()  # ends a wait for the next attempt
+        self._thread: WireThread | None = None
+        self._socket: socket.socket | None = None
         self._connection: ClientConnection | None = None  # None also while there is none
         self._channels: dict[int, _Channel] = {}  # by their numbers
         self._has_warned = False
 
     def open(self, take: Take, end: End) -> None:
-        first: queue.SimpleQueue[Exception | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(
-            target=self._run, args=(take, end, first), name=self._address.where, daemon=True
-        )
-        self._thread.start()
-        if (error := first.get()) is not None:
+        try:
+            connected = self._connect()
+        except Exception as error:  # anything may answer there
             raise ConnectionError(
                 f"connect: no bridge answers at {self._url}. Start it on the robot with ros2 launch "
                 f"foxglove_bridge foxglove_bridge_launch.xml, or check the address: {error}"
             ) from None
+        receive = partial(self._run, connected, take, end)
+        self._thread = WireThread(self._address.where, receive, end)
 
     def close(self) -> None:
-        self._closing.set()
-        connection = self._connection
-        if connection is not None:
-            connection.close()
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join()
+        self._is_closed = True
+        self._waking.put(None)
+        # Not `close` of the connection, which waits for a bridge that does not read.
+        _shut_down(self._socket)
+        if self._thread is not None:
+            WireThread.wait_for([self._thread])
 
     def publishers(self) -> list[Publisher]:
         return [
@@ -101,80 +104,98 @@ class FoxgloveWire:
         text = "this feed only receives from foxglove_bridge; to send, connect over zenoh:// or dds://"
         raise ConnectionError(f"{self._address.where}: {text}")
 
-    def _run(self, take: Take, end: End, first: "queue.SimpleQueue[Exception | None]") -> None:
-        has_connected = False
-        while not self._closing.is_set():
+    def _run(self, connected: ExitStack | None, take: Take, end: End) -> None:
+        while not self._is_closed:
             try:
-                with self._connect() as connection:
-                    if connection.subprotocol is None:
-                        raise WebSocketException("it does not speak Foxglove's protocol")
-                    self._connection = connection
-                    if self._closing.is_set():
-                        return
-                    if not has_connected:
-                        first.put(None)
-                        has_connected = True
-                    for message in connection:
-                        if self._closing.is_set():
+                with connected or self._connect():
+                    assert self._connection is not None
+                    for message in self._connection:
+                        if self._is_closed:
                             return
-                        self._handle(connection, message, take, end)
-            except (OSError, WebSocketException) as error:
-                if not has_connected:
-                    first.put(error)
-                    return
+                        if isinstance(message, str):
+                            self._note(self._connection, message, end)
+                        elif message[:1] == IS_DATA:
+                            self._take(message, take)
+            except Exception as error:  # another program may answer by now
                 log.info(f"{self._address.where}: {error}")
             finally:
-                self._connection = None
+                connected = self._connection = None
                 self._channels.clear()
-            self._closing.wait(RETRY_S)
+            with suppress(queue.Empty):
+                self._waking.get(timeout=RETRY_S)
 
-    def _connect(self) -> ClientConnection:
-        # Its own socket, because a robot is not behind the proxy of the environment.
-        own = socket.create_connection((self._address.host, self._address.port or PORT), OPEN_S)
-        own.settimeout(None)
-        return connect(
-            self._url,
-            sock=own,
-            subprotocols=PROTOCOLS,
-            compression=None,
-            max_size=None,
-            open_timeout=OPEN_S,
-            close_timeout=CLOSE_S,
-        )
+    def _channels_of(self, topic: str) -> list[_Channel]:
+        return [one for one in list(self._channels.values()) if one.topic == topic]
 
-    def _handle(self, connection: ClientConnection, message: str | bytes, take: Take, end: End) -> None:
+    def _connect(self) -> ExitStack:
+        """Connect, until the result is closed."""
+        with ExitStack() as stack:
+            # Its own socket, because a robot is not behind the proxy of the environment.
+            address = self._address.host, self._address.port or PORT
+            own = stack.enter_context(socket.create_connection(address, OPEN_S))
+            stack.callback(_shut_down, own)
+            own.settimeout(None)
+            self._socket = own
+            if self._is_closed:  # before it could shut the socket down
+                raise ConnectionError("the feed was closed")
+            self._connection = stack.enter_context(
+                connect(
+                    self._url,
+                    sock=own,
+                    subprotocols=PROTOCOLS,
+                    compression=None,
+                    max_size=None,
+                    open_timeout=OPEN_S,
+                    close_timeout=CLOSE_S,
+                )
+            )
+            # Is done first, because websockets would wait for a bridge that does not read.
+            stack.callback(_shut_down, own)
+            if self._connection.subprotocol is None:
+                raise WebSocketException("it does not speak Foxglove's protocol")
+            return stack.pop_all()
+
+    def _take(self, message: bytes, take: Take) -> None:
+        with self._ignoring():
+            _, number, received_ns = DATA.unpack_from(message)
+            is_static = self._channels[number].topic == self._address.topics[1]
+            take(memoryview(message)[DATA.size :], is_static, "", received_ns)
+
+    def _note(self, connection: ClientConnection, message: str, end: End) -> None:
+        """Note which channels there are, and subscribe to those of the two topics."""
+        wanted = []
+        with self._ignoring():
+            news = json.loads(message)
+            if news["op"] == "unadvertise":
+                for number in news["channelIds"]:
+                    self._channels.pop(number, None)
+            for one in news["channels"] if news["op"] == "advertise" else []:
+                topic = one["topic"]
+                if topic == CLOCK:
+                    end("/clock is published, and simulated time is not supported")
+                if topic in self._address.topics:
+                    number, channel = int(one["id"]), _Channel(topic, one["encoding"], one["schemaName"])
+                    self._channels[number] = channel
+                    if channel.is_read:
+                        wanted.append({"id": number, "channelId": number})
+        if wanted:
+            connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+
+    @contextmanager
+    def _ignoring(self) -> Iterator[None]:
+        """Ignore a message that is not in the protocol, or what follows the first mistake in it."""
         try:
-            if isinstance(message, str):
-                self._note(connection, json.loads(message), end)
-            elif message[:1] == IS_DATA:
-                _, number, received_ns = DATA.unpack_from(message)
-                is_static = self._channels[number].topic == self._address.topics[1]
-                take(memoryview(message)[DATA.size :], is_static, "", received_ns)
-        except (ValueError, LookupError, TypeError, struct.error) as error:
+            yield
+        except Exception as error:
             if not self._has_warned:
                 self._has_warned = True
                 log.warning(
                     f"{self._address.where}: ignoring a message that is not in Foxglove's protocol: {error!r}"
                 )
 
-    def _note(self, connection: ClientConnection, news: Any, end: End) -> None:
-        """Note which channels there are, and subscribe to those of the two topics."""
-        if news["op"] == "unadvertise":
-            for number in news["channelIds"]:
-                self._channels.pop(number, None)
-        if news["op"] != "advertise":
-            return
-        wanted = []
-        for one in news["channels"]:
-            number, topic = int(one["id"]), one["topic"]
-            if topic == CLOCK:
-                end("/clock is published, and simulated time is not supported")
-            if topic in self._address.topics:
-                self._channels[number] = _Channel(topic, one["encoding"], one["schemaName"])
-                if self._channels[number].is_read:
-                    wanted.append({"id": number, "channelId": number})
-        if wanted:
-            connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
-    def _channels_of(self, topic: str) -> list[_Channel]:
-        return [one for one in list(self._channels.values()) if one.topic == topic]
+def _shut_down(one: socket.socket | None) -> None:
+    """End a connection at once, also for a thread that sends or receives, and for forked processes."""
+    if one is not None:
+        with suppress(OSError):  # it has ended
+            one.shutdown(socket.SHUT_RDWR)

@@ -1,13 +1,19 @@
 """What a feed and its wire, a transport such as DDS or Zenoh, promise each other."""
 
+import logging
 import os
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 from urllib.parse import parse_qsl, urlsplit
+
+log = logging.getLogger("tf2_ros_tools.live")
 
 EXAMPLES = "zenoh://robot:7447, dds://, dds://?peers=192.168.0.7 or ws://robot:8765"
 DISCOVERY_S = 5.0  # in which robots, and their publishers, are usually found, and begin to be received
 TYPE = "tf2_msgs::msg::dds_::TFMessage_"  # as ROS 2 calls tf2_msgs/TFMessage on DDS and on Zenoh
+CLOSE_S = 5.0  # the longest wait of a feed that closes for a thread of its wire
 
 
 class Address(NamedTuple):
@@ -76,7 +82,11 @@ class Sender(Protocol):
 
 
 class Wire(Protocol):
-    """A transport. Methods may be called by several threads at once."""
+    """
+    A transport. Methods may be called by several threads at once, and in a signal handler that interrupts
+    any of them. So a lock of a wire is an ``RLock``, which a handler can take once more, and nothing waits
+    for a thread without a bound, because the code that a handler interrupts may hold what the thread needs.
+    """
 
     counts_losses: bool  # whether it tells `take` what was lost
 
@@ -89,9 +99,10 @@ class Wire(Protocol):
 
     def close(self) -> None:
         """
-        End. Afterwards ``take`` is not called again, but for a call of it that closes the wire itself.
+        End, and with it all senders. Afterwards ``take`` is not called again, but for a call of it that
+        closes the wire itself, or that lasts longer than ``CLOSE_S``.
 
-        It may be called several times, in any thread, also in those of the wire.
+        It may be called several times, in any thread, also in those of the wire. It raises no exception.
         """
 
     def publishers(self) -> list[Publisher]:
@@ -109,6 +120,43 @@ class Wire(Protocol):
         :raises ConnectionError: this wire only listens.
         """
         ...
+
+
+class WireThread:
+    """
+    A thread of a wire. Whatever ends it ends the feed, which would otherwise seem to receive.
+
+    :param where: its name.
+    :param receive: what it does.
+    :param end: ends the feed.
+    """
+
+    def __init__(self, where: str, receive: Callable[[], None], end: End) -> None:
+        self._where, self._receive, self._end = where, receive, end
+        self._has_ended = False
+        self._thread = threading.Thread(target=self._run, name=where, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        reason = "its thread has ended"
+        try:
+            self._receive()
+        except BaseException as error:  # also SystemExit, which a callback of the program may raise
+            log.exception(f"{self._where}: receiving failed")
+            reason = f"receiving failed: {error!r}"
+        finally:
+            self._end(reason)
+            self._has_ended = True
+
+    @staticmethod
+    def wait_for(threads: "Sequence[WireThread]") -> None:
+        """Wait until all of these have ended, but no longer than ``CLOSE_S``, and in none of them."""
+        if threading.current_thread() in [one._thread for one in threads]:
+            return
+        # Not with `join`, which takes a lock that a signal handler could meet.
+        deadline_s = time.monotonic() + CLOSE_S
+        while not all(one._has_ended for one in threads) and time.monotonic() < deadline_s:
+            time.sleep(0.001)
 
 
 def parse(where: str, domain: int | None, topics: tuple[str, str]) -> Address:

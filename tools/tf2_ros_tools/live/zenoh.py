@@ -19,7 +19,7 @@ from xxhash import xxh3_128_digest
 from zenoh import ext
 from zenoh.handlers import FifoChannel
 
-from tf2_ros_tools.live.wire import TYPE, Address, End, Publisher, Sender, Take, refuse_options
+from tf2_ros_tools.live.wire import TYPE, Address, End, Publisher, Sender, Take, WireThread, refuse_options
 from tf2_ros_tools.output import first_names
 
 log = logging.getLogger("tf2_ros_tools.live")
@@ -69,18 +69,17 @@ class ZenohWire:
         self._endpoint = f"tcp/{host}:{address.port or PORT}"
         self._process = os.getpid()
         self._is_closed = False
-        self._closing = threading.Lock()
         self._session: zenoh.Session | None = None
+        self._closers: list[Callable[[], None]] = []  # what is left to do at the end, the last one first
         self._numbers = count()  # of the entities of this session
         self._announced: list[_Announcement] = []
-        self._subscribers: list[Any] = []
-        self._threads: list[threading.Thread] = []
+        self._threads: list[WireThread] = []
         self._publishers: dict[str, _Publisher] = {}  # of all domains, without ours, by their tokens
         self._nodes: dict[bytes, str] = {}  # their names, by the gids of publishers
-        self._last: dict[bytes, tuple[int, int]] = {}  # sequence number, and when it was sent in ns, by gid
 
     def open(self, take: Take, end: End) -> None:
         self._session = session = self._connected()
+        self._closers.append(session.close)
         self._own = str(session.info.zid())
         # When the interpreter ends, its threads must not be in Zenoh.
         atexit.register(self.close)
@@ -106,22 +105,21 @@ class ZenohWire:
                     history=ext.HistoryConfig(detect_late_publishers=True),
                     recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
                 )
-                self._start(subscriber, partial(self._hear, take=take, is_static=is_static), end)
+                hear = partial(self._hear, take=take, is_static=is_static, last={})
+                self._start(subscriber, hear, end)
 
     def close(self) -> None:
         if self._process != os.getpid():
             return  # a forked child that exits
         self._is_closed = True
         atexit.unregister(self.close)
-        with self._closing:
-            # In 1.5 to 1.7, the end of the session does not end what waits for a subscriber.
-            while self._subscribers:
-                self._subscribers.pop().undeclare()
-            if self._session is not None:
-                self._session.close()  # type: ignore[no-untyped-call]
-        if threading.current_thread() not in self._threads:
-            for thread in self._threads:
-                thread.join()
+        # Each is done once, whoever else closes this meanwhile. In 1.5 to 1.7, the end of the session does
+        # not end what waits for a subscriber.
+        with suppress(IndexError):
+            while True:
+                with suppress(zenoh.ZError):  # the router does not read
+                    self._closers.pop()()
+        WireThread.wait_for(self._threads)
 
     def publishers(self) -> list[Publisher]:
         return [
@@ -220,20 +218,14 @@ class ZenohWire:
         """Handle what arrives in a new thread, until the subscriber is undeclared."""
 
         def run() -> None:
-            try:
-                for sample in subscriber:
-                    if self._is_closed:
-                        return
-                    handle(sample)
-            except Exception as error:
-                log.exception(f"{self._address.where}: receiving failed")
-                end(f"receiving failed: {error}")
+            for sample in subscriber:
+                if self._is_closed:
+                    return
+                handle(sample)
 
+        self._closers.append(subscriber.undeclare)
         # Zenoh's own threads for callbacks would keep a program alive that has not closed its feed.
-        thread = threading.Thread(target=run, name=self._address.where, daemon=True)
-        self._subscribers.append(subscriber)
-        self._threads.append(thread)
-        thread.start()
+        self._threads.append(WireThread(self._address.where, run, end))
 
     def _others(self) -> list[_Publisher]:
         """The publishers in this domain, without ours."""
@@ -251,7 +243,14 @@ class ZenohWire:
             if (publisher.domain, publisher.topic) == (str(self._address.domain), CLOCK):
                 end("/clock is published, and simulated time is not supported")
 
-    def _hear(self, sample: zenoh.Sample, is_static: bool, take: Take) -> None:
+    def _hear(
+        self, sample: zenoh.Sample, is_static: bool, take: Take, last: dict[bytes, tuple[int, int]]
+    ) -> None:
+        """
+        Hand over a message.
+
+        :param last: the sequence number of the last message, and when it was sent in ns, by gid.
+        """
         if str(sample.key_expr).rpartition("/")[2] not in (TYPE_HASH, NO_HASH):
             return  # another definition of TFMessage
         data = sample.payload.to_bytes()
@@ -260,11 +259,11 @@ class ZenohWire:
             take(data, is_static)  # not from rmw_zenoh
             return
         sequence, sent_ns, _, gid = ATTACHMENT.unpack(attached)
-        last, last_sent_ns = self._last.get(gid, (sequence - 1, sent_ns - 1))
-        lost = sequence - last - 1
+        last_sequence, last_sent_ns = last.get(gid, (sequence - 1, sent_ns - 1))
+        lost = sequence - last_sequence - 1
         if lost < 0 and sent_ns <= last_sent_ns:
             return  # once more, for example after the router was started again
-        self._last[gid] = sequence, sent_ns
+        last[gid] = sequence, sent_ns
         node = self._nodes.get(gid) or gid.hex()
         take(data, is_static, node, max(sent_ns, 0), lost if 0 < lost < MOST_LOST else 0)
 
@@ -277,7 +276,7 @@ class _Announcement(NamedTuple):
 class _ZenohSender:
     def __init__(self, publisher: Any, announcement: _Announcement, where: str) -> None:
         self._publisher, self._announcement, self._where = publisher, announcement, where
-        self._lock = threading.Lock()  # messages leave in the order of their sequence numbers
+        self._lock = threading.RLock()  # messages leave in the order of their sequence numbers
         self._sequence = 0
 
     def send(self, data: bytes) -> None:
@@ -286,11 +285,6 @@ class _ZenohSender:
             gid = self._announcement.gid
             attached = ATTACHMENT.pack(self._sequence, time.time_ns(), GID_BYTES, gid)
             self._publisher.put(data, attachment=attached)
-
-    def close(self) -> None:
-        with self._lock, suppress(zenoh.ZError):  # it has ended before
-            self._announcement.token.undeclare()  # type: ignore[no-untyped-call]
-            self._publisher.undeclare()
 
 
 @contextmanager

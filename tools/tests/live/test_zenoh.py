@@ -586,6 +586,37 @@ def test_a_program_ends_that_does_not_close_its_feed(stand_in, port, forks):
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 
+FORKS_AND_CONNECTS = """
+import os, sys
+sys.modules["rclpy"] = None
+from tf2_ros_tools.live import connect
+where = "zenoh://127.0.0.1:{port}"
+if os.fork() == 0:
+    connect(where).close()  # before the parent
+    os._exit(0)
+assert os.wait()[1] == 0
+try:
+    connect("zenoh://127.0.0.1:1")
+except ConnectionError:
+    pass  # nothing answers there
+with connect(where):
+    if os.fork() == 0:
+        try:
+            connect(where)
+        except ConnectionError as error:
+            assert str(error).startswith(where + ": Zenoh has been used by the parent process"), error
+            os._exit(0)
+        os._exit(1)
+    assert os.wait()[1] == 0
+connect(where).close()
+"""
+
+
+def test_a_forked_child_is_refused_a_feed_if_its_parent_has_used_zenoh(router, port):
+    ended = run(sys.executable, "-c", FORKS_AND_CONNECTS.format(port=port))
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+
+
 # The wire, as captured from rmw_zenoh_cpp 0.2.10 of Jazzy.
 
 TOKEN = (

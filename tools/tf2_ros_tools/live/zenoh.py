@@ -42,6 +42,9 @@ TRANSIENT_LOCAL = "1"
 QOS, LATCHED_QOS = f"::,{DEPTH}:,:,:,,", ":1:,1:,:,:,,"
 CLOCK = "/clock"
 
+# The process that has opened a session. Zenoh's threads stay in it, and a forked child has none of them.
+_used_in: int | None = None
+
 
 class _Publisher(NamedTuple):
     """What the token of a publisher says."""
@@ -182,7 +185,14 @@ class ZenohWire:
         return _ZenohSender(publisher, announcement, self._address.where)
 
     def _connected(self) -> zenoh.Session:
+        global _used_in
         address = self._address
+        if _used_in not in (None, os.getpid()):
+            raise ConnectionError(
+                f"{address.where}: Zenoh has been used by the parent process, so it cannot be used in a "
+                "forked child, which has none of its threads. Start the child with the method 'spawn' of "
+                "multiprocessing, or before the parent connects"
+            )
         try:
             socket.getaddrinfo(address.host, None)
         except (OSError, UnicodeError) as error:
@@ -192,6 +202,7 @@ class ZenohWire:
         config.insert_json5("connect/endpoints", json.dumps([self._endpoint]))
         config.insert_json5("scouting/multicast/enabled", "false")
         config.insert_json5("transport/unicast/open_timeout", f"{OPEN_S * 1000:.0f}")
+        _used_in = os.getpid()
         try:
             return zenoh.open(config)
         except zenoh.ZError:

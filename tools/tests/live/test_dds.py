@@ -195,6 +195,16 @@ def test_what_a_laptop_sends_arrives_also_at_a_late_listener(new_robot, laptop):
     assert laptop.do("robot.publishers()") == []
 
 
+def test_names_of_nodes_of_a_robot_that_has_ended_are_forgotten(new_robot, laptop):
+    first, second = new_robot(), new_robot()
+    for one, name in ((first, "a"), (second, "b")):
+        one.do(f"latched('{name}', ('base', '{name}', 1))")
+    laptop.until("sorted(one.node for one in robot.publishers()) == ['/a', '/b']")
+    first.end()
+    laptop.until("[one.node for one in robot.publishers()] == ['/b']")
+    laptop.until("not any('/a' in nodes.values() for nodes in robot._wire._nodes.values())")
+
+
 def test_malformed_messages_are_counted_and_others_arrive(robot, laptop):
     matched(robot, laptop)
     good = serialize_arrays([("map", "base")], [5], [[1, 0, 0, 0, 0, 0, 1]])

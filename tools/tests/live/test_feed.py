@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -255,6 +256,22 @@ def test_a_wait_needs_a_number_of_seconds(seconds, error):
         for none in (0, -1.0, float("-inf"), np.float32(0)):
             with pytest.raises(TimeoutError):
                 feed.wait_until_heard(none)
+
+
+def test_a_feed_keeps_nothing_for_each_publisher():
+    def take(publishers):
+        for n in publishers:
+            feed.take(data, n % 2 == 0, f"/node{n}", sent_ns=S + n)
+
+    feed, data = Feed(), message()
+    take(range(100))
+    tracemalloc.start()
+    try:
+        take(range(100, 10_100))
+        kept_bytes, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert kept_bytes < 100_000
 
 
 def test_waiting_until_heard():

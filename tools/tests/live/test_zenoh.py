@@ -446,6 +446,23 @@ def test_a_damaged_sequence_number_is_neither_a_loss_nor_an_end(stand_in, laptop
     assert laptop.do("heard(robot)[0]") == [6, 0, 0]
 
 
+def test_what_is_kept_of_publishers_that_have_ended_is_bounded(stand_in, laptop):
+    laptop.do("import tf2_ros_tools.live.zenoh; tf2_ros_tools.live.zenoh.KEPT = 3")
+    matched(stand_in, laptop)
+    stand_in.do("data = robot_with_zenoh.serialize_message(TFMessage())")
+    for n in range(10):
+        stand_in.do(f"one = publisher('n{n}'); one.put(data, 1, {n + 1})")
+        laptop.until(f"robot.topics['/tf'].count == {n + 1} and len(robot.publishers()) == 2")
+        stand_in.do("one._tokens.clear(); robot_with_zenoh._kept.remove(one); del one")
+        laptop.until("len(robot.publishers()) == 1")
+    assert laptop.do("len(robot._wire._nodes)") <= 5
+    # The publisher that is left is still known by its name, and its losses are counted.
+    stand_in.do("out.put(data, 1, 100); out.put(data, 3, 101)")
+    laptop.until("robot.topics['/tf'].count == 12")
+    assert laptop.do("robot.topics['/tf'].lost") == 1
+    assert laptop.do("[one.node for one in robot.publishers()]") == ["/out"]
+
+
 def test_a_robot_of_humble_has_no_hashes(stand_in, laptop):
     stand_in.do("listen('TypeHashNotSupported')")
     stand_in.do("latched('fixed', ('base', 'camera', 1), type_hash='TypeHashNotSupported')")

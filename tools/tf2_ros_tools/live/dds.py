@@ -61,6 +61,7 @@ CLOCK = "rt/clock"
 NODES = "ros_discovery_info"
 RANGES = "", "SUBNET", "LOCALHOST", "SYSTEM_DEFAULT", "OFF"  # of ROS_AUTOMATIC_DISCOVERY_RANGE
 GUID_BYTES = 16
+PREFIX_BYTES = 12  # of a GUID: which participant it is of
 GID_BYTES = 16, 24
 CDR_HEADER = ALIGNMENT = 4  # bytes
 EPROSIMA = "1.15"  # Fast DDS 3, of Kilted, describes types in a way that Cyclone DDS refuses, silently
@@ -116,7 +117,8 @@ class DdsWire:
         self._is_closing = False
         self._participants: set[int] = set()  # handles, without ours
         self._publishers: dict[int, DcpsEndpoint] = {}  # by handle, without ours
-        self._nodes: dict[bytes, str] = {}  # their names, by the GUIDs of their publishers
+        # The names of nodes by the GUIDs of their publishers, by the participants that have them.
+        self._nodes: dict[bytes, dict[bytes, str]] = {}
 
     def open(self, take: Take, end: End) -> None:
         self._opened_s = time.monotonic()
@@ -225,13 +227,15 @@ class DdsWire:
         self._note_publishers(end)
         for sample in self._named.take(TAKEN):
             if sample.sample_info.valid_data:
-                self._nodes.update(nodes_of_publishers(sample.data))
+                participant = sample.data[CDR_HEADER:][:PREFIX_BYTES]
+                self._nodes[participant] = nodes_of_publishers(sample.data)
 
     def _note_participants(self) -> None:
         for found in self._found.take(TAKEN):
             handle = found.sample_info.instance_handle
             if found.sample_info.instance_state != InstanceState.Alive:
                 self._participants.discard(handle)
+                self._nodes.pop(found.key.bytes[:PREFIX_BYTES], None)
             elif found.key != self._participant.guid:
                 self._participants.add(handle)
 
@@ -250,7 +254,8 @@ class DdsWire:
         return [one for one in list(self._publishers.values()) if one.topic_name == _dds_name(topic)]
 
     def _node_of(self, publisher: DcpsEndpoint) -> str:
-        return self._nodes.get(publisher.key.bytes, "")
+        guid = publisher.key.bytes
+        return self._nodes.get(guid[:PREFIX_BYTES], {}).get(guid, "")
 
 
 class _DdsSender:

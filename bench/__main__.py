@@ -52,7 +52,10 @@ SECTIONS = {
     "waiters": Section("inserts_waiters_memory.waiters", (OURS,)),
     "memory": Section("inserts_waiters_memory.memory", EVERY, rounds=1),
     "receiving:cpu": Section(
-        "receiving.cpu", ROS2, ["listener 1"], ["floor 1", "listener 3", "floor 3", "overridden 1"]
+        "receiving.cpu",
+        ROS2,
+        ["listener 1", "spin_once 1", "executor.spin_once 1", "spin_once+lookup 1"],
+        ["floor 1", "listener 3", "floor 3", "overridden 1"],
     ),
     "receiving:lookups": Section("receiving.lookups", (OURS,), ["no wait", "a pending wait"]),
     "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"], ["polls"]),

@@ -17,7 +17,7 @@ TITLES = {
     "clouds": "Clouds of 100,000 points, µs",
     "waiters": "Inserts beside waiters, µs; messages that wait in a filter, µs and bytes per message",
     "memory": "Memory, bytes per sample",
-    "receiving:cpu": "CPU of a process per message it receives while nothing is looked up, µs",
+    "receiving:cpu": "CPU of a process per message it receives, µs",
     "receiving:lookups": "Lookups 100 times a second while messages arrive, µs",
     "receiving:waits": "How soon a waiting lookup returns, µs",
     "receiving:losses": "Messages lost, and sent per second",

@@ -180,8 +180,7 @@ def is_below_own_loop() -> bool:
 
     Otherwise user code called the executor, and continues when ``spin_once()`` returns. Called by a waitable
     in Cython, which has no frame. Assumes that all frames between an executor's loop and the waitable are in
-    these files. Otherwise the result is False, and the executor wakes whenever something arrives, as for a
-    subscription.
+    these files. Otherwise the result is False, and the executor wakes more often.
     """
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_code.co_filename in _LOOP_FILES:

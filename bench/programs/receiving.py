@@ -15,7 +15,7 @@ from load_publisher import DEPTH, Publisher, online_tree, stamp_ns
 from measured_library import AUTHORITY, time_paced
 from rclpy.callback_groups import CallbackGroup
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from tf2_python import S, fill
@@ -62,7 +62,8 @@ class Listening:
     A node with `count` listeners, each with a buffer, and a thread that spins it.
 
     :param kind: `listener`; `overridden`: ThroughPython; `floor`: the same subscriptions, from which nobody
-        ever takes a message.
+        ever takes a message. `spin_once`, `executor.spin_once`: as `listener`, but the thread calls this in
+        a loop, without and with a timeout; `spin_once+lookup`: it also looks a frame up in each turn.
     """
 
     def __init__(self, kind="listener", count=1, depth=DEPTH):
@@ -74,7 +75,7 @@ class Listening:
         self._listeners = [make(buffer, self.node, **options) for buffer in self.buffers]
         if kind == "floor":
             self._subscribe(count)
-        self._thread = threading.Thread(target=self._spin)
+        self._thread = threading.Thread(target=self._run, args=(kind,))
         self._thread.start()
 
     def _subscribe(self, count):
@@ -82,9 +83,24 @@ class Listening:
         for topic, qos in (("/tf", QoSProfile(depth=DEPTH)), ("/tf_static", lasting)) * count:
             self.node.create_subscription(TFMessage, topic, print, qos, callback_group=NeverGroup())
 
-    def _spin(self):
+    def _run(self, kind):
         with contextlib.suppress(ExternalShutdownException):
-            rclpy.spin(self.node)
+            if "spin_once" in kind:
+                self._spin_in_loop(kind)
+            else:
+                rclpy.spin(self.node)
+
+    def _spin_in_loop(self, kind):
+        executor = SingleThreadedExecutor() if kind == "executor.spin_once" else None
+        if executor is not None:
+            executor.add_node(self.node)
+        while rclpy.ok():
+            if executor is not None:
+                executor.spin_once(timeout_sec=0.1)
+            else:
+                rclpy.spin_once(self.node)
+            if kind == "spin_once+lookup":
+                self.buffer.can_transform("map", "f0", Time())
 
     def __enter__(self):
         return self
@@ -110,7 +126,7 @@ class Listening:
 
 
 def cpu(rows, sizes, _, variant):
-    """CPU of a process per message that it receives under rclpy.spin, while nobody looks."""
+    """CPU of a process per message that it receives while nobody else looks."""
     kind, count = variant.split()
     with Listening(kind, int(count)) as listening, Publisher("messages", int(count)) as publisher:
         # The largest messages first: every frame has a full history then.

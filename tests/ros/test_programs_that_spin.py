@@ -88,6 +88,24 @@ class TestSpinOnce:
             # One for each round, of which there are ten in a second.
             assert before and len(checks) - before - 10 * (time.monotonic() - began) < 30
 
+    @pytest.mark.ours
+    @pytest.mark.parametrize("reads", [True, False])
+    def test_it_does_not_return_for_each_message(self, buffer, listener, executor, peer, reads):
+        """At most 100 times a second; ten times, once the loop has not read the buffer for a while."""
+        returns = 0
+        with sending(peer()):
+            executor.spin_once(timeout_sec=LONG_S)
+            for _ in range(0 if reads else 60):
+                executor.spin_once(timeout_sec=LONG_S)
+            before, began = buffer.statistics()["taken"], time.monotonic()
+            while returns < (100 if reads else 10):
+                executor.spin_once(timeout_sec=LONG_S)
+                returns += 1
+                if reads:
+                    buffer.can_transform("map", "robot", LATEST)
+        seconds, messages = time.monotonic() - began, buffer.statistics()["taken"] - before
+        assert returns - (100 if reads else 10) * seconds < 10 and messages > 2 * returns
+
     def test_a_node_that_moves_to_another_executor_misses_nothing(self, ros, tf2_ros, buffer, node, peer):
         """The executor that had it is woken by that, and must not take from the other what is due."""
         listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)

@@ -9,6 +9,8 @@ from tf2_ros.records cimport Recording, Records
 
 cdef enum:
     ROUND_NS = 100000000        # how long a message waits if nothing asks for it
+    SHORT_ROUND_NS = 10000000   # the same while a program's own loop calls an executor
+    SHORT_ROUNDS = 10           # so many of these follow each such call
     # Work is counted in messages of up to WORK_BYTES; a longer one counts as several.
     DRAIN_SLICE = 16            # work until other threads may drain
     READ_SLICE = 64             # work of a read until it releases the GIL
@@ -66,6 +68,7 @@ cdef struct Drain:
     Event work                  # for the thread that drains
     Event reporting             # for the thread that reports
     uint32_t is_idle            # atomic: the draining thread must be woken by the next message
+    uint32_t short_rounds       # atomic: so many rounds are still short
     uint32_t is_stopping        # atomic
 
 
@@ -105,8 +108,10 @@ cdef struct InboxState:
     InboxState* next_to_report       # in that of those whose `reports` are not empty
 
 
-# Whether something wants each message at once. A recent read is not asked for.
+# Whether something wants each message at once, or an executor is armed. A recent read is not asked for.
 cdef bint inbox_is_awaited(InboxState* inbox) noexcept nogil
+# With the lock: wakes the executors for which that is due.
+cdef void inbox_wake_executors(InboxState* inbox) noexcept nogil
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
 cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil
 # To be called within `next` before it does something that takes more than some milliseconds.
@@ -125,9 +130,11 @@ cdef class Informed:
     # All that this package knows of an executor.
     cdef object inboxes         # LiveObjects: those that inform this
     cdef readonly object receivers  # LiveObjects: those that leave their messages to an EventsExecutor
-    # Something was inserted. Called without the GIL, in any thread, as the next one.
+    # Something was inserted. Called without the GIL, in any thread, as the next two.
     cdef void inserted(self) noexcept nogil
-    # Whether it wants each message at once.
+    # It may wake for what was inserted. Called in each round of the draining thread, so not for each message.
+    cdef void wake_if_due(self) noexcept nogil
+    # Whether it sleeps until something is inserted.
     cdef bint is_armed(self) noexcept nogil
 
 

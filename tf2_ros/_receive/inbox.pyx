@@ -7,7 +7,8 @@ goes one way: the source fills a `Parcel`, and the inbox parses, prefixes, recor
 Every read of the buffer takes the messages (`drain`). So does one thread of the process: as soon as many
 messages wait, at most ROUND_NS after the first one, and at once while something waits for a transform, or
 while the buffer is read more often than the thread has rounds, so that such a reader finds everything
-inserted. Log lines, the completion of waits and everything else that follows
+inserted. Its rounds also wake executors; while one of these is called by a program's own loop, they take
+SHORT_ROUND_NS. Log lines, the completion of waits and everything else that follows
 from an insert and needs the GIL are left to a second thread (`report_next`). So nothing here runs user code,
 and the first thread never waits for the GIL.
 """
@@ -34,6 +35,7 @@ from tf2_py._internal cimport (
     event_init,
     event_set,
     event_wait,
+    exchange_seq_cst,
     is_utf8,
     links_empty,
     load_seq_cst,
@@ -77,17 +79,27 @@ cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
     event_clear(event)
 
 
-cdef bint inbox_is_awaited(InboxState* inbox) noexcept nogil:
-    # Both are read once, because they may change meanwhile; the inbox keeps the former ones.
-    cdef InformedLink* link = inbox.informed
+cdef bint _wants_each(InboxState* inbox) noexcept nogil:
+    # Read once, because it may change meanwhile; the inbox keeps the former one.
     cdef void* tap = inbox.tap
-    if load_seq_cst(&inbox.armed) or load_seq_cst(&inbox.wants_each):
-        return True
+    return (load_seq_cst(&inbox.armed) or load_seq_cst(&inbox.wants_each)
+            or (tap != NULL and (<Tap>tap).is_wanted()))
+
+
+cdef bint inbox_is_awaited(InboxState* inbox) noexcept nogil:
+    cdef InformedLink* link = inbox.informed
     while link != NULL:
         if (<Informed>link.informed).is_armed():
             return True
         link = link.next
-    return tap != NULL and (<Tap>tap).is_wanted()
+    return _wants_each(inbox)
+
+
+cdef void inbox_wake_executors(InboxState* inbox) noexcept nogil:
+    cdef InformedLink* link = inbox.informed
+    while link != NULL:
+        (<Informed>link.informed).wake_if_due()
+        link = link.next
 
 
 cdef void _inform(InboxState* inbox) noexcept nogil:
@@ -98,7 +110,7 @@ cdef void _inform(InboxState* inbox) noexcept nogil:
 
 
 cdef bint _wants_all(InboxState* inbox) noexcept nogil:
-    return load_seq_cst(&inbox.read) != 0 or inbox_is_awaited(inbox)
+    return load_seq_cst(&inbox.read) != 0 or _wants_each(inbox)
 
 
 cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil:
@@ -411,6 +423,16 @@ cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
     return found
 
 
+cdef void _wake_executors(Drain* drain) noexcept nogil:
+    cdef InboxState* inbox
+    lock_acquire(&drain.lock)
+    inbox = drain.first
+    while inbox != NULL:
+        inbox_wake_executors(inbox)
+        inbox = inbox.next
+    lock_release(&drain.lock)
+
+
 @cython.final
 cdef class Inboxes:
     """Inboxes, and what two threads do for them; those of a process are `INBOXES`."""
@@ -435,16 +457,24 @@ cdef class Inboxes:
         cdef int64_t now_ns
         cdef int64_t round_ns = 0           # when the next round is due
         cdef bint is_round
+        cdef uint32_t short_rounds
         with nogil:
             while not load_seq_cst(&drain.is_stopping):
                 now_ns = monotonic_ns()
                 is_round = now_ns >= round_ns
                 if is_round:
                     round_ns = now_ns + ROUND_NS
+                short_rounds = load_seq_cst(&drain.short_rounds)
+                if short_rounds:
+                    round_ns = min(round_ns, now_ns + SHORT_ROUND_NS)
+                    if is_round:
+                        replace_seq_cst(&drain.short_rounds, short_rounds, short_rounds - 1)
                 # First idle, then a look at what waits; an arrival does this in the opposite order.
                 store_seq_cst(&drain.is_idle, is_round)
                 if _serve_all(drain, is_round):
                     store_seq_cst(&drain.is_idle, 0)
+                if is_round:
+                    _wake_executors(drain)
                 _sleep(&drain.work, IDLE_NS if load_seq_cst(&drain.is_idle) else round_ns - monotonic_ns())
 
     def await_report(self):
@@ -489,6 +519,9 @@ cdef class Informed:
         self.inboxes, self.receivers = LiveObjects(), LiveObjects()
 
     cdef void inserted(self) noexcept nogil:
+        pass
+
+    cdef void wake_if_due(self) noexcept nogil:
         pass
 
     cdef bint is_armed(self) noexcept nogil:
@@ -681,6 +714,17 @@ cdef class InboxBase(ReadHook):
         if load_seq_cst(self.pending):
             # For its own method, Cython 3.0 passes a pointer of the wrong type, which gcc 14 refuses.
             (<ReadHook>self).drain()
+
+    def was_read(self):
+        """Whether the buffer was read in the last rounds, or something waits for its transforms."""
+        return load_seq_cst(self.read) != 0 or load_seq_cst(self.armed) != 0
+
+    def await_round(self, bint is_short, bint has_arrived):
+        """Have a round after what has arrived and what arrives next: an executor sleeps until then."""
+        cdef Drain* drain = self.state.drain
+        # Without this, the thread may sleep until the next message, or until the end of a long round.
+        if (is_short and exchange_seq_cst(&drain.short_rounds, SHORT_ROUNDS) == 0) or has_arrived:
+            event_set(&drain.work)
 
     def leave_to_parent(self):
         """

@@ -67,6 +67,7 @@ from tf2_ros._receive.inbox cimport (
     Parcel,
     Source,
     inbox_is_awaited,
+    inbox_wake_executors,
     parcel_reserve,
 )
 from tf2_ros._shared.futex cimport futex_wait, futex_wake, give_back

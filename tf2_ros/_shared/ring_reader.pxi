@@ -262,8 +262,15 @@ cdef class PolledInbox(InboxBase):
                 lock_release(&self.state.drain.lock)
                 while is_wanted and self.step():
                     pass
+                lock_acquire(&self.state.drain.lock)
+                inbox_wake_executors(&self.state)
+                lock_release(&self.state.drain.lock)
                 if self.state.engine != NULL:
                     self._ring.rest(watched, is_wanted)
+
+    def await_round(self, *_):
+        """Insert what there is, and have the thread insert what follows, because an executor is armed."""
+        self.catch_up()
 
     def withdraw(self, Informed informed not None):
         """Undo :meth:`inform`. The middleware, which takes no lock, does not look at what this removes."""

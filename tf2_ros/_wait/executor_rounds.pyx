@@ -23,7 +23,7 @@ from tf2_ros._rcl cimport (
     rcl_trigger_guard_condition,
     rcutils_reset_error,
 )
-from tf2_ros._receive.inbox cimport Informed
+from tf2_ros._receive.inbox cimport ROUND_NS, SHORT_ROUND_NS, Informed
 
 from contextlib import suppress
 
@@ -36,24 +36,27 @@ from tf2_ros._rclpy import wake as wake_executor
 cdef extern from "Python.h":
     unsigned long PyThread_get_thread_ident()
 
-# When an arrival wakes a sleeping executor: never, or at once, or from some steady time on.
+# When a sleeping executor wakes for arrivals: never, or in the next round of the draining thread, or in the
+# first one after some steady time.
 cdef uint64_t NEVER = 0
-cdef uint64_t AT_ONCE = 1
+cdef uint64_t NEXT_ROUND = 1
 # How often messages wake an executor in its own loop, at most. Signal handlers, tasks that poll and errors of
 # other threads are handled in its rounds, and programs rely on transforms to cause rounds.
 cdef int64_t BUSY_ROUND_NS = 100000000
 cdef int64_t IDLE_ROUND_NS = 1000000000     # where it has no tasks
+# A loop that has been woken so often, while nothing has read the buffer, is not in a hurry.
+cdef int MAX_UNREAD = 50
 
 
 # Atomic: written by executors, with the GIL, and by threads without it. It exists as long as its object.
-#   the executor          wake_at_ns             an arrival
-#   runs callbacks        NEVER                  sets `arrived`
+#   the executor          wake_at_ns             a round of the draining thread, if `arrived` is set
+#   runs callbacks        NEVER                  does nothing
 #   sleeps in user code's
-#   call of it            AT_ONCE                sets `arrived` and `round_due`, and wakes it
-#   sleeps in its loop    when a round is due    sets `arrived`; from then on as above
-# The first arrival that wakes it resets `wake_at_ns` to NEVER. `is_ready` resets all three.
+#   call of it            NEXT_ROUND             sets `round_due`, and wakes it
+#   sleeps in its loop    when a round is due    from then on as above
+# An arrival only sets `arrived`. What wakes the executor resets `wake_at_ns` to NEVER. `is_ready` resets all.
 cdef struct ExecutorState:
-    uint64_t wake_at_ns     # when an arrival wakes the executor; reset by the first one that does
+    uint64_t wake_at_ns     # when an arrival wakes the executor
     uint32_t arrived        # something has arrived that no round of an executor has accounted for
     uint32_t round_due      # the executor was woken for what arrived
     const rcl_guard_condition_t* guard  # wakes it
@@ -73,6 +76,8 @@ cdef class ExecutorRounds(Informed):
     cdef public object calls    # those that are to be made in rounds
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
     cdef unsigned long _thread  # in which it did
+    cdef int _unread            # how often it was woken since the buffer was read; at most MAX_UNREAD
+    cdef int64_t _woken_ns      # steady time of the last round for which it had to wake
     cdef bint _has_displaced    # an executor of another thread, which may sleep
     cdef bint _uses_wait_sets   # no EventsExecutor has had the node
 
@@ -91,20 +96,21 @@ cdef class ExecutorRounds(Informed):
             self.state.guard = <const rcl_guard_condition_t*><uintptr_t>guard.pointer
 
     cdef void inserted(self) noexcept nogil:
-        # Wakes an executor that sleeps between rounds of user code, or whose own loop is due for a round;
-        # otherwise it is cheap.
-        cdef uint64_t wake_at_ns
         store_seq_cst(&self.state.arrived, True)
-        wake_at_ns = load64_seq_cst(&self.state.wake_at_ns)
-        if wake_at_ns == NEVER or <uint64_t>monotonic_ns() < wake_at_ns:
+
+    cdef void wake_if_due(self) noexcept nogil:
+        cdef uint64_t wake_at_ns = load64_seq_cst(&self.state.wake_at_ns)
+        if wake_at_ns == NEVER or not load_seq_cst(&self.state.arrived):
+            return
+        if <uint64_t>monotonic_ns() < wake_at_ns:
             return
         if exchange64_seq_cst(&self.state.wake_at_ns, NEVER) != NEVER:
             store_seq_cst(&self.state.round_due, True)
             _wake(&self.state)
 
     cdef bint is_armed(self) noexcept nogil:
-        # It sleeps between rounds of user code.
-        return load64_seq_cst(&self.state.wake_at_ns) == AT_ONCE
+        # It sleeps in user code's call.
+        return load64_seq_cst(&self.state.wake_at_ns) == NEXT_ROUND
 
     @property
     def uses_wait_sets(self):
@@ -135,6 +141,7 @@ cdef class ExecutorRounds(Informed):
 
     def add_to_wait_set(self, wait_set):
         """Prepare for an executor that is about to sleep."""
+        cdef bint arrived, is_short
         if not self._uses_wait_sets:
             return
         is_in_own_loop = is_below_own_loop()
@@ -146,14 +153,20 @@ cdef class ExecutorRounds(Informed):
             period_ns = BUSY_ROUND_NS if has_tasks(self.executor()) else IDLE_ROUND_NS
             store64_seq_cst(&self.state.wake_at_ns, <uint64_t>monotonic_ns() + <uint64_t>period_ns)
         else:
-            # User code called the executor, and continues when something has arrived since its last round.
-            # This stores `wake_at_ns` and then loads `arrived`; an arrival stores `arrived` and then loads
-            # `wake_at_ns`. So at least one of them sees the other.
-            store64_seq_cst(&self.state.wake_at_ns, AT_ONCE)
-            for inbox in self.inboxes:
-                inbox.catch_up()    # this informs the state
-            if load_seq_cst(&self.state.arrived):
+            # User code called the executor, and continues when something has arrived since its last round;
+            # but not for each message, because a round costs as much as ten messages. This stores
+            # `wake_at_ns` and then loads `arrived`; an arrival stores `arrived`, and a round of the draining
+            # thread then loads `wake_at_ns`. So at least one of them sees the other.
+            store64_seq_cst(&self.state.wake_at_ns, NEXT_ROUND)
+            if any([inbox.was_read() for inbox in self.inboxes]):
+                self._unread = 0
+            is_short = self._unread < MAX_UNREAD
+            arrived = load_seq_cst(&self.state.arrived)
+            if arrived and monotonic_ns() - self._woken_ns >= (SHORT_ROUND_NS if is_short else ROUND_NS):
                 store_seq_cst(&self.state.round_due, True)
+            else:
+                for inbox in self.inboxes:
+                    inbox.await_round(is_short, arrived)
         if self._is_due():
             self.wake()
         wait_set.add_guard_condition(self._handle)
@@ -170,7 +183,9 @@ cdef class ExecutorRounds(Informed):
         self._wait_set = NULL
         due = self._is_due()
         store64_seq_cst(&self.state.wake_at_ns, NEVER)
-        if due:     # else something may have arrived since, for which `add_to_wait_set` looks
+        if due:
+            self._woken_ns, self._unread = monotonic_ns(), min(self._unread + 1, MAX_UNREAD)
+            # Otherwise something may have arrived since, for which `add_to_wait_set` looks.
             store_seq_cst(&self.state.round_due, False)
             store_seq_cst(&self.state.arrived, False)
         if self._has_displaced:

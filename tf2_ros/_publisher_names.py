@@ -14,6 +14,7 @@ from tf2_py.printable import printable
 from tf2_ros._rclpy import call_after, event_handlers
 from tf2_ros._threads import check_regularly
 
+TYPE = "tf2_msgs/msg/TFMessage"
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # until the graph knows the node of an endpoint
 NAME_CHECKS = 2  # how many regular checks to wait for a name; the first may come at once
 
@@ -26,6 +27,25 @@ def clock_publishers(node: Node | None) -> list[str]:
 def publisher_ids(node: Node, topic: str) -> set[bytes]:
     """The identifiers of the publishers of a topic, also of a killed one until the middleware notices."""
     return {bytes(publisher.endpoint_gid) for publisher in _publishers(node, topic)}
+
+
+def published_instead(node: Node, topic: str) -> Iterator[str]:
+    """
+    Say what is published instead of transforms on a topic: messages of another type, or transforms on a topic
+    of the same name in another namespace. Clauses without commas.
+    """
+    last = topic[topic.rindex("/") :]
+    with suppress(RuntimeError):  # the node was destroyed, or its context has ended
+        for name, types in node.get_topic_names_and_types():
+            if name == topic and types != [TYPE]:
+                for one in _publishers(node, topic):
+                    if one.topic_type != TYPE:
+                        yield f"{_name(one)} publishes {one.topic_type} there"
+            elif name.endswith(last) and TYPE in types and name != topic and node.count_publishers(name):
+                namespace = name[1 : -len(last)]
+                is_usual = last == "/tf" and namespace
+                command = f" to a node or --namespace {namespace} to a command" if is_usual else ""
+                yield f"transforms are published on {name}: add --ros-args -r {topic}:={name}{command}"
 
 
 def name_unfit_publishers(node: Node, subscription: Any) -> None:

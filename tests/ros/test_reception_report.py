@@ -78,6 +78,25 @@ class TestErrors:
         peer().send(("map", "tool", 1 * S, 1), static=True)
         until(lambda: error(buffer).endswith("does not exist"), executor)
 
+    def test_a_topic_in_another_namespace_that_has_transforms_is_named(
+        self, tf2_ros, buffer, node, executor, peer
+    ):
+        tf2_ros.TransformListener(buffer, node)
+        peer("-r", "/tf:=/robot1/tf", "-r", "/tf_static:=/unused")
+        instead = (
+            " (transforms are published on /robot1/tf: add --ros-args -r /tf:=/robot1/tf to a node "
+            "or --namespace robot1 to a command)"
+        )
+        until(lambda: error(buffer).endswith(f"received on /tf{instead} or on /tf_static"), executor)
+        peer().send(("map", "arm", 1 * S, 1))
+        until(lambda: error(buffer).endswith("exist. Nothing has been received on /tf_static"), executor)
+
+    def test_a_publisher_of_another_type_is_named(self, tf2_ros, buffer, node, executor, peer):
+        tf2_ros.TransformListener(buffer, node)
+        peer("-r", "/board:=/tf", "-r", "/tf:=/unused").send_text("/board")
+        instead = " (/peer publishes std_msgs/msg/String there)"
+        until(lambda: error(buffer).endswith(f"received on /tf{instead} or on /tf_static"), executor)
+
     @pytest.mark.parametrize("simulated", [False, True])
     def test_a_topic_that_falls_silent_is_named_with_the_seconds(
         self, tf2_ros, new_node, executor, peer, monkeypatch, simulated

@@ -73,6 +73,10 @@ class Peer:
     def send_bytes(self, data, topic="/tf"):
         self.do("bytes", topic=topic, hex=data.hex())
 
+    def send_text(self, topic):
+        """Publish a message of another type than TFMessage, whether there is a subscriber or not."""
+        self.do("text", topic=topic)
+
     def matched(self, count):
         """Wait until /tf has so many subscribers."""
         self.do("matched", count=count)

@@ -9,6 +9,7 @@ from rclpy.qos import QoSProfile
 
 from tf2_py._internal import log
 from tf2_py.printable import counted
+from tf2_ros._publisher_names import published_instead
 from tf2_ros._qos import is_latched
 from tf2_ros._rclpy import context_was_shut_down, event_handlers, handle_exists, report_event, watch_losses
 from tf2_ros._receive.subscriptions import TopicArrivals
@@ -35,6 +36,8 @@ class Topic:
         self.is_own = True  # whether the method is TransformListener's, so that `arrivals` counts all
         self.subscription: Any = None  # of rclpy's class or a subclass
         self.context: Any = None  # of the subscription
+        self.published_instead = ""  # as far as the graph shows it; only while nothing was received
+        self._node: weakref.ref[Any] | None = None
         self.arrivals = TopicArrivals()
         self._loss_handler: Any = None
         self._lost = 0  # on the way, as far as the middleware has reported it
@@ -45,6 +48,7 @@ class Topic:
         """Note the subscription, and have its lost messages counted."""
         self.subscription, self.name = subscription, subscription.topic_name
         self.context = getattr(node, "context", None)
+        self._node = weakref.ref(node)
         topic = weakref.ref(self)
 
         def note(event: Any) -> None:
@@ -95,7 +99,10 @@ class Topic:
         return self._lost, self.arrivals.overwritten()
 
     def _tf2_check(self) -> None:
-        """Warn if messages were lost since the last warning."""
+        """Warn if messages were lost since the last warning; if there were none, look for the reason."""
+        node = None if self._node is None else self._node()
+        is_silent = node is not None and not self.arrivals.taken()[0] and self.is_open()
+        self.published_instead = " and ".join([*published_instead(node, self.name)][:2]) if is_silent else ""
         lost, now = self.lost(), time.monotonic()
         if lost == self._warned_of or now - self._warned_at < LOSS_WARNING_S:
             return

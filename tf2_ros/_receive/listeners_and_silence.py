@@ -55,11 +55,12 @@ def _silent(topics: Sequence[Topic]) -> str:
     for topic in topics:
         lasts[topic.name] = max(lasts.get(topic.name, 0), topic.arrivals.taken()[1])
     static = {topic.name for topic in topics if topic.is_static}
+    instead = {topic.name: topic.published_instead for topic in topics}
     parts = []
     for name, last_ns in lasts.items():
         silent_s = (time.monotonic_ns() - last_ns) // 10**9
         if last_ns == 0:
-            parts.append(f"on {name}")
+            parts.append(f"on {name}{instead[name] and f' ({instead[name]})'}")
         elif silent_s >= SILENT_S and name not in static:  # static transforms are sent once
             parts.append(f"on {name} for {silent_s} s")
     return "nothing has been received " + " or ".join(parts) if parts else ""

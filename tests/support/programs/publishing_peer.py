@@ -9,6 +9,7 @@ import rclpy
 from making_objects import transform
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster
@@ -49,6 +50,9 @@ class Peer:
 
     def do_bytes(self, topic, hex):
         self.publisher(TFMessage, topic).publish(bytes.fromhex(hex))
+
+    def do_text(self, topic):
+        self.publisher(String, topic, subscribed=False).publish(String(data="no transform"))
 
     def do_clock(self, seconds, subscribed):
         message = Clock()

@@ -89,12 +89,17 @@ def publisher_name(names: Mapping[bytes, str], gid: bytes) -> str:
 class Session(Protocol):
     """
     What fills the buffer of a program, and what the program asks of it. ``where`` is a phrase with the
-    topics and the robot. ``names`` are the known names of publishers, by their ids in a recording.
+    topics and the robot; it may change. ``names`` are the known names of publishers, by their ids in a
+    recording.
     """
 
     buffer: Buffer
-    where: str
     names: dict[bytes, str]
+
+    @property
+    def where(self) -> str:
+        """Return the phrase."""
+        ...
 
     def now_ns(self) -> int:
         """Return the time on the clock of the buffer, in ns."""
@@ -145,10 +150,15 @@ class Listening:
 
     def __init__(self, session: Session, recording: Recording, window_s: float | None) -> None:
         self.session = session
-        self.buffer, self.where = session.buffer, session.where
+        self.buffer = session.buffer
         self._recording = recording
         self._streams = Streams(window_s)
         self._window_ns = None if window_s is None else round(window_s * S)
+
+    @property
+    def where(self) -> str:
+        """A phrase with the topics, and with what is published instead if that is known."""
+        return self.session.where
 
     def listen(self, seconds: float) -> None:
         """

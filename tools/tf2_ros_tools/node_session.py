@@ -23,6 +23,7 @@ from tf2_ros_tools.listening import TOPICS, publisher_name
 from tf2_ros_tools.program import UsageError
 
 GID_BYTES = 16  # of a gid in a recording; in the graph of Humble, zeros follow them
+TYPE = "tf2_msgs/msg/TFMessage"
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or any more
 
 
@@ -68,7 +69,13 @@ class NodeSession:
         self.names: dict[bytes, str] = {}
         self._node = node
         self._topics = [node.resolve_topic_name(name) for name in topics]
-        self.where = f"on {' and '.join(self._topics)} in ROS domain {node.context.get_domain_id()}"
+
+    @property
+    def where(self) -> str:
+        """The topics, and, while nothing was received, what is published instead."""
+        where = f"on {' and '.join(self._topics)} in ROS domain {self._node.context.get_domain_id()}"
+        instead = [] if self.buffer.frames() else [*self._of_other_types(), *self._in_other_namespaces()]
+        return f"{where} ({'; '.join(instead)})" if instead else where
 
     def now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
@@ -93,6 +100,9 @@ class NodeSession:
 
     def findings(self) -> Iterator[Finding]:
         """Find publishers from which listeners receive nothing."""
+        if self.buffer.frames():  # else `where` says so
+            for text in self._of_other_types():
+                yield Finding("qos", "", f"listeners receive nothing: {text}")
         for subscription in self._node.subscriptions:
             if (topic := subscription.topic_name) in self._topics:
                 for gid, qos in self._publishers_of(topic).items():
@@ -103,6 +113,23 @@ class NodeSession:
                         yield Finding(
                             "qos", "", f"listeners receive nothing from {name} on {topic}: {errors}"
                         )
+
+    def _of_other_types(self) -> Iterator[str]:
+        for topic in self._topics:
+            self._publishers_of(topic)  # notes the names
+            for one in self._node.get_publishers_info_by_topic(topic):
+                if one.topic_type != TYPE:
+                    name = publisher_name(self.names, bytes(one.endpoint_gid)[:GID_BYTES])
+                    yield f"{name} publishes {one.topic_type} on {topic}, not {TYPE}"
+
+    def _in_other_namespaces(self) -> Iterator[str]:
+        usual, own = TOPICS[0], self._topics[0]
+        for name, types in self._node.get_topic_names_and_types():
+            is_other = name != own and name.endswith(usual) and own.endswith(usual) and TYPE in types
+            if is_other and self._node.count_publishers(name):
+                namespace = name[1 : -len(usual)]
+                advice = f"add --namespace {namespace}" if namespace else "leave --namespace out"
+                yield f"transforms are published on {name}: {advice}"
 
     def _publishers_of(self, topic: str) -> dict[bytes, QoSProfile]:
         """Get the gids and profiles of a topic's publishers, and note their names."""

@@ -19,6 +19,9 @@ pytestmark = pytest.mark.ours
 
 # On a busy machine a healthy robot has gaps, too.
 TOLERANT = ("--ignore", "gap", "--ignore", "stale")
+LISTENING = re.compile(
+    r"\[INFO\] \[[\d.]+\] \[tf2_check\]: Listening on /tf and /tf_static in ROS domain \d+ for \d+ s\.\.\.\n"
+)
 SIMULATED = ("-p", "use_sim_time:=true")
 CLOCKS = "clocks: the stamps of base by /peer are"
 
@@ -28,7 +31,7 @@ def test_a_healthy_robot_passes(tmp_path):
     path.write_text("frames: {base_link: {parent: odom, min_rate: 1, max_delay: 2, static: false}}")
     with broadcasting():
         status, out, err = ended("tf2_check", "-t", "6", *TOLERANT, "--expect", str(path), hears=ROBOT)
-    assert (status, err) == (0, "")
+    assert status == 0 and LISTENING.fullmatch(err)
     assert re.fullmatch(r"no problems in 4 frames \(\d+ messages, 6 s\)\n", out)
 
 
@@ -48,14 +51,45 @@ def test_json_has_the_verdict_the_findings_and_the_figures(peer):
     assert {stream["frame"] for stream in found["streams"]} == {"b", "isle"}
 
 
+def test_it_says_at_once_that_it_listens():
+    with running("tf2_check", "-t", "1000") as process:
+        assert process.stderr.readline().endswith(" for 1000 s...\n")
+
+
+NOTHING = "nothing: no transform was received on /tf and /tf_static in ROS domain"
+
+
+@pytest.mark.parametrize("program", ["tf2_check", "view_frames"])
+def test_a_namespace_in_which_transforms_are_published_is_named(peer, program):
+    peer("-r", "/tf:=/robot1/tf", "-r", "/tf_static:=/unused")
+    arguments = ("--text",) if program == "view_frames" else ()
+    _, out, err = ended(program, *arguments, hears="'/robot1/tf' in str(findings)")
+    silence = r"no transform was received on /tf and /tf_static in ROS domain \d+"
+    reason = r"\(transforms are published on /robot1/tf: add --namespace robot1\)"
+    assert re.search(f"{silence} {reason}", out + err)
+
+
+@pytest.mark.parametrize("also", [False, True])
+def test_a_publisher_of_another_type_is_named(peer, also):
+    board = peer("-r", "__node:=board", "-r", "/board:=/tf", "-r", "/tf:=/unused")
+    board.send_text("/board")
+    if also:
+        peer().send_without_subscriber(("map", "camera", S, 1.0), static=True)
+    known = f"'/board publishes' in str(findings) and {heard('camera') if also else 'not streams'}"
+    _, out, _ = ended("tf2_check", hears=known)
+    what = "/board publishes std_msgs/msg/String on /tf, not tf2_msgs/msg/TFMessage"
+    finding = f"qos: listeners receive nothing: {what}" if also else rf"{NOTHING} \d+ \({what}\)"
+    assert re.fullmatch(finding, out.splitlines()[0])
+
+
 def checked(publish):
-    """The findings of `tf2_check` while something is published, and what it printed to standard error."""
+    """The findings of `tf2_check` while something is published, and what else it writes to standard error."""
     with running("tf2_check", *TOLERANT, "--ignore", "roots") as process:
         while process.poll() is None:
             publish()
             threading.Event().wait(0.05)  # as a robot does
         out, err = process.communicate(timeout=DEADLINE_S)
-    return out.splitlines()[:-1], err
+    return out.splitlines()[:-1], LISTENING.sub("", err)
 
 
 def test_refused_transforms_are_counted_and_not_logged(peer):

@@ -57,7 +57,7 @@ PARSER.add_argument(
 
 def view(options: Namespace) -> int:
     """Listen, and send what arrives; return the exit status."""
-    from tf2_ros_tools.node_session import filled_buffer
+    from tf2_ros_tools.node_session import NodeSession, filled_buffer
     from tf2_ros_tools.spun_node import spun_node
 
     from tf2_py import stored_name
@@ -74,8 +74,7 @@ def view(options: Namespace) -> int:
                 for name in {*trails, *([] if origin is None else [origin])} - known.keys():
                     node.get_logger().warning(not_known(name, known))
                 if not known:
-                    topics = " and ".join(map(node.resolve_topic_name, TOPICS))
-                    where = f"on {topics} in ROS domain {node.context.get_domain_id()}"
+                    where = NodeSession(node, buffer, TOPICS).where
                     node.get_logger().warning(f"no transform was received {where}")
 
             live = Live(buffer, origin=origin, trails=trails)

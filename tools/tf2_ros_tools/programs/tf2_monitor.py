@@ -74,9 +74,9 @@ def _print_reports(heard: Listening, look: Callable[[], Report], options: Namesp
     from tf2_ros_tools.listening import Pace
 
     interval_s = INTERVAL_S if options.interval is None else options.interval
-    if not options.json:
-        what = " -> ".join(options.frames) or "all frames"
-        show(f"Gathering data on {what} for {counted(interval_s, 'second')}...")
+    what = " -> ".join(options.frames) or "all frames"
+    say = heard.session.info if options.json else show
+    say(f"Gathering data on {what} for {counted(interval_s, 'second')}...")
     pace = Pace(interval_s)
     while True:
         heard.listen(pace.next_s())

@@ -191,6 +191,8 @@ class _Screen(App[None]):
         chosen = _name_of(self._streams[table.cursor_row]) if table.cursor_row > 0 else None
         x, y = table.scroll_offset
         table.clear()
+        # Back at once: after the next refresh, it would undo what a key scrolls meanwhile.
+        table.scroll_to(x, y, animate=False, force=True, immediate=True)
         self._streams = streams
         for stream in streams:
             style = "bold red" if kinds[stream.frame] else ""
@@ -198,7 +200,6 @@ class _Screen(App[None]):
             table.add_row(*(_cell(text, column, style) for text, column in texts))
         place = next((row for row, one in enumerate(streams) if _name_of(one) == chosen), 0)
         table.move_cursor(row=place, scroll=False)
-        table.call_after_refresh(table.scroll_to, x, y, animate=False)
 
 
 def _cell(text: str, column: str, style: str = "") -> Text:

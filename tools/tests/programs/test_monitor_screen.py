@@ -1,5 +1,6 @@
 """The table of tf2_monitor on terminals of several sizes, and its keys."""
 
+import asyncio
 import math
 import os
 import re
@@ -7,6 +8,7 @@ import signal
 import sys
 import termios
 import time
+from dataclasses import replace
 from itertools import takewhile
 
 import pytest
@@ -19,6 +21,11 @@ pytest.importorskip("textual")
 
 import pexpect
 from terminals import Terminal
+from textual.widgets import DataTable
+
+from tf2_ros_tools.listening import Report
+from tf2_ros_tools.monitor_screen import _Screen
+from tf2_ros_tools.stream_statistics import Stream
 
 pytestmark = pytest.mark.ours
 
@@ -57,6 +64,34 @@ def test_names_are_whole_and_all_frames_are_within_reach(size, talker):
         for name in NAMES:
             terminal.shows(lambda lines, name=name: name in names(lines))
             terminal.press(DOWN)
+
+
+def test_the_chosen_row_stays_in_view_when_an_update_comes_beside_a_key():
+    """At whichever step of one the other comes."""
+    stream = Stream("", "base_link", "/peer", 0, True, 1, *10 * [None])
+    report = Report(0.0, [replace(stream, frame=name) for name in NAMES], [], [], None, 0)
+
+    async def play():
+        screen = _Screen(lambda: report, "")
+        async with screen.run_test(size=(45, 24)) as pilot:
+            table = screen.query_one(DataTable)
+            last = table.scrollable_content_region.height - 2  # below the titles
+            for turns in range(12):
+                for row in (0, last):
+                    table.move_cursor(row=row)
+                    await pilot.pause()
+                screen._update()
+                for _ in range(turns):
+                    await asyncio.sleep(0)
+                screen.simulate_key("down")
+                await pilot.pause()
+                await pilot.pause()
+                yield turns, table.cursor_row - last, table.scroll_offset.y
+
+    async def shown():
+        return [one async for one in play()]
+
+    assert asyncio.run(shown()) == [(turns, 1, 1) for turns in range(12)]
 
 
 class TestKeys:

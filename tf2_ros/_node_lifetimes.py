@@ -1,6 +1,8 @@
-"""Refuse destroyed nodes, tell whether a node has ended, and keep forked children from destroying nodes."""
+"""Refuse destroyed nodes, recognize those that have ended, and keep forked children from destroying nodes."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.exceptions import InvalidHandle
@@ -31,6 +33,20 @@ def node_has_ended(node: Any) -> bool:
     if not is_node(node):
         return False  # of a program's own kind, or a mock
     return not handle_exists(node.handle) or context_was_shut_down(node.context)
+
+
+@contextmanager
+def suppress_at_end(node: Any) -> Iterator[None]:
+    """
+    Suppress what rclpy raises because a node has ended, which it may do while rclpy uses it.
+
+    rclpy raises an InvalidHandle for a destroyed node, and an RCLError after the shutdown of its context.
+    """
+    try:
+        yield
+    except RuntimeError:
+        if not node_has_ended(node):
+            raise
 
 
 _of_middleware: LiveObjects[object] = LiveObjects()

@@ -2,15 +2,14 @@
 
 import weakref
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from tf2_py.printable import printable
+from tf2_ros._node_lifetimes import suppress_at_end
 from tf2_ros._rclpy import call_after, event_handlers
 from tf2_ros._threads import check_regularly
 
@@ -35,7 +34,7 @@ def published_instead(node: Node, topic: str) -> Iterator[str]:
     of the same name in another namespace. Clauses without commas.
     """
     last = topic[topic.rindex("/") :]
-    with suppress(RuntimeError):  # the node was destroyed, or its context has ended
+    with suppress_at_end(node):
         for name, types in node.get_topic_names_and_types():
             if name == topic and types != [TYPE]:
                 for one in _publishers(node, topic):
@@ -93,8 +92,8 @@ class _UnfitPublishers:
 
 
 def _publishers(node: Node | None, topic: str) -> list[Any]:
-    with suppress(InvalidHandle):  # the node was destroyed
-        if node is not None:
+    if node is not None:
+        with suppress_at_end(node):
             return list(node.get_publishers_info_by_topic(topic))
     return []
 

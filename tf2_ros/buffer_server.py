@@ -25,7 +25,7 @@ from tf2_py import (
 from tf2_py._internal import duration_ns
 from tf2_ros._forking import is_inherited
 from tf2_ros._hidden_nodes import companion_node
-from tf2_ros._node_lifetimes import node_has_ended, require_node
+from tf2_ros._node_lifetimes import node_has_ended, require_node, suppress_at_end
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import runs_in_loop
 from tf2_ros._spinner import Spinner
@@ -135,9 +135,9 @@ class BufferServer:
         for lookup in list(self._lookups.values()):
             lookup.cancel()
         self._lookups.clear()
-        server.destroy()
         if self._spinner is not None:
-            self._spinner.stop()
+            self._spinner.stop()  # first, because its thread may be using the server
+        server.destroy()
 
     def _tf2_check(self) -> None:
         """End with the node."""
@@ -179,7 +179,8 @@ class BufferServer:
         if lookup is None:
             return result  # the server was destroyed meanwhile
         if lookup.cancelled():
-            handle.canceled()
+            with suppress_at_end(self._node()):
+                handle.canceled()
             # A client that reads only the error must not mistake the empty transform for an answer.
             result.error.error = TF2Error.TRANSFORM_ERROR
             result.error.error_string = "The goal was canceled"
@@ -191,5 +192,6 @@ class BufferServer:
             result.error.error = next(code for kind, code in CODES if isinstance(error, kind))
             result.error.error_string = str(error)
         # An error is a result, too: clients in C++ do not read the result of a goal that was aborted.
-        handle.succeed()
+        with suppress_at_end(self._node()):
+            handle.succeed()
         return result

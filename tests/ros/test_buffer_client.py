@@ -17,7 +17,7 @@ from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 from rclpy.time import Time
-from spinning_nodes import shut_down_at_sleep, spun_node
+from spinning_nodes import shut_down_at_sleep, shut_down_quietly, spun_node
 from waiting import DEADLINE_S, PROMPT_S, until
 
 from tf2_msgs.action import LookupTransform
@@ -253,6 +253,22 @@ class TestWithoutServer:
         client = tf2_ros.BufferClient(node, "lookup")
         shut_down_at_sleep(client._tf2_goal_sender._call_queue)
         until(lambda: client._tf2_goal_sender._ended)
+
+    def test_a_shutdown_within_a_step_of_a_goal_logs_nothing(self, tf2_ros, tf2_py, node, monkeypatch, capfd):
+        """The next thing that the client asks of its node fails then."""
+        client = tf2_ros.BufferClient(node, "nobody")
+        is_ready = client.action_client.server_is_ready
+
+        def shut_down_after():
+            found = is_ready()
+            shut_down_quietly(node.context)
+            return found
+
+        monkeypatch.setattr(client.action_client, "server_is_ready", shut_down_after)
+        with pytest.raises(tf2_py.TimeoutException, match=ENDED):
+            client.lookup_transform("map", "robot", LATEST, LONG)
+        until(lambda: not client._tf2_goal_sender.spinner.thread.is_alive())
+        assert capfd.readouterr().err == ""
 
     def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):
         with pytest.raises(ValueError, match="check_frequency"):

@@ -3,14 +3,16 @@
 import threading
 
 import pytest
+import rclpy
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time as TimeMsg
 from forked_children import in_a_child
 from making_objects import S, transform
 from rclpy.action import ActionClient
+from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from spinning_nodes import spinning, spun_node
+from spinning_nodes import shut_down_quietly, spinning, spun_node
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.action import LookupTransform
@@ -237,6 +239,43 @@ class TestEnd:
         # The first service of a process imports a module that is deprecated.
         warned = [warning for warning in recwarn if warning.category is not DeprecationWarning]
         assert [str(warning.message) for warning in warned] == []
+
+    @pytest.mark.parametrize("step", ["execute", "answer"])
+    def test_a_shutdown_before_a_step_of_a_goal_prints_no_traceback(self, tf2_ros, new_node, capfd, step):
+        """rclpy fails to publish what has become of the goal."""
+        done = threading.Event()
+
+        class Ending(tf2_ros.BufferServer):
+            def _begin(self, handle):
+                if step == "execute":
+                    self._call_queue.put(lambda: shut_down_quietly(node.context))
+                super()._begin(handle)
+                self._call_queue.put(done.set)
+
+            def _finish(self, handle):
+                shut_down_quietly(node.context)
+                return super()._finish(handle)
+
+        with spun_node("client_node") as client_node:
+            asking = ActionClient(client_node, LookupTransform, "lookup")
+            context = Context()
+            context.init(args=[])
+            node = rclpy.create_node("serving", context=context)
+            buffer = tf2_ros.Buffer()
+            insert(buffer)
+            server = Ending(buffer, node, "lookup")
+            executor = SingleThreadedExecutor(context=context)
+            executor.add_node(node)
+            with spinning(executor):
+                until(asking.server_is_ready)
+                goal = LookupTransform.Goal(target_frame="map", source_frame="robot")
+                client_node.executor.create_task(asking.send_goal_async, goal)
+                assert done.wait(DEADLINE_S)
+                until(lambda: not context.ok())
+            asking.destroy()
+        server.destroy()
+        node.destroy_node()
+        assert "Traceback" not in capfd.readouterr().err
 
     def test_in_a_forked_child_it_is_the_parents(self, goal_client, server, buffer):
         insert(buffer)

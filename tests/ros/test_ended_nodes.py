@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from repetitions import seeds
+from rosgraph_msgs.msg import Clock
 from spinning_nodes import shut_down
 from waiting import until
 
@@ -30,6 +31,7 @@ from tf2_ros import (
     TransformBroadcaster,
     TransformListener,
 )
+from tf2_ros._publisher_names import clock_publishers
 
 pytestmark = pytest.mark.ours
 
@@ -200,6 +202,14 @@ def test_the_next_collection_frees_a_node_that_has_ended(ros, kind, use):
         return handle() is None
 
     assert any(is_freed() for _ in range(3)), "a regular check may use it just then, but not always"
+
+
+@pytest.mark.parametrize("end", ["destroy_node", "shutdown"])
+def test_an_ended_node_knows_no_publishers(ros, node, end):
+    node.create_publisher(Clock, "/clock", 10)
+    assert clock_publishers(node) == ["/listening"]
+    getattr(node if end == "destroy_node" else ros, end)()
+    assert clock_publishers(node) == []
 
 
 @pytest.mark.filterwarnings("error::pytest.PytestUnhandledThreadExceptionWarning")

@@ -37,8 +37,9 @@ cdef class CallQueue:
     2. **Threads.** They are made by what runs the node, as callbacks of subscriptions are. While nothing runs
        the node they wait; after WARN_S, one warning says so. Without a node, a thread makes them at once.
     3. **Exceptions.** A `Pending` logs each `Exception` of a callback itself. What a call raises nevertheless
-       is logged, because later calls and other callbacks of the node do not depend on it. In the main
-       thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other calls remain.
+       is logged, because later calls and other callbacks of the node do not depend on it; not what a plain
+       call raises after the end of the node. In the main thread, what ends a program is raised instead, such
+       as a KeyboardInterrupt; the other calls remain.
     4. **Interrupts.** Threads, signal handlers and finalizers may put. No signal handler comes between taking
        a call from the queue and making it. One that raises inside :meth:`put` at most delays the call until
        the next regular check; without a node, until the next :meth:`put`.
@@ -99,7 +100,9 @@ cdef class CallQueue:
             except BaseException as error:
                 if not isinstance(error, Exception) and get_ident() == main_thread().ident:
                     raise
-                log.raised(error)
+                # A call of server or client fails where the node ends meanwhile, which needs no words.
+                if isinstance(call, Pending) or not self.has_ended():
+                    log.raised(error)
             following = call = None
         self._waits_from_ns = monotonic_ns()
 

@@ -24,6 +24,13 @@ Thread 0x00007f5c6cb4c740 (most recent call first):
   File "{}", line 1 in {}
   File "/home/me/forks.py", line 2 in child
 """
+ENDS = "rmw_fastrtps_shared_cpp19destroy_participantEP21CustomParticipantInfo"
+STACK_IN_C = """\
+/lib/x86_64-linux-gnu/libc.so.6(+0x3c050)[0x7f88d3c5a050]
+/opt/ros/lib/libfastrtps.so.2.14(_ZN8eprosima7fastdds3dds17DomainParticipant12{}+0x15)[0x7f88d2ae8efa]
+/opt/ros/lib/librmw_fastrtps_shared_cpp.so(_ZN23{}+0x24)[0x7f88d302cc84]
+/opt/ros/lib/librmw_fastrtps_cpp.so(rmw_destroy_node+0x107)[0x7f88d31cb0f7]
+"""
 INTERRUPT = TRACEBACK.format(OURS, "lookup_transform", "KeyboardInterrupt")
 OF_RCLPY = TRACEBACK.format(RCLPY, "add_node", "RuntimeError: Unable to convert")
 OF_OURS = TRACEBACK.format(OURS, "set_transform", "RuntimeError: broken")
@@ -36,6 +43,7 @@ DROPPED = "{}:9: RuntimeWarning: failed to send response (timeout): client will 
         OF_RCLPY,
         f"{INTERRUPT}\nDuring handling of it:\n\n{OF_RCLPY}",
         STACK.format(RCLPY, "create_subscription"),
+        STACK_IN_C.format("set_listenerEPNS1_25DomainParticipantListenerE", ENDS),
     ]
     + [DROPPED.format(RCLPY)],
 )
@@ -53,6 +61,10 @@ def test_a_fault_is_known_by_whose_code_raised_or_hangs(errors):
         INTERRUPT,
         OF_RCLPY + OF_OURS,
         OF_OURS + OF_RCLPY,
+    ]
+    + [
+        STACK_IN_C.format("get_subscriberEv", ENDS),
+        STACK_IN_C.format("set_listenerEPNS1_25DomainParticipantListenerE", "destroy_subscription"),
     ]
     + [STACK.format(OURS, "create_subscription"), STACK.format(RCLPY, "spin"), DROPPED.format(OURS)],
 )

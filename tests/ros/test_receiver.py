@@ -1,17 +1,15 @@
 """What receives transforms needs no executor, loses nothing, and ends in every order."""
 
-import gc
-import itertools
-import os
-import re
+import sys
 import threading
-import weakref
-from contextlib import suppress
-from pathlib import Path
 
 import pytest
 from forked_children import in_a_child
+from interposed_libraries import with_library
+from known_faults import tried
 from making_objects import at, translation
+from paths import PROGRAMS
+from processes import run
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.time import Time
@@ -22,6 +20,8 @@ from tf2_msgs.msg import TFMessage
 
 pytestmark = pytest.mark.ours
 
+# Of lark, which rclpy imports with its first node.
+IGNORED = "ignore:module 'sre_:DeprecationWarning"
 S = 10**9
 LATEST = Time()
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -34,23 +34,6 @@ with_unfit_publishers = pytest.mark.skipif(
 
 def taken(buffer):
     return buffer.statistics()["taken"]
-
-
-def threads():
-    """
-    How many threads there are, without those that the middleware starts and ends at any time: Zenoh's pool,
-    and Fast DDS's thread for its log, which begins with the first message, for example about a port of
-    shared memory that another process has just locked.
-    """
-    names = []
-    for task in Path("/proc/self/task").iterdir():
-        with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
-            names.append((task / "comm").read_text())
-    return sum(re.match(r"((net|rx|tx)-\d+|dds\.log)$", name) is None for name in names)
-
-
-def files():
-    return len(os.listdir("/proc/self/fd"))
 
 
 class TestWithoutAnExecutor:
@@ -164,65 +147,18 @@ class TestTrouble:
         inbox.close()
 
 
-# The ignored one is of lark, which rclpy imports with its first node.
-@pytest.mark.filterwarnings("error", "ignore:module 'sre_:DeprecationWarning")
+@pytest.mark.filterwarnings("error", IGNORED)
 class TestEnd:
-    @pytest.mark.parametrize("spin_thread", [False, True])
-    def test_any_order_hundreds_of_times(self, tf2_ros, ros, flood, capfd, spin_thread):
+    @pytest.mark.parametrize("how", ["spun", "not spun"])
+    def test_any_order_hundreds_of_times(self, flood, tmp_path, how):
         flood(200, 5)
-        orders = list(itertools.permutations(["unregister", "node", "context", "drop"]))
-        if spin_thread:
-            # As long as its context lives, a node that is spun is not garbage.
-            orders = [order for order in orders if order.index("context") < order.index("drop")]
-        names = (f"passing_{n}" for n in itertools.count())
-
-        class Silent(tf2_ros.TransformListener):
-            def __del__(self):
-                """Do not call that of the base."""
-
-        kinds = itertools.cycle([tf2_ros.TransformListener, tf2_ros.TransformListener, Silent])
-
-        def live_and_end(order):
-            context = ros.Context()
-            context.init(args=[])
-            node = ros.create_node(next(names), context=context)
-            buffer = tf2_ros.Buffer(node=node)
-            buffer.node = node  # a program's own ways from the buffer to the node keep nothing alive
-            kind = tf2_ros.TransformListener if spin_thread else next(kinds)
-            listener = kind(buffer, node, spin_thread=spin_thread)
-            references = [
-                weakref.ref(thing) for thing in (node, buffer, listener, listener._tf2_listening.receiver)
-            ]
-            for what in order:
-                if what == "unregister":
-                    listener.unregister()
-                elif what == "node":
-                    node.destroy_node()
-                elif what == "context":
-                    context.shutdown()
-                else:
-                    break
-            return references, context.handle
-
-        def are_gone(references):
-            gc.collect()
-            return not any(reference() for reference in references)
-
-        def all_orders():
-            for order in orders:
-                references, context_handle = live_and_end(order)
-                until(lambda found=references: are_gone(found))
-                if context_handle.ok():
-                    context_handle.shutdown()  # at the next signal, rclpy would use the context after its end
-
-        all_orders()
-        before = threads(), files()
-        for _ in range(200 // len(orders)):
-            all_orders()
-        until(lambda: threads() <= before[0] and files() <= before[1])
+        environment = with_library("stack_at_alarm", tmp_path)
+        program = (sys.executable, "-W", "error", "-W", IGNORED, PROGRAMS / "ends_in_any_order.py", how)
+        done = tried(lambda: run(*program, env=environment))
         # Zenoh reports each message that arrives just after the end of its subscription.
-        lines = capfd.readouterr().err.splitlines()
+        lines = done.stderr.splitlines()
         assert [line for line in lines if "[rmw_zenoh_cpp]: SubscriberCallback triggered" not in line] == []
+        assert (done.returncode, done.stdout) == (0, "nothing is left\n")
 
     def test_an_executor_that_has_just_met_an_event_handler_does_not_wait_for_it(self, listener, node):
         """If another thread destroys the subscription then, the executor would raise InvalidHandle."""

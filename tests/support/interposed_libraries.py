@@ -19,6 +19,12 @@ def output_with_library(name, folder, *arguments, program=None, **variables):
 
     Without glibc or a compiler the test is skipped.
     """
+    environment = with_library(name, folder) | variables
+    return output_of(PROGRAMS / f"{program or name}.py", *arguments, env=environment)
+
+
+def with_library(name, folder):
+    """The environment of a program with `interposed/<name>.c`, which this compiles; as above."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or platform.libc_ver()[0] != "glibc":
         pytest.skip("there is no glibc, or no C compiler")
@@ -27,5 +33,4 @@ def output_with_library(name, folder, *arguments, program=None, **variables):
     subprocess.run([compiler, *options, "-o", library, source, "-ldl"], check=True)
     # After the runtime of a sanitizer, which must be the first.
     preload = f"{os.environ.get('LD_PRELOAD', '')} {library}".strip()
-    environment = {**os.environ, "LD_PRELOAD": preload, **variables}
-    return output_of(PROGRAMS / f"{program or name}.py", *arguments, env=environment)
+    return {**os.environ, "LD_PRELOAD": preload}

@@ -41,7 +41,12 @@ def accept(error):
 
 def fault_in(errors):
     """The fault that the standard error of a program shows, in a few words; None: it shows none."""
-    faults = (_dropped_answer(errors), _error_of_rclpy(errors), _hang_of_fast_dds(errors))
+    faults = (
+        _dropped_answer(errors),
+        _error_of_rclpy(errors),
+        _hang_of_fast_dds(errors),
+        _hung_end_of_fast_dds(errors),
+    )
     return next(filter(None, faults), None)
 
 
@@ -76,3 +81,10 @@ def _hang_of_fast_dds(errors):
     subscribes = r'^Timeout .*first\):\n  File "([^"]+)", line \d+ in _?create_subscription$'
     hung = re.search(subscribes, errors, re.M | re.S)
     return "a forked child hangs in Fast DDS as it subscribes" if hung and _is_of_rclpy(hung[1]) else None
+
+
+def _hung_end_of_fast_dds(errors):
+    # A participant that ends has a lock and waits until no thread calls its listener, and a thread that is
+    # about to report another participant's publisher to the listener waits for the lock. The stack is in C.
+    ends = r"DomainParticipant\d+set_listener.*\n(.*\n)*?.*rmw_fastrtps_shared_cpp\d+destroy_participant"
+    return "a participant hangs in Fast DDS as it ends" if re.search(ends, errors) else None

@@ -143,7 +143,7 @@ def run(name, of_pytest):
     kind, reports = KINDS[name], reports_of(name)
     folder, environment = prepared(name, reports)
     command = [*_fixed_addresses(), sys.executable, "-m", "pytest", "--all", "-p", "no:cacheprovider"]
-    command += ["-o", f"timeout={TEST_TIMEOUT_S}", "-o", f"faulthandler_timeout={2 * TEST_TIMEOUT_S}"]
+    command += ["-o", f"timeout={TEST_TIMEOUT_S}"]
     command += of_pytest
     if _names_tests(of_pytest):
         status = subprocess.run(command, cwd=folder, env=environment).returncode

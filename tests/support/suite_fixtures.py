@@ -1,5 +1,6 @@
 """What all tests share: a ROS domain of their own, and the tf2 under test."""
 
+import faulthandler
 import gc
 import importlib
 import os
@@ -73,6 +74,8 @@ pytest.register_assert_rewrite(
 
 # Of a test marked `long`: some build and install for a minute on an idle machine.
 LONG_TIMEOUT_S = 1200
+# A test that hangs in C does not fail at its time limit. This much later, the run ends.
+HUNG_IN_C_S = 15
 
 
 def pytest_addoption(parser):
@@ -99,7 +102,23 @@ def pytest_addoption(parser):
     )
 
 
+_stderr = None  # that of the process: while a test runs, what it writes to this is captured
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_timeout_set_timer(settings):
+    """Say where each thread stands when the run ends, also if one holds the GIL."""
+    faulthandler.dump_traceback_later(settings.timeout + HUNG_IN_C_S, exit=True, file=_stderr)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_timeout_cancel_timer():
+    faulthandler.cancel_dump_traceback_later()
+
+
 def pytest_configure(config):
+    global _stderr
+    _stderr = os.dup(2)
     # A shell starts what it runs in the background without Ctrl-C, and the tests' own programs inherit that.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -126,7 +145,8 @@ def pytest_collection_modifyitems(config, items):
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item not in set(left_out)]
     for item in items:
-        is_long = any(item.iter_markers("long")) or any(item.iter_markers("repeated"))
+        repeats = repetitions.all_of_them and any(item.iter_markers("repeated"))
+        is_long = repeats or any(item.iter_markers("long"))
         if is_long and not any(item.iter_markers("timeout")):
             item.add_marker(pytest.mark.timeout(LONG_TIMEOUT_S))
     # The processes of `pytest -n` begin the files in this order. A long file of waits must not be the last.

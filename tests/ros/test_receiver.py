@@ -149,6 +149,7 @@ class TestTrouble:
 
 @pytest.mark.filterwarnings("error", IGNORED)
 class TestEnd:
+    @pytest.mark.timeout(600)  # may be repeated; each end has a limit of its own
     @pytest.mark.parametrize("how", ["spun", "not spun"])
     def test_any_order_hundreds_of_times(self, flood, tmp_path, how):
         flood(200, 5)

@@ -16,6 +16,7 @@ from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from ros_domains import claim_domain
 from shared_buffers import new_name, ring_threads
 from spinning_nodes import at_once, knows
 from waiting import DEADLINE_S, until
@@ -191,7 +192,7 @@ def test_an_owner_of_another_domain_or_without_a_listener(node, monkeypatch, cap
     assert not is_attached(TransformListener(Buffer(), node))
     assert "has no listener" in logged(capfd)
     context = rclpy.Context()
-    context.init(domain_id=node.context.get_domain_id() + 100)
+    context.init(domain_id=claim_domain())
     other = rclpy.create_node("elsewhere", context=context)
     with TransformListener(owner, other):
         assert not is_attached(TransformListener(Buffer(), node))

@@ -2,7 +2,6 @@
 
 import copy
 import gc
-import os
 import pickle
 import random
 import re
@@ -15,6 +14,7 @@ from pickles_and_copies import check_copy, everything
 from random_inserts import apply, steps
 from rclpy.duration import Duration
 from repetitions import seeds
+from ros_domains import claim_domain
 from shared_buffers import LINKS, is_sound, links, new_name, pair, small_ring
 from waiting import errors_so_far, until
 
@@ -314,7 +314,7 @@ def test_names_are_refused_before_anything_is_made():
 
 
 def test_auto_is_the_name_of_the_domain(monkeypatch):
-    domain = int(os.environ["ROS_DOMAIN_ID"]) + 100  # of this test run alone, and no tf2_shared_buffer's
+    domain = claim_domain()  # of this test run alone, and no tf2_shared_buffer's
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     owner = Buffer(share="auto")
     assert owner._tf2_sharing.name == f"domain-{domain}"

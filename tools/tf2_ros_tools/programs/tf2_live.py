@@ -64,6 +64,7 @@ def live(options: Namespace) -> int:
     with live_session(options.where, recording, topics=TOPICS, cache_time=cache_time) as session:
         heard = Listening(session, recording, None)
         seconds, began_s = options.t, time.monotonic()
+        session.info(f"Listening {session.where} for {three_digits(seconds)} s ...")
         try:
             heard.listen(seconds)
         except RunError:  # the feed has ended, and `why_silent` says why

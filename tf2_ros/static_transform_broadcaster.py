@@ -70,11 +70,17 @@ class StaticTransformBroadcaster(Broadcaster):
         """
         new_transforms = self._tf2_list(transform)
         with self._tf2_sending:
-            transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
+            transforms = {_frame(sent): sent for sent in self.net_message.transforms}
             for new in new_transforms:
                 # Copied, because programs reuse one message.
-                transforms[new.child_frame_id] = deepcopy(new)
+                transforms[_frame(new)] = deepcopy(new)
             merged = list(transforms.values())
             # Kept only afterwards: what cannot be sent would prevent all later messages.
             self._tf2_publish(merged)
             self.net_message.transforms = merged
+
+
+def _frame(transform: TransformStamped) -> str:
+    # Listeners ignore a slash at the beginning of a name.
+    name: str = transform.child_frame_id
+    return name[1:] if name[:1] == "/" else name

@@ -159,6 +159,15 @@ class TestStatic:
         assert sent == [("a", 1.0), ("b", 2.0)]
 
     @pytest.mark.ours
+    def test_a_slash_at_the_beginning_makes_no_other_frame(self, broadcaster):
+        for x, name in enumerate(("/dock", "dock", "/dock")):
+            broadcaster.sendTransform(
+                [transform("map", name, 0, (-1, 0, 0)), transform("map", name, 0, (x, 0, 0))]
+            )
+            sent = [(m.child_frame_id, m.transform.translation.x) for m in broadcaster.net_message.transforms]
+            assert sent == [(name, x)]
+
+    @pytest.mark.ours
     @pytest.mark.parametrize("name", [None, b"a", "\ud800"], ids=repr)
     def test_one_that_cannot_be_sent_is_not_kept(self, broadcaster, subscribe, executor, name):
         broadcaster.sendTransform(transform("map", "a"))

@@ -694,7 +694,7 @@ cdef class BufferCore(Engine):
     cdef int _read_clock_for(self, Query* query, times_ns, ClockReading* reading) except -1:
         if query.policy.is_given and query.policy.judges_age:
             for time_ns in times_ns[times_ns != 0][:1]:
-                _require_latest(time_ns, "every time")
+                require_latest(time_ns, "every time")
             self.read_clock(query, reading)
         return 0
 
@@ -1118,7 +1118,7 @@ cdef class BufferCore(Engine):
         name_utf8(frame, &size, "frame")
         if frame not in self:
             self._begin_advice()
-            raise _bad_name(frame, "frame", call, self._advice, self._tf2_names)
+            raise name_error(frame, "frame", call, self._advice, self._tf2_names)
         return 0
 
     def parent(self, frame: str, time: Time = 0) -> str | None:

@@ -105,7 +105,34 @@ def test_no_modules_import_each_other_in_a_circle():
     assert graph == {}
 
 
-@pytest.mark.parametrize("module", ["tf2_py._core", "tf2_py._tf2_py", "tf2_ros._shared.ring"])
+MODULES_OF_CHAPTERS = ["tf2_py._core", "tf2_py._tf2_py", "tf2_ros._shared.ring"]
+
+
+def test_a_chapter_uses_no_underscored_name_of_another():
+    # Also of another extension: one cimports all names of the other.
+    names = [name for module in MODULES_OF_CHAPTERS for name in (*chapters(module), module)]
+    codes = {
+        name: code_of("\n".join(path.read_text(encoding="utf-8") for path in modules()[name]))
+        for name in names
+    }
+    # Two underscores are the compiler's.
+    private = {
+        name: {one for one in defined(code) if re.match("_(?!_)", one)} for name, code in codes.items()
+    }
+    assert "_history_slot" in private["tf2_py.core.history"]
+    words = {name: set(re.findall(r"(?<![.\w])_\w+", code)) for name, code in codes.items()}
+    methods = {
+        name: set(re.findall(r"^    c?p?def [^\n(]*\b(\w+)\(", code, re.M)) for name, code in codes.items()
+    }
+    assert [
+        f"{user} uses {word} of {owner}"
+        for user in names
+        for owner in names
+        for word in sorted((words[user] - private[user] - methods[user]) & private[owner])
+    ] == []
+
+
+@pytest.mark.parametrize("module", MODULES_OF_CHAPTERS)
 def test_a_chapter_uses_those_before_it_and_says_which(module):
     texts = {
         name: "\n".join(path.read_text(encoding="utf-8") for path in modules()[name])

@@ -118,7 +118,7 @@ cdef void history_end_move(History* history, HistoryMove* move, size_t growth_li
     history.capacity = move.capacity
     history.head = pruned % move.capacity
     for i in range(copied, old.count):
-        source, target = history_slot(&old, i), history_slot(history, i)
+        source, target = _history_slot(&old, i), _history_slot(history, i)
         history.stamps[target] = old.stamps[source]
         history.samples[target] = old.samples[source]
     move.memory = NULL
@@ -248,25 +248,25 @@ cdef uint32_t history_first_after(const History* history, int64_t time_ns) noexc
     # From here on: stamp(low) <= time_ns < stamp(high).
     low = 0
     high = count - 1
-    middle = history_guess(history, time_ns)
+    middle = _history_guess(history, time_ns)
     stride = 1
-    if history.stamps[history_slot(history, middle)] <= time_ns:
+    if history_stamp_of(history, middle) <= time_ns:
         low = middle
-        while high - low > stride and history.stamps[history_slot(history, low + stride)] <= time_ns:
+        while high - low > stride and history_stamp_of(history, low + stride) <= time_ns:
             low += stride
             stride *= 2
         if high - low > stride:
             high = low + stride
     else:
         high = middle
-        while high - low > stride and history.stamps[history_slot(history, high - stride)] > time_ns:
+        while high - low > stride and history_stamp_of(history, high - stride) > time_ns:
             high -= stride
             stride *= 2
         if high - low > stride:
             low = high - stride
     while high - low > 1:
         middle = low + (high - low) // 2
-        if history.stamps[history_slot(history, middle)] <= time_ns:
+        if history_stamp_of(history, middle) <= time_ns:
             low = middle
         else:
             high = middle
@@ -285,7 +285,7 @@ cdef inline Gap _find_slots(const History* history, int64_t time_ns, uint32_t* h
         older[0] = newer[0] = history.head
         return GAP_NONE
     if time_ns == 0 or time_ns == history.newest_ns:
-        older[0] = newer[0] = history_slot(history, count - 1)
+        older[0] = newer[0] = _history_slot(history, count - 1)
         return GAP_NONE
     if count == 1:
         return GAP_SINGLE
@@ -297,18 +297,18 @@ cdef inline Gap _find_slots(const History* history, int64_t time_ns, uint32_t* h
     if time_ns < history.oldest_ns:
         return GAP_PAST
     index = min(hint[0], count - 1)
-    if history.stamps[history_slot(history, index)] <= time_ns:
+    if history_stamp_of(history, index) <= time_ns:
         # A series looks up its times in order, so the next interval is as likely as this one.
         index += 1
-        if history.stamps[history_slot(history, index)] <= time_ns:
+        if history_stamp_of(history, index) <= time_ns:
             index = history_first_after(history, time_ns)
-    elif history.stamps[history_slot(history, index - 1)] > time_ns:
+    elif history_stamp_of(history, index - 1) > time_ns:
         index -= 1
-        if history.stamps[history_slot(history, index - 1)] > time_ns:
+        if history_stamp_of(history, index - 1) > time_ns:
             index = history_first_after(history, time_ns)
     hint[0] = index
-    older[0] = history_slot(history, index - 1)
-    newer[0] = history_slot(history, index)
+    older[0] = _history_slot(history, index - 1)
+    newer[0] = _history_slot(history, index)
     if (history.stamps[older[0]] == time_ns
             or history.samples[older[0]].parent != history.samples[newer[0]].parent):
         newer[0] = older[0]
@@ -368,7 +368,7 @@ cdef void _extrapolate(const History* history, int64_t time_ns, Transform* out) 
     out[0] = newest[0]
     if history.count < 2:
         return
-    older = history_slot(history, history.count - 2)
+    older = _history_slot(history, history.count - 2)
     if (history.stamps[older] == history.newest_ns
             or history.samples[older].parent != history_newest_parent(history)):
         return
@@ -401,8 +401,8 @@ cdef bint history_stamps_around(const History* history, int64_t time_ns, int64_t
     cdef uint32_t newer = history_first_after(history, time_ns)
     if newer == 0 or newer == history.count:
         return False
-    older_ns[0] = history.stamps[history_slot(history, newer - 1)]
-    newer_ns[0] = history.stamps[history_slot(history, newer)]
+    older_ns[0] = history_stamp_of(history, newer - 1)
+    newer_ns[0] = history_stamp_of(history, newer)
     return older_ns[0] != time_ns
 
 
@@ -428,8 +428,8 @@ cdef int64_t history_unchanged_since(const History* history, int64_t time_ns) no
     parent = history_parent_of(history, i)
     while True:
         # Of equal stamps the last arrival counts, except at the oldest stamp itself, see _find_slots.
-        stamp_ns = history.stamps[history_slot(history, i)]
-        while i > 0 and history.stamps[history_slot(history, i - 1)] == stamp_ns:
+        stamp_ns = history_stamp_of(history, i)
+        while i > 0 and history_stamp_of(history, i - 1) == stamp_ns:
             i -= 1
         if i == 0:
             return stamp_ns if history_parent_of(history, 0) == parent else stamp_ns + 1
@@ -484,11 +484,11 @@ cdef void _prune(History* history, int64_t horizon_ns) noexcept nogil:
     if history.count < 2 or history.oldest_ns >= horizon_ns:
         return
     pruned = 1      # which is what most inserts leave behind
-    if history.stamps[history_slot(history, 1)] < horizon_ns:
+    if history_stamp_of(history, 1) < horizon_ns:
         pruned = min(history_first_after(history, horizon_ns - 1), history.count - 1)
     for i in range(pruned if history.parent_changes else 0):
         history.parent_changes -= history_parent_of(history, i) != history_parent_of(history, i + 1)
-    history.head = history_slot(history, pruned)
+    history.head = _history_slot(history, pruned)
     history.count -= pruned
     history.oldest_ns = history.stamps[history.head]
 
@@ -510,15 +510,15 @@ cdef void _make_slot(History* history, uint32_t index) noexcept nogil:
     if index < history.count - index:
         history.head = (history.head if history.head else history.capacity) - 1
         for i in range(index):
-            target = history_slot(history, i)
-            source = history_slot(history, i + 1)
+            target = _history_slot(history, i)
+            source = _history_slot(history, i + 1)
             history.stamps[target] = history.stamps[source]
             history.samples[target] = history.samples[source]
     else:
         i = history.count
         while i > index:
-            target = history_slot(history, i)
-            source = history_slot(history, i - 1)
+            target = _history_slot(history, i)
+            source = _history_slot(history, i - 1)
             history.stamps[target] = history.stamps[source]
             history.samples[target] = history.samples[source]
             i -= 1
@@ -527,7 +527,7 @@ cdef void _make_slot(History* history, uint32_t index) noexcept nogil:
 
 cdef void _replace_last_of_stamp(History* history, uint32_t index, const Sample* sample) noexcept nogil:
     # Of all samples of one stamp only the first and the last answer, so the others need not be kept.
-    cdef Sample* last = &history.samples[history_slot(history, index)]
+    cdef Sample* last = &history.samples[_history_slot(history, index)]
     history.parent_changes -= _differ(history, index, last.parent)
     history.parent_changes += _differ(history, index, sample.parent)
     last[0] = sample[0]
@@ -552,7 +552,7 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
     index = history_first_after(history, stamp_ns)
     i = index
     while i > 0:
-        slot = history_slot(history, i - 1)
+        slot = _history_slot(history, i - 1)
         if history.stamps[slot] != stamp_ns:
             break
         if _same(&history.samples[slot], sample):
@@ -580,15 +580,15 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
         history.parent_changes -= history_parent_of(history, index - 1) != history_parent_of(history, index)
     change.moved = min(index, history.count - index)
     _make_slot(history, index)
-    slot = history_slot(history, index)
+    slot = _history_slot(history, index)
     history.stamps[slot] = stamp_ns
     history.samples[slot] = sample[0]
     history.parent_changes += _differ(history, index, sample.parent)
-    history.newest_ns = history.stamps[history_slot(history, history.count - 1)]
+    history.newest_ns = history_stamp_of(history, history.count - 1)
     history.oldest_ns = history.stamps[history.head]
     history_shrink(history, later)
     # Where the next sample goes: that memory has not been used for the whole cache time.
-    __builtin_prefetch(&history.samples[history_slot(history, history.count)])
+    __builtin_prefetch(&history.samples[_history_slot(history, history.count)])
     return HISTORY_INSERTED
 
 
@@ -649,7 +649,7 @@ cdef const char* history_check(const History* history, StopAsked stop, uint32_t*
         where[0] = i
         if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop != NULL and stop():
             return STOPPED
-        slot = history_slot(history, i)
+        slot = _history_slot(history, i)
         if history.stamps[slot] < 0 or history.stamps[slot] > MAX_STAMP_NS:
             return "its stamp does not fit into a message"
         if history.samples[slot].parent == NO_FRAME:
@@ -669,7 +669,7 @@ cdef const char* history_check(const History* history, StopAsked stop, uint32_t*
     if changes != history.parent_changes:
         return "its parent changes are miscounted"
     if history.kind == HISTORY_DYNAMIC and history.count:
-        if history.newest_ns != history.stamps[history_slot(history, history.count - 1)]:
+        if history.newest_ns != history_stamp_of(history, history.count - 1):
             return "newest_ns is not the newest stamp"
         if history.oldest_ns != history.stamps[history.head]:
             return "oldest_ns is not the oldest stamp"
@@ -705,12 +705,12 @@ cdef void history_copy_stamps(const History* history, uint32_t first, uint32_t c
                               int64_t* stamps) noexcept nogil:
     cdef uint32_t i
     for i in range(count):
-        stamps[i] = history.stamps[history_slot(history, first + i)]
+        stamps[i] = history_stamp_of(history, first + i)
 
 
 cdef void history_copy_samples(const History* history, uint32_t first, uint32_t count, const FrameId* ids,
                                Sample* samples) noexcept nogil:
     cdef uint32_t i
     for i in range(count):
-        samples[i] = history.samples[history_slot(history, first + i)]
+        samples[i] = history.samples[_history_slot(history, first + i)]
         samples[i].parent = ids[samples[i].parent]

@@ -30,8 +30,8 @@ cdef struct HistoryMemory:
 
 
 cdef struct History:
-    # The ring, for this chapter only. The oldest sample has the index 0 and lies in slot
-    # `head`; slot 0 follows slot `capacity - 1`. Two parallel arrays, so that a search reads little memory.
+    # The ring, for this chapter only. The oldest sample has the index 0 and lies in slot `head`; slot 0
+    # follows slot `capacity - 1`. Two parallel arrays, so that a search reads little memory.
     # Equal stamps lie in order of arrival.
     HistoryMemory* memory       # the memory of both arrays; NULL: capacity 0
     int64_t* stamps             # ns, by slot
@@ -60,8 +60,8 @@ cdef enum:
     PREFETCH_FROM = 16          # samples; in a shorter history any search is fast
 
 
-cdef inline uint32_t history_slot(const History* history, uint32_t index) noexcept nogil:
-    # For this chapter only. The sum cannot wrap: capacities stay below 2^31.
+cdef inline uint32_t _history_slot(const History* history, uint32_t index) noexcept nogil:
+    # The sum cannot wrap: capacities stay below 2^31.
     cdef uint32_t slot = history.head + index
     return slot if slot < history.capacity else slot - history.capacity
 
@@ -71,9 +71,17 @@ cdef inline size_t history_allocated(const History* history) noexcept nogil:
     return 0 if history.memory == NULL else history.memory.bytes
 
 
+# What one sample holds; `index` < `count`, 0 is the oldest.
+cdef inline int64_t history_stamp_of(const History* history, uint32_t index) noexcept nogil:
+    return history.stamps[_history_slot(history, index)]
+
+
+cdef inline const Transform* history_transform_of(const History* history, uint32_t index) noexcept nogil:
+    return &history.samples[_history_slot(history, index)].transform
+
+
 cdef inline FrameId history_parent_of(const History* history, uint32_t index) noexcept nogil:
-    # The parent in one sample; `index` < `count`, 0 is the oldest.
-    return history.samples[history_slot(history, index)].parent
+    return history.samples[_history_slot(history, index)].parent
 
 
 cdef inline FrameId history_newest_parent(const History* history) noexcept nogil:
@@ -88,7 +96,7 @@ cdef inline FrameId history_oldest_parent(const History* history) noexcept nogil
 
 cdef inline const Transform* history_newest_transform(const History* history) noexcept nogil:
     # The history must have samples; a static one has a single transform.
-    return &history.samples[history_slot(history, history.count - 1)].transform
+    return history_transform_of(history, history.count - 1)
 
 
 cdef inline bint history_is_overtaken(const History* history) noexcept nogil:
@@ -170,8 +178,8 @@ cdef extern from *:
     void __builtin_prefetch(const void* address) nogil
 
 
-cdef inline uint32_t history_guess(const History* history, int64_t time_ns) noexcept nogil:
-    # For this chapter only. The index of the sample before time_ns, if the stamps were even; below
+cdef inline uint32_t _history_guess(const History* history, int64_t time_ns) noexcept nogil:
+    # The index of the sample before time_ns, if the stamps were even; below
     # `count - 1`. For two samples or more and oldest_ns <= time_ns < newest_ns.
     cdef uint32_t last = history.count - 1
     cdef double part = <double>(time_ns - history.oldest_ns) / <double>(history.newest_ns - history.oldest_ns)
@@ -184,8 +192,8 @@ cdef inline uint32_t history_prefetch(const History* history, int64_t time_ns) n
     cdef uint32_t guess, slot
     if history.count < PREFETCH_FROM or time_ns >= history.newest_ns or time_ns < history.oldest_ns:
         return NEWEST_HINT
-    guess = history_guess(history, time_ns)
-    slot = history_slot(history, guess)
+    guess = _history_guess(history, time_ns)
+    slot = _history_slot(history, guess)
     __builtin_prefetch(&history.stamps[slot])
     __builtin_prefetch(&history.samples[slot])
     if slot + 1 < history.capacity:

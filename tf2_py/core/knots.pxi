@@ -14,8 +14,8 @@ cdef struct Rates:
 
 cdef void _add_inner(Rates* rates, const History* history, int64_t begin_ns, int64_t end_ns) noexcept nogil:
     # Adds a frame within these, which has no stamp between the two times.
-    cdef const Sample* older
-    cdef const Sample* newer
+    cdef const Transform* older
+    cdef const Transform* newer
     cdef double moved[3]
     cdef double turned[3]
     cdef double distance = vector_length(history_newest_transform(history).translation)
@@ -27,16 +27,15 @@ cdef void _add_inner(Rates* rates, const History* history, int64_t begin_ns, int
     if history.kind == HISTORY_DYNAMIC and history.count > 1:
         # After the newest sample, the last two are those that an extrapolation continues.
         i = min(max(history_first_after(history, begin_ns), 1), history.count - 1)
-        older = &history.samples[history_slot(history, i - 1)]
-        newer = &history.samples[history_slot(history, i)]
-        per_s = 1e9 / <double>max(history.stamps[history_slot(history, i)]
-                                  - history.stamps[history_slot(history, i - 1)], <int64_t>1)
+        older = history_transform_of(history, i - 1)
+        newer = history_transform_of(history, i)
+        per_s = 1e9 / <double>max(history_stamp_of(history, i) - history_stamp_of(history, i - 1), <int64_t>1)
         for k in range(3):
-            moved[k] = newer.transform.translation[k] - older.transform.translation[k]
-        rotation_vector_between(older.transform.rotation, newer.transform.rotation, turned)
+            moved[k] = newer.translation[k] - older.translation[k]
+        rotation_vector_between(older.rotation, newer.rotation, turned)
         speed = vector_length(moved) * per_s
         turn = vector_length(turned) * per_s
-        distance = max(vector_length(older.transform.translation), vector_length(newer.transform.translation))
+        distance = max(vector_length(older.translation), vector_length(newer.translation))
         distance += speed * 1e-9 * <double>max(end_ns - history.newest_ns, <int64_t>0)
     # What is outside turns this origin.
     rates.acceleration += rates.turn * (rates.turn * distance + 2.0 * speed)
@@ -71,25 +70,21 @@ cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, i
                              int64_t last_ns, double turn, double move, Py_ssize_t most, int64_t** knots_ns,
                              Status* status) noexcept nogil:
     cdef PinnedLookup pinned
-    cdef Py_ssize_t count = SERIES_UNSTEADY
+    cdef Py_ssize_t count
     cdef int64_t* stamps_ns = NULL
+    cdef bint is_pinned
     knots_ns[0] = NULL
-    pinned.has_fixed = False
-    pinned.hops = pinned.path.source_hops = pinned.path.target_hops = 0
     lock_acquire(lock)
     status[0] = query_find_frames(tree, query, &pinned.frames)
-    pinned.by_batches = status.code == STATUS_OK and (query_is_identity(query)
-                                                      or _find_path(tree, query, &pinned))
-    if pinned.by_batches:
-        _pin_path(tree, &pinned)
+    is_pinned = status.code == STATUS_OK and series_pin_path(tree, query, &pinned)
     lock_release(lock)
-    if not pinned.by_batches:
+    if not is_pinned:
         return SERIES_BAD_NAME if status.code != STATUS_OK else SERIES_UNSTEADY
     count = _stamps_between(&pinned, first_ns, last_ns, most, &stamps_ns)
     if count > 0:
         count = _knots_between(&pinned, stamps_ns, count, turn, move, most, knots_ns)
     free(stamps_ns)
-    _unpin_lookup(&pinned)
+    series_unpin(&pinned)
     return count
 
 
@@ -106,8 +101,7 @@ cdef Py_ssize_t _stamps_between(const PinnedLookup* pinned, int64_t first_ns, in
         if pinned.histories[i].kind == HISTORY_DYNAMIC:
             begins[i] = history_first_after(&pinned.histories[i], first_ns)
             # The transform jumps at the first time.
-            if (begins[i] > 1 and first_ns ==
-                    pinned.histories[i].stamps[history_slot(&pinned.histories[i], begins[i] - 2)]):
+            if begins[i] > 1 and first_ns == history_stamp_of(&pinned.histories[i], begins[i] - 2):
                 return SERIES_UNSTEADY
             ends[i] = max(history_first_after(&pinned.histories[i], last_ns), begins[i])
         if ends[i] - begins[i] > most:
@@ -122,7 +116,7 @@ cdef Py_ssize_t _stamps_between(const PinnedLookup* pinned, int64_t first_ns, in
     for i in range(pinned.hops):
         last_stamp_ns = first_ns
         for k in range(begins[i], ends[i]):
-            stamp_ns = pinned.histories[i].stamps[history_slot(&pinned.histories[i], k)]
+            stamp_ns = history_stamp_of(&pinned.histories[i], k)
             if stamp_ns == last_stamp_ns:
                 return SERIES_UNSTEADY
             stamps_ns[0][count] = last_stamp_ns = stamp_ns

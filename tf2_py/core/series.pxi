@@ -316,20 +316,6 @@ cdef struct PinnedLookup:
     PinnedTree above        # all that is above them
 
 
-cdef int _pin_lookup(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
-    # With the lock held, once the frames are known. -1: no memory.
-    cdef FrameId[3] ends = [pinned.frames.target, pinned.frames.source, pinned.frames.fixed]
-    pinned.has_fixed = query.fixed != NULL
-    pinned.hops = pinned.path.source_hops = pinned.path.target_hops = 0
-    pinned.by_batches = not query.policy.is_given and (query_is_identity(query)
-                                                       or _find_path(tree, query, pinned))
-    if not pinned.by_batches:
-        return tree_pin_above(tree, ends, 3, &pinned.above)
-    pinned.common_ns = path_common_time(tree, &pinned.path)
-    _pin_path(tree, pinned)
-    return 0
-
-
 cdef bint _find_path(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
     # Whether one path serves all times. Lookups that fail at any time have none.
     cdef FrameId target = pinned.frames.target
@@ -349,8 +335,15 @@ cdef bint _find_path(const Tree* tree, const Query* query, PinnedLookup* pinned)
     return not mixed and pinned.path.source_hops + pinned.path.target_hops <= LONG_PATH
 
 
-cdef void _pin_path(const Tree* tree, PinnedLookup* pinned) noexcept nogil:
+cdef bint series_pin_path(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
+    # With the lock held, once the frames are known. Pins the one path that serves all times; False: there is
+    # none.
     cdef uint32_t i
+    pinned.has_fixed = query.fixed != NULL
+    pinned.hops = pinned.path.source_hops = pinned.path.target_hops = 0
+    pinned.by_batches = query_is_identity(query) or _find_path(tree, query, pinned)
+    if not pinned.by_batches:
+        return False
     for i in range(pinned.path.source_hops):
         history_pin(&tree.histories[pinned.path.source[i]], &pinned.histories[i])
     pinned.hops = pinned.path.source_hops
@@ -359,9 +352,20 @@ cdef void _pin_path(const Tree* tree, PinnedLookup* pinned) noexcept nogil:
     pinned.hops += pinned.path.target_hops
     for i in range(pinned.hops):
         pinned.hints[i] = NEWEST_HINT
+    return True
 
 
-cdef void _unpin_lookup(PinnedLookup* pinned) noexcept nogil:
+cdef int _pin_lookup(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
+    # With the lock held, once the frames are known. -1: no memory.
+    cdef FrameId[3] ends = [pinned.frames.target, pinned.frames.source, pinned.frames.fixed]
+    if not query.policy.is_given and series_pin_path(tree, query, pinned):
+        pinned.common_ns = path_common_time(tree, &pinned.path)
+        return 0
+    pinned.by_batches = False
+    return tree_pin_above(tree, ends, 3, &pinned.above)
+
+
+cdef void series_unpin(PinnedLookup* pinned) noexcept nogil:
     cdef uint32_t i
     if not pinned.by_batches:
         tree_unpin(&pinned.above)
@@ -499,6 +503,6 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
         else:
             work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
         start += answered
-    _unpin_lookup(&pinned)
+    series_unpin(&pinned)
     free(found)
     return start

@@ -142,7 +142,7 @@ cdef int write_frozen(const Tree* tree, Lock* lock, file, list names, list autho
     cdef NumberedFrames frames
     cdef char* chunk = NULL
     memset(&frames, 0, sizeof(NumberedFrames))
-    _pin_all(tree, lock, &view)
+    pin_tree(tree, lock, &view)
     try:
         learn_names(&tree.names, lock, names)
         learn_names(&tree.authorities, lock, authorities)
@@ -159,7 +159,7 @@ cdef int write_frozen(const Tree* tree, Lock* lock, file, list names, list autho
         free(frames.is_parent)
         free(chunk)
         with nogil:
-            _unpin_all(&view)
+            unpin_tree(&view)
     return 0
 
 

@@ -32,11 +32,11 @@ cdef int query_fill_series(Query* query, object target_frame, object source_fram
     if policy is not None:
         query.policy = policy.policy
         if policy.policy.judges_age and fixed_frame is not None:
-            _require_latest(query.target_ns, "target_time")
+            require_latest(query.target_ns, "target_time")
     return 0
 
 
-cdef int _require_latest(int64_t time_ns, str argument) except -1:
+cdef int require_latest(int64_t time_ns, str argument) except -1:
     if time_ns != 0:
         raise ValueError(f"max_age limits the age of the latest transform, so {argument} must be 0, "
                          f"got {errors.seconds(time_ns)} s; for a time, use tolerance")
@@ -144,7 +144,7 @@ cdef int query_fill_any(Query* query, object target_frame, object source_frame, 
         argument = "time" if fixed_frame is None else "source_time"
     query.source_ns = stamp_nanoseconds(time, argument)
     if query.policy.is_given and query.policy.judges_age:
-        _require_latest(query.source_ns, argument)
+        require_latest(query.source_ns, argument)
     return 0
 
 
@@ -180,7 +180,7 @@ cdef tuple _ends(const Query* query, Status status):
     return target, source
 
 
-cdef object _bad_name(str name, str argument, str call, Advice advice, object list_names):
+cdef object name_error(str name, str argument, str call, Advice advice, object list_names):
     if errors.is_invalid_name(name):
         return errors.bad_name(name, argument, call)
     unknown = str(errors.bad_name(name, argument, call))
@@ -215,11 +215,11 @@ cdef object query_error(const Query* query, Status status, str child, str parent
                         str limiting, str call, Advice advice, object buffer):
     target, source, fixed = _query_names(query)
     if status.code == STATUS_BAD_TARGET:
-        return _bad_name(target, "target_frame", call, advice, buffer._tf2_names)
+        return name_error(target, "target_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_SOURCE:
-        return _bad_name(source, "source_frame", call, advice, buffer._tf2_names)
+        return name_error(source, "source_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_FIXED:
-        return _bad_name(fixed, "fixed_frame", call, advice, buffer._tf2_names)
+        return name_error(fixed, "fixed_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_LIMIT:
         return _bad_limit(query, status, parent is not None, instead, call, advice, buffer._tf2_names)
     target, source = _ends(query, status)

@@ -28,8 +28,14 @@ cdef int query_fill_any(Query* query, object target_frame, object source_frame, 
                         str argument=*) except -1
 
 
+# ValueError: `max_age` is given with a time other than 0, which `argument` names.
+cdef int require_latest(int64_t time_ns, str argument) except -1
+
+
 # Why a lookup has no answer: as an exception, and as a sentence about a wait.
 
+# Of a name that is invalid, or unknown to the buffer whose names `list_names` returns.
+cdef object name_error(str name, str argument, str call, Advice advice, object list_names)
 # The only function that converts a status to an exception; the names are those of status.child and
 # status.parent; of STATUS_BAD_LIMIT, `parent` is that of a static frame. `instead`: of STATUS_BAD_LIMIT, what
 # may be limited instead; None: its frame is unknown.

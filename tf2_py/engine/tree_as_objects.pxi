@@ -62,9 +62,7 @@ cdef inline str name_of(list known, uint32_t id):
     return known[id if id < <size_t>len(known) else 0]
 
 
-cdef int _pin_all(const Tree* tree, Lock* lock, Tree* view) except -1:
-    # Makes `view` a copy that may be read without the lock, except for its names. The GIL is held until these
-    # are known, too, so that they are those of the same tree.
+cdef int pin_tree(const Tree* tree, Lock* lock, Tree* view) except -1:
     cdef FrameId id
     lock_acquire(lock)
     view[0] = tree[0]
@@ -77,7 +75,7 @@ cdef int _pin_all(const Tree* tree, Lock* lock, Tree* view) except -1:
     return 0
 
 
-cdef void _unpin_all(Tree* view) noexcept nogil:
+cdef void unpin_tree(Tree* view) noexcept nogil:
     cdef FrameId id
     for id in range(view.names.count):
         history_unpin(&view.histories[id])
@@ -112,7 +110,7 @@ cdef object _facts_of(const History* history, str name, list names, list authori
 cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, list authorities):
     cdef Tree view
     cdef FrameId id
-    _pin_all(tree, lock, &view)
+    pin_tree(tree, lock, &view)
     try:
         learn_names(&tree.names, lock, names)
         learn_names(&tree.authorities, lock, authorities)
@@ -123,7 +121,7 @@ cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, 
         ]
     finally:
         with nogil:
-            _unpin_all(&view)
+            unpin_tree(&view)
 
 
 cdef dict frame_infos(facts):
@@ -178,7 +176,7 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
     cdef const History* history
     cdef list frames = []
     cdef list parent_names = []
-    _pin_all(tree, lock, &view)
+    pin_tree(tree, lock, &view)
     try:
         learn_names(&tree.names, lock, names)
         learn_names(&tree.authorities, lock, authorities)
@@ -212,7 +210,7 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
         }
     finally:
         with nogil:
-            _unpin_all(&view)
+            unpin_tree(&view)
 
 
 cdef object _not_a_state(what):

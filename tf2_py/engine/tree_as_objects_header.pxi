@@ -2,11 +2,15 @@
 
 # Uses: messages, arrays.
 
-# Only the engine calls these. Each takes the lock to copy what it needs, and makes Python objects while the
-# lock is free. `names` and `authorities`: those of the tree that are known so far.
+# Each takes the lock to copy what it needs, and makes Python objects while the lock is free. `names` and
+# `authorities`: those of the tree that are known so far.
 # Appends some of the names that `known` lacks, or all, in the order of their ids; False: it lacks none.
 cdef bint learn_some(const Names* names, Lock* lock, list known) except -1
 cdef int learn_names(const Names* names, Lock* lock, list known) except -1
+# Makes `view` a copy that may be read without the lock, except for its names. Hold the GIL until these are
+# known, too, so that they are those of the same tree.
+cdef int pin_tree(const Tree* tree, Lock* lock, Tree* view) except -1
+cdef void unpin_tree(Tree* view) noexcept nogil
 # A listings.FrameFacts for every frame that was ever a child, with `roots` also for those that were only ever
 # parents, in the order in which their names were first used, all at one moment.
 cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, list authorities)

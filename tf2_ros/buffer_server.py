@@ -135,8 +135,9 @@ class BufferServer:
         for lookup in list(self._lookups.values()):
             lookup.cancel()
         self._lookups.clear()
+        # First, because an executor of rclpy fails if another thread destroys an action server that it spins.
         if self._spinner is not None:
-            self._spinner.stop()  # first, because its thread may be using the server
+            self._spinner.stop()
         server.destroy()
 
     def _tf2_check(self) -> None:

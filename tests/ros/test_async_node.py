@@ -15,6 +15,7 @@ from async_node_standin import AsyncNode, StandIn
 from geometry_msgs.msg import PointStamped
 from making_objects import S, transform, translation
 from paths import ROOT
+from rclpy.action import ActionServer
 from rclpy.exceptions import InvalidHandle
 from rclpy.time import Time
 from waiting import DEADLINE_S
@@ -129,6 +130,23 @@ async def test_it_offers_and_uses_a_buffer_server(tf2_ros, buffer, sender):
         assert translation(found) == (1, 0, 0)
         client.destroy()
         server.destroy()
+
+
+@in_loop
+async def test_the_thread_of_a_buffer_server_ends_before_its_action(tf2_ros, buffer, sender):
+    """An executor of rclpy fails if another thread destroys an action server that it is about to wait for."""
+    destroy, threads = ActionServer.destroy, []
+
+    def note_and_destroy(server):
+        threads.extend(thread for thread in threading.enumerate() if thread.name == "tf2_ros buffer server")
+        destroy(server)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ActionServer, "destroy", note_and_destroy)
+        patch.setattr("tf2_ros._spinner.CALLBACK_END_WAIT_S", DEADLINE_S)
+        async with AsyncNode("serving") as node:
+            tf2_ros.BufferServer(buffer, node, "lookup").destroy()
+    assert threads == []
 
 
 @in_loop

@@ -177,7 +177,8 @@ def test_a_deskewed_cloud_stays_as_it_is_when_it_is_deskewed_again(buffer, drive
     once = deskew(cloud, buffer, "lidar", "odom", at_ns(STAMP + SWEEP))
     assert stamp_ns(once) == STAMP + SWEEP
     xyz = xyz_of(points_of(once, points.dtype))
-    again = deskew(once, buffer, "lidar", "odom")
+    with pytest.warns(UserWarning, match=" spans 0 s in 4000 points, so hardly any motion is corrected: "):
+        again = deskew(once, buffer, "lidar", "odom")
     assert xyz_of(points_of(again, points.dtype)) == pytest.approx(xyz, abs=1e-4)
     [time] = set(points_of(once, points.dtype)[name_of_times(DRIVERS[driver][0])].tolist())
     assert time in (0, STAMP + SWEEP, (STAMP + SWEEP) / S)
@@ -203,6 +204,8 @@ def test_rows_and_their_padding(buffer, driver, rows, padding):
     assert bytes(moved.data)[-padding or len(moved.data) :] == b"\xaa" * padding
 
 
+# The sample of points that is judged misses the extremes.
+@pytest.mark.filterwarnings("ignore:deskew. the field t .* spans 0 s:UserWarning")
 @pytest.mark.parametrize("order", ["backwards", "random", "the extremes in the middle"])
 def test_points_in_any_order_of_their_times(buffer, order):
     since_stamp = (

@@ -4,6 +4,7 @@ import math
 import re
 import sys
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -290,7 +291,7 @@ def test_what_is_refused_is_named(error):
 def test_without_scipy_the_error_names_the_extra_and_this_python(monkeypatch):
     for name in ("scipy", "scipy.spatial", "scipy.spatial.transform"):
         monkeypatch.delitem(sys.modules, name, raising=False)
-    monkeypatch.setattr(sys, "meta_path", [])  # no finder finds it
+    monkeypatch.setattr(sys, "meta_path", [SimpleNamespace(find_spec=lambda *_: None)])
     with pytest.raises(ModuleNotFoundError) as raised:
         to_rotation([0.0, 0.0, 0.0, 1.0])
     assert raised.value.name == "scipy"

@@ -212,7 +212,6 @@ def test_an_ended_node_knows_no_publishers(ros, node, end):
     assert clock_publishers(node) == []
 
 
-@pytest.mark.filterwarnings("error::pytest.PytestUnhandledThreadExceptionWarning")
 @pytest.mark.parametrize("seed", seeds(5, 50))
 def test_nothing_is_left_of_what_ended_in_random_order(ros, seed):
     ends = RandomEnds(ros, seed)

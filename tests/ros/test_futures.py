@@ -7,6 +7,7 @@ import signal
 import subprocess
 import threading
 import weakref
+from contextlib import nullcontext
 from functools import partial
 
 import pytest
@@ -86,11 +87,15 @@ class TestCompletion:
             if raises:
                 raise SystemExit
 
+        def insert_from_thread():
+            with pytest.raises(SystemExit) if raises else nullcontext():
+                insert(buffer)
+
         async def from_outside():
             task = asyncio.ensure_future(await_it(future))
             await asyncio.sleep(0)  # it awaits before the callback is added
             future.add_done_callback(call_back)
-            inserting = threading.Thread(target=insert, args=(buffer,))
+            inserting = threading.Thread(target=insert_from_thread)
             inserting.start()
             await asyncio.to_thread(within.wait, DEADLINE_S)
             # As a program does whose callback sets an event for another thread.

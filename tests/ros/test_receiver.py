@@ -147,7 +147,6 @@ class TestTrouble:
         inbox.close()
 
 
-@pytest.mark.filterwarnings("error", IGNORED)
 class TestEnd:
     @pytest.mark.timeout(600)  # may be repeated; each end has a limit of its own
     @pytest.mark.parametrize("how", ["spun", "not spun"])

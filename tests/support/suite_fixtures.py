@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import hypothesis
@@ -74,8 +75,9 @@ pytest.register_assert_rewrite(
 
 # Of a test marked `long`: some build and install for a minute on an idle machine.
 LONG_TIMEOUT_S = 1200
-# A test that hangs in C does not fail at its time limit. This much later, the run ends.
-HUNG_IN_C_S = 15
+# A test that hangs in C fails at no time limit, and its thread may hold the GIL. So the main thread proves
+# every PROBE_S that it runs Python; if it does not within HUNG_S, the run ends.
+PROBE_S, HUNG_S = 50, 115
 
 
 def pytest_addoption(parser):
@@ -105,10 +107,23 @@ def pytest_addoption(parser):
 _stderr = None  # that of the process: while a test runs, what it writes to this is captured
 
 
-@pytest.hookimpl(tryfirst=True)
+@pytest.hookimpl(wrapper=True)
 def pytest_timeout_set_timer(settings):
-    """Say where each thread stands when the run ends, also if one holds the GIL."""
-    faulthandler.dump_traceback_later(settings.timeout + HUNG_IN_C_S, exit=True, file=_stderr)
+    result = yield
+    if settings.method != "signal":
+        return result
+    fail, limit = signal.getsignal(signal.SIGALRM), time.monotonic() + settings.timeout
+
+    def probe(*arguments):
+        faulthandler.dump_traceback_later(HUNG_S, exit=True, file=_stderr)
+        left = limit - time.monotonic()
+        if left <= 0:
+            fail(*arguments)
+        signal.setitimer(signal.ITIMER_REAL, min(left, PROBE_S))
+
+    signal.signal(signal.SIGALRM, probe)
+    probe()
+    return result
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -145,8 +160,7 @@ def pytest_collection_modifyitems(config, items):
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item not in set(left_out)]
     for item in items:
-        repeats = repetitions.all_of_them and any(item.iter_markers("repeated"))
-        is_long = repeats or any(item.iter_markers("long"))
+        is_long = any(item.iter_markers("long")) or any(item.iter_markers("repeated"))
         if is_long and not any(item.iter_markers("timeout")):
             item.add_marker(pytest.mark.timeout(LONG_TIMEOUT_S))
     # The processes of `pytest -n` begin the files in this order. A long file of waits must not be the last.

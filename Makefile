@@ -52,7 +52,7 @@ Develop
   make stubs       copy docstrings into the type stubs
   make test-all    run all tests: 8 minutes on 2 cores
   make test-long   run only what test-all adds to test
-  make guard       count instructions; fail if they have grown
+  make guard       count instructions; fail if they have changed
   make docs        build the site in build/docs
   make pictures    draw the pictures in docs/images again
   make clean       remove everything that these commands create

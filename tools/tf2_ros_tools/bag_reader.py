@@ -609,21 +609,21 @@ def _is_stamped(recorded: Recorded, about: RecordedTopic) -> bool:
 
 
 def _stamps(recorded: Recorded, about: RecordedTopic) -> Iterator[int]:
-    is_foxglove = foxglove_messages.is_stamped(about.msgtype, about.encoding)
     for connection, log_ns, raw in recorded.checked(recorded.raw([about.name], convert=False)):
-        if is_foxglove:
+        encoding = _encoding(connection)  # the channels of a topic may differ
+        if foxglove_messages.is_stamped(about.msgtype, encoding):
             yield recorded.of_foxglove(connection, log_ns, raw, foxglove_messages.stamp_ns)
             continue
         try:
-            yield _stamp_ns(about, raw)
+            yield _stamp_ns(encoding, raw)
         except (ValueError, IndexError, struct.error) as error:
             recorded.malformed(about.name, log_ns, error)
 
 
-def _stamp_ns(about: RecordedTopic, raw: Raw) -> int:
+def _stamp_ns(encoding: str, raw: Raw) -> int:
     # Four bytes come first: the encapsulation, whose second byte is odd for little-endian numbers; in ROS 1,
     # the `seq` of the header.
-    order = "<" if about.encoding == "ros1" or raw[1] & 1 else ">"
+    order = "<" if encoding == "ros1" or raw[1] & 1 else ">"
     sec, nanosec = struct.unpack_from(f"{order}iI", raw, 4)
     return int(sec) * S + int(nanosec)
 

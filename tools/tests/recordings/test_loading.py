@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import sqlite3
+import struct
 import sys
 from collections import Counter
 from contextlib import closing
@@ -179,6 +180,21 @@ def test_types_may_have_names_of_ros_1(profile, tmp_path):
     posed_too = bag.load(path, poses={"/odom": ("odom", "b")})
     assert posed_too.lookup_transform("odom", "b", S).transform.translation.x == 2.0
     assert bag.stamps(path, "/scan").tolist() == [7]
+
+
+def test_the_channels_of_a_topic_may_have_several_encodings(tmp_path):
+    path = tmp_path / "run.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for encoding, sent in (
+            ("cdr", b"\0\1\0\0" + struct.pack("<iII", 5, 6, 1) + b"\0"),
+            ("ros1", struct.pack("<IIII", 1, 7, 8, 0)),
+        ):
+            schema = writer.register_schema("std_msgs/Header", "ros1msg", b"time stamp\nstring frame_id\n")
+            writer.add_message(writer.register_channel("/one", encoding, schema), 1, sent, 1)
+        writer.finish()
+    assert bag.stamps(path, "/one").tolist() == [5 * S + 6, 7 * S + 8]
 
 
 # What is kept.

@@ -195,6 +195,12 @@ def test_a_bridge_that_does_not_send_the_right_messages(bridge, laptop):
     )
 
 
+def test_what_a_bridge_says_of_a_type_cannot_steer_a_terminal(bridge, laptop):
+    bridge.do(r"offer('/tf', 'X\x1b]0;', 'cdr\n')")
+    laptop.until("robot.publishers()")
+    assert r"the bridge has /tf as X\x1b]0; in cdr\n, but this feed reads only" in why(laptop)
+
+
 def test_simulated_time_is_refused(bridge, laptop, port):
     bridge.do("offer('/clock', 'rosgraph_msgs/msg/Clock')")
     text = "/clock is published, and simulated time is not supported"

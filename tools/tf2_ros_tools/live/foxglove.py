@@ -14,6 +14,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
+from tf2_py.printable import printable
 from tf2_ros_tools.live.wire import Address, End, Publisher, Sender, Take, WireThread, refuse_options
 
 log = logging.getLogger("tf2_ros_tools.live")
@@ -39,6 +40,11 @@ class _Channel(NamedTuple):
     @property
     def is_read(self) -> bool:
         return (self.encoding, self.schema) == (ENCODING, SCHEMA)
+
+    @property
+    def form(self) -> str:
+        """Its type and encoding, for texts: the bridge chooses both."""
+        return printable(f"{self.schema} in {self.encoding}")
 
 
 class FoxgloveWire:
@@ -82,7 +88,7 @@ class FoxgloveWire:
 
     def publishers(self) -> list[Publisher]:
         return [
-            Publisher(topic, "", f"{one.schema} in {one.encoding}")
+            Publisher(topic, "", one.form)
             for topic in self._address.topics
             for one in self._channels_of(topic)
         ]
@@ -97,7 +103,7 @@ class FoxgloveWire:
             )
         if not any(one.is_read for one in channels):
             is_read = f"but this feed reads only {SCHEMA} in {ENCODING}"
-            return f"the bridge has {topic} as {channels[0].schema} in {channels[0].encoding}, {is_read}"
+            return f"the bridge has {topic} as {channels[0].form}, {is_read}"
         return f"the bridge has {topic}, but has sent nothing"
 
     def sender(self, topic: str, is_static: bool) -> Sender:

@@ -107,7 +107,7 @@ def pytest_addoption(parser):
 _stderr = None  # that of the process: while a test runs, what it writes to this is captured
 
 
-@pytest.hookimpl(wrapper=True)
+@pytest.hookimpl(wrapper=True, optionalhook=True)
 def pytest_timeout_set_timer(settings):
     result = yield
     if settings.method != "signal":

@@ -126,7 +126,7 @@ def pytest_timeout_set_timer(settings):
     return result
 
 
-@pytest.hookimpl(tryfirst=True)
+@pytest.hookimpl(tryfirst=True, optionalhook=True)
 def pytest_timeout_cancel_timer():
     faulthandler.cancel_dump_traceback_later()
 

@@ -23,8 +23,8 @@ cdef class Advice:
         # New names were received on some topic.
         if count != self._count:
             self.forget()
-        if count != self._count or monotonic_ns() >= self._silence_until_ns:
-            self._count = count
+        self._count = count
+        if monotonic_ns() >= self._silence_until_ns:
             self._look_for_silence(buffer)
         return 0
 
@@ -62,6 +62,7 @@ cdef class Advice:
 
     cdef int forget(self) except -1:
         self._suggestions = {}
+        self._silence_until_ns = 0
         return 0
 
     cdef int _look_for_silence(self, object buffer) except -1:

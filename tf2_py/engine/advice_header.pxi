@@ -21,7 +21,7 @@ cdef class Advice:
     cdef str suggestion(self, str name, object list_names)
     # Adds to the error which topics are silent now: of all topics, or only of those of dynamic transforms.
     cdef object with_silence(self, object error, object buffer, bint dynamic_only)
-    # Must be called when the known names have changed.
+    # Must be called when the known names have changed, or transforms were removed.
     cdef int forget(self) except -1
 
     cdef int _look_for_silence(self, object buffer) except -1

@@ -337,6 +337,7 @@ cdef class Engine:
         had_samples = self.begin_to_remove(&batch, name, size)
         if self._tap is not None:
             self._tap.removed(name, size)
+        self._advice.forget()
         self._wake_all(&batch)
         return had_samples
 

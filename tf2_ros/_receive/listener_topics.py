@@ -101,9 +101,10 @@ class Topic:
     def _tf2_check(self) -> None:
         """Warn if messages were lost since the last warning; if there were none, look for the reason."""
         node = None if self._node is None else self._node()
-        self.published_instead = ""
+        instead = ""
         if node is not None and not self.arrivals.taken()[0] and self.is_open():
-            self.published_instead = " and ".join([*published_instead(node, self.name)][:2])
+            instead = " and ".join([*published_instead(node, self.name)][:2])
+        self.published_instead = instead
         lost, now = self.lost(), time.monotonic()
         if lost == self._warned_of or now - self._warned_at < LOSS_WARNING_S:
             return

@@ -242,7 +242,9 @@ cdef object query_error(const Query* query, Status status, str child, str parent
     error = errors.extrapolation(
         status.requested_ns, GAP_NAMES[status.quoted_gap], status.other_ns, target, source,
         GAP_NAMES[status.gap], status.edge_ns, child, parent, limiting,
-        _limit_of_name(&query.policy.tolerance, child) if query.policy.is_given else 0, buffer._tf2_now_ns(),
+        _limit_of_name(&query.policy.tolerance, child) if query.policy.is_given else 0,
+        # Reading a clock costs as much as the rest, and only a time after the data may be ahead of it.
+        buffer._tf2_now_ns() if status.edge_ns < status.requested_ns else 0,
     )
     # Data that may still arrive does not help with the past.
     if status.gap == GAP_EMPTY or status.requested_ns > status.edge_ns:

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 
-from tf2_py import BufferCore
+from tf2_py import BufferCore, stored_name
 from tf2_ros import TransformStamped
 from tf2_ros.records import Recording, refusal_text
 from tf2_ros.serialization import MessageSource, insert_messages, serialize_transforms
@@ -85,6 +85,6 @@ class StaticBroadcaster(Broadcaster):
         self._serialized(new)  # raises what is wrong with them
         # Listeners ignore a slash at the beginning of a name.
         with self._sending:
-            merged = self._sent | {one.child_frame_id.removeprefix("/"): deepcopy(one) for one in new}
+            merged = self._sent | {stored_name(one.child_frame_id): deepcopy(one) for one in new}
             self._sender.send(serialize_transforms(merged.values()))
             self._sent = merged

@@ -104,7 +104,7 @@ class Machine(RuleBasedStateMachine):
                 self.put([self.link(child, parent, ("now", 0))])
 
     def below(self, child, other):
-        """A parent: without loops, one that comes before the child. After a loop, every insert wakes all."""
+        """A parent: without loops, one that comes before the child."""
         if self.loops:
             return other
         index = FRAMES.index(child)

@@ -154,7 +154,6 @@ class Model(Listings, Policies):
         self.authorities = {}
         self.taken = 0
         self.refused = dict.fromkeys(REASONS, 0)
-        self.looped = False  # the samples ever held a loop, whatever their stamps
         self._found = {}  # what data_at() answered since the last change
 
     # Inserting.
@@ -194,7 +193,6 @@ class Model(Listings, Policies):
             return False
         self.authorities[child] = authority
         self.taken += 1
-        self.looped = self.looped or self._is_below(parent, child)
         return True
 
     @property
@@ -205,15 +203,6 @@ class Model(Listings, Policies):
         self.hidden.discard(name)
         if name not in self.order:
             self.order.append(name)
-
-    def _is_below(self, frame, wanted):
-        above, found = [frame], {frame}
-        while above:
-            name = above.pop()
-            parents = self.frames[name].parents() if name in self.frames else set()
-            above += parents - found
-            found |= parents
-        return wanted in found
 
     def _insert_dynamic(self, frame, sample):
         oldest_kept = frame.newest_ns() - self.cache_ns
@@ -469,7 +458,7 @@ class Model(Listings, Policies):
         of_tf2 = extrapolation_text(target, source, *met, limiting, self.now_ns)
         known = self._gaps_on_path(target, source, time)
         texts = [extrapolation_text(target, source, *known, limiting, self.now_ns)] if known else []
-        if not known or self.looped:
+        if not known:
             texts.append(of_tf2)
         return ModelError("ExtrapolationException", *texts, of_tf2=of_tf2)
 
@@ -481,19 +470,30 @@ class Model(Listings, Policies):
 
     def _gaps_on_path(self, target, source, time):
         """Those from the source up, and those from the target up; None if the path is unknown."""
-        up, down = self._known_chain(source, time), self._known_chain(target, time)
-        common = [frame for frame in up if frame in down]
-        if not common:
+        up = self._known_chain(source, target, time)
+        down = self._known_chain(target, source, time)
+        if up is None or (up[-1] != target and (down is None or down[-1] not in (source, up[-1]))):
             return None
-        sides = up[: up.index(common[0])], down[: down.index(common[0])]
+        if up[-1] == target:
+            sides = up[:-1], []
+        elif down[-1] == source:
+            sides = [], down[:-1]
+        else:
+            common = next(frame for frame in up if frame in down)
+            sides = up[: up.index(common)], down[: down.index(common)]
         found = [[self.data_at(frame, time) for frame in side] for side in sides]
         gaps = [[data for data in side if isinstance(data, Gap)] for side in found]
         return gaps if any(gaps) else None
 
-    def _known_chain(self, frame, time):
-        """Upwards as far as parents are known: at the time, or because a frame has never had another one."""
+    def _known_chain(self, frame, end, time):
+        """
+        Upwards to `end`, or as far as parents are known: at the time, or because a frame has never had
+        another one. None: they lead round in a loop.
+        """
         chain = []
-        while frame is not None and frame not in chain:
+        while frame is not None and end not in chain:
+            if frame in chain:
+                return None
             chain.append(frame)
             parents = self.frames[frame].parents() if frame in self.frames else set()
             data = self.data_at(frame, time)

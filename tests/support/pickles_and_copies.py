@@ -65,12 +65,12 @@ BY_FILE = {"frozen", "frozen, read", "frozen, pickle"}
 
 
 def settings(buffer):
-    """Cache time, limits, and whether there was a loop; a state that names a file has them there."""
+    """Cache time and limits; a state that names a file has them there."""
     state = buffer.__getstate__()
     if "frozen" in state:
         header = FrozenFile(Path(state["frozen"][0]).read_bytes()).header
-        return [header.cache_time_ns, header.max_frames, header.max_bytes, header.flags == 1]
-    return [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes", "ever_looped")]
+        return [header.cache_time_ns, header.max_frames, header.max_bytes]
+    return [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes")]
 
 
 def held(buffer):

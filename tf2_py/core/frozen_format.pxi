@@ -111,7 +111,7 @@ cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_b
     if (header.index_bytes > file_bytes or header.index_bytes % LINE_BYTES or header.index_bytes < records
             or (header.index_bytes - records) // LINE_BYTES > names << 26):
         return "the size of its index is wrong"
-    if header.flags & ~<uint32_t>FROZEN_LOOPED:
+    if header.flags:
         return "its header has an unknown flag"
     if header.reserved or not _is_zero(header.reserved_line, sizeof(header.reserved_line)):
         return "a reserved byte of its header is not 0"
@@ -320,13 +320,7 @@ cdef FrozenProblem _samples_problem(const FileMapping* mapping, const Tree* tree
             problem = _problem_of_frame(frame, _bytes_problem(header, record, stop))
             if problem.text != NULL:
                 return problem
-    problem = _parents_problem(tree)
-    if problem.text == NULL and not tree.ever_looped:
-        if tree_find_loop(tree, &frame) != 0:
-            return _problem_of("")
-        if frame != NO_FRAME:
-            return _problem_of_frame(frame, "its parents form a loop, but the header does not say so")
-    return problem
+    return _parents_problem(tree)
 
 
 cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, StopAsked stop,
@@ -349,7 +343,6 @@ cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, StopAs
     free(authorities)
     if text != NULL:
         return _problem_of_frame(frame, text)
-    tree.ever_looped = header.flags & FROZEN_LOOPED
     tree.taken = header.sample_count
     tree.is_frozen = True
     return _samples_problem(mapping, tree, stop) if checks_samples else _problem_of(NULL)

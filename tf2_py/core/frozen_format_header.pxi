@@ -11,7 +11,6 @@ in their order. The header and all up to the first stamp is the index.
 
 cdef enum:
     FROZEN_VERSION = 1
-    FROZEN_LOOPED = 1           # flag of a file: Tree.ever_looped
     FROZEN_PARENT = 1           # flag of a frame: History.is_parent
 
 
@@ -19,7 +18,7 @@ cdef struct FrozenHeader:
     # 128 bytes. All numbers of a file are little-endian, as those of the machines that this project is for.
     unsigned char[8] magic
     uint32_t version            # FROZEN_VERSION
-    uint32_t flags
+    uint32_t flags              # none is defined
     uint64_t file_bytes         # of the whole file
     uint64_t index_bytes        # of the index, whole lines
     uint64_t checksum           # of the index, computed while this field is 0

@@ -147,24 +147,13 @@ cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const ui
     return True
 
 
-cdef void _cut_common(Path* path) noexcept nogil:
-    # In tf2's order both sides lead to the root; above the common ancestor they are the same.
-    while (path.source_hops and path.target_hops
-           and path.source[path.source_hops - 1] == path.target[path.target_hops - 1]):
-        path.source_hops -= 1
-        path.target_hops -= 1
-        path.top = path.source[path.source_hops]
-
-
-cdef Status path_transform(const Tree* tree, Path* path, int64_t time_ns, const Policy* policy,
+cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns, const Policy* policy,
                            Transform* out, int64_t* stamp_ns) noexcept nogil:
     # From the source to the target at a time; with `out` NULL, only whether every history answers.
     cdef Transform source_side, target_side
     cdef uint32_t source_hints[MAX_HOPS + 1]
     cdef uint32_t target_hints[MAX_HOPS + 1]
     cdef const Policy* given = policy if policy.is_given else NULL
-    if given != NULL:
-        _cut_common(path)
     if out == NULL:
         return _path_lack(tree, path, time_ns, policy)
     transform_identity(&source_side)
@@ -187,70 +176,113 @@ cdef Status path_transform(const Tree* tree, Path* path, int64_t time_ns, const 
     return status_of(STATUS_OK)
 
 
-# Walks in the order of tf2, the reference: up from the source to its root or first gap, then up from the
-# target. The order decides which of several errors is reported, and what a tree that contains a loop answers.
-# Lookups that succeed in trees without a loop do not need it. Target and source differ.
+# The path between two different frames. All walks take tf2's order: up from the source to its root, then up
+# from the target until that is met. The order decides what a tree that contains a loop answers.
 
-cdef inline FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time_ns,
-                                   const Policy* policy) noexcept nogil:
+cdef FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time_ns,
+                            const Policy* policy) noexcept nogil:
+    # NO_FRAME: it has no answer, neither at the time nor within its tolerance before it.
     cdef const History* history = &tree.histories[frame]
     cdef int64_t tolerance_ns = limit_of(&policy.tolerance, frame) if policy.is_given else 0
-    if time_ns == NEWEST:
-        return tree_newest_parent(tree, frame)
     return history_parent_at(history, history_time_within(history, time_ns, tolerance_ns))
 
 
-cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
-                           const Policy* policy, Path* path) noexcept nogil:
-    # The path at a time, for which frames answer that end within their tolerance before it; or at NEWEST, for
-    # which a frame without samples is a root.
+cdef inline FrameId _parent_by_link(const Tree* tree, FrameId frame, int64_t time_ns, const Policy* policy,
+                                    bint* mixed) noexcept nogil:
+    cdef uint32_t parent = tree.parents[frame]
+    if not parent & MIXED_PARENTS:
+        return parent
+    mixed[0] = True
+    if time_ns == NEWEST:
+        return parent & ~<uint32_t>MIXED_PARENTS
+    return _parent_within(tree, frame, time_ns, policy)
+
+
+cdef inline Status _met_at_top(Path* path, uint32_t source_hops, uint32_t target_hops) noexcept nogil:
+    # Both sides of the path lead to the same frame. Above their lowest common ancestor they are the same.
+    while source_hops and target_hops and path.source[source_hops - 1] == path.target[target_hops - 1]:
+        source_hops -= 1
+        target_hops -= 1
+    path.source_hops = source_hops
+    path.target_hops = target_hops
+    path.top = path.source[source_hops]
+    return status_of(STATUS_OK)
+
+
+cdef Status walk_path(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, const Policy* policy,
+                      Path* path, bint* mixed) noexcept nogil:
+    cdef FrameId frame = source
+    cdef FrameId top
+    cdef uint32_t source_hops = 0
+    cdef uint32_t hops = 0
+    cdef Status unconnected
+    while True:
+        __builtin_prefetch(&tree.histories[frame])
+        path.source[source_hops] = top = frame
+        frame = NO_FRAME if top == target else _parent_by_link(tree, top, time_ns, policy, mixed)
+        if frame == NO_FRAME:
+            break
+        if source_hops == MAX_HOPS:
+            return status_of(STATUS_LOOP)
+        source_hops += 1
+    frame = target
+    while frame != top:
+        __builtin_prefetch(&tree.histories[frame])
+        path.target[hops] = frame
+        if frame == source:
+            return _met_at_top(path, 0, hops)
+        frame = _parent_by_link(tree, frame, time_ns, policy, mixed)
+        if frame == NO_FRAME:
+            unconnected = status_of(STATUS_UNCONNECTED)
+            unconnected.child, unconnected.parent = top, path.target[hops]
+            return unconnected
+        if hops == MAX_HOPS:
+            return status_of(STATUS_LOOP)
+        hops += 1
+    return _met_at_top(path, source_hops, hops)
+
+
+cdef Status _walk_to_gaps(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
+                          const Policy* policy, Path* path) noexcept nogil:
+    # The walk of tf2, which ends at the first frame without an answer, also above the path. It finds why there
+    # is none, and in a loop perhaps another path.
     cdef FrameId frame = source
     cdef FrameId top = source
     cdef FrameId parent
     cdef Lack source_lack, target_lack
     cdef Status unconnected
+    cdef uint32_t source_hops = 0
+    cdef uint32_t hops = 0
     lack_init(&source_lack)
     lack_init(&target_lack)
-    path.source_hops = path.target_hops = 0
-    while frame != NO_FRAME:
-        top = frame
+    while True:
+        path.source[source_hops] = top = frame
         if tree.histories[frame].kind == HISTORY_NONE:
             break
-        parent = _parent_within(tree, frame, time_ns, policy)
-        if parent == NO_FRAME:
-            if time_ns != NEWEST:
-                _lack_add(&source_lack, &tree.histories[frame], frame, time_ns)
+        frame = _parent_within(tree, top, time_ns, policy)
+        if frame == NO_FRAME:
+            _lack_add(&source_lack, &tree.histories[top], top, time_ns)
             break
-        if frame == target:
-            path.top = frame
-            return status_of(STATUS_OK)
-        if path.source_hops == MAX_HOPS:
+        if top == target:
+            break
+        if source_hops == MAX_HOPS:
             return status_of(STATUS_LOOP)
-        path.source[path.source_hops] = frame
-        path.source_hops += 1
-        frame = parent
+        source_hops += 1
     frame = target
-    while frame != top:
-        if tree.histories[frame].kind == HISTORY_NONE:
-            break
+    while frame != top and tree.histories[frame].kind != HISTORY_NONE:
+        path.target[hops] = frame
         parent = _parent_within(tree, frame, time_ns, policy)
-        if parent == NO_FRAME and time_ns == NEWEST:
-            break
         if parent == NO_FRAME:
             _lack_add(&target_lack, &tree.histories[frame], frame, time_ns)
             return _extrapolation(&source_lack, &target_lack, time_ns)
         if frame == source:
-            path.top = frame
-            path.source_hops = 0
-            return status_of(STATUS_OK)
-        if path.target_hops == MAX_HOPS:
+            return _met_at_top(path, 0, hops)
+        if hops == MAX_HOPS:
             return status_of(STATUS_LOOP)
-        path.target[path.target_hops] = frame
-        path.target_hops += 1
+        hops += 1
         frame = parent
     if frame == top:
-        path.top = top
-        return status_of(STATUS_OK)
+        return _met_at_top(path, source_hops, hops)
     if source_lack.first != NULL:
         return _extrapolation(&source_lack, &target_lack, time_ns)
     unconnected = status_of(STATUS_UNCONNECTED)
@@ -258,110 +290,24 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
     return unconnected
 
 
-# The path between two frames: up from both, to their lowest common ancestor.
-
-cdef enum:
-    SEEN_WORDS = 8          # 512 bits for each side
-
-
-cdef struct Side:
-    # One of the two climbs, and the frames that it has visited.
-    FrameId* frames             # in the order of the visits
-    uint32_t count
-    FrameId top                 # the last one; NO_FRAME: it has no parent
-    uint64_t bits[SEEN_WORDS]   # a Bloom filter of the frames: if the bit is set, the list is searched
-
-
-cdef inline void side_begin(Side* side, FrameId* frames, FrameId frame) noexcept nogil:
-    memset(side.bits, 0, sizeof(side.bits))
-    side.frames = frames
-    side.count = 0
-    side_add(side, frame)
-
-
-cdef inline void side_add(Side* side, FrameId frame) noexcept nogil:
-    side.bits[(frame >> 6) & (SEEN_WORDS - 1)] |= (<uint64_t>1) << (frame & 63)
-    side.frames[side.count] = frame
-    side.count += 1
-    side.top = frame
-
-
-cdef inline uint32_t side_position(const Side* side, FrameId wanted) noexcept nogil:
-    # The index of `wanted` among the frames; `count`: it is not among them.
-    cdef uint32_t i
-    if not (side.bits[(wanted >> 6) & (SEEN_WORDS - 1)] >> (wanted & 63)) & 1:
-        return side.count
-    for i in range(side.count):
-        if side.frames[i] == wanted:
-            return i
-    return side.count
-
-
-cdef inline FrameId _parent_at(const Tree* tree, FrameId frame, int64_t time_ns, bint* mixed) noexcept nogil:
-    cdef uint32_t parent = tree.parents[frame]
-    if not parent & MIXED_PARENTS:
-        return parent
-    mixed[0] = True
-    if time_ns == NEWEST:
-        return parent & ~<uint32_t>MIXED_PARENTS
-    return history_parent_at(&tree.histories[frame], time_ns)
-
-
-cdef inline bint side_step(const Tree* tree, Side* side, const Side* other, int64_t time_ns, bint* mixed,
-                           uint32_t* met_at) noexcept nogil:
-    # One hop up. True: that is a frame of the other side, with the index `met_at`.
-    side.top = NO_FRAME if side.count > MAX_HOPS else _parent_at(tree, side.top, time_ns, mixed)
-    if side.top == NO_FRAME:
-        return False
-    met_at[0] = side_position(other, side.top)
-    if met_at[0] < other.count:
-        return True
-    side_add(side, side.top)
-    __builtin_prefetch(&tree.histories[side.top])
-    return False
-
-
-cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
-                     bint* mixed) noexcept nogil:
-    # Climb from both ends in turn to the lowest common ancestor, so the cost depends on their distance.
-    cdef Side source_side, target_side
-    cdef uint32_t met_at
-    __builtin_prefetch(&tree.histories[source])
-    __builtin_prefetch(&tree.histories[target])
-    side_begin(&source_side, path.source, source)
-    side_begin(&target_side, path.target, target)
-    while source_side.top != NO_FRAME or target_side.top != NO_FRAME:
-        if source_side.top != NO_FRAME and side_step(
-                tree, &source_side, &target_side, time_ns, mixed, &met_at):
-            path.top = source_side.top
-            path.source_hops = source_side.count
-            path.target_hops = met_at
-            return True
-        if target_side.top != NO_FRAME and side_step(
-                tree, &target_side, &source_side, time_ns, mixed, &met_at):
-            path.top = target_side.top
-            path.source_hops = met_at
-            path.target_hops = target_side.count
-            return True
-    return False
+cdef Status _walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
+                              int64_t* common_ns, bint* mixed) noexcept nogil:
+    cdef Policy nothing
+    cdef Status status
+    nothing.is_given = False
+    status = walk_path(tree, target, source, NEWEST, &nothing, path, mixed)
+    if status.code == STATUS_OK:
+        common_ns[0] = path_common_time(tree, path)
+    return status
 
 
 cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
                              int64_t* common_ns) noexcept nogil:
-    cdef Policy nothing
     cdef bint mixed = False
-    cdef Status status
-    nothing.is_given = False
     if target == source:
         common_ns[0] = tree.histories[source].newest_ns
         return status_of(STATUS_OK)
-    if tree.ever_looped or not walk_climb(tree, target, source, NEWEST, path, &mixed):
-        status = reference_walk(tree, target, source, NEWEST, &nothing, path)
-        if status.code != STATUS_OK:
-            return status
-        _cut_common(path)
-    common_ns[0] = path_common_time(tree, path)
-    return status_of(STATUS_OK)
+    return _walk_common_time(tree, target, source, path, common_ns, &mixed)
 
 
 cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Policy* policy,
@@ -396,8 +342,8 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
     return True
 
 
-cdef Status _judge_ages(const Tree* tree, FrameId target, FrameId source, const Policy* policy, Path* path,
-                        Status status) noexcept nogil:
+cdef Status _judge_ages(const Tree* tree, FrameId target, FrameId source, const Policy* policy,
+                        const Path* path, Status status) noexcept nogil:
     # The status of a lookup of the latest time, once the ages of the moving frames are judged: it names the
     # frame that is furthest beyond its limit. A lookup that fails because there is no common time does so
     # mostly because a frame is stale, which then is the better reason. Also a frame of the newest path alone
@@ -405,15 +351,14 @@ cdef Status _judge_ages(const Tree* tree, FrameId target, FrameId source, const 
     cdef int64_t now_ns = system_ns() if policy.clock.is_system else policy.clock.now_ns
     cdef int64_t excess_ns = 0
     cdef int64_t common_ns
+    cdef Path newest
     cdef Status stale = status
     if status.code not in (STATUS_OK, STATUS_EXTRAPOLATION):
         return status
     if status.code == STATUS_OK:
         _judge_path(tree, path, now_ns, policy, &excess_ns, &stale)
-        if not (tree.ever_looped or _changes_parents(tree, path)):
-            return stale
-    if walk_common_time(tree, target, source, path, &common_ns).code == STATUS_OK:
-        _judge_path(tree, path, now_ns, policy, &excess_ns, &stale)
+    if walk_common_time(tree, target, source, &newest, &common_ns).code == STATUS_OK:
+        _judge_path(tree, &newest, now_ns, policy, &excess_ns, &stale)
     return stale
 
 
@@ -426,58 +371,50 @@ cdef void _judge_path(const Tree* tree, const Path* path, int64_t now_ns, const 
         _is_stale(tree, path.source[i], now_ns, policy, excess_ns, status)
 
 
-cdef bint _changes_parents(const Tree* tree, const Path* path) noexcept nogil:
-    cdef uint32_t i
-    for i in range(path.target_hops):
-        if tree.histories[path.target[i]].parent_changes:
-            return True
-    for i in range(path.source_hops):
-        if tree.histories[path.source[i]].parent_changes:
-            return True
-    return False
+cdef Status _answer_at(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, bint found,
+                       const Policy* policy, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil:
+    # At a time for which the links of the frames lead along `path`, if that was found.
+    cdef Status status = status_of(STATUS_UNCONNECTED)
+    cdef Status met
+    if found:
+        stamp_ns[0] = time_ns
+        status = path_transform(tree, path, time_ns, policy, out, stamp_ns)
+        if status.code == STATUS_OK:
+            return status
+    stamp_ns[0] = time_ns
+    met = _walk_to_gaps(tree, target, source, time_ns, policy, path)
+    if met.code == STATUS_OK:
+        return path_transform(tree, path, time_ns, policy, out, stamp_ns)
+    # Of what is missing, the first walk knows better: the second one may meet a gap above the path.
+    return status if found and met.code == STATUS_EXTRAPOLATION else met
 
 
 cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
                         const Policy* policy, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil:
     cdef bint mixed = False
-    cdef bint latest = time_ns == 0
-    cdef bint judges_age = latest and policy.is_given and policy.judges_age
     cdef bint found
     cdef Status status
-    path.source_hops = path.target_hops = 0
-    path.top = source
     stamp_ns[0] = time_ns
     if target == source:
-        if latest:
+        path.source_hops = path.target_hops = 0
+        path.top = source
+        if time_ns == 0:
             stamp_ns[0] = tree.histories[source].newest_ns
         if out != NULL:
             transform_identity(out)
         return status_of(STATUS_OK)
-    # Under a policy, the walk decides which frames answer.
-    found = (not tree.ever_looped and not policy.is_given
-             and walk_climb(tree, target, source, NEWEST if latest else time_ns, path, &mixed))
-    if latest:
-        if found:
-            stamp_ns[0] = path_common_time(tree, path)
-        else:
-            status = walk_common_time(tree, target, source, path, stamp_ns)
-            if status.code != STATUS_OK:
-                return status
-        if found and mixed:
-            # At the common time a frame may have another parent than at its newest stamp.
-            found = walk_climb(tree, target, source, stamp_ns[0], path, &mixed)
-    if not found:
-        status = reference_walk(tree, target, source, stamp_ns[0], policy, path)
-        if status.code == STATUS_EXTRAPOLATION and policy.is_given and not tree.ever_looped \
-                and walk_climb(tree, target, source, stamp_ns[0], path, &mixed):
-            # The path is known nevertheless. The walk stops at the first gaps, perhaps above the path.
-            status = _path_lack(tree, path, stamp_ns[0], policy)
-        if status.code != STATUS_OK:
-            return _judge_ages(tree, target, source, policy, path, status) if judges_age else status
-    if not judges_age:
-        return path_transform(tree, path, stamp_ns[0], policy, out, stamp_ns)
-    status = path_transform(tree, path, stamp_ns[0], policy, out, stamp_ns)
-    return _judge_ages(tree, target, source, policy, path, status)
+    if time_ns:
+        found = walk_path(tree, target, source, time_ns, policy, path, &mixed).code == STATUS_OK
+        return _answer_at(tree, target, source, time_ns, found, policy, path, out, stamp_ns)
+    status = _walk_common_time(tree, target, source, path, &time_ns, &mixed)
+    if status.code != STATUS_OK:
+        return status
+    # At the common time a frame may have another parent than at its newest stamp.
+    found = not mixed or walk_path(tree, target, source, time_ns, policy, path, &mixed).code == STATUS_OK
+    status = _answer_at(tree, target, source, time_ns, found, policy, path, out, stamp_ns)
+    if policy.is_given and policy.judges_age:
+        return _judge_ages(tree, target, source, policy, path, status)
+    return status
 
 
 cdef int64_t _unchanged_since(const PinnedTree* pinned, int64_t time_ns) noexcept nogil:
@@ -499,9 +436,8 @@ cdef int64_t _begin_of_side(const Tree* tree, const FrameId* frames, uint32_t ho
     return begin_ns
 
 
-cdef int64_t _path_begin(const Tree* tree, Path* path) noexcept nogil:
+cdef int64_t _path_begin(const Tree* tree, const Path* path) noexcept nogil:
     # The newest of the oldest stamps of the moving frames; INT64_MIN: none of them moves.
-    _cut_common(path)
     return max(_begin_of_side(tree, path.source, path.source_hops),
                _begin_of_side(tree, path.target, path.target_hops))
 

@@ -318,21 +318,23 @@ cdef struct PinnedLookup:
 
 cdef bint _find_path(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
     # Whether one path serves all times. Lookups that fail at any time have none.
+    cdef Policy nothing
     cdef FrameId target = pinned.frames.target
     cdef FrameId source = pinned.frames.source
     cdef Path path
     cdef int64_t stamp_ns
     cdef bint mixed = False
-    if tree.ever_looped:
-        return False
+    nothing.is_given = False
     if pinned.has_fixed:
         if walk_lookup(tree, target, pinned.frames.fixed, query.target_ns, &query.policy, &path,
                        &pinned.fixed_to_target, &stamp_ns).code != STATUS_OK:
             return False
         target = pinned.frames.fixed
-    if target != source and not walk_climb(tree, target, source, NEWEST, &pinned.path, &mixed):
+    if target != source and walk_path(tree, target, source, NEWEST, &nothing, &pinned.path,
+                                      &mixed).code != STATUS_OK:
         return False
-    return not mixed and pinned.path.source_hops + pinned.path.target_hops <= LONG_PATH
+    return (tree_has_one_way_up(tree, source) and tree_has_one_way_up(tree, target)
+            and pinned.path.source_hops + pinned.path.target_hops <= LONG_PATH)
 
 
 cdef bint series_pin_path(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:

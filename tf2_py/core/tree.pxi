@@ -3,7 +3,6 @@
 cdef enum:
     # Each of these costs as much time as inserting one transform.
     SAMPLES_PER_INSERT = 128        # samples moved or read
-    HOPS_PER_INSERT = 32            # parent links followed
     NAME_BYTES_PER_INSERT = 256     # bytes of names hashed
 
 cdef const char* RESERVED_NAME = "NO_PARENT"
@@ -156,68 +155,6 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil:
     return refused
 
 
-cdef bint _can_reach(Tree* tree, FrameId start, FrameId wanted) noexcept nogil:
-    # Whether parent links of any time lead from `start` up to `wanted`. Needed once per new link.
-    cdef FrameId frame = start
-    cdef uint32_t hops = 0
-    while not tree.parents[frame] & MIXED_PARENTS:
-        hops += 1
-        if hops % HOPS_PER_INSERT == 0:
-            tree.work += 1
-        if frame == wanted:
-            return True
-        if frame == NO_FRAME:
-            return False
-        frame = tree.parents[frame]
-    return _can_reach_by_any_parent(tree, frame, wanted)
-
-
-cdef bint _can_reach_by_any_parent(Tree* tree, FrameId start, FrameId wanted) noexcept nogil:
-    # Depth first. Without memory for it the answer is yes, which costs speed but not correctness.
-    cdef size_t frames = tree.names.count
-    cdef char* seen = <char*>calloc(frames, 1)
-    cdef FrameId* todo = <FrameId*>malloc(frames * sizeof(FrameId))
-    cdef uint32_t todo_count = 1
-    cdef uint32_t i
-    cdef FrameId frame, parent
-    cdef const History* history
-    cdef bint found = False
-    if seen == NULL or todo == NULL:
-        free(seen)
-        free(todo)
-        return True
-    seen[start] = 1
-    todo[0] = start
-    while todo_count and not found:
-        todo_count -= 1
-        frame = todo[todo_count]
-        found = frame == wanted
-        history = &tree.histories[frame]
-        tree.work += 1 + history.count // SAMPLES_PER_INSERT
-        for i in range(history.count):
-            parent = history_parent_of(history, i)
-            if not seen[parent]:
-                seen[parent] = 1
-                todo[todo_count] = parent
-                todo_count += 1
-    free(seen)
-    free(todo)
-    return found
-
-
-cdef bint _has_parent(Tree* tree, const History* history, FrameId parent) noexcept nogil:
-    # Newest first, because it nearly always names the parent.
-    cdef uint32_t i = history.count
-    while i:
-        i -= 1
-        if history_parent_of(history, i) == parent:
-            return True
-        if history.parent_changes == 0:
-            return False
-    tree.work += history.count // SAMPLES_PER_INSERT
-    return False
-
-
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           HistoryMove* later, Change* change) noexcept nogil:
     cdef uint32_t refused = incoming_refusals(incoming)
@@ -227,7 +164,7 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
     cdef uint32_t bit
     tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
     if change != NULL:
-        change_begin(change, tree.ever_looped)
+        change_begin(change, False)
     # As in tf2: the child gets its id first, and both keep theirs even if the sample is too old. A message
     # names its children in the same order as the first time, and nearly every child keeps its parent.
     if refused == 0:
@@ -258,8 +195,6 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     cdef HistoryInsert outcome
     cdef HistoryChange changed
     cdef uint32_t before = tree.parents[child]
-    # Only a frame that has children can close a loop.
-    cdef bint may_loop = not tree.ever_looped and history.is_parent and not _has_parent(tree, history, parent)
     cdef uint32_t count = history.count
     cdef int64_t newest_ns = history.newest_ns
     cdef size_t bytes_before = history_allocated(history)
@@ -280,8 +215,6 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     # In any case, the history may have been pruned.
     tree.parents[child] = history_newest_parent(history) | (MIXED_PARENTS if history.parent_changes else 0)
     if outcome == HISTORY_INSERTED or outcome == HISTORY_DUPLICATE:
-        if may_loop:
-            tree.ever_looped = _can_reach(tree, parent, child)
         tree.histories[parent].is_parent = True
         history.authority = authority
         tree.taken += 1
@@ -290,8 +223,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
         change.frame = child
         change.covered = changed.covered
         change.horizon_ns = history_horizon(history, &tree.retention, history.newest_ns)
-        change.shape = (change.shape or tree.ever_looped or before != tree.parents[child]
-                        or before & MIXED_PARENTS != 0)
+        change.shape = change.shape or before != tree.parents[child] or before & MIXED_PARENTS != 0
     if outcome == HISTORY_TOO_OLD:
         return REFUSED_OLD
     if outcome == HISTORY_FULL:
@@ -316,6 +248,17 @@ cdef bint tree_mark_unnormalised(Tree* tree) noexcept nogil:
     cdef bint is_new = not history.was_unnormalised
     history.was_unnormalised = True
     return is_new
+
+
+cdef bint tree_has_one_way_up(const Tree* tree, FrameId frame) noexcept nogil:
+    cdef uint32_t hops
+    for hops in range(MAX_HOPS + 1):
+        if frame == NO_FRAME:
+            return True
+        if tree.parents[frame] & MIXED_PARENTS:
+            return False
+        frame = tree.parents[frame]
+    return False
 
 
 cdef void tree_clear(Tree* tree) noexcept nogil:
@@ -410,7 +353,6 @@ cdef int tree_pin_above(const Tree* tree, const FrameId* frames, uint32_t count,
     cdef unsigned char* seen = <unsigned char*>calloc(tree.names.count // 8 + 1, 1)
     cdef uint32_t i
     memset(pinned, 0, sizeof(PinnedTree))
-    pinned.view.ever_looped = tree.ever_looped
     pinned.view.histories = <History*>malloc(tree.names.count * sizeof(History))
     pinned.view.parents = <uint32_t*>malloc(tree.names.count * sizeof(uint32_t))
     pinned.frames = <FrameId*>malloc(tree.names.count * sizeof(FrameId))
@@ -508,38 +450,3 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
     if hidden != tree.hidden:
         return "hidden frames miscounted"
     return NULL
-
-
-cdef int tree_find_loop(const Tree* tree, FrameId* found) noexcept nogil:
-    # Depth first: a parent that lies on the path from the frame where the search began closes a loop.
-    cdef uint32_t frames = tree.names.count
-    cdef unsigned char* state = <unsigned char*>calloc(frames, 1)   # 0: not seen, 1: on the path, 2: done
-    cdef uint32_t* followed = <uint32_t*>calloc(frames, sizeof(uint32_t))   # links, by frame
-    cdef FrameId* path = <FrameId*>malloc(frames * sizeof(FrameId))
-    cdef int outcome = -1 if state == NULL or followed == NULL or path == NULL else 0
-    cdef uint32_t count
-    cdef FrameId start, frame, parent
-    found[0] = NO_FRAME
-    for start in range(1, frames if outcome == 0 else 1):
-        count = 0
-        if state[start] == 0:
-            path[0] = start
-            state[start] = count = 1
-        while count and found[0] == NO_FRAME:
-            frame = path[count - 1]
-            if followed[frame] == tree_links(&tree.histories[frame]):
-                state[frame] = 2
-                count -= 1
-                continue
-            parent = history_parent_of(&tree.histories[frame], followed[frame])
-            followed[frame] += 1
-            if state[parent] == 1:
-                found[0] = parent
-            elif state[parent] == 0:
-                path[count] = parent
-                state[parent] = 1
-                count += 1
-    free(state)
-    free(followed)
-    free(path)
-    return outcome

@@ -26,7 +26,6 @@ cdef struct Tree:
     FrameId last_child              # of the last insert
     uint32_t readings               # of the clock, so far
     bint was_overtaken              # the system's clock was set back when some frame had samples
-    bint ever_looped                # a parent link once closed a loop: then walks are made in tf2's order
     bint is_frozen                  # it was opened from a frozen file, and holds what that file holds
     uint64_t work                   # extra cost of all inserts so far; 1 is the cost of an ordinary insert
     uint64_t samples                # in all histories
@@ -38,9 +37,8 @@ cdef struct Tree:
 # What an insert has changed, for the lookups that wait.
 
 cdef struct Change:
-    # The shape is what decides which way a walk takes: names and links. Any insert may change it once there
-    # was a loop, and any insert into a frame with several parents: which of them answers depends on the
-    # neighbours of a sample, and on what is pruned.
+    # The shape is what decides which way a walk takes: names and links. Any insert into a frame with several
+    # parents may change it: which of them answers depends on the neighbours of a sample, and on what is pruned.
     bint shape              # any failed lookup may have an answer now
     FrameId frame           # the child; NO_FRAME: no history was touched
     TimeRange covered       # times for which it has data only since then; may be too large
@@ -90,6 +88,9 @@ cdef inline uint32_t tree_links(const History* history) noexcept nogil:
     return history.count if history.parent_changes else min(history.count, <uint32_t>1)
 
 
+# Whether all walks up from a frame end at the same root, whatever data there is: no frame above it has several
+# parents, and none is met twice.
+cdef bint tree_has_one_way_up(const Tree* tree, FrameId frame) noexcept nogil
 # Drops all dynamic histories; names, authorities and static transforms stay.
 cdef void tree_clear(Tree* tree) noexcept nogil
 # The ages of the newest samples count on, although the system's clock was set back between two readings.
@@ -120,6 +121,3 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil
 # The same for one frame; `stop` and `where`: as in history_check.
 cdef const char* tree_check_frame(const Tree* tree, FrameId frame, StopAsked stop,
                                   uint32_t* where) noexcept nogil
-# A frame from which parent links of any time lead back to it; NO_FRAME: there is none. Returns 0, or -1
-# without memory.
-cdef int tree_find_loop(const Tree* tree, FrameId* found) noexcept nogil

@@ -23,15 +23,16 @@ cdef void _append_all(Link* head, Link* taken) noexcept nogil:
 
 # What a waiter lacks.
 
-cdef Link* _list_for(Waiters* waiters, const Query* query, Status status) noexcept nogil:
+cdef Link* _list_for(Waiters* waiters, const Tree* tree, const Query* query, Status status) noexcept nogil:
     # By the status of a failed lookup. A lookup at a time walks up from both frames. Unless the shape
-    # changes, it takes the same way again, and fails again without data in the frame that lacked them.
+    # changes, it takes the same way again, and fails again without data in the frame that lacked them. In a
+    # loop, data of other frames may also complete a way.
     cdef int64_t time_ns = query.target_ns if status.half == HALF_TARGET else query.source_ns
     if status.code in (STATUS_BAD_TARGET, STATUS_BAD_SOURCE, STATUS_BAD_FIXED):
         return &waiters.shape
     if query.policy.is_given or time_ns == 0:
         return &waiters.every
-    if status.code == STATUS_EXTRAPOLATION:
+    if status.code == STATUS_EXTRAPOLATION and tree_has_one_way_up(tree, status.child):
         return &waiters.frames
     return &waiters.shape if status.code == STATUS_UNCONNECTED else &waiters.every
 
@@ -169,7 +170,7 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
         return status
     if asks_for_1970(&waiter.query, &status):
         waiters.in_1970_ns = status.requested_ns
-    head = _list_for(waiters, &waiter.query, status)
+    head = _list_for(waiters, tree, &waiter.query, status)
     if head == &waiters.frames and _watch(waiters, tree, waiter, status.child, status.requested_ns) != 0:
         head = &waiters.every
     _link_before(head, waiter)

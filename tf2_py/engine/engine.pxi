@@ -637,7 +637,6 @@ cdef class Engine:
         return count
 
     cdef list frames_between(self, target_frame, source_frame, int64_t time_ns):
-        # In a tree that ever had a loop the path may pass its top, and come back.
         cdef list frames = []
         cdef FrameId target, source
         cdef Query query

@@ -63,7 +63,6 @@ cdef bytearray _index_of(const Tree* view, const NumberedFrames* frames, list na
     index[start:start + <uint64_t>len(text)] = text
     header = <FrozenHeader*>PyByteArray_AS_STRING(index)
     frozen_header_begin(header)
-    header.flags = FROZEN_LOOPED if view.ever_looped else 0
     header.index_bytes = data_end
     header.cache_time_ns = view.retention.cache_time_ns
     header.max_bytes = view.limits.bytes

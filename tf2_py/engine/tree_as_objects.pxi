@@ -132,8 +132,6 @@ cdef dict frame_infos(facts):
 #
 # =================  =====================================================================================
 # ``cache_time_ns``  int; so are ``max_frames`` and ``max_bytes``.
-# ``ever_looped``    bool: whether the parents of the frames ever formed a loop, which decides how answers are
-#                    rounded, even if the samples do not show the loop any more.
 # ``frames``         a tuple for each frame with samples: its name, whether it is static, the authority of
 #                    its last transform, and how many samples it has.
 # ``stamps``         int64 (N,), ns: those of the samples of the first frame, in order, then of the next.
@@ -201,7 +199,6 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
             "cache_time_ns": view.retention.cache_time_ns,
             "max_frames": view.limits.frames,
             "max_bytes": view.limits.bytes,
-            "ever_looped": bool(view.ever_looped),
             "frames": frames,
             "stamps": stamps,
             "transforms": transforms,
@@ -326,7 +323,6 @@ cdef int read_state(dict state, Tree* tree) except -1:
         tree.retention.cache_time_ns = _number(state, "cache_time_ns", 0, INT64_MAX)
         tree.limits.frames = _number(state, "max_frames", 1, UINT32_MAX)
         tree.limits.bytes = _number(state, "max_bytes", 1, SIZE_MAX)
-        tree.ever_looped = tree.ever_looped or state["ever_looped"] is True
     except BaseException as error:
         tree_free(tree)
         if isinstance(error, KeyError):

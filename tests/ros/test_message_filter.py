@@ -348,6 +348,15 @@ def test_one_warning_that_nearly_all_were_dropped(make, capfd):
     assert all(part in warning for part in told)
 
 
+@pytest.mark.parametrize("options", [{"frames": "map odom"}, {"tolerance": Duration(seconds=1)}])
+def test_one_warning_where_a_message_needs_several_transforms(make, capfd, options):
+    script = make(**options)
+    script.run("T100:map>odom T100:odom>lidar" + " M1 !OUT_THE_BACK:1" * 20)
+    (warning,) = [line for line in capfd.readouterr().err.splitlines() if "MessageFilter" in line]
+    assert "the last 20 messages were dropped" in warning
+    assert "Lookup would require extrapolation" in warning
+
+
 class Subscriber:
     """The shape of a subscriber of message_filters, which is not on PyPI."""
 

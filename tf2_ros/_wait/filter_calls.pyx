@@ -117,8 +117,11 @@ cdef class Waits:
     def reason(self):
         """The exception of the first lookup without an answer, or None."""
         for wait in self._waits:
-            if wait.take() is None:
-                return wait.reason()
+            try:
+                if wait.take() is None:
+                    return wait.reason()
+            except ExtrapolationException as refused:
+                return refused
         return None
 
     def cancel(self):

@@ -188,9 +188,6 @@ class BufferCore:
             without samples, the order of listings and the counters of :meth:`statistics` are not included.
             If the buffer was opened from a frozen file and is unchanged, and the file is still there,
             ``"frozen"`` with the path of the file stands for the contents, cache time and limits.
-            ``"overtaken"`` has the ages of the newest samples that the buffer had when the system's clock was
-            set back, if that was noticed, and ``"overtaken_when"`` the system's time: the ages of the copy's
-            data count on from there.
         """
     def __setstate__(self, state: dict[str, Any]) -> None:
         """
@@ -545,9 +542,8 @@ class BufferCore:
 
         :return: the ages in seconds on the buffer's clock, by the names of the frames, from ``source_frame``
             up to the common ancestor and down to ``target_frame``, along the parents of their newest samples.
-            Static frames have no age. A stamp later than the clock results in a negative age. If the
-            system's clock is set back, the ages of samples in the buffer keep growing by steady time. While
-            the clock is at 0, because simulated time has not begun, all ages are infinite.
+            Static frames have no age. A stamp later than the clock results in a negative age. While the clock
+            is at 0, because simulated time has not begun, all ages are infinite.
         :raises ConnectivityException: the frames are in different trees, or one has no data.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.

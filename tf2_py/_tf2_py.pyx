@@ -322,14 +322,8 @@ cdef class BufferCore(Engine):
             without samples, the order of listings and the counters of :meth:`statistics` are not included.
             If the buffer was opened from a frozen file and is unchanged, and the file is still there,
             ``"frozen"`` with the path of the file stands for the contents, cache time and limits.
-            ``"overtaken"`` has the ages of the newest samples that the buffer had when the system's clock was
-            set back, if that was noticed, and ``"overtaken_when"`` the system's time: the ages of the copy's
-            data count on from there.
         """
         cdef dict state = self.frozen_state() or self.export()
-        overtaken = self.overtaken()
-        if overtaken:
-            state["overtaken"], state["overtaken_when"] = overtaken, system_ns()
         state["attributes"] = dict(getattr(self, "__dict__", {}))
         return state
 
@@ -352,7 +346,6 @@ cdef class BufferCore(Engine):
                 f"this is not the state of a {type(self).__name__}: it cannot have these attributes"
             )
         try:
-            overtaken = overtaken_of(state)
             if "frozen" in state:
                 path, is_copy, expected = frozen_origin.from_state(state)
                 self.open_frozen(path, is_copy, expected)
@@ -360,7 +353,6 @@ cdef class BufferCore(Engine):
                 self.restore(dict(state))
         except (AttributeError, OverflowError, TypeError) as error:
             raise ValueError(f"this is not the state of a buffer: {error}") from error
-        self.overtake(overtaken)
         if attributes:
             # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.
             self.__dict__.update(attributes)
@@ -808,9 +800,8 @@ cdef class BufferCore(Engine):
 
         :return: the ages in seconds on the buffer's clock, by the names of the frames, from ``source_frame``
             up to the common ancestor and down to ``target_frame``, along the parents of their newest samples.
-            Static frames have no age. A stamp later than the clock results in a negative age. If the
-            system's clock is set back, the ages of samples in the buffer keep growing by steady time. While
-            the clock is at 0, because simulated time has not begun, all ages are infinite.
+            Static frames have no age. A stamp later than the clock results in a negative age. While the clock
+            is at 0, because simulated time has not begun, all ages are infinite.
         :raises ConnectivityException: the frames are in different trees, or one has no data.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.

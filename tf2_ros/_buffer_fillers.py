@@ -134,11 +134,21 @@ def ask_for_silence(buffer: BufferCore, find_silence: Callable[[object], tuple[s
     BufferCore._ask_for_silence(buffer, find_silence)
 
 
+def _sources(fillers: Fillers) -> list[BufferSource]:
+    return [one for one in fillers.known if isinstance(one, BufferSource)]
+
+
+def is_filled(buffer: Any) -> bool:
+    """Whether a listener or a source fills a ``Buffer``, or has filled it."""
+    fillers: Fillers = buffer._tf2_fillers
+    return fillers.find_silence is not None or bool(_sources(fillers))
+
+
 def silence_of(buffer: Any) -> tuple[str, str]:
     """What the errors of a ``Buffer`` say about what fills it, see ``BufferCore._ask_for_silence``."""
     fillers: Fillers = buffer._tf2_fillers
-    sources = [one for one in fillers.known if isinstance(one, BufferSource)]
-    if fillers.find_silence is None and not sources:
+    sources = _sources(fillers)
+    if not is_filled(buffer):
         return "" if _was_filled(buffer) else NEVER_FILLED, ""
     found = [("", "") if fillers.find_silence is None else fillers.find_silence(buffer)]
     found += [(one.silence(True), one.silence(False)) for one in sources]

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import tf2_py as tf2
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import duration_ns, log, policy_of, seconds, time_ns
+from tf2_py._internal import duration_ns, log, policy_of, time_ns
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
-from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, note_filler, silence_of
+from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, is_filled, note_filler, silence_of
 from tf2_ros._message_classes import TransformStamped
 from tf2_ros._shared.shared_names import buffer_name, is_wanted, require_support
 from tf2_ros._wait.blocking_lookup import Lookup
@@ -64,8 +64,9 @@ FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
 FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 _Opened = TypeVar("_Opened", bound="Buffer")
 
-STANDSTILL_S = 5.0  # how long simulated time stands still until a buffer that judges ages warns
 JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
+# A step of the system's clock may look shorter by the time between the readings of two clocks.
+SYSTEM_JUMP_NS = 900_000_000
 
 # The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
@@ -74,7 +75,7 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 _OF_INIT = frozenset(
     (
         "registration _tf2_kept _tf2_fillers srv clock jump_handle _tf2_node _tf2_sharing"
-        " _tf2_attachment _tf2_standstill _tf2_shown_ns _tf2_followed"
+        " _tf2_attachment _tf2_shown _tf2_followed"
     ).split()
 )
 
@@ -130,8 +131,8 @@ class Buffer(BufferCore, BufferInterface):
     _tf2_node: "weakref.ref[Node] | None" = None  # whose clock it follows
     _tf2_sharing: "SharedBufferOwner | None" = None  # shares it with other processes
     _tf2_attachment: "Attachment | None" = None  # fills it from another process
-    _tf2_shown_ns = -(2**63)  # what a program's own clock showed last
-    _tf2_standstill = 0, 0.0  # what simulated time showed last, and since when, in seconds of steady time
+    # A clock that reports no jumps, what it showed last, and the steady time after that, in nanoseconds.
+    _tf2_shown: tuple[object, int, int] = None, 0, 0
 
     def __init__(
         self,
@@ -206,6 +207,7 @@ class Buffer(BufferCore, BufferInterface):
         BufferCore._ask_for_silence(self, silence_of)
         self.clock: Clock = Clock() if node is None else node.get_clock()
         self._tf2_followed = self.clock  # reports its jumps
+        self._tf2_shown = self.clock, time.time_ns(), time.monotonic_ns()
         if not HAS_ROS:
             return
         note_filler(node, self)
@@ -478,44 +480,30 @@ class Buffer(BufferCore, BufferInterface):
         clock: Any = self.clock  # a program may have set another one
         if clock is None:
             return None
-        shown_ns = self._tf2_shown_ns  # by another thread's later reading, this one would seem to be set back
+        shown, before_ns = self._tf2_shown, time.monotonic_ns()
         try:
             now_ns = time_ns(clock.now(), "the time of the buffer's clock")
-            if is_simulated(clock):
-                self.__warn_of_standstill(now_ns)
-                if clock is self._tf2_followed:
-                    return now_ns, False, False
+            simulated = is_simulated(clock)
         except InvalidHandle:  # an AsyncNode has ended, and its clock with it
             return time.time_ns(), True, False
-        if getattr(type(clock), "now", None) is Clock.now and not is_simulated(clock):
-            return now_ns, not is_steady(clock), False
-        # A clock that the program has assigned may say anything, and reports no jumps here.
-        if self._tf2_shown_ns == shown_ns or now_ns > self._tf2_shown_ns > shown_ns:
-            self._tf2_shown_ns = now_ns
-            if shown_ns - now_ns >= JUMP_BACK_S * 10**9:
-                self.time_jump_callback(None)
-        return now_ns, False, True
+        is_rclpys = getattr(type(clock), "now", None) is Clock.now and not simulated
+        if (simulated and clock is self._tf2_followed) or (is_rclpys and is_steady(clock)):
+            return now_ns, False, False
+        # If another thread has read the clock meanwhile, its reading may be the later one.
+        if self._tf2_shown is shown:
+            self._tf2_shown = clock, now_ns, time.monotonic_ns()
+            if shown[0] is clock:
+                passed_ns = before_ns - shown[2] if is_rclpys else 0
+                limit_ns = SYSTEM_JUMP_NS if is_rclpys else JUMP_BACK_S * 10**9
+                if shown[1] + passed_ns - now_ns >= limit_ns and is_filled(self):
+                    self.time_jump_callback(None)
+        return now_ns, is_rclpys, True
 
     def _tf2_now_ns(self) -> int:
         with suppress(Exception):  # an error must not be replaced by one of the program's own clock
             clock: Any = self.clock
             return 0 if clock is None else time_ns(clock.now(), "the time of the buffer's clock")
         return 0
-
-    def __warn_of_standstill(self, now_ns: int) -> None:
-        """Warn once of each: while simulated time stands still, no data becomes older."""
-        shown_ns, since = self._tf2_standstill
-        steady = time.monotonic()
-        if now_ns != shown_ns:
-            self._tf2_standstill = now_ns, steady
-        elif now_ns > 0 and steady - since > STANDSTILL_S:
-            self._tf2_standstill = now_ns, float("inf")
-            names = clock_publishers(None if self._tf2_node is None else self._tf2_node())
-            publishers = f"published by {' and '.join(names)}" if names else "which nobody publishes"
-            log.logger("tf2_buffer").warning(
-                f"/clock, {publishers}, has been at {seconds(now_ns)} for {steady - since:.0f} s. "
-                "Until it advances, data does not age: ages do not grow, and max_age accepts old data"
-            )
 
     def __get_frames(self, req: Any, res: Any) -> Any:
         res.frame_yaml = self.all_frames_as_yaml()

@@ -1,6 +1,7 @@
 """A program's clock of a buffer without a node: ages and jumps; with or without ROS."""
 
 import asyncio
+import copy
 import threading
 import time
 import types
@@ -26,6 +27,7 @@ class TestClocks:
     @pytest.fixture
     def buffer(self):
         made = tf2_ros.Buffer()
+        made.add_source("this test")
         made.clock = self.Clock()
         return made
 
@@ -45,6 +47,17 @@ class TestClocks:
             buffer.ages("map", "base")
         insert(buffer, 97 * S)
         assert buffer.ages("map", "base") == {"base": 1.0}
+
+    @pytest.mark.parametrize("how", ["filled by the program", "copied"])
+    def test_a_jump_back_clears_only_what_a_source_fills(self, buffer, how):
+        if how == "copied":
+            insert(buffer, 99 * S)
+        kept = copy.copy(buffer) if how == "copied" else tf2_ros.Buffer()
+        kept.clock = self.Clock()
+        insert(kept, 99 * S)
+        assert kept.ages("map", "base") == {"base": 1.0}
+        kept.clock.ns = 50 * S
+        assert kept.ages("map", "base") == {"base": -49.0}
 
     @pytest.mark.parametrize(
         "new_clock",

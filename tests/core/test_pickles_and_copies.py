@@ -3,7 +3,6 @@
 import io
 import pickle
 import pickletools
-import time
 
 import numpy as np
 import pytest
@@ -244,24 +243,8 @@ SPOILED = {
     "cannot have these attributes": ("attributes", lambda _: 5),
     "has no attribute|not iterable|has no len": ("frames", lambda _: None),
     "not contain 1180591620717411303424 samples": frames_of(count=2**70),
-    "overtaken: expected a dict, got tuple": ("overtaken", lambda _: (5, ["odom"])),
-    r"overtaken\['odom'\]: expected an int from 0 to .*, got -1": ("overtaken", lambda _: {"odom": -1}),
-    "a frame name must not contain a NUL character: .c": ("overtaken", lambda _: {"odom": 5, "c\0d": 5}),
-    "overtaken needs overtaken_when, which is missing": ("overtaken", lambda _: {"odom": 5}),
     "the rotation is too short": put("transforms", (-1, slice(3, 7)), 0.0),
 }
-
-
-def test_the_time_on_the_way_counts_for_data_from_before_a_step_of_the_clock():
-    arriving = Buffer()
-    arriving.set_transform(transform("map", "odom", ns=time.time_ns()), "x")
-    state = arriving.__getstate__()
-    when = {"overtaken": {"odom": 2 * S}, "overtaken_when": time.time_ns() - 100 * S}
-    arriving.__setstate__(state | when)
-    assert 102 <= arriving.ages("map", "odom")["odom"] < 150
-    when["overtaken_when"] += 200 * S  # the clock was set back again, on the way
-    arriving.__setstate__(state | when)
-    assert 2 <= arriving.ages("map", "odom")["odom"] < 50
 
 
 @pytest.mark.parametrize("why", SPOILED)

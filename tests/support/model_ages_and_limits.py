@@ -3,9 +3,8 @@
 import math
 
 from model_math import IDENTITY, composed
-from model_terms import STAMPS_END, ModelError, S, limit_of, seconds
+from model_terms import STAMPS_END, ModelError, limit_of, seconds
 
-STEP_BACK = 9 * S // 10
 MOST_SUGGESTED = 3  # names in the text of an error
 YEAR = 365 * 86400 * 10**9  # ns
 NO_CLOCK = (
@@ -17,9 +16,6 @@ class Policies:
     """Of a model, which has `names`, `frames`, and tf2's lookups and walks."""
 
     now_ns = None  # of the clock by which ages are counted; 0: it has not begun; None: there is no clock
-    steady_ns = 0  # when that clock was read, if it is the system's
-    _seen = None  # the newest stamps at that reading, by frame
-    _begun_ns = None  # when what had a stamp was new, of frames from before a step back: by frame and stamp
 
     # The times that have an answer.
 
@@ -70,30 +66,7 @@ class Policies:
             raise ModelError("ValueError", NO_CLOCK)
 
     def _age_ns(self, name):
-        if self.now_ns <= 0:
-            return math.inf
-        newest = self.frames[name].newest_ns()
-        begun = (self._begun_ns or {}).get((name, newest))
-        return max(self.now_ns - newest, -math.inf if begun is None else self.steady_ns - begun)
-
-    def begin_system_time(self, now_ns, steady_ns):
-        """Of a new buffer, or a copy, which knows the ages of what it copies and no reading."""
-        self.now_ns, self.steady_ns, self._seen = now_ns, steady_ns, {}
-        self._begun_ns = dict(self._begun_ns or {})
-
-    def read_system_clock(self, now_ns, steady_ns):
-        """What was there when it was set back by 0.9 s or more grows older as if it had not been."""
-        behind = self.now_ns + steady_ns - self.steady_ns - now_ns
-        newest = {name: frame.newest_ns() for name, frame in self.frames.items() if frame.newest_ns()}
-        for name, stamp in newest.items() if behind >= STEP_BACK else ():
-            begun = self.steady_ns + stamp - self.now_ns
-            if self._seen.get(name) != stamp:
-                if stamp <= now_ns:
-                    continue
-                begun = max(begun, self.steady_ns)
-            before = self._begun_ns.get((name, stamp), steady_ns)
-            self._begun_ns[name, stamp] = min(begun, before, steady_ns)
-        self.now_ns, self.steady_ns, self._seen = now_ns, steady_ns, newest
+        return math.inf if self.now_ns <= 0 else self.now_ns - self.frames[name].newest_ns()
 
     def _judge_ages(self, target, source, hops, max_age):
         """Raise the error about the frame that is furthest beyond its limit, or one of several."""
@@ -128,16 +101,12 @@ class Policies:
                 "or nothing spins the node"
             )
         else:
-            clock = f"the clock of the buffer, at {seconds(self.now_ns)}"
-            is_younger = age > self.now_ns - frame.newest_ns()
-            fact = f"is {seconds(age)} s old" + (f"; {clock}, was set back" if is_younger else f" by {clock}")
+            fact = f"is {seconds(age)} s old by the clock of the buffer, at {seconds(self.now_ns)}"
         text = (
             f"The latest transform from frame [{source}] to frame [{target}] is too old; the newest sample "
             f"of {name} in {frame.newest_parent()}, at {seconds(frame.newest_ns())}, {fact}; max_age allows "
             f"{seconds(limit)} s"
         )
-        if frame.newest_ns() > self.now_ns > 0:
-            text += ". Clear the buffer if new samples are refused as too old"
         if 30 * YEAR < age < math.inf and frame.newest_ns() < YEAR:
             text += (
                 ". The sample is from 1970: is it in simulated time, which this clock does not follow?"

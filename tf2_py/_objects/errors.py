@@ -186,7 +186,6 @@ def stale(
     parent: str,
     newest_ns: int,
     now_ns: int,
-    age_ns: int,
     max_age_ns: int,
     target: str,
     source: str,
@@ -198,16 +197,12 @@ def stale(
             "has no known age: the clock of the buffer is at 0, because simulated time has not begun, "
             "or nothing spins the node"
         )
-    elif age_ns == now_ns - newest_ns:
-        fact = f"is {seconds(age_ns)} s old by the clock of the buffer, at {seconds(now_ns)}"
     else:
-        fact = f"is {seconds(age_ns)} s old; the clock of the buffer, at {seconds(now_ns)}, was set back"
+        fact = f"is {seconds(now_ns - newest_ns)} s old by the clock of the buffer, at {seconds(now_ns)}"
     text = (
         f"The latest transform from frame [{source}] to frame [{target}] is too old; the newest sample of "
         f"{child} in {parent}, at {seconds(newest_ns)}, {fact}; max_age allows {seconds(max_age_ns)} s"
     )
-    if newest_ns > now_ns > 0:
-        text += ". Clear the buffer if new samples are refused as too old"
     if newest_ns < YEAR_NS and now_ns - newest_ns > 30 * YEAR_NS:
         if newest_ns == 0:
             text += ". Its stamp is 0: was it never set?"

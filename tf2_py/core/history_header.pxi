@@ -48,9 +48,6 @@ cdef struct History:
     # What the tree writes.
     uint32_t authority          # id of the sender of the last sample; NAME_UNKNOWN: there was none
     bint is_parent              # a sample of some frame has named this frame as its parent
-    uint32_t arrived_after      # readings of the clock before the newest sample arrived
-    int64_t overtaken_ns        # newest_ns when the system's clock was set back; 0: it never was
-    int64_t overtaken_at_ns     # the steady time of that stamp, by the clock before it was set back
     bint is_hidden              # forgotten: the name counts as unknown until a transform uses it again
     bint was_unnormalised       # an unnormalised rotation of this frame has been reported
 
@@ -99,24 +96,9 @@ cdef inline const Transform* history_newest_transform(const History* history) no
     return history_transform_of(history, history.count - 1)
 
 
-cdef inline bint history_is_overtaken(const History* history) noexcept nogil:
-    return history.overtaken_ns != 0 and history.newest_ns == history.overtaken_ns
-
-
-cdef inline void history_overtake(History* history, int64_t at_ns) noexcept nogil:
-    # Of several steps, the one by which the sample is oldest counts.
-    if history_is_overtaken(history):
-        at_ns = min(at_ns, history.overtaken_at_ns)
-    history.overtaken_ns, history.overtaken_at_ns = history.newest_ns, at_ns
-
-
 cdef inline int64_t history_age(const History* history, int64_t now_ns) noexcept nogil:
     # Of the newest sample, in ns; INT64_MAX: the clock has not begun.
-    if now_ns <= 0:
-        return INT64_MAX
-    if history_is_overtaken(history):
-        return max(monotonic_ns() - history.overtaken_at_ns, now_ns - history.newest_ns)
-    return now_ns - history.newest_ns
+    return INT64_MAX if now_ns <= 0 else now_ns - history.newest_ns
 
 
 # Memory: growing, shrinking, pinning.

@@ -338,7 +338,6 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
     status.requested_ns = now_ns
     status.edge_ns = history.newest_ns
     status.other_ns = limit_ns
-    status.age_ns = age_ns
     return True
 
 

@@ -196,7 +196,6 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     cdef HistoryChange changed
     cdef uint32_t before = tree.parents[child]
     cdef uint32_t count = history.count
-    cdef int64_t newest_ns = history.newest_ns
     cdef size_t bytes_before = history_allocated(history)
     cdef size_t growth_limit = _bytes_left(tree)
     tree.is_frozen = False      # a repeated sample, too, has another authority, and prunes
@@ -210,8 +209,6 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
                                  &changed)
     tree.samples += history.count - <uint64_t>count
     tree.history_bytes += history_allocated(history) - bytes_before
-    if history.newest_ns != newest_ns:
-        history.arrived_after = tree.readings
     # In any case, the history may have been pruned.
     tree.parents[child] = history_newest_parent(history) | (MIXED_PARENTS if history.parent_changes else 0)
     if outcome == HISTORY_INSERTED or outcome == HISTORY_DUPLICATE:
@@ -271,23 +268,6 @@ cdef void tree_clear(Tree* tree) noexcept nogil:
             history_clear(&tree.histories[id])
             tree.history_bytes += history_allocated(&tree.histories[id])
             tree.parents[id] = NO_FRAME
-
-
-cdef void tree_overtake(Tree* tree, const ClockReading* last, const ClockReading* now) noexcept nogil:
-    cdef History* history
-    cdef int64_t at_ns
-    cdef uint32_t id
-    for id in range(tree.names.count):
-        history = &tree.histories[id]
-        at_ns = last.steady_ns + (history.newest_ns - last.now_ns)
-        if history.arrived_after == tree.readings:
-            # Since the last reading. What is not ahead of the clock may have its stamp since the step.
-            if history.newest_ns <= now.now_ns:
-                continue
-            at_ns = max(at_ns, last.steady_ns)
-        if history.newest_ns:
-            history_overtake(history, min(at_ns, now.steady_ns))
-            tree.was_overtaken = True
 
 
 cdef void _hide_isolated(Tree* tree) noexcept nogil:

@@ -24,8 +24,6 @@ cdef struct Tree:
     Limits limits                   # of the buffer
     uint32_t hidden                 # frames whose names count as unknown
     FrameId last_child              # of the last insert
-    uint32_t readings               # of the clock, so far
-    bint was_overtaken              # the system's clock was set back when some frame had samples
     bint is_frozen                  # it was opened from a frozen file, and holds what that file holds
     uint64_t work                   # extra cost of all inserts so far; 1 is the cost of an ordinary insert
     uint64_t samples                # in all histories
@@ -93,8 +91,6 @@ cdef inline uint32_t tree_links(const History* history) noexcept nogil:
 cdef bint tree_has_one_way_up(const Tree* tree, FrameId frame) noexcept nogil
 # Drops all dynamic histories; names, authorities and static transforms stay.
 cdef void tree_clear(Tree* tree) noexcept nogil
-# The ages of the newest samples count on, although the system's clock was set back between two readings.
-cdef void tree_overtake(Tree* tree, const ClockReading* last, const ClockReading* now) noexcept nogil
 # Drops all samples of a frame, and hides every frame that has no samples and is named by none. Returns
 # whether the frame had samples.
 cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil

@@ -96,7 +96,6 @@ cdef struct ClockReading:
     # The clock by which the age of samples is counted.
     bint is_system          # it shows the system's time, which is read when an age is judged
     int64_t now_ns          # what it has shown; 0 or less: it has not begun
-    int64_t steady_ns       # steady time after this reading
 
 
 cdef struct Policy:
@@ -156,7 +155,6 @@ cdef struct Status:
     # The stamp that tf2's sentence quotes; for GAP_LONG, the stamp after edge_ns; for GAP_STALE, how old the
     # data may be.
     int64_t other_ns
-    int64_t age_ns          # of GAP_STALE
 
 
 cdef inline Status status_of(StatusCode code) noexcept nogil:

@@ -4,9 +4,6 @@
 
 cdef int64_t PERIOD_NS = 1000000000
 
-# By how much the system's clock must be set back for ages to count on, see tree_overtake: a second, as a leap
-# second is, less the time between the readings of both clocks.
-cdef int64_t STEP_BACK_NS = 900000000
 # What counts as the time of a clock that has not begun.
 cdef int64_t NOT_BEGUN_NS = 1
 
@@ -100,7 +97,7 @@ cdef class Engine:
         self._names, self._authorities = [], []
         # As if it was read now, so that the first reading notices a step since.
         self._clock.is_system = True
-        self._clock.now_ns, self._clock.steady_ns = system_ns(), monotonic_ns()
+        self._clock.now_ns = system_ns()
 
     def __dealloc__(self):
         cdef ReadHook inbox = self._inboxes
@@ -368,44 +365,6 @@ cdef class Engine:
         self._learn_most_names()
         return state_of(&self._tree, &self._lock, self._names, self._authorities)
 
-    cdef dict overtaken(self):
-        cdef Overtaken* found = NULL
-        cdef const History* history
-        cdef FrameId id
-        cdef uint32_t i
-        cdef uint32_t count = 0
-        cdef bint is_complete
-        lock_acquire(&self._lock)
-        if self._tree.was_overtaken:
-            found = <Overtaken*>malloc(self._tree.names.count * sizeof(Overtaken))
-        for id in range(self._tree.names.count if found != NULL else 0):
-            history = &self._tree.histories[id]
-            if history_is_overtaken(history):
-                found[count].frame, found[count].at_ns = id, history.overtaken_at_ns
-                count += 1
-        is_complete = found != NULL or not self._tree.was_overtaken
-        lock_release(&self._lock)
-        if not is_complete:
-            raise MemoryError
-        try:
-            names = self.frame_names([found[i].frame for i in range(count)])
-            return {name: monotonic_ns() - found[i].at_ns for i, name in enumerate(names)}
-        finally:
-            free(found)
-
-    cdef int overtake(self, dict ages_ns) except -1:
-        cdef const char* text
-        cdef Py_ssize_t size
-        cdef int64_t age_ns
-        for name, age_ns in ages_ns.items():
-            text = name_utf8(name, &size)
-            lock_acquire(&self._lock)
-            history_overtake(&self._tree.histories[tree_frame(&self._tree, text, size)],
-                             monotonic_ns() - age_ns)
-            self._tree.was_overtaken = True
-            unlock_written(&self._lock, &self._tree, &self._waiters)
-        return 0
-
     cdef int restore(self, dict state) except -1:
         cdef Tree restored
         catch_up(self)
@@ -486,24 +445,15 @@ cdef class Engine:
         return status
 
     cdef int read_clock(self, Query* query, ClockReading* reading) except -1:
-        cdef int64_t step_ns
-        cdef int64_t before_ns = monotonic_ns()
         shown = None if self._show_time is None else self._show_time(self)
         if shown is None:
             raise ValueError("ages need a clock, which this buffer does not have: a BufferCore and the "
                              "buffer of a recording have none")
         reading.now_ns, reading.is_system, is_silent = shown
         self._must_look = is_silent or reading.now_ns <= NOT_BEGUN_NS   # nothing reports that it begins
-        reading.steady_ns = monotonic_ns()
         query.policy.clock = reading
         lock_acquire(&self._lock)
-        if reading.is_system and self._clock.is_system:
-            # At least this much time has passed between the readings, also if a thread stalled during one.
-            step_ns = reading.now_ns - self._clock.now_ns - (before_ns - self._clock.steady_ns)
-            if step_ns <= -STEP_BACK_NS:
-                tree_overtake(&self._tree, &self._clock, reading)
         self._clock = reading[0]
-        self._tree.readings += 1
         # A clock that has not begun may begin at any time.
         self._clock.now_ns = max(reading.now_ns, NOT_BEGUN_NS)
         lock_release(&self._lock)

@@ -7,12 +7,6 @@ cdef enum:
     INSERTS_PER_TRY = 2     # the cost of trying a waiter
 
 
-cdef struct Overtaken:
-    # A frame whose age counts on after the clock was set back, and History.overtaken_at_ns.
-    FrameId frame
-    int64_t at_ns
-
-
 @cython.no_gc_clear     # threads without the GIL use `_inboxes` and `_tap`
 cdef class Engine:
     # Nothing outside this class takes `_lock`, or reads or writes `_tree` and `_waiters`.
@@ -69,10 +63,6 @@ cdef class Engine:
     # If that raises, nothing has changed.
     cdef dict export(self)
     cdef int restore(self, dict state) except -1
-    # The ages in ns of the newest samples that the buffer had when the system's clock was set back, by their
-    # frames. And noting that for samples that were just restored.
-    cdef dict overtaken(self)
-    cdef int overtake(self, dict ages_ns) except -1
     # The same for a frozen file: writes the content, as write_frozen; and replaces it by that of a file, as
     # read_frozen. The state that names the file; None: the content is another now, or the file is.
     cdef int write_frozen(self, file) except -1

@@ -235,8 +235,7 @@ cdef object query_error(const Query* query, Status status, str child, str parent
         )
     if status.gap == GAP_STALE:
         error = errors.stale(
-            child, parent, status.edge_ns, status.requested_ns, status.age_ns, status.other_ns, target,
-            source,
+            child, parent, status.edge_ns, status.requested_ns, status.other_ns, target, source,
         )
         return advice.with_silence(error, buffer, dynamic_only=True)
     error = errors.extrapolation(

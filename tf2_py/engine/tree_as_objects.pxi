@@ -138,9 +138,6 @@ cdef dict frame_infos(facts):
 # ``transforms``     float64 (N, 7): x y z in meters, and the rotation x y z w.
 # ``parents``        uint32 (N,): places in ``parent_names``.
 # ``parent_names``   list of str.
-# ``overtaken``      may be absent: the ages of the newest samples behind which the system's clock was set
-#                    back, int ns, by the names of their frames; with ``overtaken_when``, the system's time
-#                    of these ages, int ns since 1970.
 # =================  =====================================================================================
 #
 # Names are as a message carries them: inserting removes one leading '/'.
@@ -219,22 +216,6 @@ cdef object _number(dict state, str key, least, most):
     if type(value) is not int or not least <= value <= most:
         raise _not_a_state(f"{key}: expected an int from {least} to {most}, got {value!r}")
     return value
-
-
-cdef dict overtaken_of(state):
-    cdef Py_ssize_t size
-    ages_ns = state.get("overtaken", {})
-    if type(ages_ns) is not dict:
-        raise _not_a_state(f"overtaken: expected a dict, got {type(ages_ns).__name__}")
-    for name, age_ns in ages_ns.items():
-        name_utf8(name, &size)
-        if type(age_ns) is not int or not 0 <= age_ns <= INT64_MAX:
-            raise _not_a_state(f"overtaken[{name!r}]: expected an int from 0 to {INT64_MAX}, got {age_ns!r}")
-    if ages_ns and "overtaken_when" not in state:
-        raise _not_a_state("overtaken needs overtaken_when, which is missing")
-    when_ns = _number(dict(state), "overtaken_when", 0, INT64_MAX) if ages_ns else 0
-    since_ns = max(0, system_ns() - when_ns)
-    return {name: min(age_ns + since_ns, INT64_MAX) for name, age_ns in ages_ns.items()}
 
 
 cdef uint32_t _insert_samples(Tree* tree, const Text* child, uint32_t authority, bint is_static,

@@ -22,5 +22,3 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities)
 # Makes a tree by inserting what such a state holds. ValueError: a transform is refused. If it raises, there
 # is no tree.
 cdef int read_state(dict state, Tree* tree) except -1
-# Its "overtaken" for Engine.overtake; ValueError: it is something else.
-cdef dict overtaken_of(state)

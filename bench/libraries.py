@@ -14,7 +14,6 @@ from pathlib import Path
 
 from release import unpacking_debs
 from release.child_environment import environment_of_children
-from release.interpreters import interpreters
 
 ROOT = Path(__file__).resolve().parents[1]
 FETCHED = ROOT / ".bench"
@@ -25,18 +24,7 @@ DEBIAN_PACKAGES = """
     libtf2-2d libtf2-dev librostime1d libcpp-common0d libroscpp-serialization0d libroscpp-core-dev
     libconsole-bridge1.0 libgeometry-msgs-dev libstd-msgs-dev libboost1.74-dev
 """.split()
-# Key, package and module, version, and what a lookup returns.
-FROM_PYPI = (
-    ("schiebung", "schiebung", "0.5.2", "Rust; returns an object of its own; keeps 120 s; latest as below"),
-    (
-        "tf_tree",
-        "transform-tree",
-        "0.0.9",
-        "Rust; returns a 4×4 array, of a compiled plan or by names; its "
-        "latest transform takes the newest sample of each link, not those at the newest common time",
-    ),
-)
-PYPI_PYTHONS = ("3.13", "3.12")  # for which both have wheels
+TRANSFORM_TREE = "0.0.9"
 
 
 class Missing(Exception):
@@ -67,9 +55,11 @@ def libraries(say: Callable[[str], None]) -> tuple[dict[str, Library], dict[str,
     sources: dict[str, Callable[[], Iterator[Library]]] = {
         "tf2 of a sourced ROS 2": _of_ros2,
         "Debian's tf2 for C++, of ROS 1": _from_debian,
-        "libraries from PyPI": _from_pypi,
+        "transform-tree": _from_pypi,
     }
     for title, fetch in sources.items():
+        if fetch is _from_debian and "tf2_cpp" in found:
+            continue  # it is measured only where ROS 2's is not at hand
         say(f"looking for {title}")
         try:
             for library in fetch():
@@ -98,7 +88,7 @@ def _of_ros2() -> Iterator[Library]:
         raise Missing("the sourced ROS 2 has no tf2")
     folders = [folder for prefix in prefixes for folder in (prefix / "include").glob("*")]
     library = _compile("ros2", folders, [prefix / "lib" for prefix in prefixes], ["-ltf2", "-lrcutils"])
-    yield Library("ros2_cpp", f"tf2 {version} C++", "of the sourced ROS 2", environment={"TF2_CPP": library})
+    yield Library("tf2_cpp", f"tf2 {version} C++", "of the sourced ROS 2", environment={"TF2_CPP": library})
     # Not this environment's Python: it would find our packages of the same names.
     path = os.environ["PATH"].split(os.pathsep)
     beside = os.pathsep.join(folder for folder in path if not folder.startswith(sys.prefix))
@@ -118,7 +108,7 @@ def _from_debian() -> Iterator[Library]:
     linked = ["-ltf2", "-lrostime", "-lcpp_common", str(next(binaries.glob("libconsole_bridge.so*")))]
     library = _compile("ros1", [root / "usr/include"], [binaries], linked, "-DROS1")
     note = "of ROS 1, from Debian; searches histories by bisection"
-    yield Library("ros1_cpp", f"tf2 {version} C++ (ROS 1)", note, environment={"TF2_CPP": library})
+    yield Library("tf2_cpp", f"tf2 {version} C++ (ROS 1)", note, environment={"TF2_CPP": library})
 
 
 def _compile(name: str, headers: list[Path], binaries: list[Path], linked: list[str], *options: str) -> str:
@@ -134,17 +124,14 @@ def _compile(name: str, headers: list[Path], binaries: list[Path], linked: list[
 
 
 def _from_pypi() -> Iterator[Library]:
-    found = interpreters()
-    python = next((found[version] for version in PYPI_PYTHONS if found[version]), None)
-    if python is None:
-        raise Missing(f"needs Python {' or '.join(PYPI_PYTHONS)}")
-    own = FETCHED / "pypi" / "bin" / "python"
-    if not own.exists():
-        _run(python, "-m", "venv", str(own.parents[1]))
-    packages = [f"{package}=={version}" for _, package, version, _ in FROM_PYPI]
-    _run(str(own), "-m", "pip", "install", "--quiet", "--only-binary", ":all:", "numpy", *packages)
-    for key, package, version, note in FROM_PYPI:
-        yield Library(key, f"{package} {version}", note, str(own))
+    folder = FETCHED / "beside"
+    if not (folder / f"transform_tree-{TRANSFORM_TREE}.dist-info").exists():
+        package = f"transform-tree=={TRANSFORM_TREE}"
+        _run(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(folder), package)
+    note = "Rust; returns a 4×4 array, of a compiled plan or by names; its latest transform takes "
+    note += "the newest sample of each link, not those at the newest common time"
+    title = f"transform-tree {TRANSFORM_TREE}"
+    yield Library("tf_tree", title, note, environment={"PYTHONPATH": str(folder)})
 
 
 def _run(*command: str, cwd: str | None = None) -> None:

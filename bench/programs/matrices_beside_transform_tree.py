@@ -11,7 +11,7 @@ from time import perf_counter_ns
 
 from lookups import HOPS, MOVING_SAMPLES
 from our_library import Ours
-from rust_libraries import TfTree
+from transform_tree import TfTree
 from trees_and_queries import chain
 
 CALLS = 200  # in a block, after which it is the other's turn

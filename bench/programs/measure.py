@@ -15,10 +15,8 @@ import numpy as np
 CLASSES = {
     "ours": ("our_library", "Ours"),
     "ros2": ("tf2_python", "Tf2"),
-    "ros2_cpp": ("tf2_cpp", "Tf2"),
-    "ros1_cpp": ("tf2_cpp", "Tf2"),
-    "schiebung": ("rust_libraries", "Schiebung"),
-    "tf_tree": ("rust_libraries", "TfTree"),
+    "tf2_cpp": ("tf2_cpp", "Tf2"),
+    "tf_tree": ("transform_tree", "TfTree"),
 }
 CHECKED = 5  # answers that are compared with ours
 QUANTILES = np.linspace(0, 1, 201)  # of the values of a row that are kept

@@ -1,38 +1,7 @@
-"""Libraries from PyPI that are written in Rust, called from Python."""
+"""transform-tree, a library for Python that is written in Rust and needs no ROS."""
 
 import numpy as np
 from measured_library import Library, by_pair
-
-BATCH = 1000
-
-
-class Schiebung(Library):
-    # It keeps 120 s whatever is wanted; its latest lookup takes each link's own newest sample.
-
-    def load(self, tree):
-        import schiebung
-
-        self.module, self.buffer = schiebung, schiebung.BufferTree()
-        transforms = [self._update(*transform) for transform in tree.transforms()]
-        for start in range(0, len(transforms), BATCH):
-            self.buffer.update_batch(transforms[start : start + BATCH])
-
-    def _update(self, child, parent, static, stamp_ns, pose):
-        kinds = self.module.TransformType
-        isometry = self.module.StampedIsometry(pose[:3], pose[3:], stamp_ns)
-        return parent, child, isometry, kinds.Static if static else kinds.Dynamic
-
-    def calls(self, way, queries):
-        if all(ns == 0 for _, _, ns in queries):
-            return self.buffer.lookup_latest_transform, [(target, source) for target, source, _ in queries]
-        return self.buffer.lookup_transform, queries
-
-    def numbers(self, answer):
-        return (*answer.translation(), *answer.rotation())
-
-    def inserts(self, way, transforms):
-        updates = [self._update(child, parent, False, ns, pose) for child, parent, ns, pose in transforms]
-        return self.buffer.update, updates, 1
 
 
 class TfTree(Library):

@@ -1,18 +1,16 @@
 """
-Compile for machines that this one is not: `python -m release.cross_compile`, behind `make cross`.
+Compile for 64-bit ARM on x86-64: `python -m release.cross_compile`, behind `make cross`.
 
-Compiles every extension for each target. For Linux on ARM, it also runs the tests that need no ROS, under
-qemu. Compilers, libraries and a Python of the target are unpacked into .cross; nothing is installed.
+Compiles every extension, and runs the tests that need no ROS under qemu. A compiler, and libraries and a
+Python for ARM, are unpacked into .cross; nothing is installed.
 """
 
 import argparse
 import fcntl
-import importlib.util
 import os
 import shutil
 import subprocess
 import sys
-import sysconfig
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +24,8 @@ from . import unpacking_debs
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / ".cross"
 
+# Of NumPy's wheels, whose headers are used.
+PLATFORMS = ("manylinux2014_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_aarch64")
 # Tests of the engine that need no ROS, start no second Python, and map little memory: qemu emulates one
 # process, and slowly what maps many pages.
 TESTS = """
@@ -37,105 +37,53 @@ test_waiters
 OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "PyYAML"]
 
 
-@dataclass(frozen=True)
-class Target:
-    """What extensions are compiled for."""
-
-    platforms: tuple[str, ...]  # of NumPy's wheels, whose headers are used
-    suffix: str  # of an extension's file; {} is the version of Python
-    zig: str | None = None  # what zig calls it; None: Debian's gcc, and its Python to run them with
-    link: tuple[str, ...] = ("-shared",)
-
-
-TARGETS = {
-    "linux-aarch64": Target(
-        ("manylinux2014_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_aarch64"),
-        ".cpython-{}-aarch64-linux-gnu.so",
-    ),
-    "musllinux-x86_64": Target(
-        ("musllinux_1_1_x86_64", "musllinux_1_2_x86_64"),
-        ".cpython-{}-x86_64-linux-musl.so",
-        "x86_64-linux-musl",
-    ),
-    "macos-arm64": Target(
-        ("macosx_11_0_arm64", "macosx_14_0_arm64"),
-        ".cpython-{}-darwin.so",
-        "aarch64-macos",
-        ("-shared", "-undefined", "dynamic_lookup"),
-    ),
-}
-
-
 class Unavailable(Exception):
-    """What compiles for a target cannot be had here."""
+    """What compiles for ARM cannot be had here."""
 
 
 @dataclass(frozen=True)
 class Tools:
-    """How to compile for a target, and how to run Python there."""
+    """How to compile for ARM, and how to run Python there."""
 
     compiler: list[str]
     environment: dict[str, str]  # of the compiler
     suffix: str  # of an extension's file
     headers: list[Path]
-    site: Path  # the wheels of the target
-    python: list[str] | None  # None: it cannot be run
+    site: Path  # the wheels
+    python: list[str]
 
 
 def main(arguments=None):
     parser = argparse.ArgumentParser(
         prog="python -m release.cross_compile", description=__doc__.split("\n\n")[1]
     )
-    parser.add_argument("targets", nargs="*", metavar="target", help=f"of {', '.join(TARGETS)}; default: all")
     parser.add_argument("--untested", action="store_true", help="compile, and run no tests")
     options, of_pytest = parser.parse_known_args(arguments)
-    if unknown := set(options.targets) - set(TARGETS):
-        parser.error(f"unknown: {', '.join(sorted(unknown))}")
-    results = {}
-    for name in options.targets or TARGETS:
-        try:
-            tools = tools_for(name)
-        except Unavailable as error:
-            results[name] = f"unavailable: {error}"
-            continue
-        checkout, refused = build(name, tools)
-        for module, errors in refused.items():
-            print(f"{name}: {module}\n{errors}")
-        if refused:
-            results[name] = f"failed: {', '.join(refused)}"
-        elif tools.python is None or options.untested:
-            results[name] = "compiled"
-        else:
-            results[name] = "failed" if test(tools, checkout, of_pytest) else "passed"
-    for name, result in results.items():
-        print(f"{name}: {result}")
-    return 0 if set(results.values()) <= {"compiled", "passed"} else 1
+    try:
+        tools = fetch_tools()
+    except Unavailable as error:
+        print(f"unavailable: {error}")
+        return 1
+    checkout, refused = build(tools)
+    for module, errors in refused.items():
+        print(f"{module}\n{errors}")
+    if refused or options.untested:
+        return 1 if refused else 0
+    return test(tools, checkout, of_pytest)
 
 
-def tools_for(name):
-    """Fetch what compiles for a target into .cross, once; raises Unavailable."""
+def fetch_tools():
+    """Fetch what compiles for ARM into .cross, once; raises Unavailable."""
     FOLDER.mkdir(exist_ok=True)
     with open(FOLDER / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         try:
-            return _zig(name) if TARGETS[name].zig else _debian(name)
+            return _fetch()
         except (OSError, subprocess.CalledProcessError) as error:
             raise Unavailable(f"{error} {getattr(error, 'stderr', None) or ''}".strip()) from error
 
 
-def _zig(name):
-    if importlib.util.find_spec("ziglang") is None:
-        raise Unavailable("needs ziglang from PyPI")
-    target = TARGETS[name]
-    version = "{}.{}".format(*sys.version_info)
-    compiler = [sys.executable, "-m", "ziglang", "cc", "-target", target.zig]
-    # This Python's headers, as those of the target are not to be had without its installer.
-    headers = [Path(sysconfig.get_path("include"))]
-    site = _install(name, version, "numpy")
-    return Tools(compiler, {}, target.suffix.format(version.replace(".", "")), headers, site, None)
-
-
-def _debian(name):
+def _fetch():
     target = unpacking_debs.unpack(
         FOLDER / "debian-arm64", ["python3", "libpython3-dev", "libstdc++6"], "arm64"
     )
@@ -147,38 +95,36 @@ def _debian(name):
     [python] = target.glob("usr/bin/python3.[0-9]*[0-9]")
     headers = [target / "usr/include" / python.name, target / "usr/include"]
     version = python.name.removeprefix("python")
-    suffix = TARGETS[name].suffix.format(version.replace(".", ""))
-    site = _install(name, version, "numpy", *OF_TESTS)
+    suffix = f".cpython-{version.replace('.', '')}-aarch64-linux-gnu.so"
     run = [str(here / "usr/bin/qemu-aarch64-static"), "-L", str(target), str(python)]
-    return Tools(compiler, environment, suffix, headers, site, run)
+    return Tools(compiler, environment, suffix, headers, _install(version), run)
 
 
-def _install(name, version, *requirements):
-    """Install wheels for a target and a version of Python into a folder of their own, once."""
-    folder = FOLDER / name / f"site-{version}"
+def _install(version):
+    """Install ARM's wheels for a version of Python into a folder of their own, once."""
+    folder = FOLDER / f"site-{version}"
     done = folder / "installed"
     if not done.exists():
         command = [sys.executable, "-m", "pip", "install", "--quiet", "--only-binary", ":all:"]
         command += ["--target", str(folder), "--python-version", version]
-        command += [word for platform in TARGETS[name].platforms for word in ("--platform", platform)]
-        subprocess.run([*command, *requirements], check=True, capture_output=True, text=True)
+        command += [word for platform in PLATFORMS for word in ("--platform", platform)]
+        subprocess.run([*command, "numpy", *OF_TESTS], check=True, capture_output=True, text=True)
         done.touch()
     return folder
 
 
-def build(name, tools, *options):
+def build(tools, *options):
     """
     Compile all extensions into a copy of the sources; return it, and the errors of each that failed.
 
     :param options: further ones of the compiler.
     """
-    checkout = FOLDER / name / "checkout"
+    checkout = FOLDER / "checkout"
     _copy_sources(checkout)
-    modules = extensions.cython_extensions(ROOT, "darwin" if name.startswith("macos") else "linux")
-    sources = {one.name: _generate(one) for one in modules}
+    sources = {one.name: _generate(one) for one in extensions.cython_extensions(ROOT)}
     [of_numpy] = tools.site.glob("numpy/_core/include")
     command = [*tools.compiler, *extensions.COMPILE_ARGS, *extensions.NO_DEBUG_ARGS, "-DNDEBUG", "-fPIC"]
-    command += ["-Werror=implicit-function-declaration", *TARGETS[name].link, *options]
+    command += ["-Werror=implicit-function-declaration", "-shared", *options]
     command += [f"-I{folder}" for folder in (*tools.headers, of_numpy, checkout)]
 
     def compile_one(module):
@@ -193,7 +139,7 @@ def build(name, tools, *options):
 
     with ThreadPoolExecutor(os.cpu_count()) as several:
         errors = dict(zip(sources, several.map(compile_one, sources), strict=True))
-    print(f"{name}: {len(errors)} extensions", flush=True)
+    print(f"{len(errors)} extensions", flush=True)
     return checkout, {module: text for module, text in errors.items() if text}
 
 
@@ -209,7 +155,7 @@ def _copy_sources(folder):
 
 
 def _generate(module):
-    """The C of an extension, which is the same for all targets."""
+    """The C of an extension, which is the same for all processors."""
     [done] = cythonize(
         module, build_dir=str(FOLDER / "c"), compiler_directives=extensions.DIRECTIVES, quiet=True
     )
@@ -217,7 +163,7 @@ def _generate(module):
 
 
 def test(tools, checkout, of_pytest=()):
-    """Run the tests that need no ROS with the Python of the target; the exit status of pytest."""
+    """Run the tests that need no ROS with Python for ARM; the exit status of pytest."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("ROS_", "AMENT_"))}
     environment |= {
         "PYTHONPATH": str(tools.site),

@@ -38,7 +38,7 @@ $(shell rm -rf $(VENV))
 endif
 
 .PHONY: bare bench build clean cross demo docs endure fuzz guard help lint matrix new oldest pictures releases sanitize stress
-.PHONY: stubs test test-all test-core test-core-all test-core-long test-long wheels
+.PHONY: test test-all test-core test-core-all test-core-long test-long wheels
 
 define HELP
 Try it
@@ -49,7 +49,6 @@ Try it
 Develop
   make build       compile after a change to a .pyx, .pxd, .pxi or .h file
   make lint        check style and types
-  make stubs       copy docstrings into the type stubs
   make test-all    run all tests: 8 minutes on 2 cores
   make test-long   run only what test-all adds to test
   make guard       count instructions; fail if they have changed
@@ -146,12 +145,8 @@ lint: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(PY) -m ruff format --check .
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
 	$(PY) -m build_backend.cython_hints $(PACKAGES)
-	$(PY) -m build_backend.stub_docstrings --check
 	$(PY) -m mypy $(PACKAGES) tools/tf2_ros_tools
 	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
-
-stubs: $(VENV)/dev.stamp
-	$(PY) -m build_backend.stub_docstrings
 
 build: $(VENV)/test.stamp
 	$(PY) setup.py -q build_ext --inplace

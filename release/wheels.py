@@ -121,7 +121,7 @@ def source_distributions(releases):
     for folder in (SCRATCH, DIST):
         shutil.rmtree(folder, ignore_errors=True)
     SCRATCH.mkdir(parents=True)
-    made = {"engine": _source_distribution(ROOT), "tools": _source_distribution(TOOLS)}
+    made = {"engine": _documented(_source_distribution(ROOT)), "tools": _source_distribution(TOOLS)}
     for name in releases:
         made[name] = _source_distribution(ROOT / "messages", f"--config-setting=ros={name}")
     return made
@@ -137,8 +137,16 @@ def _source_distribution(project, *options):
     return made
 
 
+def _documented(source):
+    """Unpack a source distribution; give its stubs the docstrings of the modules built here, for editors."""
+    shutil.unpack_archive(source, SCRATCH / "documented", filter="data")
+    [folder] = (SCRATCH / "documented").iterdir()
+    run([sys.executable, "-m", "docify", "--quiet", "--workers", "1", "--in-place", folder])
+    return folder
+
+
 def wheel(python, version, source):
-    """Build one from its source distribution, in isolation; mark it for the systems that it runs on."""
+    """Build one from its sources, in isolation; mark it for the systems that it runs on."""
     folder = SCRATCH / f"wheels-{version}"
     name = source.name.rpartition("-")[0]
     if (pure := next(folder.glob(f"{name}-*-none-any.whl"), None)) is not None:

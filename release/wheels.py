@@ -57,7 +57,6 @@ OF_SOURCES = {
     "packaging/test_makefile.py": "runs the Makefile of the checkout",
     "packaging/test_packaging.py": "builds the project",
     "packaging/test_public_names.py": "reads the sources",
-    "packaging/test_pyinstaller.py": "builds the project",
     "packaging/test_release_versions.py": "reads the sources",
     "packaging/test_sourced_ros.py": "builds the project",
     "ros/test_inbox_without_middleware.py": "compiles an extension",

@@ -91,9 +91,7 @@ class BuildExtensions(build_ext):
         self.copy_file(str(self._made), str(self._made.relative_to(self.build_lib)))
         if self.editable_mode:
             # The wheel of an editable installation has no other files of the project.
-            install_layout.copy_startup_files(
-                self.get_finalized_command("install").install_lib, is_editable=True
-            )
+            install_layout.copy_pth(self.get_finalized_command("install").install_lib)
 
     def _cythonize(self):
         """

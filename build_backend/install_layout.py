@@ -14,8 +14,8 @@ from setuptools.command.install_lib import install_lib
 # `_installation` says the same: the build imports nothing that it builds.
 OWNER = "tf2_ros_cython"
 FOLDER = Path(OWNER, "packages")
-# Python reads them when it starts: they put that folder into its place on the path. The second is for 3.15.
-PTH, START = (Path(__file__).parents[1] / "resource" / f"{OWNER}{suffix}" for suffix in (".pth", ".start"))
+# Python reads it when it starts: it puts that folder into its place on the path.
+PTH = Path(__file__).parents[1] / "resource" / f"{OWNER}.pth"
 
 # By `-C layout=flat`: no folder of their own, for environments that do not read .pth files.
 is_flat = False
@@ -30,17 +30,10 @@ def choose(config_settings):
     is_flat = layout == "flat"
 
 
-def copy_startup_files(folder, *, is_editable=False):
-    """Copy them into the folder of all packages, and return their paths."""
-    # With their times, so that two builds of the same sources give the same wheel.
-    pth = shutil.copy2(PTH, folder)
-    if is_editable or is_flat:
-        # The first line adds the folder that does not exist then, which Python 3.15 would tell at each start.
-        _, _, text = PTH.read_text(encoding="utf-8").partition("\n")
-        Path(pth).write_text(text, encoding="utf-8")
-        shutil.copystat(PTH, pth)
-    # Of an editable installation whose checkout is gone, 3.15 would tell at each start, too.
-    return [pth] if is_editable else [pth, shutil.copy2(START, folder)]
+def copy_pth(folder):
+    """Copy it into the folder of all packages, and return its path."""
+    # With its time, so that two builds of the same sources give the same wheel.
+    return shutil.copy2(PTH, folder)
 
 
 class InstallLib(install_lib):
@@ -50,11 +43,10 @@ class InstallLib(install_lib):
         made = []
         for package in sorted(Path(self.build_dir).iterdir()):
             made += self.copy_tree(str(package), self._moved(Path(self.install_dir, package.name)))
-        return made + copy_startup_files(self.install_dir)
+        return [*made, copy_pth(self.install_dir)]
 
     def get_outputs(self):
-        startup_files = [str(Path(self.install_dir, path.name)) for path in (PTH, START)]
-        return [*map(self._moved, super().get_outputs()), *startup_files]
+        return [*map(self._moved, super().get_outputs()), str(Path(self.install_dir, PTH.name))]
 
     def _moved(self, path):
         package, *inner = Path(path).relative_to(self.install_dir).parts

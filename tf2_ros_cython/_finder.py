@@ -1,5 +1,5 @@
 """
-Find our packages where the order of the path cannot decide: beside a workspace's fork, or in a checkout.
+Find our packages where they have no folder of their own on the path: in a checkout, or a flat installation.
 
 If the rclpy in use is one that tf2_ros was never tried with, the finder says once that it steps aside.
 """
@@ -27,13 +27,17 @@ if TYPE_CHECKING:
 class Finder:
     """Finds our packages if the path leads to those of the ROS 2 distribution."""
 
-    @staticmethod
+    precedes: bool | None = None  # all four or none, because they are not mixed with others; None: not asked
+
+    @classmethod
     def find_spec(
-        name: str, path: "Sequence[str] | None" = None, target: "ModuleType | None" = None
+        cls, name: str, path: "Sequence[str] | None" = None, target: "ModuleType | None" = None
     ) -> "ModuleSpec | None":
-        if name not in PACKAGES or not precedes(name):
+        if name not in PACKAGES:
             return None
-        return _path_finder().find_spec(name, [HOME])
+        if cls.precedes is None:
+            cls.precedes = not any(map(_is_of_workspace, PACKAGES))
+        return _path_finder().find_spec(name, [HOME]) if cls.precedes else None
 
 
 class Aside:
@@ -82,19 +86,9 @@ def install(*, is_aside: bool = False) -> None:
         sys.meta_path.insert(0, finder)
 
 
-def precedes(name: str) -> bool:
-    """
-    Whether ours takes precedence over the package ``name`` that the path offers.
-
-    It does if that is the distribution's, and no layer below it is from a workspace: a workspace with a fork
-    of one package keeps it, together with the distribution's packages that build on it.
-    """
-    prefix = distribution_prefix()
-    if prefix is None or not lies_in(found_on_path(name), prefix):
-        return False
-    below = PACKAGES[: PACKAGES.index(name)]
-    found = [found_on_path(package) for package in below]
-    return all(folder in (None, HOME) or lies_in(folder, prefix) for folder in found)
+def _is_of_workspace(name: str) -> bool:
+    folder = found_on_path(name)
+    return folder not in (None, HOME) and not lies_in(folder, distribution_prefix())
 
 
 def found_on_path(name: str) -> str | None:

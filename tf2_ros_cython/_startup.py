@@ -1,7 +1,7 @@
 """
-Put our packages on the path: before the tf2 that they replace, and after a workspace's fork of it.
+Put our packages on the path, before the tf2 that they replace, unless a workspace has one of them of its own.
 
-The startup files of the installation call this when Python starts. Type checkers and editors see a folder on
+The .pth file of the installation calls this when Python starts. Type checkers and editors see a folder on
 the path, and no finder.
 """
 
@@ -20,11 +20,12 @@ def arrange() -> None:
     at = next((i for i, entry in enumerate(others) if entry == SITE or lies_in(entry, prefix)), len(others))
     is_refused = refused_rclpy() is not None
     if HOME != SITE:
-        # What builds on a workspace's fork must not be replaced, either; only a finder can tell.
-        is_last = is_refused or _has_fork(others[:at])
-        others.insert(len(others) if is_last else at, HOME)
+        if is_refused:
+            others.append(HOME)
+        elif not _has_fork(others[:at]):
+            others.insert(at, HOME)
         sys.path[:] = others
-        if not is_last:
+        if not is_refused:
             return
     from tf2_ros_cython import _finder
 

@@ -12,7 +12,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import NoReturn
 
-from tf2_ros_cython import _finder, _installation, _ros_in_use, _stray_programs
+from tf2_ros_cython import _finder, _installation, _ros_in_use
 from tf2_ros_cython._version import __version__
 
 _TOOLS_ADVICE = (
@@ -26,15 +26,14 @@ def main(args: list[str] | None = None) -> int:
     Print which tf2 is imported, from where, and what it takes precedence over.
 
     :param args: the command line, including the name of the program. None: that of the process.
-    :return: 0 if all of our packages are in use, also in the programs of the sourced workspaces, and those
-        that the installation supports load; otherwise 1, also if the output cannot be written.
+    :return: 0 if all of our packages are in use, and those that the installation supports load; otherwise 1,
+        also if the output cannot be written.
     """
     parser = ArgumentParser(
         "tf2_which",
-        description="Show which tf2 this Python imports and from where, whether it loads, and which\n"
-        "programs in sourced workspaces import another.\n\n"
-        "Exit status: 0 if this Python and these programs load only tf2-ros-cython;\n"
-        "1 otherwise; 2 after wrong usage.",
+        description="Show which tf2 this Python imports and from where, and whether it loads.\n\n"
+        "Exit status: 0 if this Python loads only tf2-ros-cython; 1 otherwise; 2 after\n"
+        "wrong usage.",
         epilog="example:\n  tf2_which",
         formatter_class=RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -66,24 +65,22 @@ def _answer() -> tuple[list[str], int]:
     """The lines to print, and the exit status."""
     lines = []
     folders = {name: _imported_from(name) for name in (*_installation.PACKAGES, "tf2_msgs")}
+    forks = [name for name in _installation.PACKAGES if _is_fork(folders[name])]
     for name, folder in folders.items():
-        lines.append(f"{name}: {_describe(name, folder)}")
+        lines.append(f"{name}: {_describe(name, folder, forks)}")
         for other in _others(name, folder):
             lines.append(f"    takes precedence over {other / name}")
     are_ours = all(_is_ours(folders[name]) for name in _installation.PACKAGES)
     failure = _import_failure() if are_ours else None
     if failure is not None:
         lines.append(f"does not load: {failure}")
-    lines.append(f"precedence: {_precedence(are_ours)}")
-    strays = _stray_programs.strays() if are_ours else {}
-    for python, (fact, programs) in strays.items():
-        lines.append(f"programs: {_describe_strays(python, fact, programs)}")
+    lines.append(f"precedence: {_precedence(are_ours, forks)}")
     lines.append(f"receiver: {_receiver(are_ours, failure)}")
     lines.append(f"ROS 2: {_running_ros()}")
     if importlib.util.find_spec("tf2_ros_tools") is None:
         lines.append(f"tools: {_TOOLS_ADVICE}")
     lines.append(f"version: {_versions(folders['tf2_msgs'])}")
-    return lines, 0 if are_ours and failure is None and not strays else 1
+    return lines, 0 if are_ours and failure is None else 1
 
 
 def _imported_from(name: str) -> Path | None:
@@ -113,33 +110,41 @@ def _import_failure() -> str | None:
     return None
 
 
-def _describe(name: str, folder: Path | None) -> str:
+def _is_fork(folder: Path | None) -> bool:
+    """Whether a package is the own one of a workspace, or of a folder on PYTHONPATH."""
+    if folder is None or _is_ours(folder) or str(folder) == _installation.SITE:
+        return False
+    prefix = _installation.distribution_prefix()
+    if prefix is None:
+        return str(folder) in map(os.path.abspath, os.environ.get("PYTHONPATH", "").split(os.pathsep))
+    return not _installation.lies_in(str(folder), prefix)
+
+
+def _describe(name: str, folder: Path | None, forks: list[str]) -> str:
     if folder is None:
-        return f"not found; {_not_arranged()}" if name != "tf2_msgs" and not _is_arranged() else "not found"
+        is_to_be_ours = name != "tf2_msgs" and (forks or not _is_arranged())
+        return f"not found; {_why_not(name, forks)}" if is_to_be_ours else "not found"
     if name == "tf2_msgs":
         release = _ros_in_use.messages_release(folder / name)
         origin = f"built by tf2-ros-cython for {release}" if release else "from the environment"
         return f"{origin}, {folder / name}"
     if _is_ours(folder):
         return f"tf2-ros-cython, {folder / name}"
-    return f"not tf2-ros-cython, {folder / name}: {_why_not(name, folder)}"
+    return f"not tf2-ros-cython, {folder / name}: {_why_not(name, forks)}"
 
 
-def _why_not(name: str, folder: Path) -> str:
+def _why_not(name: str, forks: list[str]) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "TF2_ROS_CYTHON=0 is set"
     if _installation.refused_rclpy() is not None:
         return "the version of rclpy is not supported, see precedence below"
-    prefix = _installation.distribution_prefix()
-    if prefix is None:
-        is_of_path = str(folder) in map(os.path.abspath, os.environ.get("PYTHONPATH", "").split(os.pathsep))
-    else:
-        is_of_path = not _installation.lies_in(str(folder), prefix)
-    if is_of_path and str(folder) != _installation.SITE:
+    if name in forks:
         return "packages in a workspace or on PYTHONPATH take precedence"
-    if not _is_arranged():
-        return _not_arranged()
-    return "a workspace has its own copy of a package that this one depends on"
+    return _not_mixed(forks) if forks else _not_arranged()
+
+
+def _not_mixed(forks: list[str]) -> str:
+    return f"tf2-ros-cython is not mixed with the {' and '.join(forks)} of a workspace or of PYTHONPATH"
 
 
 def _others(name: str, folder: Path | None) -> list[Path]:
@@ -151,15 +156,6 @@ def _others(name: str, folder: Path | None) -> list[Path]:
             if folder is not None and other.resolve() != folder.resolve() and other not in found:
                 found.append(other)
     return found
-
-
-def _describe_strays(python: str, fact: str, programs: list[Path]) -> str:
-    some = ", ".join(map(str, programs[:2])) + (f" and {len(programs) - 2} more" if programs[2:] else "")
-    return (
-        f"{python} runs {some}; {fact}. Rebuild the workspace with {sys.executable} -m "
-        "colcon build. Or, if you build without --symlink-install, add the section [build_scripts] with "
-        "executable=/usr/bin/env python3 to the setup.cfg of their packages"
-    )
 
 
 def _is_arranged() -> bool:
@@ -177,11 +173,13 @@ def _not_arranged() -> str:
     )
 
 
-def _precedence(are_ours: bool) -> str:
+def _precedence(are_ours: bool, forks: list[str]) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "the order of sys.path, because TF2_ROS_CYTHON=0 is set"
     if _installation.refused_rclpy() is not None:
         return f"any other tf2 before tf2-ros-cython: {_finder.unknown_rclpy()}"
+    if forks:
+        return f"the order of sys.path, because {_not_mixed(forks)}"
     if not _is_arranged():
         return f"the order of sys.path{'' if are_ours else f'; {_not_arranged()}'}"
     prefix = _installation.distribution_prefix()

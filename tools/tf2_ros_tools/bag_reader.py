@@ -6,6 +6,7 @@ import re
 import shutil
 import stat
 import struct
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from tf2_py.printable import printable
 from tf2_ros_tools import foxglove_messages
 from tf2_ros_tools.optional_libraries import require
+from tf2_ros_tools.output import counted
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -156,17 +158,35 @@ class Recorded:
         :param end_ns: the log time of the last one; None: to the end.
         :param convert: whether messages of ROS 1 and of Foxglove are converted to CDR.
 
-        For errors of the iteration, raise what :meth:`explain` returns.
+        For errors of the iteration, raise what :meth:`explain` returns. Without times, one of them is that a
+        topic has fewer messages than the recording counts.
         """
         connections = self.connections(names)
         if not connections:
             return iter(())
         stop = None if end_ns is None or end_ns >= LAST_NS else end_ns + 1
         messages: Iterator[RawMessage] = self._reader.messages(connections, start_ns, stop)
+        if start_ns is None and stop is None:
+            messages = self._complete(messages, connections)
         is_foreign = any(self.topics[one.topic].encoding != "cdr" for one in connections)
         if is_foreign:
             return self._converted(messages) if convert else messages
         return _decompressed(messages)
+
+    def _complete(
+        self, messages: Iterator[RawMessage], connections: "list[Connection]"
+    ) -> Iterator[RawMessage]:
+        # The libraries skip what they do not recognize as a message or as the index of a chunk.
+        read = Counter[str]()
+        for message in messages:
+            read[message[0].topic] += 1
+            yield message
+        for name in dict.fromkeys(one.topic for one in connections):
+            if read[name] < (count := self.topics[name].count):
+                lost = ValueError(
+                    f"its index counts {counted(count, 'message')}, but {read[name]} can be read"
+                )
+                raise explained(lost, self.path, f"topic {printable(name)}", self._tool)
 
     def _converted(self, messages: Iterator[RawMessage]) -> Iterator[RawMessage]:
         # From ROS 1 to CDR, with the types of ROS 2: the conversion removes the `seq` of a header.

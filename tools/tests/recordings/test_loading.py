@@ -32,6 +32,7 @@ from making_bags import (
     store,
     write_db3,
     write_folder,
+    write_foxglove,
     write_mcap,
     write_ros1,
     write_ros1_mcap,
@@ -402,6 +403,62 @@ def test_a_fault_of_a_file_is_an_error_that_names_it_and_the_tool(form, fault, t
     changed(file, change)
     tool = TOOLS[os.path.splitext(file.name.removesuffix(".zstd"))[1]]
     check_lost(path, text.format(folder=path, path=file, tool=tool))
+
+
+def lost_record(path, opcode, at):
+    """Spoil the opcode of a record of an .mcap, the first one like it from a place on."""
+
+    def change(data):
+        begin = at(data)
+        while data[begin] != opcode:
+            begin += 9 + int.from_bytes(data[begin + 1 : begin + 9], "little")
+        return data[:begin] + bytes([opcode ^ 0x40]) + data[begin + 1 :]
+
+    changed(path, change)
+    return path
+
+
+def lost_message(path, sent):
+    return lost_record(path, 5, lambda data: data.index(raw(sent)) - 31)  # after the head of its record
+
+
+def lost_chunk(path):
+    return lost_record(path, 8, lambda data: int.from_bytes(data[-28:-20], "little"))  # in the summary
+
+
+def folder_without_a_message(at):
+    path = write_folder(at / "run.mcap", DRIVE)
+    lost_message(path / "run.mcap.mcap", DRIVE[7])
+    return path
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda at: lost_message(write_mcap(at, DRIVE, chunked=False), DRIVE[7]),
+        lambda at: lost_message(write_mcap(at, DRIVE, chunked=False), DRIVE[0]),  # static
+        lambda at: lost_chunk(write_mcap(at, DRIVE)),
+        lambda at: lost_chunk(write_ros1_mcap(at, DRIVE)),
+        lambda at: lost_chunk(write_foxglove(at, DRIVE)),
+        lambda at: folder_without_a_message(at.parent),
+    ],
+)
+def test_fewer_messages_than_the_index_counts_are_an_error(write, tmp_path):
+    text = r"topic /tf\w*: its index counts \d+ messages, but \d+ can be read; `.*` may repair it$"
+    check_lost(write(tmp_path / "run.mcap"), rf"run.mcap is broken, {text}")
+
+
+def test_fewer_stamps_than_the_index_counts_are_an_error(tmp_path):
+    scans = [scan(ns * S, ns * S) for ns in range(100, 104)]
+    path = lost_message(write_mcap(tmp_path / "run.mcap", [*DRIVE, *scans], chunked=False), scans[2])
+    text = "topic /scan: its index counts 4 messages, but 3 can be read; `mcap recover` may repair it$"
+    check_lost(path, text, [lambda path: bag.stamps(path, "/scan")])
+    assert sorted(flat_read(path)) == sorted(flat(DRIVE)), "other topics are complete"
+
+
+def test_what_a_damaged_file_still_has_is_read_between_times(tmp_path):
+    path = lost_message(write_mcap(tmp_path / "run.mcap", DRIVE, chunked=False), DRIVE[7])
+    assert len(flat_read(path, start=0)) == len(flat(DRIVE)) - len(DRIVE[7].content)
 
 
 QOS = """\

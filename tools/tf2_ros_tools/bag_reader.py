@@ -127,6 +127,12 @@ class Recorded:
         self.saved = bool(parts) and all(map(_is_saved, parts))
         self._reader = reader
         self._tool = _tool_of(parts[0]) if parts else REINDEX
+        for one in reader.connections:
+            for text in (one.topic, one.msgtype, _encoding(one)):
+                if not isinstance(text, str):  # SQLite and YAML accept any type
+                    raise ValueError(
+                        f"the name, type or encoding of a topic is {text!r}, which is not a text"
+                    )
         self.topics: dict[str, RecordedTopic] = {}
         for name in dict.fromkeys(one.topic for one in reader.connections):
             own = self.connections([name])
@@ -247,6 +253,8 @@ def _decompressed(messages: Iterable[RawMessage]) -> Iterator[RawMessage]:
     # That each message is compressed is only in the metadata.yaml of a folder, which a file alone lacks. No
     # message in CDR begins like this.
     for connection, log_ns, raw in messages:
+        if isinstance(raw, str) or not isinstance(log_ns, int):  # SQLite accepts any type
+            raise ValueError(f"the log time of a message is {log_ns!r}, and its data is {type(raw).__name__}")
         if raw[:4] == ZSTD:
             require("zstandard", "bag")
             from zstandard import ZstdDecompressor

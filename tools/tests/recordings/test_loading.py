@@ -574,10 +574,21 @@ def renamed(folder):
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 990\n"
 
 
-def spoiled_db3(folder):
+def spoiled_db3(folder, statement):
     path = write_db3(folder / "run.db3", DRIVE)
     with closing(sqlite3.connect(path)) as database, database:
-        database.execute("update messages set data = x'0001' where id = (select max(id) from messages)")
+        database.execute(statement)
+    return path
+
+
+LAST = "where id = (select max(id) from messages)"
+
+
+def with_metadata(folder, old, new):
+    path = write_folder(folder / "run", DRIVE)
+    content = (path / "metadata.yaml").read_bytes()
+    assert old in content
+    (path / "metadata.yaml").write_bytes(content.replace(old, new, 1))
     return path
 
 
@@ -628,7 +639,32 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
             for line in (*(f"storage_identifier: {one}" for one in ("''", "null", "x", other)), "x: mcap")
         ),
         # Parts of a file.
-        (spoiled_db3, "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage"),
+        (
+            lambda at: spoiled_db3(at, f"update messages set data = x'0001' {LAST}"),
+            "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage",
+        ),
+        # SQLite and YAML accept any type.
+        *(
+            (
+                lambda at, column=column: spoiled_db3(at, f"update topics set {column} = x'ff00'"),
+                r"run.db3 is broken: .* of a topic is b'\\xff\\x00', which .*; `sqlite3 FILE .recover`",
+            )
+            for column in ("name", "type", "serialization_format")
+        ),
+        *(
+            (
+                lambda at, value=value: spoiled_db3(at, f"update messages set {value} {LAST}"),
+                f"run.db3 is broken, .*: the log time of a message is {text}; `sqlite3 FILE .recover`",
+            )
+            for value, text in (
+                ("timestamp = 'x'", "'x', and its data is bytes"),
+                ("data = 'x'", "104000000000, and its data is str"),
+            )
+        ),
+        (
+            lambda at: with_metadata(at, b"name: /tf_static", b"name: 5"),
+            "run is broken: the name, type or encoding of a topic is 5, which .*; `ros2 bag reindex`",
+        ),
         (unmerged, "run.db3 is incomplete without run.db3-wal: `sqlite3 run.db3 .* merges it"),
         (interrupted, "run.db3 is incomplete without run.db3-journal: `sqlite3 run.db3 .* merges it"),
         (

@@ -322,13 +322,16 @@ def _in_detail(error: Exception, folder: Path, parts: Collection[Path]) -> Excep
     """Add to an error of rosbags about a folder, whose files can be opened, which files there are."""
     if not parts:
         return error
+    try:
+        metadata = (folder / "metadata.yaml").read_text("utf-8")
+    except UnicodeDecodeError:
+        return ValueError("its metadata.yaml is not in UTF-8")
     if isinstance(error, KeyError | UnicodeDecodeError) or str(error).startswith("Serialization format"):
         files = listed(one.name for one in parts)
         why = "a topic is not in CDR, or the definition of a type is not in UTF-8"
         advice = f"which rosbags does not read in a folder; load its files one by one: {files}"
         return BagError(f"{printable(str(folder))}: {why}, {advice}")
-    text, metadata = str(error), (folder / "metadata.yaml").read_text(errors="replace")
-    file = next(iter(parts))
+    text, file = str(error), next(iter(parts))
     storage = STORAGES.get(Path(file.name.removesuffix(PACKED)).suffix)
     found = re.search(r"storage_identifier: *['\"]?(\w*)", metadata)
     is_described = "relative_file_paths" in metadata

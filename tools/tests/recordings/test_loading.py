@@ -665,6 +665,10 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
             lambda at: with_metadata(at, b"name: /tf_static", b"name: 5"),
             "run is broken: the name, type or encoding of a topic is 5, which .*; `ros2 bag reindex`",
         ),
+        (
+            lambda at: with_metadata(at, b"/tf_static", b"/tf_\xff\xfe"),
+            "run is broken: its metadata.yaml is not in UTF-8; `ros2 bag reindex` may repair it$",
+        ),
         (unmerged, "run.db3 is incomplete without run.db3-wal: `sqlite3 run.db3 .* merges it"),
         (interrupted, "run.db3 is incomplete without run.db3-journal: `sqlite3 run.db3 .* merges it"),
         (

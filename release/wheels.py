@@ -35,7 +35,6 @@ PROJECT, TOOLS_PROJECT = (
 RELEASES = {"jazzy": "ros", "kilted": "ros-kilted"}  # with the extra that installs each
 
 OLDEST = "3.10"
-# Without rerun, which itself requires a newer NumPy.
 OLDEST_EXTRAS = ["scipy"]
 OLDEST_EXTRAS_OF_TOOLS = ["cli", "plot", "bag", "fleet"]
 OLDEST_OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect", "mcap-ros2-support"]

@@ -1,8 +1,7 @@
 """Draws the pictures in docs/images of the robot of examples/demo.py: `make pictures`, in two minutes.
 
 Each is what a program draws, or shows on a terminal, while that robot drives. The bar chart of lookups is
-drawn of the results of `make bench`. The one of the viewer, demo-view.png, is a screenshot made by hand of
-`tf2_view --web --trail base_link`.
+drawn of the results of `make bench`.
 """
 
 import contextlib
@@ -43,7 +42,6 @@ PICTURES = {
     "demo-path.png": "tf2_plot --path map camera -t 8 -o path.png",
     "demo-heard.png": "tf2_plot -t 8 -o received.png",
     "demo-monitor.svg": "tf2_monitor map camera",
-    "demo-view.png": "tf2_view --web --trail base_link",  # a screenshot made by hand
 }
 sys.path[:0] = [str(DEMO.parent), str(ROOT / "docs")]
 

@@ -1,8 +1,8 @@
 """
 Commands, recordings and pictures of transforms. They use only public names of ``tf2_ros`` and ``tf2_py``.
 
-Users import ``tf2_ros_tools.bag``, ``tf2_ros_tools.live``, ``tf2_ros_tools.rerun`` and
-``tf2_ros_tools.urdf``. They start the programs by name, or with ``python -m tf2_ros_tools.programs.<name>``.
+Users import ``tf2_ros_tools.bag``, ``tf2_ros_tools.live`` and ``tf2_ros_tools.urdf``. They start the programs
+by name, or with ``python -m tf2_ros_tools.programs.<name>``.
 """
 
 __all__: list[str] = []

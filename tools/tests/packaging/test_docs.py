@@ -48,7 +48,7 @@ def test_links_lead_somewhere(page):
 
 def with_a_program():
     """The pages that have one."""
-    whys = {"saved-buffers.md": "needs rerun", "datasets.md": "needs pyarrow and distributed"}
+    whys = {"datasets.md": "needs pyarrow and distributed"}
     for page in filter(program, PAGES):
         marks = [pytest.mark.long(whys[page.name])] if page.name in whys else []
         yield pytest.param(page, id=page.name, marks=marks)
@@ -56,8 +56,6 @@ def with_a_program():
 
 @pytest.mark.parametrize("page", [*with_a_program()])
 def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
-    if page.name == "saved-buffers.md":
-        pytest.importorskip("rerun")
     if page.name == "live.md":
         pytest.importorskip("cyclonedds")
     if page.name == "datasets.md":

@@ -19,8 +19,8 @@ from waiting import DEADLINE_S, until
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("runs 60 programs, some for half a minute")]
 
-# tf2_view opens a window, and tf2_buffer_server prints nothing.
-PROGRAMS = set(PYPROJECT["project"]["scripts"]) - {"tf2_view", "tf2_buffer_server"}
+# tf2_buffer_server prints nothing.
+PROGRAMS = set(PYPROJECT["project"]["scripts"]) - {"tf2_buffer_server"}
 # The files that the pages show as text, by their first words.
 FILES = {"frames:": "robot.yaml", "- {frame_id": "transforms.yaml", "- name: operator": "relay.yaml"}
 # These end by themselves, the others with Ctrl-C.

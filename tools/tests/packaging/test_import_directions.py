@@ -18,7 +18,7 @@ LIBRARIES = {
     *("numpy", "rclpy", "geometry_msgs", "rcl_interfaces", "sensor_msgs", "std_msgs", "tf2_msgs"),
     *("yaml", "rich", "textual", "graphviz", "matplotlib"),
     *("rosbags", "mcap", "mcap_protobuf", "zstandard", "tqdm"),
-    *("pyarrow", "dask", "distributed", "cryptography", "rerun"),
+    *("pyarrow", "dask", "distributed", "cryptography"),
     *("cyclonedds", "zenoh", "xxhash", "websockets"),
 }
 MODULES = project_sources.modules(TOOLS, PACKAGES)

@@ -10,7 +10,7 @@ from tool_sources import PACKAGES, PYPROJECT
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
 
-EXTRAS = ("bag", "fleet", "rerun", "cli", "plot", "zenoh", "dds", "foxglove")
+EXTRAS = ("bag", "fleet", "cli", "plot", "zenoh", "dds", "foxglove")
 
 
 @pytest.fixture(scope="module")

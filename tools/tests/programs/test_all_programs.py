@@ -42,7 +42,6 @@ PROGRAMS = {
     "tf2_relay": ("relay.yaml", 0),
     "tf2_shared_buffer": (f"--name {new_name()}", 0),
     "tf2_state_publisher": ("robot.urdf", 0),
-    "tf2_view": ("-o live.rrd", 0),
     "view_frames": ("-t 3600 --text", 130),
 }
 NODES = [name for name in PROGRAMS if name not in ("tf2_bag", "tf2_live")]
@@ -136,13 +135,8 @@ def test_ctrl_c_ends_it_also_where_python_drops_an_exception():
     assert (done.returncode, done.stderr) == (7, "")
 
 
-OF_RERUN = pytest.param("tf2_view", marks=pytest.mark.long("needs rerun"))
-
-
-@pytest.mark.parametrize("name", [OF_RERUN if name == "tf2_view" else name for name in NODES])
+@pytest.mark.parametrize("name", NODES)
 def test_ctrl_c_ends_a_node_once_however_often_it_comes(name, node, folder):
-    if name == "tf2_view":
-        pytest.importorskip("rerun")
     line, status = PROGRAMS[name]
     options = ["--namespace", "robot_1", "--ros-args", "-r", "__node:=ended"]
     with running(name, *line.split(), *options) as process:
@@ -398,7 +392,6 @@ FILES = {
     "way.parquet": "tf2_bag lookup drive.mcap map base --rate 1000 -o {}",
     "tree.gv": "tf2_bag tree drive.mcap -o {}",
     "plot.png": "tf2_bag plot drive.mcap -o {}",
-    "robot.rrd": "tf2_bag view drive.mcap -o {}",
     "frames.gv": "view_frames -o frames.pdf",
     "live.png": "tf2_plot -o {}",
 }
@@ -407,9 +400,8 @@ FILES = {
 @needs_dot
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_that_cannot_be_written_is_one_line_and_nothing_changes(name, folder):
-    for suffix, library in ((".rrd", "rerun"), (".parquet", "pyarrow")):
-        if name.endswith(suffix):
-            pytest.importorskip(library)
+    if name.endswith(".parquet"):
+        pytest.importorskip("pyarrow")
     (folder / name).write_text("before")
     left = sorted(os.listdir(folder))
     line = FILES[name].format(name).split()

@@ -14,7 +14,7 @@ import pytest
 from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
 from making_objects import transform
 from robot_of_all_joints import ARM, description, joint_state
-from starting_programs import ended, needs_dot, running
+from starting_programs import needs_dot, running
 from test_tree_and_heard_pictures import texts_of
 from waiting import DEADLINE_S, until
 
@@ -348,17 +348,6 @@ def test_ctrl_c_in_a_batch_says_how_to_go_on(tmp_path):
         _, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 130
     assert err == "tf2_bag batch: interrupted; repeat the command to continue\n"
-
-
-@pytest.mark.long("needs rerun")
-def test_without_a_screen_it_says_so_in_one_line(drive_mcap):
-    pytest.importorskip("rerun")
-    screens = {"DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"}
-    bare = {name: value for name, value in os.environ.items() if name not in screens}
-    status, out, err = ended("tf2_bag", "view", drive_mcap, env=bare)
-    assert (status, out, err.count("\n")) == (1, "", 1), err
-    assert err.startswith("tf2_bag view: the viewer of rerun did not open: there is no screen (neither ")
-    assert err.endswith(" is set); -o FILE does not need a screen\n")
 
 
 # The program tf2_bag, in a Python that cannot import the packages of ROS.

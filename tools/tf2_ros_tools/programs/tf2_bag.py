@@ -335,22 +335,6 @@ def plot(options: Namespace) -> int:
     return SUCCESS
 
 
-def view(options: Namespace) -> int:
-    """Open the recording in rerun, or write a recording of rerun; return the exit status."""
-    from tf2_ros_tools import rerun
-
-    heard = _heard_of(options)
-    if options.output is not None:
-        rerun.save(heard.buffer, options.output)
-        show(options.output)
-        return SUCCESS
-    try:
-        rerun.view(heard.buffer)
-    except rerun.ViewerError as failure:
-        raise RunError(f"{failure}; -o FILE does not need a screen") from None
-    return SUCCESS
-
-
 # The commands.
 
 
@@ -455,15 +439,6 @@ def _parser() -> Parser:
     _add_recording(command)
     summary = "write this .tf2 file"
     command.add_argument("-o", "--output", metavar="FILE", type=ending_in("tf2"), required=True, help=summary)
-    command = add(
-        "view",
-        view,
-        "show the frames of a recording and their motion in the viewer rerun",
-        "drive.mcap",
-        "drive.mcap -o drive.rrd",
-    )
-    _add_recording(command)
-    add_output(command, "rrd", more=", instead of opening the viewer")
     return made
 
 

@@ -175,7 +175,7 @@ class BufferCore:
     def _tf2_follow_clock(self, show_time: Callable[[Any], tuple[int, bool, bool] | None]) -> None: ...
     def _tf2_clock_jumped(self) -> None: ...
     def ages(self, target_frame: str, source_frame: str) -> dict[str, float]: ...
-    def _knots_between(
+    def _poses_between(
         self,
         target_frame: str,
         source_frame: str,
@@ -184,7 +184,11 @@ class BufferCore:
         turn: float,
         move: float,
         most: int,
-    ) -> NDArray[np.int64] | None: ...
+        *,
+        fixed_frame: str | None = None,
+        target_time: TimeLike | None = None,
+        **policy: Unpack[LookupPolicy],
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None: ...
     def lookupVelocityCore(
         self,
         tracking_frame: str,

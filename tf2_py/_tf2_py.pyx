@@ -824,41 +824,44 @@ cdef class BufferCore(Engine):
         ages = [float("inf") if ages_ns[i] == INT64_MAX else <object>ages_ns[i] / 1e9 for i in range(count)]
         return dict(zip(self.frame_names([frames[i] for i in range(count)]), ages, strict=True))
 
-    def _knots_between(
+    def _poses_between(
         self, target_frame: str, source_frame: str, first_ns: int, last_ns: int, turn: float, move: float,
-        most: int,
-    ) -> NDArray[np.int64] | None:
+        most: int, *, fixed_frame: str | None = None, target_time: Time | None = None,
+        **policy: Unpack[LookupPolicy],
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
         """
-        Get times between which the transform of two frames is nearly that of a linear interpolation.
+        Look up one transform at times between which it is nearly that of a linear interpolation.
+
+        All belong to one state of the buffer. The other parameters are the same as for
+        :meth:`lookup_transforms`.
 
         :param turn: how far a point at 1 m may be off because of the rotation; ``move``, how far the origin,
             in meters.
-        :return: ascending, from ``first_ns`` to ``last_ns``; None if they were more than ``most``, the path
-            differs between times, the transform jumps, or there is none.
+        :return: the times, ascending, from ``first_ns`` to ``last_ns``, and the matrix at each; None if they
+            were more than ``most``, the path differs between times, the transform jumps, or a lookup fails.
         """
         cdef Query query
-        cdef Status status
-        cdef int64_t* knots_ns
-        cdef int64_t first = first_ns
-        cdef int64_t last = last_ns
-        cdef double most_turn = turn
-        cdef double most_move = move
-        cdef Py_ssize_t most_knots = most
+        cdef Knots knots
         cdef Py_ssize_t count
-        query_frames(&query, target_frame, source_frame)
+        accepted = policy_of("_poses_between", False, **policy)
+        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
+        knots.first_ns, knots.last_ns = first_ns, last_ns
+        knots.turn, knots.move = turn, move
+        knots.most = most
         catch_up(self)
         with nogil:
-            count = self.path_knots(&query, first, last, most_turn, most_move, most_knots, &knots_ns, &status)
+            count = self.find_knots(&query, &knots)
         try:
             if count == SERIES_NO_MEMORY:
                 raise MemoryError
             if count < 0:
                 return None
-            found = new_array((count,), "int64")
-            memcpy(int64s_of(found), knots_ns, count * sizeof(int64_t))
-            return found
+            times, matrices = new_array((count,), "int64"), new_array((count, 16))
+            memcpy(int64s_of(times), knots.times_ns, count * sizeof(int64_t))
+            memcpy(doubles_of(matrices, 16), knots.matrices, 16 * count * sizeof(double))
+            return times, matrices.reshape(count, 4, 4)
         finally:
-            free(knots_ns)
+            knots_free(&knots)
 
     def lookupVelocityCore(
         self, tracking_frame: str, observation_frame: str, time: Time, averaging_interval: Duration

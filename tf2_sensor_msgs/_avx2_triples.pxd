@@ -31,9 +31,19 @@ cdef extern from "tf2_sensor_msgs/avx2_triples.h":
         const double* slopes
         size_t last
 
+    struct FieldSpan:
+        double lowest
+        double highest
+        int64_t points
+        int64_t finite
+        int64_t large
+
     bint knots_include(const Knots* knots, double ns) noexcept nogil
     # The index of the last knot that is not later than the time; 0 if there is none.
     size_t knot_before(const Knots* knots, double ns) noexcept nogil
+    # Extends the span by the points whose number can be read, as wide_move_floats, without NaN.
+    size_t wide_extend_span(const char* points, size_t step, size_t count, ptrdiff_t xyz,
+                            const TimeSource* time, FieldSpan* span) noexcept nogil
     # As wide_floats, in place, for points that each have a time and so a pose of their own. `xyz`:
     # the offset of x y z in a point. Stops at a point whose time is not between the knots.
     size_t wide_move_floats(char* points, size_t step, size_t count, ptrdiff_t xyz, const TimeSource* time,

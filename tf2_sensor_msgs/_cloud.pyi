@@ -1,4 +1,4 @@
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +12,15 @@ def do_transform_cloud(
 ) -> PointCloud2: ...
 def as_bytes(data: Any) -> Any: ...
 def require_cloud(cloud: PointCloud2) -> None: ...
-def sample_times(
-    cloud: PointCloud2, times: TimeField, needs_point: bool = True, every: bool = False
-) -> npt.NDArray[np.float64]: ...
+
+class Span(NamedTuple):
+    lowest: float
+    highest: float
+    points: int
+    finite: int
+    large: int
+
+def find_span(cloud: PointCloud2, field: TimeField, needs_point: bool) -> Span: ...
 def read_times(
     cloud: PointCloud2, field: TimeField | None, times: npt.NDArray[np.int64]
 ) -> tuple[int, float]: ...
@@ -28,7 +34,7 @@ def move_points(
     times: npt.NDArray[np.int64] | None,
     knots_ns: npt.NDArray[np.int64] | None,
     matrices: npt.NDArray[np.float64],
-) -> tuple[PointCloud2, bool]: ...
+) -> PointCloud2: ...
 def transform_points(
     point_cloud: npt.ArrayLike, transform: TransformStamped | Transform
 ) -> npt.NDArray[Any]: ...

@@ -2,7 +2,7 @@
 
 from cpython cimport array
 from cpython.buffer cimport PyBUF_C_CONTIGUOUS, PyBUF_FORMAT, PyBuffer_Release, PyObject_GetBuffer
-from libc.math cimport NAN, fabs, fma, isfinite, isnan, llrint
+from libc.math cimport INFINITY, NAN, fabs, fma, isfinite, isnan, llrint
 from libc.stdint cimport INT64_MIN, int64_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memset
 
@@ -21,11 +21,13 @@ from tf2_sensor_msgs._point_field_numbers cimport (
     number_store,
 )
 from tf2_sensor_msgs._avx2_triples cimport (
+    FieldSpan,
     Knots,
     TimeSource,
     knot_before,
     knots_include,
     wide_doubles,
+    wide_extend_span,
     wide_floats,
     wide_is_supported,
     wide_move_floats,
@@ -34,6 +36,7 @@ from tf2_sensor_msgs._avx2_triples cimport (
 import operator
 import sys
 from array import array as byte_array
+from typing import NamedTuple
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField

@@ -22,7 +22,7 @@ from tf2_py._internal import (
 from tf2_py.printable import printable
 from tf2_ros import BufferCore, FrameInfo, LookupException, TransformException
 from tf2_ros._arguments import frame_of, kind_of
-from tf2_sensor_msgs._cloud import move_points, read_times, require_cloud, sample_times
+from tf2_sensor_msgs._cloud import find_span, move_points, read_times, require_cloud
 from tf2_sensor_msgs._time_field import KNOWN, NAMES, S, TimeField, Unit, find_time_field
 
 if TYPE_CHECKING:
@@ -32,22 +32,18 @@ if TYPE_CHECKING:
 
 # A ROS stamp holds no more seconds than these. So a larger number in a `timestamp` is nanoseconds.
 MOST_SECONDS = 2.0**31
-# A longer sweep is taken for a wrong unit, as are times so far from the stamp, unless a unit is given; with
-# one, the poses of the longest sweeps are looked up for each point.
-LONG_NS, LONGEST_NS = 3 * S, 3600 * S
+# In a longer sweep, or one of over an hour with a unit given, some times are nonsense or the unit is wrong:
+# the pose of each point is looked up. Times that are all an hour from the stamp are taken for a wrong unit.
+LONG_NS, FAR_NS = 3 * S, 3600 * S
 # A sweep of many points that is shorter is reported, as the unit may be wrong, or the field not set.
 SHORT_NS, MANY_POINTS = S // 1000, 1000
 # No time is farther from the stamp, or from 1970.
 FARTHEST_NS = 2.0**62
 NOT_LATEST_NS = 1  # looked up for 0, which would mean the latest time
 NO_TIME = np.iinfo(np.int64).min  # what read_times writes for a point that has none; NaT, as an integer
-# The share of points whose times may be farther apart, and are taken for garbage; or one point.
-MOST_GARBAGE = 0.1
 # Between two knots, poses change steadily. Then a point is off by at most `TURN` times its distance and
 # `MOVE` meters: a tenth less than what is promised, for rounding.
 TURN, MOVE = 9e-7, 9e-6
-# How often to look for them while another thread changes the motion, before each point has a lookup.
-TRIES = 3
 # With more knots than one for this many points, lookups for all points cost no more.
 POINTS_PER_KNOT = 8
 
@@ -69,15 +65,13 @@ class Motion(NamedTuple):
     policy: "LookupPolicy"
 
     def matrices(self, times: NDArray[np.int64], **how: Any) -> NDArray[np.float64]:
-        return BufferCore.lookup_matrices(
-            self.buffer,
-            self.target_frame,
-            self.source_frame,
-            np.where(times == 0, NOT_LATEST_NS, times),
-            **self.fixed,
-            **how,
-            **self.policy,
-        )
+        times = np.where(times == 0, NOT_LATEST_NS, times)
+        how = {**self.fixed, **how, **self.policy}
+        return BufferCore.lookup_matrices(self.buffer, *self.frames, times, **how)
+
+    @property
+    def frames(self) -> tuple[str, str]:
+        return self.target_frame, self.source_frame
 
 
 def deskew(
@@ -116,9 +110,11 @@ def deskew(
         for example 1e-6 for microseconds. For fractions from 0 to 1, pass the duration of a sweep. The unit
         must be a whole number of nanoseconds. With it, ``time``, ``t`` and ``offset_time`` may have any type,
         and a sweep any length.
-    :param timeout: how long to wait for the transform of the last point; only for a ``tf2_ros.Buffer``.
+    :param timeout: how long to wait for the transform of the last point; only for a ``tf2_ros.Buffer``. Times
+        over 3 s after the stamp, or over an hour with ``time_unit`` or ``times``, are not waited for.
     :param on_missing: ``'raise'`` raises the error of the first point without a transform, with its index;
-        ``'nan'`` sets the coordinates of such points to NaN, so they must be floats.
+        ``'nan'`` sets the coordinates of such points, and of those with an invalid time, to NaN, so they must
+        be floats.
     :param prefix: put before the frame of the cloud, as in ``buffer.transform``.
     :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`, but not
         ``max_age``, because points have times.
@@ -130,8 +126,8 @@ def deskew(
     :raises TypeError: an argument has the wrong type, or there is ``target_time`` without ``fixed_frame``, or
         ``time_unit`` with ``times``.
     :raises ValueError: no field has the times of the points; a time is not a number; the times need a
-        ``time_unit``, because they may be fractions of a sweep, span over 3 s, or are over an hour from the
-        stamp; ``on_missing`` is ``'nan'``, but coordinates are integers; the cloud is inconsistent, as in
+        ``time_unit``, because they may be fractions of a sweep, or are all over an hour from the stamp;
+        ``on_missing`` is ``'nan'``, but coordinates are integers; the cloud is inconsistent, as in
         :func:`do_transform_cloud`; or the sensor does not move in ``fixed_frame`` (or, without one, in
         ``target_frame``), because that frame is the sensor's own or is fixed to it.
 
@@ -173,38 +169,20 @@ def deskew(
     sweep = _read_sweep(cloud, stamp_ns, times, time_unit)
     if times is None and time_unit is None:
         _warn_if_short(sweep)
-
-    def moved(poses: Poses, is_dense: bool) -> tuple[PointCloud2, bool]:
-        stored = None
-        if sweep.field is not None and fixed:
-            stored = new_ns / sweep.field.unit.ns if sweep.field.unit.is_absolute else 0.0
-        return move_points(cloud, new_ns, target_frame, is_dense, sweep.field, stored, sweep.times, *poses)
-
-    while True:
-        if sweep.first <= sweep.last:
-            _wait(motion, sweep.last, until_ns)
-        steady = _steady_poses(motion, sweep)
-        # A sensor that ends where it began may not have moved at all.
-        if sweep.size and (steady is None or (steady.matrices[0] == steady.matrices[-1]).all()):
-            _require_motion(buffer, source_frame, target_frame, fixed_frame)
-        if steady is not None:
-            message, is_complete = moved(steady, cloud.is_dense)
-            if is_complete:
-                return message
-        if sweep.is_of_all:
-            break
-        # The sample missed the first or the last time, or a point lacks a time or a transform.
-        sweep = _read_sweep(cloud, stamp_ns, times, time_unit, True)
-    all_times = np.empty(sweep.size, np.int64) if sweep.times is None else sweep.times.copy()
-    bad, found = read_times(cloud, sweep.field, all_times)
-    if bad >= 0 and on_missing == "raise":
-        if sweep.field is None:
-            raise ValueError(f"times[{bad}]: expected a time, got NaT (the smallest int64)")
-        name, text = sweep.field.name, sweep.field.unit.text
-        raise ValueError(f"points[{bad}]: expected a time in the field {name}, in {text}, got {found:g}")
-    exact = _exact_poses(motion, sweep.field, all_times, on_missing)
-    is_missing = bool(np.isnan(exact.matrices[:, 0, 0]).any())
-    return moved(exact, cloud.is_dense and not is_missing)[0]
+    if until_ns > time.monotonic_ns():
+        _wait(motion, _last_needed(cloud, sweep, stamp_ns), until_ns)
+    poses = _steady_poses(motion, sweep)
+    # A sensor that ends where it began may not have moved at all.
+    if sweep.size and (poses is None or (poses.matrices[0] == poses.matrices[-1]).all()):
+        _require_motion(buffer, source_frame, target_frame, fixed_frame)
+    is_dense = cloud.is_dense
+    if poses is None:
+        poses = _exact_poses(motion, cloud, sweep, on_missing)
+        is_dense = is_dense and not np.isnan(poses.matrices[:, 0, 0]).any()
+    stored = None
+    if sweep.field is not None and fixed:
+        stored = new_ns / sweep.field.unit.ns if sweep.field.unit.is_absolute else 0.0
+    return move_points(cloud, new_ns, target_frame, is_dense, sweep.field, stored, sweep.times, *poses)
 
 
 class Sweep(NamedTuple):
@@ -212,56 +190,45 @@ class Sweep(NamedTuple):
 
     field: TimeField | None
     times: NDArray[np.int64] | None
-    first: int  # ns, of the points with coordinates, without garbage; later than `last` if there are none
+    first: int  # ns, of the points with coordinates; later than `last` if there are none
     last: int
     size: int  # points
-    is_of_all: bool  # judged by all points; else by a sample
+    is_complete: bool  # each point with coordinates has a time
+    longest: int  # ns, of a sweep without nonsense
 
-
-class Judgement(NamedTuple):
-    """What the numbers in a field of times mean."""
-
-    field: TimeField  # with their unit
-    lowest: float  # without garbage; above `highest` if there are none
-    highest: float
-    is_plain: bool  # all of them agree
-    refusal: str  # why the unit must be passed, or nothing
+    @property
+    def is_long(self) -> bool:
+        return self.last - self.first > self.longest
 
 
 def _read_sweep(
-    cloud: PointCloud2,
-    stamp_ns: int,
-    times: "TimesLike | None",
-    time_unit: "DurationLike | None",
-    of_all: bool = False,
+    cloud: PointCloud2, stamp_ns: int, times: "TimesLike | None", time_unit: "DurationLike | None"
 ) -> Sweep:
-    """Judge a sample of the times, which is quick, and all of them where that is asked for or in doubt."""
-    count = cloud.height * cloud.width
+    size = cloud.height * cloud.width
     if times is not None:
         given = as_times_ns(times, accepts_nat=True)
-        if len(given) != count:
-            raise ValueError(f"times: expected one for each of {count} points, got {len(given)}")
+        if len(given) != size:
+            raise ValueError(f"times: expected one for each of {size} points, got {len(given)}")
         needed = given.copy()
-        read_times(cloud, None, needed)
-        first, last, _ = _without_garbage(needed[needed != NO_TIME], LONGEST_NS)
-        return Sweep(None, given, int(first), int(last), count, True)
-    named, guesses = find_time_field(cloud, stamp_ns, time_unit), time_unit is None
-    numbers = sample_times(cloud, named, every=of_all)
-    of_all = of_all or len(numbers) == count
-    judged = _judge(named, numbers, stamp_ns, guesses)
-    if not (of_all or judged.is_plain):
-        numbers = sample_times(cloud, named, every=True)
-        judged = _judge(named, numbers, stamp_ns, guesses)
-        of_all = True
-    if of_all and judged.refusal:
-        raise ValueError(judged.refusal)
-    field, lowest, highest = judged.field, judged.lowest, judged.highest
-    if not len(numbers):
-        # The new time is stored even where no point has coordinates.
-        field = _judge(named, sample_times(cloud, named, False, True), stamp_ns, guesses).field
-    if not -FARTHEST_NS < lowest * field.unit.ns <= highest * field.unit.ns < FARTHEST_NS:
-        lowest, highest = 0, -1
-    return Sweep(field, None, field.time_ns(lowest), field.time_ns(highest), count, of_all)
+        bad, _ = read_times(cloud, None, needed)
+        needed = needed[needed != NO_TIME]
+        first, last = (int(needed.min()), int(needed.max())) if len(needed) else (0, -1)
+        return Sweep(None, given, first, last, size, bad < 0, FAR_NS)
+    field, is_guess = find_time_field(cloud, stamp_ns, time_unit), time_unit is None
+    span = find_span(cloud, field, True)
+    # The new time is stored even where no point has coordinates.
+    voters = span if span.finite else find_span(cloud, field, False)
+    if is_guess and field.unit.is_absolute and voters.large and 2 * voters.large >= voters.finite:
+        field = field._replace(unit=Unit(1, True))
+    longest = LONG_NS if is_guess else FAR_NS
+    if not span.finite:
+        return Sweep(field, None, 0, -1, size, span.points == 0, longest)
+    if is_guess:
+        _require_likely(field, span.lowest, span.highest, stamp_ns)
+    if not -FARTHEST_NS < span.lowest * field.unit.ns <= span.highest * field.unit.ns < FARTHEST_NS:
+        return Sweep(field, None, 0, -1, size, False, longest)
+    first, last = field.time_ns(span.lowest), field.time_ns(span.highest)
+    return Sweep(field, None, first, last, size, span.finite == span.points, longest)
 
 
 def _warn_if_short(sweep: Sweep) -> None:
@@ -276,79 +243,22 @@ def _warn_if_short(sweep: Sweep) -> None:
         )
 
 
-def _judge(field: TimeField, numbers: NDArray[np.float64], stamp_ns: int, guesses: bool) -> Judgement:
-    """Find the unit, if it may be guessed, and the sweep."""
-    is_plain, refusal = len(numbers) > 0, ""
-    if guesses and field.unit.is_absolute:
-        large = np.count_nonzero((numbers >= MOST_SECONDS) & (numbers < FARTHEST_NS))
-        if large and 2 * large >= len(numbers):
-            field = field._replace(unit=Unit(1, True))
-        is_plain = is_plain and large in (0, len(numbers))
-    longest_ns = LONG_NS if guesses else LONGEST_NS
-    lowest, highest, garbage = _without_garbage(numbers, longest_ns / field.unit.ns)
-    if guesses and garbage > max(1, MOST_GARBAGE * len(numbers)):
-        refusal = _too_long(field, numbers)
-    elif guesses:
-        refusal = _unlikely(field, lowest, highest, stamp_ns)
-    return Judgement(field, lowest, highest, is_plain and not garbage and not refusal, refusal)
-
-
-def _without_garbage(
-    times: NDArray[np.int64] | NDArray[np.float64], longest: float
-) -> tuple[float, float, int]:
-    """
-    The lowest and the highest number without garbage, and how much of that there is.
-
-    Garbage are the numbers outside of the period, no longer than this, that contains most of them. If there
-    are none, the lowest is above the highest.
-    """
-    if not len(times):
-        return 0, -1, 0
-    lowest, highest = times.min().item(), times.max().item()
-    if highest - lowest <= longest:
-        return lowest, highest, 0
-    ordered = np.sort(times)
-    # No sum may overflow.
-    until = (
-        np.minimum(ordered, np.iinfo(np.int64).max - longest) + longest
-        if times.dtype == np.int64
-        else ordered + longest
-    )
-    ends = np.searchsorted(ordered, until, side="right")
-    counts = ends - np.arange(len(ordered))
-    at = int(np.argmax(counts))
-    return ordered[at].item(), ordered[ends[at] - 1].item(), len(ordered) - int(counts[at])
-
-
-def _too_long(field: TimeField, numbers: NDArray[np.float64]) -> str:
-    left_out = int(MOST_GARBAGE / 2 * len(numbers))  # at each end
-    ordered = np.sort(numbers)
-    low, high = ordered[left_out].item(), ordered[-1 - left_out].item()
-    one = field.unit.ns / S
-    wraps = ", negative from 2^31 on" if field.wraps else ""
-    return (
-        f"{field.name} is from {low:.10g} to {high:.10g} for at least 9 of 10 points: a sweep of "
-        f"{(high - low) * one:.6g} s if the numbers are {field.unit.text}{wraps}. If that is right, pass "
-        f"time_unit={one:g}; otherwise the right unit, for example time_unit=1e-6 for µs, or times"
-    )
-
-
-def _unlikely(field: TimeField, lowest: float, highest: float, stamp_ns: int) -> str:
-    """What is odd: fractions of a sweep, because few lidars need a second for one, or far from the stamp."""
+def _require_likely(field: TimeField, lowest: float, highest: float, stamp_ns: int) -> None:
+    """Refuse what may be fractions of a sweep, because few lidars need a second for one, or another clock."""
     if field.unit == KNOWN["time"][1] and 0.9 < highest - lowest <= 1:
-        return (
+        raise ValueError(
             f"{field.name} is from {lowest:.3g} to {highest:.3g}, which may be seconds or fractions of a "
             "sweep: pass time_unit=1, or the duration of a sweep, for example time_unit=0.1"
         )
-    after = (lowest - (stamp_ns - field.base_ns) / field.unit.ns) * field.unit.ns / S
-    if lowest <= highest and stamp_ns > 0 and LONGEST_NS / S < abs(after):
+    stamp = (stamp_ns - field.base_ns) / field.unit.ns
+    after = (max(lowest - stamp, 0) or min(highest - stamp, 0)) * field.unit.ns / S
+    if stamp_ns > 0 and abs(after) > FAR_NS / S:
         side = "before" if after < 0 else "after"
-        return (
+        raise ValueError(
             f"{field.name} is from {lowest:.10g} to {highest:.10g}, {abs(after):.6g} s {side} the cloud's "
             f"stamp if the numbers are {field.unit.text}. If that is right, pass "
             f"time_unit={field.unit.ns / S:g}; otherwise the right unit, or times"
         )
-    return ""
 
 
 def _target_ns(
@@ -424,6 +334,21 @@ def _timeout_ns(buffer: BufferCore, timeout: "DurationLike") -> int:
     return timeout_ns
 
 
+def _last_needed(cloud: PointCloud2, sweep: Sweep, stamp_ns: int) -> int:
+    """The last time to wait for, which is not one far in the future; -1: none."""
+    if sweep.is_complete and not sweep.is_long:
+        return sweep.last
+    times, *_ = _all_times(cloud, sweep)
+    latest = min(max(stamp_ns, sweep.first) + sweep.longest, np.iinfo(np.int64).max)
+    return int(times.max(initial=-1, where=times <= latest))
+
+
+def _all_times(cloud: PointCloud2, sweep: Sweep) -> tuple[NDArray[np.int64], int, float]:
+    """The time of each point, and the first point that lacks one; see ``read_times``."""
+    times = np.empty(sweep.size, np.int64) if sweep.times is None else sweep.times.copy()
+    return times, *read_times(cloud, sweep.field, times)
+
+
 def _wait(motion: Motion, last: int, until_ns: int) -> None:
     """Wait for the transform of the last point until a steady time. Whether there is one, the lookups say."""
     timeout = (until_ns - time.monotonic_ns()) / S
@@ -443,23 +368,14 @@ def _wait(motion: Motion, last: int, until_ns: int) -> None:
 
 def _steady_poses(motion: Motion, sweep: Sweep) -> Poses | None:
     """Poses from the first to the last time, with a steady motion between them; None: they would be many."""
-    if not 0 <= sweep.last - sweep.first <= LONGEST_NS:
+    if not sweep.is_complete or sweep.is_long or sweep.last < sweep.first:
         return None
-    frame, most = motion.fixed.get("fixed_frame", motion.target_frame), sweep.size // POINTS_PER_KNOT
-    wanted = frame, motion.source_frame, sweep.first, sweep.last, TURN, MOVE, most
-    knots = motion.buffer._knots_between(*wanted)
-    for _ in range(TRIES):
-        if knots is None:
-            break
-        try:
-            poses = Poses(knots, motion.matrices(knots))
-        except TransformException:
-            break  # at which point, or under which policy, the exact lookups say
-        # Another thread may have inserted a sample between two knots since these were found.
-        before, knots = knots, motion.buffer._knots_between(*wanted)
-        if knots is not None and np.array_equal(before, knots):
-            return poses
-    return None
+    first, last = sweep.first or NOT_LATEST_NS, sweep.last or NOT_LATEST_NS
+    most = sweep.size // POINTS_PER_KNOT
+    found = motion.buffer._poses_between(
+        *motion.frames, first, last, TURN, MOVE, most, **motion.fixed, **motion.policy
+    )
+    return None if found is None else Poses(*found)
 
 
 def _require_target(motion: Motion) -> None:
@@ -472,9 +388,16 @@ def _require_target(motion: Motion) -> None:
         raise type(error)(f"target_time: {str(error).removeprefix('times[0]: ')}") from None
 
 
-def _exact_poses(motion: Motion, field: TimeField | None, times: NDArray[np.int64], on_missing: str) -> Poses:
+def _exact_poses(motion: Motion, cloud: PointCloud2, sweep: Sweep, on_missing: str) -> Poses:
     """One pose for each point; NaN for points without a time."""
-    matrices = np.full((len(times), 4, 4), np.nan)
+    field = sweep.field
+    times, bad, found = _all_times(cloud, sweep)
+    if bad >= 0 and on_missing == "raise":
+        if field is None:
+            raise ValueError(f"times[{bad}]: expected a time, got NaT (the smallest int64)")
+        where, text = f"points[{bad}]", field.unit.text
+        raise ValueError(f"{where}: expected a time in the field {field.name}, in {text}, got {found:g}")
+    matrices = np.full((sweep.size, 4, 4), np.nan)
     [points] = np.nonzero(times != NO_TIME)
     try:
         matrices[points] = motion.matrices(times[points], on_missing=on_missing)
@@ -485,9 +408,12 @@ def _exact_poses(motion: Motion, field: TimeField | None, times: NDArray[np.int6
         if motion.fixed:
             _require_target(motion)
         point = points[int(failed[1])]
-        where = f"times[{point}]"
+        where, advice = f"times[{point}]", ""
         if field is not None:
             number = (int(times[point]) - field.base_ns) / field.unit.ns
             where = f"points[{point}], {field.name} = {number:.16g} {field.unit.text}"
-        raise type(error)(f"{where}: {str(error)[failed.end() :]}") from None
+            if sweep.is_long:
+                seconds = (sweep.last - sweep.first) / S
+                advice = f" (all times span {seconds:g} s: if they are not {field.unit.text}, pass time_unit)"
+        raise type(error)(f"{where}: {str(error)[failed.end() :]}{advice}") from None
     return Poses(None, matrices)

@@ -31,37 +31,9 @@ cdef int _read_points(object cloud, Py_ssize_t size, Grid* out) except -1:
     # The grid, with the coordinates of the points.
     _read_grid(cloud, size, out)
     out.triple_count = 0
-    return _add_triples(cloud, _fields_by_name(cloud), COORDINATES, &IDENTITY, True, out)
-
-
-cdef enum:
-    FEW = 1024              # points, all of which are read
-    SAMPLED = 64            # of more, one of as many points; ...
-    ENDS = 128              # ... and of each row as many from its beginning and its end, or one of `SAMPLED`
-
-
-cdef Py_ssize_t _ends_of_row(const Grid* grid, bint every) noexcept nogil:
-    # How many points of a row are read at its beginning, and at its end.
-    if every or grid.rows * grid.columns <= <Py_ssize_t>FEW:
-        return grid.columns
-    return min(<Py_ssize_t>ENDS, 1 + grid.columns // SAMPLED)
-
-
-cdef Py_ssize_t _sample_row(const char* row, const Grid* grid, const TimeSource* field,
-                            bint needs_point, bint every, double* out) noexcept nogil:
-    # Returns how many numbers there are.
-    cdef Py_ssize_t count = grid.columns
-    cdef Py_ssize_t ends = _ends_of_row(grid, every)
-    cdef Py_ssize_t found = 0
-    cdef Py_ssize_t i = 0
-    cdef const char* point
-    while i < count:
-        point = row + i * grid.point_step
-        out[found] = number_load(point + field.offset, field.number)
-        if isfinite(out[found]) and not (needs_point and _has_nan(point, &grid.triples[0])):
-            found += 1
-        i += 1 if i < ends or i >= count - ends else min(<Py_ssize_t>SAMPLED, count - ends - i)
-    return found
+    _add_triples(cloud, _fields_by_name(cloud), COORDINATES, &IDENTITY, True, out)
+    out.triples[0].step = out.point_step
+    return 0
 
 
 def require_cloud(cloud):
@@ -84,38 +56,73 @@ def require_cloud(cloud):
             get_field(field_layout, field, name)
 
 
-def sample_times(cloud, times, bint needs_point=True, bint every=False):
+class Span(NamedTuple):
+    """What the numbers in a field of times are like; see FieldSpan in avx2_triples.h."""
+
+    lowest: float
+    highest: float
+    points: int
+    finite: int
+    large: int
+
+
+cdef void _extend_span(const char* points, const Grid* grid, const TimeSource* field, bint needs_point,
+                       FieldSpan* span) noexcept nogil:
+    # By a row of points.
+    cdef const Triples* triples = &grid.triples[0]
+    cdef Py_ssize_t quick = _quick_points(grid, grid.columns)
+    cdef Py_ssize_t i = 0
+    cdef const char* point
+    cdef double value
+    if needs_point and quick > 0:
+        i = wide_extend_span(points, grid.point_step, quick, triples.offsets[0], field, span)
+    for i in range(i, grid.columns):
+        point = points + i * grid.point_step
+        if needs_point and _has_nan(point, triples):
+            continue
+        span.points += 1
+        value = number_load(point + field.offset, field.number)
+        if not isfinite(value):
+            continue
+        span.finite += 1
+        span.large += 2147483648.0 <= value < 4611686018427387904.0
+        span.lowest = min(span.lowest, value)
+        span.highest = max(span.highest, value)
+
+
+cdef Py_ssize_t _quick_points(const Grid* grid, Py_ssize_t count) noexcept nogil:
+    # How many of a row's last `count` points can be read as floats, four at once: the quick way accesses 4
+    # bytes behind z, and those behind the last point may lie outside.
+    cdef const Triples* triples = &grid.triples[0]
+    if _wide_size(triples) != 4:
+        return 0
+    return count if grid.point_step - triples.offsets[2] >= 8 else count - 1
+
+
+def find_span(cloud, field, bint needs_point):
     """
-    The finite numbers in a field, of a sample of the points.
+    Read the numbers in a field of times, once.
 
-    Most lidars write points in an order in which the first or the last point of some row is the earliest or
-    the latest one. ``move_points`` reports if that is not so.
-
-    :param times: a ``TimeField``.
+    :param field: a ``TimeField``.
     :param needs_point: omit points without coordinates.
-    :param every: take all points.
     """
     cdef Grid grid
     cdef Py_buffer source
-    cdef TimeSource field
-    cdef cnp.ndarray sample
-    cdef double* numbers
-    cdef Py_ssize_t row, per_row
-    cdef Py_ssize_t count = 0
+    cdef TimeSource at
+    cdef FieldSpan span
+    cdef Py_ssize_t row
+    memset(&span, 0, sizeof(FieldSpan))
+    span.lowest, span.highest = INFINITY, -INFINITY
     _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
     try:
         _read_points(cloud, source.len, &grid)
-        _read_time_field(cloud, times, grid.point_step, &field)
-        per_row = min(grid.columns, 2 * _ends_of_row(&grid, every) + grid.columns // SAMPLED + 1)
-        sample = np.empty(grid.rows * per_row)
-        numbers = <double*>cnp.PyArray_DATA(sample)
+        _read_time_field(cloud, field, grid.point_step, &at)
         with nogil:
             for row in range(grid.rows if grid.columns > 0 else 0):
-                count += _sample_row(<const char*>source.buf + row * grid.row_step, &grid, &field,
-                                     needs_point, every, numbers + count)
+                _extend_span(<const char*>source.buf + row * grid.row_step, &grid, &at, needs_point, &span)
     finally:
         PyBuffer_Release(&source)
-    return sample[:count]
+    return Span(span.lowest, span.highest, span.points, span.finite, span.large)
 
 
 cdef bint _time_of(const char* point, const TimeSource* field, int64_t* out) noexcept nogil:
@@ -164,7 +171,7 @@ def read_times(cloud, field, cnp.ndarray times):
         _require_times(&grid, times)
         _read_time_field(cloud, field, grid.point_step, &at)
         with nogil:
-            for row in range(grid.rows):
+            for row in range(grid.rows if grid.columns > 0 else 0):
                 for column in range(grid.columns):
                     i = row * grid.columns + column
                     point = <const char*>source.buf + row * grid.row_step + column * grid.point_step
@@ -197,11 +204,9 @@ cdef struct PointPoses:
     int64_t base_ns             # the time of the first knot
     const double* matrices      # 4x4, row by row: one pose for each point; NULL: poses at knots
     Knots knots                 # else
-    bint is_complete            # no point has coordinates, but no time between the knots
 
 
-cdef void _pose_of(PointPoses* poses, const char* point, const Triples* triples, Py_ssize_t i,
-                   Rigid* out) noexcept nogil:
+cdef void _pose_of(const PointPoses* poses, const char* point, Py_ssize_t i, Rigid* out) noexcept nogil:
     cdef const double* column
     cdef const double* slope
     cdef double pose[16]
@@ -219,8 +224,7 @@ cdef void _pose_of(PointPoses* poses, const char* point, const Triples* triples,
     else:
         ns = number_load(point + poses.field.offset, poses.field.number)
         ns = fma(ns - poses.field.minus, poses.field.times, poses.field.plus)
-    if not knots_include(&poses.knots, ns):
-        poses.is_complete = poses.is_complete and _has_nan(point, triples)
+    if not knots_include(&poses.knots, ns):     # no coordinates, or memory that changes meanwhile
         ns = 0.0
     knot = knot_before(&poses.knots, ns)
     ns = max(ns - poses.knots.ns[knot], 0.0)
@@ -234,7 +238,7 @@ cdef void _pose_of(PointPoses* poses, const char* point, const Triples* triples,
         out.translation[row] = pose[12 + row]
 
 
-cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, PointPoses* poses) noexcept nogil:
+cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, const PointPoses* poses) noexcept nogil:
     # In double precision, with the fused operations of the quick way.
     cdef Rigid pose
     cdef const Triples* triples
@@ -243,7 +247,7 @@ cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, PointPoses* pos
     # Its directions have no pose, either.
     cdef bint is_lost = grid.triple_count > 1 and _has_nan(point, &grid.triples[0])
     cdef int row, k
-    _pose_of(poses, point, &grid.triples[0], i, &pose)
+    _pose_of(poses, point, i, &pose)
     for k in range(grid.triple_count):
         triples = &grid.triples[k]
         for row in range(3):
@@ -257,16 +261,13 @@ cdef void _move_one(char* point, Py_ssize_t i, const Grid* grid, PointPoses* pos
 
 
 cdef void _move_batch(char* points, Py_ssize_t count, Py_ssize_t begin, const Grid* grid,
-                      PointPoses* poses) noexcept nogil:
+                      const PointPoses* poses) noexcept nogil:
     # In place; the first of the points has the index `begin`.
     cdef Py_ssize_t step = grid.point_step
     cdef Py_ssize_t done = 0
     cdef const Triples* triples = &grid.triples[0]
-    # The quick way writes 4 bytes behind z, as they were; those behind the last point may lie outside.
-    cdef Py_ssize_t quick = count if step - triples.offsets[2] >= 8 else count - 1
+    cdef Py_ssize_t quick = _quick_points(grid, count)
     if grid.triple_count > 1 or poses.matrices != NULL or poses.times_ns != NULL:
-        quick = 0
-    if _wide_size(triples) != 4:
         quick = 0
     while done < count:
         if done < quick:
@@ -358,7 +359,6 @@ def move_points(
     :param knots_ns: int64 nanoseconds, ascending: the times of the poses, between which they change steadily;
         None: there is one pose for each point.
     :param matrices: of these poses: float64, shape (K, 4, 4), contiguous.
-    :return: the cloud, and whether the times of all points that have coordinates are between the knots.
     """
     cdef Grid grid
     cdef Py_buffer source
@@ -372,7 +372,6 @@ def move_points(
     cdef Py_ssize_t count = len(matrices)
     cdef int i
     header = new_header(new_stamp_ns, frame_id)
-    poses.is_complete = True
     poses.times_ns = NULL if times is None else <const int64_t*>cnp.PyArray_DATA(times)
     poses.matrices = <const double*>cnp.PyArray_DATA(matrices)
     poses.base_ns = 0
@@ -411,4 +410,4 @@ def move_points(
                 _move_points(<const char*>source.buf, data.data.as_chars, &grid, &poses, store, value)
     finally:
         PyBuffer_Release(&source)
-    return _new_cloud(cloud, header, &grid, data, is_dense), poses.is_complete
+    return _new_cloud(cloud, header, &grid, data, is_dense)

@@ -22,6 +22,14 @@ struct Knots {
     size_t last;            /* index of the last one */
 };
 
+/* What the numbers in a field of times are like. */
+struct FieldSpan {
+    double lowest, highest; /* of the finite ones; infinite if there are none */
+    int64_t points;         /* that have coordinates */
+    int64_t finite;         /* how many of them have a finite number */
+    int64_t large;          /* how many have one of at least 2^31 and less than 2^62 */
+};
+
 /* Whether a time, rounded to ns, is between the first and the last knot; NaN is not. */
 static inline int knots_include(const struct Knots *knots, double ns)
 {
@@ -81,6 +89,97 @@ static size_t wide_doubles(const char *source, size_t step, char *target, size_t
     return count;
 }
 
+__attribute__((always_inline))
+static inline double load_time(const char *place, int number)
+{
+    double value;
+    float single;
+    int32_t whole;
+    uint32_t positive;
+    switch (number) {
+    case 8:
+        memcpy(&value, place, 8);
+        return value;
+    case 7:
+        memcpy(&single, place, 4);
+        return single;
+    case 5:
+        memcpy(&whole, place, 4);
+        return whole;
+    default:
+        memcpy(&positive, place, 4);
+        return positive;
+    }
+}
+
+/* Four points at a time, without branches, because NaN is hard to predict. */
+__attribute__((target("avx2"), always_inline))
+static inline size_t span_of_floats(const char *points, size_t step, size_t count, ptrdiff_t xyz,
+                                    ptrdiff_t offset, int number, struct FieldSpan *span)
+{
+    const __m128i first_three = _mm_set1_epi32(0xffffff);
+    const __m256d infinity = _mm256_set1_pd(__builtin_inf()), sign = _mm256_set1_pd(-0.0);
+    const __m256d large_from = _mm256_set1_pd(0x1p31), large_to = _mm256_set1_pd(0x1p62);
+    __m256d lowest = infinity, highest = _mm256_or_pd(infinity, sign);
+    __m256i having = _mm256_setzero_si256(), finite = having, large = having;
+    size_t done = 0;
+    for (; done + 4 <= count; done += 4, points += 4 * step) {
+        __m128i lacks[4];
+        for (int i = 0; i < 4; i++) {
+            __m128 point = _mm_loadu_ps((const float *)(points + i * step + xyz));
+            lacks[i] = _mm_castps_si128(_mm_cmpunord_ps(point, point));
+        }
+        /* One byte for each coordinate, and a fourth for what follows them. */
+        __m128i pairs[2] = {_mm_packs_epi32(lacks[0], lacks[1]), _mm_packs_epi32(lacks[2], lacks[3])};
+        __m128i bytes = _mm_packs_epi16(pairs[0], pairs[1]);
+        __m256i has = _mm256_cvtepi32_epi64(
+            _mm_cmpeq_epi32(_mm_and_si128(bytes, first_three), _mm_setzero_si128()));
+        __m256d value = _mm256_setr_pd(
+            load_time(points + offset, number), load_time(points + step + offset, number),
+            load_time(points + 2 * step + offset, number), load_time(points + 3 * step + offset, number));
+        __m256d is_finite = _mm256_and_pd(
+            _mm256_castsi256_pd(has), _mm256_cmp_pd(_mm256_andnot_pd(sign, value), infinity, _CMP_LT_OQ));
+        __m256d is_large = _mm256_and_pd(
+            is_finite, _mm256_and_pd(_mm256_cmp_pd(value, large_from, _CMP_GE_OQ),
+                                     _mm256_cmp_pd(value, large_to, _CMP_LT_OQ)));
+        having = _mm256_sub_epi64(having, has);
+        finite = _mm256_sub_epi64(finite, _mm256_castpd_si256(is_finite));
+        large = _mm256_sub_epi64(large, _mm256_castpd_si256(is_large));
+        lowest = _mm256_min_pd(lowest, _mm256_blendv_pd(infinity, value, is_finite));
+        highest = _mm256_max_pd(highest, _mm256_blendv_pd(_mm256_or_pd(infinity, sign), value, is_finite));
+    }
+    double low[4], high[4];
+    int64_t counts[3][4];
+    _mm256_storeu_pd(low, lowest);
+    _mm256_storeu_pd(high, highest);
+    _mm256_storeu_si256((__m256i *)counts[0], having);
+    _mm256_storeu_si256((__m256i *)counts[1], finite);
+    _mm256_storeu_si256((__m256i *)counts[2], large);
+    for (int i = 0; i < 4; i++) {
+        span->lowest = low[i] < span->lowest ? low[i] : span->lowest;
+        span->highest = high[i] > span->highest ? high[i] : span->highest;
+        span->points += counts[0][i];
+        span->finite += counts[1][i];
+        span->large += counts[2][i];
+    }
+    return done;
+}
+
+__attribute__((target("avx2")))
+static size_t wide_extend_span(const char *points, size_t step, size_t count, ptrdiff_t xyz,
+                               const struct TimeSource *time, struct FieldSpan *span)
+{
+    if (time->number == 7)
+        return span_of_floats(points, step, count, xyz, time->offset, 7, span);
+    if (time->number == 8)
+        return span_of_floats(points, step, count, xyz, time->offset, 8, span);
+    if (time->number == 5)
+        return span_of_floats(points, step, count, xyz, time->offset, 5, span);
+    if (time->number == 6)
+        return span_of_floats(points, step, count, xyz, time->offset, 6, span);
+    return 0;
+}
+
 /* Called with constant types of the time, so that the loop has no branch for it. Stops at a point whose
    time is not between the knots. */
 __attribute__((target("avx2,fma"), always_inline))
@@ -92,22 +191,7 @@ static inline size_t move_floats(char *points, size_t step, size_t count, const 
     __m256d pose0, pose1, pose2, pose3, slope0, slope1, slope2, slope3;
     pose0 = pose1 = pose2 = pose3 = slope0 = slope1 = slope2 = slope3 = _mm256_setzero_pd();
     for (size_t i = 0; i < count; i++, points += step) {
-        double after;
-        if (number == 8)
-            memcpy(&after, points + time->offset, 8);
-        else if (number == 7) {
-            float single;
-            memcpy(&single, points + time->offset, 4);
-            after = single;
-        } else if (number == 5) {
-            int32_t whole;
-            memcpy(&whole, points + time->offset, 4);
-            after = whole;
-        } else {
-            uint32_t whole;
-            memcpy(&whole, points + time->offset, 4);
-            after = whole;
-        }
+        double after = load_time(points + time->offset, number);
         if (number == 8)  /* of the others, minus is 0 */
             after -= minus;
         after = __builtin_fma(after, times, plus);
@@ -166,5 +250,6 @@ static size_t wide_move_floats(char *points, size_t step, size_t count, ptrdiff_
 #define wide_is_supported() 0
 #define wide_floats(source, step, target, target_step, count, matrix, translation) ((size_t)0)
 #define wide_doubles(source, step, target, target_step, count, matrix, translation) ((size_t)0)
+#define wide_extend_span(points, step, count, xyz, time, span) ((size_t)0)
 #define wide_move_floats(points, step, count, xyz, time, knots) ((size_t)0)
 #endif

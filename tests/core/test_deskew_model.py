@@ -278,23 +278,16 @@ def is_asked_about(points, field, stamp):
     numbers = points[name][~np.isnan(xyz_of(points)).any(axis=1)].astype(float)
     if kind == "u4":
         numbers = np.where(numbers >= 2**31, numbers - 2**32, numbers)
-    since = np.sort(numbers[np.isfinite(numbers)]) * (unit_ns / S) + (base_ns - stamp) / S
+    since = numbers[np.isfinite(numbers)] * (unit_ns / S) + (base_ns - stamp) / S
     if not len(since):
         return False
     about = 1e-5
-    counts, most = (
-        [np.sum((since >= start) & (since - start <= period)) for start in since]
-        for period in (3 - about, 3 + about)
-    )
-    allowed = len(since) - max(1, 0.1 * len(since))
-    if max(most) < allowed:
-        return True
-    at = int(np.argmax(counts))
-    if counts != most or max(counts) < allowed or abs(abs(since[at]) - 3600) < about:
+    low, high = since.min(), since.max()
+    if stamp and (min(abs(low - 3600), abs(high + 3600)) < about):
         return None
-    if stamp and abs(since[at]) > 3600:
+    if stamp and (low > 3600 or high < -3600):
         return True
-    span = since[at + counts[at] - 1] - since[at]
+    span = high - low
     if name != "time" or not 0.9 - about < span < 1 + about:
         return False
     return True if 0.9 + about < span < 1 - about or span == 1 else None

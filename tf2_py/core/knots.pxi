@@ -1,4 +1,4 @@
-"""Between which times a transform changes nearly linearly: bounds of its rates, and the times."""
+"""Between which times a transform changes nearly linearly: bounds of its rates, the times and poses."""
 
 # Between two samples, a frame turns and moves at constant rates. So how far a transform differs from a linear
 # change between two times is at most an eighth of the squared time between them, times the largest second
@@ -66,30 +66,60 @@ cdef double _pieces(const PinnedLookup* pinned, int64_t begin_ns, int64_t end_ns
     return max(ceil(per_s * 1e-9 * <double>(end_ns - begin_ns)), 2.0)
 
 
-cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, int64_t first_ns,
-                             int64_t last_ns, double turn, double move, Py_ssize_t most, int64_t** knots_ns,
-                             Status* status) noexcept nogil:
-    cdef PinnedLookup pinned
-    cdef Py_ssize_t count
-    cdef int64_t* stamps_ns = NULL
-    cdef bint is_pinned
-    knots_ns[0] = NULL
+cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, Knots* knots) noexcept nogil:
+    cdef PinnedLookup steady    # the one path whose samples lie between the knots
+    cdef PinnedLookup pinned    # what the lookups read
+    cdef Py_ssize_t count = SERIES_UNSTEADY
+    cdef Query own = query[0]
+    cdef FrameId* found = <FrameId*>malloc((policy_limits(&query.policy) + 1) * sizeof(FrameId))
+    cdef bint is_steady
+    cdef bint is_pinned = False
+    knots.times_ns = NULL
+    knots.matrices = NULL
+    if found == NULL:
+        return SERIES_NO_MEMORY
+    if own.policy.is_given:
+        policy_find_in(&own.policy, found)
     lock_acquire(lock)
-    status[0] = query_find_frames(tree, query, &pinned.frames)
-    is_pinned = status.code == STATUS_OK and series_pin_path(tree, query, &pinned)
+    is_steady = query_find_frames(tree, &own, &steady.frames).code == STATUS_OK
+    is_steady = is_steady and series_pin_path(tree, &own, &steady)
+    if is_steady:
+        pinned.frames = steady.frames
+        is_pinned = series_pin(tree, &own, &pinned) == 0
     lock_release(lock)
-    if not is_pinned:
-        return SERIES_BAD_NAME if status.code != STATUS_OK else SERIES_UNSTEADY
-    count = _stamps_between(&pinned, first_ns, last_ns, most, &stamps_ns)
-    if count > 0:
-        count = _knots_between(&pinned, stamps_ns, count, turn, move, most, knots_ns)
-    free(stamps_ns)
-    series_unpin(&pinned)
+    if is_pinned:
+        count = _knots_on_path(&own, &steady, &pinned, knots)
+        series_unpin(&pinned)
+    elif is_steady:
+        count = SERIES_NO_MEMORY
+    if is_steady:
+        series_unpin(&steady)
+    free(found)
     return count
 
 
-cdef Py_ssize_t _stamps_between(const PinnedLookup* pinned, int64_t first_ns, int64_t last_ns,
-                                Py_ssize_t most, int64_t** stamps_ns) noexcept nogil:
+cdef Py_ssize_t _knots_on_path(const Query* query, const PinnedLookup* steady, PinnedLookup* pinned,
+                               Knots* knots) noexcept nogil:
+    # Returns as series_knots.
+    cdef TimeSeries series
+    cdef Status status
+    cdef int64_t* stamps_ns = NULL
+    cdef Py_ssize_t count = _stamps_between(steady, knots, &stamps_ns)
+    if count > 0:
+        count = _knots_between(steady, stamps_ns, count, knots)
+    free(stamps_ns)
+    if count < 0:
+        return count
+    knots.matrices = <double*>malloc(16 * count * sizeof(double))
+    if knots.matrices == NULL:
+        return SERIES_NO_MEMORY
+    series_begin(&series, knots.times_ns, count)
+    series.matrices = knots.matrices
+    return count if series_answer(query, pinned, &series, &status) == count else SERIES_UNSTEADY
+
+
+cdef Py_ssize_t _stamps_between(const PinnedLookup* pinned, const Knots* knots,
+                                int64_t** stamps_ns) noexcept nogil:
     # The two times, and the stamps of the frames between them. Returns as series_knots.
     cdef uint32_t begins[LONG_PATH]
     cdef uint32_t ends[LONG_PATH]
@@ -99,22 +129,22 @@ cdef Py_ssize_t _stamps_between(const PinnedLookup* pinned, int64_t first_ns, in
     for i in range(pinned.hops):
         begins[i] = ends[i] = 0
         if pinned.histories[i].kind == HISTORY_DYNAMIC:
-            begins[i] = history_first_after(&pinned.histories[i], first_ns)
+            begins[i] = history_first_after(&pinned.histories[i], knots.first_ns)
             # The transform jumps at the first time.
-            if begins[i] > 1 and first_ns == history_stamp_of(&pinned.histories[i], begins[i] - 2):
+            if begins[i] > 1 and knots.first_ns == history_stamp_of(&pinned.histories[i], begins[i] - 2):
                 return SERIES_UNSTEADY
-            ends[i] = max(history_first_after(&pinned.histories[i], last_ns), begins[i])
-        if ends[i] - begins[i] > most:
+            ends[i] = max(history_first_after(&pinned.histories[i], knots.last_ns), begins[i])
+        if ends[i] - begins[i] > knots.most:
             return SERIES_UNSTEADY
         count += ends[i] - begins[i]
     stamps_ns[0] = <int64_t*>malloc(count * sizeof(int64_t))
     if stamps_ns[0] == NULL:
         return SERIES_NO_MEMORY
-    stamps_ns[0][0] = first_ns
-    stamps_ns[0][1] = last_ns
+    stamps_ns[0][0] = knots.first_ns
+    stamps_ns[0][1] = knots.last_ns
     count = 2
     for i in range(pinned.hops):
-        last_stamp_ns = first_ns
+        last_stamp_ns = knots.first_ns
         for k in range(begins[i], ends[i]):
             stamp_ns = history_stamp_of(&pinned.histories[i], k)
             if stamp_ns == last_stamp_ns:
@@ -125,26 +155,26 @@ cdef Py_ssize_t _stamps_between(const PinnedLookup* pinned, int64_t first_ns, in
 
 
 cdef Py_ssize_t _knots_between(const PinnedLookup* pinned, const int64_t* stamps_ns, Py_ssize_t count,
-                               double turn, double move, Py_ssize_t most, int64_t** knots_ns) noexcept nogil:
+                               Knots* knots) noexcept nogil:
     # Returns as series_knots; from at least one stamp.
     cdef Py_ssize_t filled = 0
     cdef Py_ssize_t i
     cdef int64_t span_ns, pieces, k
     cdef double wanted
-    knots_ns[0] = <int64_t*>malloc((most + 1) * sizeof(int64_t))
-    if knots_ns[0] == NULL:
+    knots.times_ns = <int64_t*>malloc((knots.most + 1) * sizeof(int64_t))
+    if knots.times_ns == NULL:
         return SERIES_NO_MEMORY
     for i in range(count - 1):
-        wanted = _pieces(pinned, stamps_ns[i], stamps_ns[i + 1], turn, move)
-        if not wanted <= <double>(most - filled - 1):
+        wanted = _pieces(pinned, stamps_ns[i], stamps_ns[i + 1], knots.turn, knots.move)
+        if not wanted <= <double>(knots.most - filled - 1):
             return SERIES_UNSTEADY
         pieces = <int64_t>wanted
         span_ns = stamps_ns[i + 1] - stamps_ns[i]
         for k in range(pieces):
             # In two terms, because the product of all might overflow.
-            knots_ns[0][filled] = stamps_ns[i] + span_ns // pieces * k + span_ns % pieces * k // pieces
+            knots.times_ns[filled] = stamps_ns[i] + span_ns // pieces * k + span_ns % pieces * k // pieces
             filled += 1
-    knots_ns[0][filled] = stamps_ns[count - 1]
+    knots.times_ns[filled] = stamps_ns[count - 1]
     return filled + 1
 
 

@@ -1,4 +1,4 @@
-"""Times between which a transform changes nearly linearly."""
+"""Poses between which a transform changes nearly linearly."""
 
 # Uses: types, geometry, sync, history, tree, lookup, series.
 
@@ -6,12 +6,27 @@ cdef enum:
     SERIES_UNSTEADY = -3        # the next one after the errors of series_lookup
 
 
-# Times from `first_ns` to `last_ns`, ascending, so close that between two of them the transform of a simple
-# lookup differs by at most `turn` and `move` from the linear interpolation of its matrix: `turn` is how far a
-# point at 1 m is off, `move` how far the origin is, in meters. Returns their number, and in `knots_ns` memory
-# to be freed with `free`; or an error of series_lookup; or SERIES_UNSTEADY: the path depends on the time, or
-# there is none; or the transform jumps, because two samples have the same stamp; or there are more than
-# `most`. Call it without the lock.
-cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, int64_t first_ns,
-                             int64_t last_ns, double turn, double move, Py_ssize_t most, int64_t** knots_ns,
-                             Status* status) noexcept nogil
+cdef struct Knots:
+    # The period, and how exact the transforms between two of the knots are.
+    int64_t first_ns
+    int64_t last_ns
+    double turn             # how far a point at 1 m may be off because of the rotation, meters
+    double move             # how far the origin of the source may be off, meters
+    Py_ssize_t most         # knots
+    # What series_knots finds.
+    int64_t* times_ns       # ascending, from `first_ns` to `last_ns`
+    double* matrices        # at these: (count, 16), row by row
+
+
+# Finds times so close that between two of them the transform of the source in the target, or in the fixed
+# frame if there is one, differs from the linear interpolation of its matrix by no more than that; and the
+# answers of `query` at these times, all in the state of the tree at one moment. Returns their number; or
+# SERIES_NO_MEMORY; or SERIES_UNSTEADY: the path depends on the time, or there is none; or a lookup fails; or
+# the transform jumps, because two samples have the same stamp; or there are more than `most`. Call it without
+# the lock, and knots_free afterwards.
+cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, Knots* knots) noexcept nogil
+
+
+cdef inline void knots_free(Knots* knots) noexcept nogil:
+    free(knots.times_ns)
+    free(knots.matrices)

@@ -357,7 +357,7 @@ cdef bint series_pin_path(const Tree* tree, const Query* query, PinnedLookup* pi
     return True
 
 
-cdef int _pin_lookup(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
+cdef int series_pin(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
     # With the lock held, once the frames are known. -1: no memory.
     cdef FrameId[3] ends = [pinned.frames.target, pinned.frames.source, pinned.frames.fixed]
     if not query.policy.is_given and series_pin_path(tree, query, pinned):
@@ -471,13 +471,31 @@ cdef uint32_t _answer_times(const Query* query, PinnedLookup* pinned, const int6
     return count
 
 
-cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
+cdef Py_ssize_t series_answer(const Query* query, PinnedLookup* pinned, const TimeSeries* series,
                               Status* status) noexcept nogil:
+    # Without the lock. Returns how many times are answered, as series_lookup.
     cdef SeriesWork work
-    cdef PinnedLookup pinned
     cdef Py_ssize_t start = 0
     cdef uint32_t count = 0
     cdef uint32_t answered = 0
+    while start < series.count and answered == count:
+        count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
+        answered = _answer_times(query, pinned, series.times_ns + start, count, series.nan_missing, &work,
+                                 status)
+        if series.points != NULL:
+            work_transform_points(&work, answered, series.points + 3 * start, series.transformed + 3 * start)
+        elif series.matrices != NULL:
+            work_store_matrices(&work, answered, series.matrices + 16 * start)
+        else:
+            work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
+        start += answered
+    return start
+
+
+cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
+                              Status* status) noexcept nogil:
+    cdef PinnedLookup pinned
+    cdef Py_ssize_t answered
     cdef bint is_pinned = False
     cdef Query own = query[0]
     # It is read without the lock, under which other lookups with this policy write theirs.
@@ -489,22 +507,12 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
     lock_acquire(lock)
     status[0] = query_find_frames(tree, &own, &pinned.frames)
     if status.code == STATUS_OK:
-        is_pinned = _pin_lookup(tree, &own, &pinned) == 0
+        is_pinned = series_pin(tree, &own, &pinned) == 0
     lock_release(lock)
     if not is_pinned:
         free(found)
         return SERIES_BAD_NAME if status.code != STATUS_OK else SERIES_NO_MEMORY
-    while start < series.count and answered == count:
-        count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
-        answered = _answer_times(&own, &pinned, series.times_ns + start, count, series.nan_missing, &work,
-                                 status)
-        if series.points != NULL:
-            work_transform_points(&work, answered, series.points + 3 * start, series.transformed + 3 * start)
-        elif series.matrices != NULL:
-            work_store_matrices(&work, answered, series.matrices + 16 * start)
-        else:
-            work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
-        start += answered
+    answered = series_answer(&own, &pinned, series, status)
     series_unpin(&pinned)
     free(found)
-    return start
+    return answered

@@ -530,11 +530,8 @@ cdef class Engine:
                                   Status* status) noexcept nogil:
         return series_lookup(&self._tree, &self._lock, query, series, status)
 
-    cdef Py_ssize_t path_knots(self, const Query* query, int64_t first_ns, int64_t last_ns, double turn,
-                               double move, Py_ssize_t most, int64_t** knots_ns,
-                               Status* status) noexcept nogil:
-        return series_knots(&self._tree, &self._lock, query, first_ns, last_ns, turn, move, most, knots_ns,
-                            status)
+    cdef Py_ssize_t find_knots(self, const Query* query, Knots* knots) noexcept nogil:
+        return series_knots(&self._tree, &self._lock, query, knots)
 
     cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil:
         cdef Path path

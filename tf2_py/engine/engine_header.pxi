@@ -75,9 +75,7 @@ cdef class Engine:
     cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
                                   Status* status) noexcept nogil
     # As series_knots.
-    cdef Py_ssize_t path_knots(self, const Query* query, int64_t first_ns, int64_t last_ns, double turn,
-                               double move, Py_ssize_t most, int64_t** knots_ns,
-                               Status* status) noexcept nogil
+    cdef Py_ssize_t find_knots(self, const Query* query, Knots* knots) noexcept nogil
     # For simple lookups only.
     cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil
     # As walk_time_range. 0, or -1 without memory.

@@ -1,17 +1,14 @@
 """Frozen files: what is opened answers as before, memory is shared, and bad files are refused."""
 
 import copy
-import ctypes
 import math
 import os
 import pickle
 import random
 import resource
-import signal
 import struct
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +21,6 @@ from waiting import DEADLINE_S
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer
-
-CHECKED_AT_ONCE = 1 << 20  # samples, until the checks see a signal
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
 
@@ -264,6 +259,15 @@ def test_a_pickle_of_another_file_is_refused(buffer, path):
     path.unlink()
     with pytest.raises(FileNotFoundError, match=r"robot.tf2"):
         pickle.loads(data)
+    other = copy.deepcopy(buffer)
+    other.set_transform(transform("map", "odom", 3, xyz=(9, 9, 9)), "ekf")
+    replacing = copy.deepcopy(buffer)
+    replacing.set_transform(transform("map", "odom", 3, xyz=(8, 8, 8)), "ekf")
+    other.freeze(path)
+    data_of_other = pickle.dumps(BufferCore.open(path))
+    replacing.freeze(path)
+    with pytest.raises(ValueError, match=r"robot.tf2: it has changed since the buffer was pickled"):
+        pickle.loads(data_of_other)  # the indices are equal
     buffer.freeze(path)  # the same again
     check_copy(pickle.loads(data), buffer)
 
@@ -283,9 +287,9 @@ def test_a_buffer_whose_file_is_gone_or_replaced_travels_with_its_samples(gone, 
 
 def test_unpickling_checks_the_samples_of_a_file_that_was_written_to(file, path):
     data = pickle.dumps(BufferCore.open(path))
-    file.data[-30] ^= 1
+    in_sample("odom", "d", 0, math.inf)(file)
     replace(path, file.data)
-    with pytest.raises(ValueError, match="the checksum of its samples is wrong"):
+    with pytest.raises(ValueError, match="odom: sample 0: its translation"):
         pickle.loads(data)
 
 
@@ -401,10 +405,11 @@ def test_a_file_that_ends_before_its_size_is_no_damaged_disk(copy):
 def test_a_second_reader_finds_what_the_buffer_holds(buffer, file):
     header = file.header
     assert header.magic == b"\x89TF2\r\n\x1a\n"
-    assert (header.version, header.flags, header.file_bytes) == (1, 0, len(file.data))
+    assert (header.version, header.flags, header.file_bytes) == (2, 0, len(file.data))
     assert (header.cache_time_ns, header.max_bytes, header.max_frames) == (20 * S, 50_000, 20)
     assert header.sample_count == buffer.statistics()["samples"]
     assert header.checksum == file.index_checksum()
+    assert header.samples_checksum == file.samples_checksum()
     assert {*file.authorities} == {"other", "ekf", "", "mount", "slow"}
     histories = buffer.histories()
     assert {file.name(i + 1) for i, frame in enumerate(file.frames) if frame.count} == histories.keys()
@@ -414,7 +419,6 @@ def test_a_second_reader_finds_what_the_buffer_holds(buffer, file):
             continue
         one = histories[file.name(number)]
         assert (frame.kind == 2, frame.count) == (one.static, len(one.stamps_ns))
-        assert frame.checksum == file.checksum_of(frame)
         stamps = struct.unpack_from(f"<{frame.count}q", file.data, frame.data_start)
         assert [*stamps] == one.stamps_ns.tolist()
         for i in range(frame.count):
@@ -424,37 +428,27 @@ def test_a_second_reader_finds_what_the_buffer_holds(buffer, file):
 
 
 @pytest.mark.repeated
-def test_a_file_with_any_bit_changed_or_cut_off_anywhere_is_refused(file, path, tmp_path):
+def test_a_file_with_any_bit_changed_or_cut_off_anywhere_is_refused_or_sound(file, path, tmp_path):
+    """What the samples are is not known, only what samples may be."""
     whole = bytes(file.data)
     damaged = tmp_path / "damaged.tf2"
     for at in range(0, len(whole), times(3, 1)):
         changed = bytearray(whole)
         changed[at] ^= 1 << at % 8
         damaged.write_bytes(changed)
-        with pytest.raises(ValueError, match=r"damaged.tf2: "):
-            BufferCore.open(damaged)
+        try:
+            opened = BufferCore.open(damaged)
+        except ValueError as error:
+            assert "damaged.tf2: " in str(error)
+        else:
+            assert at >= file.header.index_bytes
+            opened._self_check()
         damaged.write_bytes(whole[:at])
         with pytest.raises(ValueError, match=r"damaged.tf2: "):
             BufferCore.open(damaged)
     damaged.write_bytes(whole + bytes(64))
     with pytest.raises(ValueError, match="its size is not the one in its header"):
         BufferCore.open(damaged)
-
-
-def long_buffer(count):
-    """A buffer with so many samples of a frame."""
-    buffer = BufferCore(math.inf)
-    transforms = np.zeros((count, 7))
-    transforms[:, 6] = 1
-    samples = {
-        "frames": [("base", False, "x", count)],
-        "stamps": np.arange(1, count + 1),
-        "transforms": transforms,
-        "parents": np.ones(count, np.uint32),
-        "parent_names": ["", "map"],
-    }
-    buffer.__setstate__(buffer.__getstate__() | samples)
-    return buffer
 
 
 def resident_bytes():
@@ -511,13 +505,12 @@ FIELDS_OF_SAMPLES = (
     "count",
     "parent_changes",
     "data_start",
-    "checksum",
     "oldest_ns",
     "newest_ns",
 )
 
 HOSTILE = {
-    "another version of tf2-ros-cython wrote it": lambda file: file.change_header(version=2),
+    "another version of tf2-ros-cython wrote it": lambda file: file.change_header(version=1),
     "its header has an unknown flag": lambda file: file.change_header(flags=2),
     "its size is not the one in its header": lambda file: file.change_header(file_bytes=1 << 63),
     "the size of its index is wrong": lambda file: file.change_header(index_bytes=(1 << 64) - 64),
@@ -530,7 +523,7 @@ HOSTILE = {
         sample_count=1 << 63
     ),
     "a reserved byte of its header": lambda file: file.change("I", 68, 1),
-    "a reserved byte of its header ": lambda file: file.change("B", 80, 1),
+    "a reserved byte of its header ": lambda file: file.change("B", 88, 1),
     "a reserved byte of its header  ": lambda file: file.change("B", 127, 1),
     "frame 1.*its name in the index": lambda file: file.change_frame(1, name_start=(1 << 64) - 1),
     "frame 1.*its name in the index ": lambda file: file.change_frame(1, name_size=0xFFFFFFFF),
@@ -557,7 +550,7 @@ HOSTILE = {
     },
     "frame .*, map: its number of samples": in_frame("map", kind=1),
     "frame .*, map: it is neither a child nor a parent": in_frame("map", flags=0),
-    "frame .*, camera: it is marked as a parent, but no sample has this parent": in_frame("camera", flags=1),
+    "frame .*, odom: a reserved byte of it": in_frame("odom", reserved=1),
     "frame .*, odom: its number of samples": in_frame("odom", count=0),
     "frame .*, odom: its number of samples ": in_frame("odom", count=0xFFFFFFFF),
     "frame .*, odom: its number of samples  ": in_frame("odom", parent_changes=100),
@@ -581,8 +574,6 @@ HOSTILE = {
     "frame .*, odom: sample 0: its rotation has the wrong sign": in_sample(
         "odom", "4d", 24, 0.0, 0.0, 0.0, -1.0
     ),
-    "frame .*, odom: a reserved byte of a sample": in_sample("odom", "I", 60, 1, index=1),
-    "frame .*, camera: a byte between its stamps and its samples": in_stamp("camera", 1, 1),
     "frame .*, odom: sample 0: it has no parent": in_sample("odom", "I", 56, 0),
     "frame .*, base: sample 0: its parent is not a frame": in_sample("base", "I", 56, 1 << 31),
     "frame .*, base: sample 0: its parent is not marked": lambda file: in_sample(
@@ -597,7 +588,7 @@ HOSTILE = {
 @pytest.mark.parametrize("why", HOSTILE)
 def test_a_file_that_was_made_to_break_something_is_refused(why, file, path):
     HOSTILE[why](file)
-    file.renew_checksums()
+    file.renew_checksum()
     replace(path, file.data)
     says = f"{why.rstrip()}.*: freeze the buffer again with this one"
     if "version" not in why:
@@ -624,27 +615,9 @@ def test_a_file_of_holes_is_refused_at_once(changes, path):
     assert resident_bytes() - read < 1 << 28
 
 
-def test_a_signal_handler_that_raises_ends_the_checks(buffer, path):
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    long_buffer(CHECKED_AT_ONCE).freeze(path)
-    before = signal.signal(signal.SIGUSR1, interrupt)
-    try:
-        with pytest.MonkeyPatch.context() as patch:
-            # The last call before the checks. It is a function in C, so the handler does not run in it.
-            patch.setattr(os, "close", partial(ctypes.CDLL(None)["raise"], int(signal.SIGUSR1)))
-            with pytest.raises(KeyboardInterrupt):
-                buffer.__setstate__({"frozen": (str(path), False)})
-    finally:
-        signal.signal(signal.SIGUSR1, before)
-    check_copy(buffer, filled(BufferCore(20.0, max_frames=20, max_bytes=50_000)))
-    assert BufferCore.open(path).statistics()["samples"] == CHECKED_AT_ONCE
-
-
 def test_a_loop_is_that_of_a_buffer(file, path):
     close_a_loop(file)
-    file.renew_checksums()
+    file.renew_checksum()
     replace(path, file.data)
     opened = BufferCore.open(path)
     opened._self_check()

@@ -3,7 +3,7 @@
 import struct
 from typing import NamedTuple
 
-HEADER = struct.Struct("<8sIIQQQqQIIIIQ48s")
+HEADER = struct.Struct("<8sIIQQQqQIIIIQQ40s")
 FRAME = struct.Struct("<QIHHIIIIQQqq")
 NAME = struct.Struct("<QI4x")
 LINE = 64
@@ -26,6 +26,7 @@ class Header(NamedTuple):
     authority_count: int
     reserved: int
     sample_count: int
+    samples_checksum: int
     reserved_line: bytes
 
 
@@ -39,17 +40,13 @@ class Frame(NamedTuple):
     count: int
     parent_changes: int
     data_start: int
-    checksum: int
+    reserved: int
     oldest_ns: int
     newest_ns: int
 
     @property
     def samples_start(self):
         return self.data_start + -(-8 * self.count // LINE) * LINE
-
-    @property
-    def data_end(self):
-        return self.samples_start + LINE * self.count
 
 
 def _mixed(lane, word):
@@ -115,21 +112,16 @@ class FrozenFile:
     def change(self, code, place, *values):
         struct.pack_into("<" + code, self.data, place, *values)
 
-    def checksum_of(self, frame):
-        return checksum(self.data[frame.data_start : frame.data_end])
+    def samples_checksum(self):
+        return checksum(self.data[self.header.index_bytes :])
 
     def index_checksum(self):
         index = self.data[: self.header.index_bytes]
         index[CHECKSUM_AT : CHECKSUM_AT + 8] = bytes(8)
         return checksum(index)
 
-    def renew_checksums(self):
-        """As if the file had been written like this."""
-        most = (len(self.data) - HEADER.size) // FRAME.size
-        for number in range(1, min(self.header.frame_count, most) + 1):
-            frame = self.frame(number)
-            if frame.data_start and frame.data_end <= len(self.data):
-                self.change_frame(number, checksum=self.checksum_of(frame))
+    def renew_checksum(self):
+        """As if the index had been written like this."""
         size = self.header.index_bytes
         if HEADER.size <= size <= len(self.data) and size % LINE == 0:
             self.change_header(checksum=self.index_checksum())

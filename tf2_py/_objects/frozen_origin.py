@@ -15,7 +15,7 @@ class FrozenFile(NamedTuple):
     A frozen file, as it was when it was opened.
 
     :param path: absolute.
-    :param checksum: of its index, which has those of all samples.
+    :param checksum: of its index, which has that of all samples.
     :param size: bytes.
     :param modified_ns: when it was last written.
     :param device: with ``inode``, which file of this machine it is.

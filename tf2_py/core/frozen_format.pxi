@@ -12,10 +12,6 @@ cdef extern from *:
     uint64_t _mixed "TF2_MIXED"(uint64_t lane, uint64_t word) nogil
 
 
-cdef enum:
-    SUMMED_AT_ONCE = 4096       # samples of which the checksum reads what the processor still has
-
-
 cdef void checksum_begin(Checksum* checksum) noexcept nogil:
     cdef uint32_t i
     for i in range(8):
@@ -147,9 +143,11 @@ cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, Ends*
         return "its name in the index is invalid"
     if record.flags & ~FROZEN_PARENT:
         return "its flags are unknown"
+    if record.reserved:
+        return "a reserved byte of it is not 0"
     if record.kind == HISTORY_NONE:
         if (record.authority or record.newest_parent or record.count or record.parent_changes
-                or record.data_start or record.checksum or record.oldest_ns or record.newest_ns):
+                or record.data_start or record.oldest_ns or record.newest_ns):
             return "it has no samples, but fields about samples"
         if not record.flags & FROZEN_PARENT:
             return "it is neither a child nor a parent"
@@ -170,7 +168,7 @@ cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, Ends*
     return NULL
 
 
-cdef FrozenProblem frozen_check_index(const FileMapping* mapping, StopAsked stop) noexcept nogil:
+cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil:
     # The checksum last: a header may claim an index of any size, and only the rest bounds how much is read.
     cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
     cdef const FrozenName* authorities
@@ -191,8 +189,6 @@ cdef FrozenProblem frozen_check_index(const FileMapping* mapping, StopAsked stop
         if text != NULL:
             return _problem_of_frame(i + 1, text)
         samples += _frames_of(header)[i].count
-        if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop():
-            return _problem_of(STOPPED)
     if samples != header.sample_count or ends.samples != header.file_bytes:
         return _problem_of("its header and its frames disagree on the number of samples")
     for i in range(header.authority_count):
@@ -253,78 +249,20 @@ cdef const char* _add_names(const FrozenHeader* header, Tree* tree, uint32_t* au
     return NULL
 
 
-cdef const char* _bytes_problem(const FrozenHeader* header, const FrozenFrame* record,
-                                StopAsked stop) noexcept nogil:
-    # What no tree reads: what is reserved, and the checksum.
-    cdef const char* data = <const char*>header + record.data_start
-    cdef size_t stamp_bytes = frozen_stamp_bytes(record.count)
-    cdef const Sample* samples = <const Sample*>(data + stamp_bytes)
-    cdef size_t written = record.count * sizeof(int64_t)
-    cdef uint32_t first, count, i
-    cdef Checksum checksum
-    if not _is_zero(data + written, stamp_bytes - written):
-        return "a byte between its stamps and its samples is not 0"
-    checksum_begin(&checksum)
-    checksum_add(&checksum, data, stamp_bytes)
-    first = 0
-    while first < record.count:
-        count = min(record.count - first, <uint32_t>SUMMED_AT_ONCE)
-        for i in range(first, first + count):
-            if samples[i].reserved:
-                return "a reserved byte of a sample is not 0"
-        checksum_add(&checksum, &samples[first], count * sizeof(Sample))
-        first += count
-        if first % CHECKED_AT_ONCE == 0 and stop():
-            return STOPPED
-    if checksum_end(&checksum) != record.checksum:
-        return "the checksum of its samples is wrong"
-    return NULL
-
-
-cdef FrozenProblem _parents_problem(const Tree* tree) noexcept nogil:
-    # That every frame that is said to be a parent is one; the opposite is an invariant of a tree.
-    cdef unsigned char* is_named = <unsigned char*>calloc(tree.names.count, 1)
-    cdef FrozenProblem problem = _problem_of(NULL)
-    cdef const History* history
-    cdef FrameId frame
-    cdef uint32_t i
-    if is_named == NULL:
-        return _problem_of("")
-    for frame in range(1, tree.names.count):
-        history = &tree.histories[frame]
-        for i in range(tree_links(history)):
-            is_named[history_parent_of(history, i)] = 1
-    for frame in range(1, tree.names.count):
-        if tree.histories[frame].is_parent and not is_named[frame]:
-            problem = _problem_of_frame(frame, "it is marked as a parent, but no sample has this parent")
-            break
-    free(is_named)
-    return problem
-
-
-cdef FrozenProblem _samples_problem(const FileMapping* mapping, const Tree* tree,
-                                    StopAsked stop) noexcept nogil:
-    # All that a tree has to hold, of which its memory safety depends, and that no sample has changed.
-    cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
-    cdef const FrozenFrame* record
+cdef FrozenProblem _samples_problem(const FrozenHeader* header, const Tree* tree) noexcept nogil:
+    # All that a tree has to hold, on which its memory safety depends.
     cdef FrozenProblem problem = _problem_of(NULL)
     cdef FrameId frame
     cdef uint32_t where
     for frame in range(1, header.frame_count + 1):
-        record = _frames_of(header) + (frame - 1)
-        problem = _problem_of_frame(frame, tree_check_frame(tree, frame, stop, &where))
+        problem = _problem_of_frame(frame, tree_check_frame(tree, frame, &where))
         if problem.text != NULL:
-            problem.sample = where if where < record.count else UINT32_MAX
+            problem.sample = where if where < _frames_of(header)[frame - 1].count else UINT32_MAX
             return problem
-        if record.count:
-            problem = _problem_of_frame(frame, _bytes_problem(header, record, stop))
-            if problem.text != NULL:
-                return problem
-    return _parents_problem(tree)
+    return problem
 
 
-cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, StopAsked stop,
-                               Tree* tree) noexcept nogil:
+cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* tree) noexcept nogil:
     cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
     cdef uint32_t* authorities = <uint32_t*>malloc((header.authority_count + 1) * sizeof(uint32_t))
     cdef Retention retention
@@ -345,4 +283,4 @@ cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, StopAs
         return _problem_of_frame(frame, text)
     tree.taken = header.sample_count
     tree.is_frozen = True
-    return _samples_problem(mapping, tree, stop) if checks_samples else _problem_of(NULL)
+    return _samples_problem(header, tree) if checks_samples else _problem_of(NULL)

@@ -10,7 +10,7 @@ in their order. The header and all up to the first stamp is the index.
 # Uses: types, names, history, tree.
 
 cdef enum:
-    FROZEN_VERSION = 1
+    FROZEN_VERSION = 2
     FROZEN_PARENT = 1           # flag of a frame: History.is_parent
 
 
@@ -29,7 +29,8 @@ cdef struct FrozenHeader:
     uint32_t authority_count
     uint32_t reserved           # 0, as all that is reserved
     uint64_t sample_count       # of all frames
-    uint64_t[6] reserved_line
+    uint64_t samples_checksum   # as they were written: tells files with the same index apart, is not verified
+    uint64_t[5] reserved_line
 
 
 cdef struct FrozenFrame:
@@ -43,7 +44,7 @@ cdef struct FrozenFrame:
     uint32_t count              # samples
     uint32_t parent_changes     # as in a History, as are the next but two
     uint64_t data_start         # of the stamps, from the beginning of the file; 0 without samples
-    uint64_t checksum           # of stamps and samples, with what fills the last line of the stamps
+    uint64_t reserved
     int64_t oldest_ns
     int64_t newest_ns
 
@@ -85,10 +86,8 @@ cdef void frozen_header_begin(FrozenHeader* header) noexcept nogil
 cdef const char* frozen_check_format(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil
 # NULL, or why it is not the header of a file of this size.
 cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil
-# Whether header and index are those of a file of the size of the mapping, which holds a header at least. If
-# `stop` says yes, this and frozen_read return some problem.
-cdef FrozenProblem frozen_check_index(const FileMapping* mapping, StopAsked stop) noexcept nogil
+# Whether header and index are those of a file of the size of the mapping, which holds a header at least.
+cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil
 # Makes a tree whose histories lie in the mapping, after frozen_check_index. `checks_samples`: refuse samples
 # that no tree holds; without it, they must have been checked before. tree_free is due in any case.
-cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, StopAsked stop,
-                               Tree* tree) noexcept nogil
+cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* tree) noexcept nogil

@@ -612,9 +612,6 @@ cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const 
     return HISTORY_INSERTED
 
 
-cdef const char* STOPPED = "it was not checked to its end"
-
-
 cdef const char* _transform_check(const Transform* transform) noexcept nogil:
     cdef const double* t = transform.translation
     cdef const double* q = transform.rotation
@@ -628,7 +625,7 @@ cdef const char* _transform_check(const Transform* transform) noexcept nogil:
     return NULL
 
 
-cdef const char* history_check(const History* history, StopAsked stop, uint32_t* where) noexcept nogil:
+cdef const char* history_check(const History* history, uint32_t* where) noexcept nogil:
     cdef uint32_t i, slot
     cdef uint32_t previous = 0
     cdef uint32_t changes = 0
@@ -647,8 +644,6 @@ cdef const char* history_check(const History* history, StopAsked stop, uint32_t*
         return "its static record is inconsistent"
     for i in range(history.count):
         where[0] = i
-        if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop != NULL and stop():
-            return STOPPED
         slot = _history_slot(history, i)
         if history.stamps[slot] < 0 or history.stamps[slot] > MAX_STAMP_NS:
             return "its stamp does not fit into a message"

@@ -268,11 +268,9 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
                                   HistoryChange* change) noexcept nogil
 cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const Sample* sample,
                                       size_t growth_limit, HistoryChange* change) noexcept nogil
-cdef enum:
-    CHECKED_AT_ONCE = 1 << 20   # samples, in some tens of milliseconds, until `stop` is asked again
 
 # NULL, or which invariant does not hold; `where` is then the index of the sample, or `count`: of none.
-cdef const char* history_check(const History* history, StopAsked stop, uint32_t* where) noexcept nogil
+cdef const char* history_check(const History* history, uint32_t* where) noexcept nogil
 
 
 # Copying it into flat arrays.

@@ -365,15 +365,12 @@ cdef size_t tree_bytes(const Tree* tree) noexcept nogil:
             + tree.capacity * (sizeof(History) + sizeof(uint32_t)))
 
 
-cdef const char* _check_parents(const Tree* tree, FrameId frame, StopAsked stop,
-                                uint32_t* where) noexcept nogil:
+cdef const char* _check_parents(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil:
     cdef const History* history = &tree.histories[frame]
     cdef FrameId parent
     cdef uint32_t i
     for i in range(tree_links(history)):
         where[0] = i
-        if i % CHECKED_AT_ONCE == CHECKED_AT_ONCE - 1 and stop != NULL and stop():
-            return STOPPED
         parent = history_parent_of(history, i)
         if parent >= tree.names.count:
             return "its parent is not a frame"
@@ -386,10 +383,9 @@ cdef const char* _check_parents(const Tree* tree, FrameId frame, StopAsked stop,
     return NULL
 
 
-cdef const char* tree_check_frame(const Tree* tree, FrameId frame, StopAsked stop,
-                                  uint32_t* where) noexcept nogil:
+cdef const char* tree_check_frame(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil:
     cdef const History* history = &tree.histories[frame]
-    cdef const char* problem = history_check(history, stop, where)
+    cdef const char* problem = history_check(history, where)
     cdef uint32_t expected
     if problem != NULL:
         return problem
@@ -400,7 +396,7 @@ cdef const char* tree_check_frame(const Tree* tree, FrameId frame, StopAsked sto
         return "its parent differs from its newest sample"
     if history.authority != NAME_UNKNOWN and history.authority >= tree.authorities.count:
         return "an authority that is not a name"
-    return _check_parents(tree, frame, stop, where)
+    return _check_parents(tree, frame, where)
 
 
 cdef const char* tree_check(const Tree* tree) noexcept nogil:
@@ -419,7 +415,7 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
     if tree.histories[0].kind != HISTORY_NONE:
         return "the reserved frame has a history"
     for id in range(tree.names.count):
-        problem = tree_check_frame(tree, id, NULL, &where)
+        problem = tree_check_frame(tree, id, &where)
         if problem != NULL:
             return problem
         hidden += tree.histories[id].is_hidden

@@ -114,6 +114,5 @@ cdef void tree_unpin(PinnedTree* pinned) noexcept nogil
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
 # NULL, or which invariant does not hold.
 cdef const char* tree_check(const Tree* tree) noexcept nogil
-# The same for one frame; `stop` and `where`: as in history_check.
-cdef const char* tree_check_frame(const Tree* tree, FrameId frame, StopAsked stop,
-                                  uint32_t* where) noexcept nogil
+# The same for one frame; `where`: as in history_check.
+cdef const char* tree_check_frame(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil

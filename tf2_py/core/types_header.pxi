@@ -26,10 +26,6 @@ cdef extern from *:
     const int64_t YEAR_NS "TF2_YEAR_NS"
 
 
-# Asked now and then by what may take seconds: whether to give up. NULL: nobody wants it to.
-ctypedef bint (*StopAsked)() noexcept nogil
-
-
 cdef struct Transform:
     double translation[3]   # x y z in meters: the child's origin in the parent
     double rotation[4]      # x y z w: unit quaternion, child to parent

@@ -31,7 +31,7 @@ cdef void _number_frames(const Tree* view, NumberedFrames* frames) noexcept nogi
 
 cdef void _fill_frame(FrozenFrame* record, const History* history, uint32_t authority, const FrameId* ids,
                       uint64_t* data_end) noexcept nogil:
-    # With all but its name and the checksum of its samples, of which it has some.
+    # With all but its name; it has samples.
     record.kind = history.kind
     record.authority = authority
     record.newest_parent = ids[history_newest_parent(history)]
@@ -93,28 +93,25 @@ cdef bytearray _index_of(const Tree* view, const NumberedFrames* frames, list na
 
 
 cdef int _write_samples(const History* history, const FrameId* ids, char* chunk, file,
-                        uint64_t* sum_of_samples) except -1:
+                        Checksum* checksum) except -1:
     # `chunk` has room for CHUNK_SAMPLES samples.
-    cdef Checksum checksum
     cdef uint32_t first, count
     cdef size_t size
-    checksum_begin(&checksum)
     for first in range(0, history.count, CHUNK_SAMPLES):
         count = min(history.count - first, <uint32_t>CHUNK_SAMPLES)
         size = frozen_stamp_bytes(count)
         with nogil:
             memset(chunk, 0, size)
             history_copy_stamps(history, first, count, <int64_t*>chunk)
-            checksum_add(&checksum, chunk, size)
+            checksum_add(checksum, chunk, size)
         file.write(PyMemoryView_FromMemory(chunk, size, PyBUF_READ))
     for first in range(0, history.count, CHUNK_SAMPLES):
         count = min(history.count - first, <uint32_t>CHUNK_SAMPLES)
         size = count * sizeof(Sample)
         with nogil:
             history_copy_samples(history, first, count, ids, <Sample*>chunk)
-            checksum_add(&checksum, chunk, size)
+            checksum_add(checksum, chunk, size)
         file.write(PyMemoryView_FromMemory(chunk, size, PyBUF_READ))
-    sum_of_samples[0] = checksum_end(&checksum)
     return 0
 
 
@@ -122,14 +119,15 @@ cdef int _write(const Tree* view, const NumberedFrames* frames, char* chunk, fil
                 list authorities) except -1:
     cdef bytearray index = _index_of(view, frames, names, authorities)
     cdef FrozenHeader* header = <FrozenHeader*>PyByteArray_AS_STRING(index)
-    cdef FrozenFrame* records = <FrozenFrame*>(header + 1)
+    cdef Checksum checksum
     cdef FrameId id
-    # The samples' checksums are only known when they are written.
+    # The checksum of the samples is only known when they are written.
     file.write(index)
+    checksum_begin(&checksum)
     for id in range(1, view.names.count):
         if view.histories[id].count:
-            _write_samples(&view.histories[id], frames.ids, chunk, file,
-                           &records[frames.ids[id] - 1].checksum)
+            _write_samples(&view.histories[id], frames.ids, chunk, file, &checksum)
+    header.samples_checksum = checksum_end(&checksum)
     header.checksum = frozen_checksum(header, header.index_bytes)
     file.seek(0)
     file.write(index)
@@ -169,15 +167,11 @@ cdef extern from "Python.h":
 
 
 cdef bint _is_interrupted() noexcept nogil:
-    # Whether a handler of a signal, such as Ctrl-C, has raised. _require_not_interrupted passes that on.
+    # Whether a handler of a signal, such as Ctrl-C, has raised. _require_read passes that on.
     cdef bint is_raised
     with gil:
         is_raised = check_signals() != 0
     return is_raised
-
-
-cdef int _require_not_interrupted() except -1:
-    return -1 if PyErr_Occurred() != NULL else 0
 
 
 cdef enum:
@@ -220,7 +214,8 @@ cdef object _damaged(str path, str problem):
 
 
 cdef int _require_read(int problem, str path) except -1:
-    _require_not_interrupted()
+    if PyErr_Occurred() != NULL:
+        return -1
     if problem == ENOMEM:
         raise MemoryError
     if problem == HAS_SHRUNK:
@@ -259,7 +254,6 @@ cdef FileMapping* _map(int descriptor, size_t size, bint is_copy, str path) exce
 cdef int _require_sound(str path, const FileMapping* mapping, FrozenProblem problem) except -1:
     cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
     cdef const FrozenFrame* record
-    _require_not_interrupted()
     if problem.text == NULL:
         return 0
     if problem.text[0] == 0:
@@ -297,7 +291,7 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
                       or facts.st_mtime_ns != expected.modified_ns)
     try:
         with nogil:
-            problem = frozen_check_index(mapping, _is_interrupted)
+            problem = frozen_check_index(mapping)
         _require_sound(name, mapping, problem)
         found = frozen_origin.FrozenFile(
             name, (<const FrozenHeader*>mapping.start).checksum, facts.st_size, facts.st_mtime_ns,
@@ -307,7 +301,7 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
             text = "it has changed since the buffer was pickled or copied"
             raise ValueError(f"{printable(name)}: {text}")
         with nogil:
-            problem = frozen_read(mapping, checks_samples, _is_interrupted, tree)
+            problem = frozen_read(mapping, checks_samples, tree)
             if problem.text != NULL:
                 tree_free(tree)
         _require_sound(name, mapping, problem)

@@ -19,12 +19,12 @@ _path = Path(_folder.name, "frozen.tf2")
 
 
 def run(data: bytes) -> None:
-    """Open a file as it is, and with the right size and checksums, which a fuzzer cannot find."""
+    """Open a file as it is, and with the right size and checksum, which a fuzzer cannot find."""
     _open(data)
     if len(data) >= HEADER.size:
         file = FrozenFile(data)
         file.change_header(file_bytes=len(data))
-        file.renew_checksums()
+        file.renew_checksum()
         _open(bytes(file.data))
 
 

@@ -35,7 +35,6 @@ PROJECT, TOOLS_PROJECT = (
 RELEASES = {"jazzy": "ros", "kilted": "ros-kilted"}  # with the extra that installs each
 
 OLDEST = "3.10"
-OLDEST_EXTRAS = ["scipy"]
 OLDEST_EXTRAS_OF_TOOLS = ["cli", "plot", "bag", "fleet"]
 OLDEST_OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect", "mcap-ros2-support"]
 
@@ -167,7 +166,7 @@ def wheel(python, version, source):
 
 def oldest_requirements():
     """The lower bound of all that the project requires, for pip; what has none is not limited."""
-    lists = [PROJECT["dependencies"], *(PROJECT["optional-dependencies"][extra] for extra in OLDEST_EXTRAS)]
+    lists = [PROJECT["dependencies"]]
     lists += [TOOLS_PROJECT["optional-dependencies"][extra] for extra in OLDEST_EXTRAS_OF_TOOLS]
     bounds = {}
     for requirement in (Requirement(text) for texts in lists for text in texts):
@@ -186,9 +185,7 @@ def tested(python, version, release, wheels, requirements, of_pytest):
         of the tests' own only what all of them use.
     """
     usable = environment_of(python, SCRATCH / f"environment-{version}-{release}")
-    extras, of_tools = (
-        (["test"], ["test-all"]) if requirements is None else (OLDEST_EXTRAS, OLDEST_EXTRAS_OF_TOOLS)
-    )
+    extras, of_tools = (["test"], ["test-all"]) if requirements is None else ([], OLDEST_EXTRAS_OF_TOOLS)
     engine, messages, tools = wheels
     wanted = [f"tf2-ros-cython[{','.join([RELEASES[release], *extras])}] @ file://{engine}"]
     wanted += [f"tf2-ros-tools[{','.join(of_tools)}] @ file://{tools}"]

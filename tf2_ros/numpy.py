@@ -1,8 +1,7 @@
-"""Convert between messages and NumPy, SciPy and data frames: matrices, arrays, columns."""
+"""Convert between messages and NumPy and data frames: matrices, arrays, columns."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
 from copy import deepcopy
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
@@ -30,19 +29,15 @@ from tf2_ros._message_classes import (
 )
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
-
     from tf2_py.typing import TimesLike
 
 __all__ = [
     "from_matrix",
-    "from_rotation",
     "propagate",
     "to_arrays",
     "to_columns",
     "to_matrix",
     "to_nanoseconds",
-    "to_rotation",
 ]
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -168,58 +163,6 @@ def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, 
     if isinstance(transforms, np.ndarray) and (transforms.ndim != 1 or transforms.dtype != object):
         return _translations_and_rotations(_matrices(transforms))
     return _arrays([numbers_of(msg) for msg in transforms])
-
-
-def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotation:
-    """
-    Make SciPy's rotation of a message or of arrays.
-
-    :param rotations: a message as for :func:`to_matrix`, a ``Quaternion`` or a ``QuaternionStamped``, or an
-        object with the fields of one; an array of shape (4,) or (N, 4), x y z w; or a tuple
-        ``(translations, rotations)`` of arrays.
-    :return: one rotation, or N. A row of NaN becomes a rotation of NaN.
-    :raises ImportError: SciPy is not installed.
-    :raises TypeError: the type is wrong, or an element is not a number.
-    :raises ValueError: the shape is wrong, or the length of a rotation is zero or not finite.
-
-    >>> from tf2_ros.numpy import to_rotation
-    >>> to_rotation([0.0, 0.0, 1.0, 1.0]).apply([1.0, 0.0, 0.0]).round(6).tolist()  # a quarter turn
-    [0.0, 1.0, 0.0]
-    """
-    try:
-        from scipy.spatial.transform import Rotation
-    except ModuleNotFoundError as missing:
-        if missing.name != "scipy":
-            raise
-        raise ModuleNotFoundError(
-            f"to_rotation needs SciPy, which {sys.executable} does not have: with that Python, pip install "
-            "scipy, or the extra of this project, 'tf2-ros-cython[scipy]'",
-            name="scipy",
-        ) from None
-
-    # Not by from_quat, which refuses NaN. The rows already have the length one.
-    return Rotation(_rotations(rotations), normalize=False)
-
-
-def from_rotation(rotation: Rotation) -> Quaternion:
-    """
-    Convert one of SciPy's rotations to a message.
-
-    :param rotation: a single rotation.
-    :return: a new ``Quaternion``, of length one and with w >= 0.
-    :raises ValueError: there are several rotations (use ``rotation.as_quat()`` for an array), or it is NaN.
-
-    >>> from scipy.spatial.transform import Rotation
-    >>> from tf2_ros.numpy import from_rotation
-    >>> from_rotation(Rotation.identity()).w
-    1.0
-    """
-    quaternion = np.asarray(rotation.as_quat())
-    if quaternion.shape != (4,):
-        raise ValueError(f"rotation: expected one rotation, got {len(quaternion)}; use as_quat() for arrays")
-    message = Quaternion()
-    _set_quaternion(message, _unit(quaternion))
-    return message
 
 
 @overload
@@ -377,22 +320,6 @@ def _pair(transforms: tuple[Any, ...]) -> tuple[Array, Array]:
             f"got {translations.shape} and {rotations.shape}"
         )
     return translations, _unit(rotations)
-
-
-def _rotations(value: Any) -> Array:
-    if isinstance(value, tuple) and len(value) == 2:
-        return _pair(value)[1]
-    # First, because a data frame has a method `transform`.
-    if isinstance(value, Sequence) or hasattr(value, "__array__"):
-        rotations = _floats(value, OF_ARRAYS)
-        if rotations.shape[-1:] != (4,):
-            raise ValueError(f"rotations: expected the shape (N, 4), got {rotations.shape}")
-        return _unit(rotations)
-    q = getattr(value, "quaternion", value)
-    if hasattr(q, "w"):
-        rotation: Array = _arrays([(0.0, 0.0, 0.0, q.x, q.y, q.z, q.w)])[1][0]
-        return rotation
-    return _one(value)[1]
 
 
 def _unit(rotations: Array) -> Array:

@@ -29,7 +29,6 @@ def public():
 
 
 PUBLIC = public()
-OF_SCIPY = ("from_rotation", "to_rotation")
 CLASSES = [name for name, thing in PUBLIC.items() if inspect.isclass(thing)]
 
 
@@ -67,16 +66,8 @@ def test_a_function_of_arrays_has_an_example(name):
     assert examples(PUBLIC[name])
 
 
-def with_examples():
-    """The names whose docstrings have one."""
-    for name in filter(lambda name: examples(PUBLIC[name]), PUBLIC):
-        yield pytest.param(name, marks=[pytest.mark.long("needs SciPy")] if name in OF_SCIPY else [])
-
-
-@pytest.mark.parametrize("name", [*with_examples()])
+@pytest.mark.parametrize("name", [name for name in PUBLIC if examples(PUBLIC[name])])
 def test_an_example_runs_and_prints_what_it_says(name):
-    if name in OF_SCIPY:
-        pytest.importorskip("scipy")
     with spun_node("example") as node:
         assert faults(examples(PUBLIC[name]), {"node": node}) == []
 

@@ -81,7 +81,7 @@ def test_the_setuptools_of_ubuntu_22_is_refused_as_colcon_runs_it(monkeypatch):
 def test_numpy_is_all_that_an_install_without_extras_needs():
     requirements = importlib.metadata.requires("tf2-ros-cython")
     assert [text for text in requirements if "extra ==" not in text] == ["numpy>=1.21"]
-    assert {"ros", "ros-kilted", "scipy", "test", "docs", "dev"} == set(
+    assert {"ros", "ros-kilted", "test", "docs", "dev"} == set(
         importlib.metadata.metadata("tf2-ros-cython").get_all("Provides-Extra")
     )
 

@@ -28,7 +28,7 @@ NEED_ROS = [
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     project = PYPROJECT["project"]
-    wanted = ["pytest", "hypothesis", *project["dependencies"], *project["optional-dependencies"]["scipy"]]
+    wanted = ["pytest", "hypothesis", *project["dependencies"]]
     return make_world(tmp_path_factory.mktemp("without_ros"), wanted)
 
 

@@ -88,7 +88,7 @@ def program(page):
     return "\n".join(lines)
 
 
-LIBRARIES = {"pandas": r"^import pandas", "scipy": r"^from scipy|to_rotation\("}
+LIBRARIES = {"pandas": r"^import pandas", "scipy": r"^from scipy"}
 
 
 def libraries_of(page):

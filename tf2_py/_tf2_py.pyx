@@ -45,7 +45,7 @@ from numbers import Integral, Real
 from stat import S_ISREG
 from threading import get_ident, main_thread
 
-from tf2_py._objects import errors, frozen_origin, listings, log, pickle_parts
+from tf2_py._objects import errors, frozen_origin, listings, log
 # Programs also import them from tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,
@@ -307,10 +307,7 @@ cdef class BufferCore(Engine):
     # Travelling: pickles, copies, files.
 
     def __reduce__(self):
-        state = self.__getstate__()
-        if type(state) is dict and "stamps" in state:
-            state = pickle_parts.DividedState(state)
-        return _without_init, (type(self),), state
+        return _without_init, (type(self),), self.__getstate__()
 
     def __getstate__(self) -> dict[str, Any]:
         """

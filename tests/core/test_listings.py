@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from making_objects import S, at, at_ns, transform
 
 from tf2_py import BufferCore
-from tf2_py._objects import listings
 
 
 @pytest.fixture
@@ -104,7 +103,7 @@ def test_the_tree_of_a_long_chain_is_complete_and_not_indented_without_end(buffe
 
 @pytest.fixture
 def wide(buffer):
-    """More frames than are listed in one step, of three parents, in no alphabetical order."""
+    """Many frames, of three parents, in no alphabetical order."""
     order = random.Random(1).sample(range(9000), 9000)
     buffer.set_transforms([transform(f"p{i % 3}", f"f{i:04}", 1 + i) for i in order], "x")
     return buffer, order
@@ -125,17 +124,6 @@ def test_listings_of_many_frames_are_complete_and_in_order(wide):
         line for p in range(3) for line in (f"p{p}", *[f"  f{i:04}" for i in range(9000) if i % 3 == p])
     ]
     assert "9003 frames, 9000 samples over 8999.0 s" in repr(buffer)
-
-
-@pytest.mark.ours
-def test_a_listing_lets_other_threads_run(wide, monkeypatch):
-    calls = []
-    monkeypatch.setattr(listings, "let_others_run", lambda: calls.append(None))
-    wide[0].__getstate__()  # learns names and makes lists, in steps of 1024
-    assert len(calls) >= 2 * 9000 // 1024
-    calls.clear()
-    wide[0].__getstate__()
-    assert len(calls) >= 9000 // 1024
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import io
 import pickle
-import pickletools
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from pickles_and_copies import BY_FILE, HISTORIES, WAYS, check_copy, filled
 from rclpy.duration import Duration
 
 from tf2_py import BufferCore
-from tf2_py._objects import pickle_parts
 from tf2_ros import Buffer, TransformListener
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
@@ -88,18 +86,6 @@ def large():
 def test_a_large_buffer_travels(travel):
     buffer = large()
     check_copy(travel(buffer), buffer)
-
-
-@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
-def test_other_threads_run_between_the_parts_of_a_pickle(protocol, monkeypatch):
-    # Loading a part calls a function in Python; each argument in a pickle is written and loaded in C.
-    calls = []
-    data = pickle.dumps(large(), protocol)
-    monkeypatch.setattr(pickle_parts, "part", lambda *slices: calls.append(len(slices)) or slices)
-    assert max(len(arg) for _, arg, _ in pickletools.genops(data) if hasattr(arg, "__len__")) < 2_000_000
-    assert len(data) > 2_500_000
-    pickle.loads(data)
-    assert len(calls) == 5  # of 4,501 names
 
 
 # What a program's own classes add.

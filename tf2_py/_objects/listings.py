@@ -2,8 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain, islice
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tf2_py._objects.errors import NS_PER_S, class_name, seconds
 from tf2_py.printable import counted, printable
@@ -16,50 +15,9 @@ if TYPE_CHECKING:
 SHORTEST_SPAN_NS = 100_000  # a shorter history counts as this long when its rate is worked out
 UNQUOTED_KEY = re.compile(r"[^\W\d][\w.-]*")
 LONGEST_SIMPLE_KEY = 1000  # YAML looks for the colon within 1024 characters
-AT_ONCE = 4096  # texts joined, or sorted, in one call in C, which keeps the GIL
 INDENT = "  "  # of the tree
 MAX_DEPTH = 40  # deeper frames are not indented further
 YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
-
-_Element = TypeVar("_Element")
-
-
-# Listings of many frames are made in steps, between which other threads run.
-
-
-def let_others_run() -> None:
-    """
-    Do nothing. When the interpreter calls this, it passes the GIL on if another thread has waited for 5 ms.
-
-    Releasing the GIL in C would not help: the other thread would find it taken again, and wait anew.
-    """
-
-
-def consumed(elements: list[_Element]) -> Iterator[_Element]:
-    """Iterate over the elements, and empty the list."""
-    elements.reverse()
-    while elements:
-        yield elements.pop()
-
-
-def _joined(lines: Iterator[str]) -> str:
-    """As ``"".join(lines)``; no line is empty."""
-    parts = []
-    while part := "".join(islice(lines, AT_ONCE)):
-        parts.append(part)
-    return "".join(parts)
-
-
-def _sorted(names: Iterable[str]) -> list[str]:
-    """As ``sorted(names)``."""
-    unsorted = iter(names)
-    runs = []
-    while run := sorted(islice(unsorted, AT_ONCE)):
-        runs.append(run)
-    while len(runs) > 1:
-        # Timsort merges two that are sorted.
-        runs = [sorted(chain(*runs[i : i + 2])) for i in range(0, len(runs), 2)]
-    return runs[0] if runs else []
 
 
 def stored_name(name: str) -> str:
@@ -161,8 +119,7 @@ def as_frame(f: FrameFacts) -> FrameInfo:
 
 def histories(state: dict[str, Any]) -> Iterator[History]:
     """
-    The histories that are not empty, from a state that ``BufferCore.__getstate__`` returned, and whose frames
-    this consumes.
+    The histories that are not empty, from a state that ``BufferCore.__getstate__`` returned.
 
     The numbers are views of the arrays in the state.
     """
@@ -172,7 +129,7 @@ def histories(state: dict[str, Any]) -> Iterator[History]:
     for i, name in enumerate(state["parent_names"]):
         parent_names[i] = stored_name(name)
     end = 0
-    for name, is_static, _, count in consumed(state["frames"]):
+    for name, is_static, _, count in state["frames"]:
         begin, end = end, end + count
         transforms = state["transforms"][begin:end]
         parents = parent_names[state["parents"][begin:end]]
@@ -180,7 +137,7 @@ def histories(state: dict[str, Any]) -> Iterator[History]:
         yield History(stored_name(name), is_static, parents, stamps_ns, transforms[:, :3], transforms[:, 3:])
 
 
-def as_line(kind: type, counts: dict[str, Any], facts: Iterator[FrameFacts]) -> str:
+def as_line(kind: type, counts: dict[str, Any], facts: Iterable[FrameFacts]) -> str:
     """
     What ``repr`` shows of a buffer, with the time from its oldest to its newest dynamic sample.
 
@@ -216,9 +173,9 @@ def _escaped(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
-def as_yaml(frames: Iterator[FrameFacts]) -> str:
+def as_yaml(frames: Iterable[FrameFacts]) -> str:
     """Write one mapping per frame with data; ``[]`` if there are none."""
-    return _joined(_yaml_mapping(f, f.parent) for f in frames if f.parent is not None) or "[]"
+    return "".join(_yaml_mapping(f, f.parent) for f in frames if f.parent is not None) or "[]"
 
 
 def _yaml_mapping(f: FrameFacts, parent: str) -> str:
@@ -233,10 +190,10 @@ def _yaml_mapping(f: FrameFacts, parent: str) -> str:
     )
 
 
-def as_string(frames: Iterator[FrameFacts]) -> str:
+def as_string(frames: Iterable[FrameFacts]) -> str:
     """Write one sentence per frame that was ever a child."""
     pairs = ((printable(f.name), printable(f.parent or "NO_PARENT")) for f in frames)
-    return _joined(f"Frame {name} exists with parent {parent}.\n" for name, parent in pairs)
+    return "".join(f"Frame {name} exists with parent {parent}.\n" for name, parent in pairs)
 
 
 def _dot_quoted(text: str) -> str:
@@ -244,9 +201,9 @@ def _dot_quoted(text: str) -> str:
     return '"' + _escaped(printable(text)) + '"'
 
 
-def as_dot(frames: Iterator[FrameFacts], time_ns: int) -> str:
+def as_dot(frames: Iterable[FrameFacts], time_ns: int) -> str:
     """Write a Graphviz digraph with an edge to each frame with data; ages at ``time_ns`` unless 0."""
-    edges = _joined(_dot_edge(f, f.parent, time_ns) for f in frames if f.parent is not None)
+    edges = "".join(_dot_edge(f, f.parent, time_ns) for f in frames if f.parent is not None)
     legend = (
         'subgraph cluster_legend { style=bold; color=black; label="view_frames Result";\n'
         f'"Recorded at time: {_microseconds(time_ns)}"[shape=plaintext];\n'
@@ -278,7 +235,7 @@ def tree_text(frames: Mapping[str, FrameInfo]) -> str:
     Frames whose parents form a loop follow the trees. The loop begins at the frame whose name comes first in
     the alphabet, which is marked.
     """
-    return _joined(f"{line}\n" for line in _tree_lines(frames)).removesuffix("\n") or "no frames"
+    return "".join(f"{line}\n" for line in _tree_lines(frames)).removesuffix("\n") or "no frames"
 
 
 def _tree_lines(frames: Mapping[str, FrameInfo]) -> Iterator[str]:
@@ -286,13 +243,12 @@ def _tree_lines(frames: Mapping[str, FrameInfo]) -> Iterator[str]:
     for name, info in frames.items():
         if info.parent is not None:
             children.setdefault(info.parent, []).append(name)
-    # Not by operations on sets, which are in C.
     roots = [name for name, info in frames.items() if info.parent is None]
-    roots += [name for name in children if name not in frames]
+    roots += children.keys() - frames.keys()
     shown: set[str] = set()
-    for name in _sorted(roots):
+    for name in sorted(roots):
         yield from _subtree(name, "", frames, children, shown)
-    for name in _sorted(name for name in frames if name not in shown):
+    for name in sorted(frames.keys() - shown):
         if name not in shown:
             yield from _subtree(_first_of_loop(name, frames), " (loop)", frames, children, shown)
 
@@ -310,7 +266,7 @@ def _subtree(
         name, depth, mark = waiting.pop()
         again = name in shown and not mark
         shown.add(name)
-        below = [] if again else _sorted(children.get(name, []))
+        below = [] if again else sorted(children.get(name, []))
         end = " (loop)" if again else mark
         yield INDENT * min(depth, MAX_DEPTH) + printable(name) + _facts(frames.get(name)) + end
         waiting += [(child, depth + 1, "") for child in reversed(below)]

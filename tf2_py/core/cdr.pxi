@@ -155,7 +155,6 @@ cdef void batch_free(Batch* batch) noexcept nogil:
     if batch.capacity:
         free(batch.entries)
     free(batch.names)
-    history_drop_move(&batch.move)
     batch.entries = NULL
     batch.names = NULL
     batch.count = batch.capacity = batch.names_capacity = 0
@@ -165,7 +164,6 @@ cdef void batch_begin(Batch* batch) noexcept nogil:
     batch.done = batch.taken = batch.refused = batch.unnormalised = 0
     batch.no_memory = batch.needs_report = False
     batch.in_1970_ns = 0
-    batch.move.capacity = 0
     batch.problem = NULL
     links_init(&batch.ready)
 

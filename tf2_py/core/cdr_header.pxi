@@ -15,7 +15,6 @@ cdef struct Batch:
     size_t count                # entries in use
     size_t capacity             # entries allocated; 0: `entries` is not the batch's own
     size_t done                 # progress: entries tried
-    HistoryMove move            # progress: it must end before the next entry
     const char* authority       # UTF-8, owned by the caller that fills the batch
     size_t authority_size       # bytes
     bint is_static              # all entries are static transforms

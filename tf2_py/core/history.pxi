@@ -73,86 +73,40 @@ cdef uint32_t _pinned_before_head(const History* history) noexcept nogil:
     return history.head + history.capacity - pinned_from
 
 
-cdef void _begin_move(const History* history, uint32_t capacity, HistoryMove* move) noexcept nogil:
-    move.capacity = capacity
-    move.is_optional = False
-    move.memory = NULL
-    history_pin(history, &move.pinned)
-
-
-cdef int history_copy_move(HistoryMove* move) noexcept nogil:
-    cdef const History* old = &move.pinned
-    cdef size_t bytes = _memory_bytes(move.capacity)
-    cdef uint32_t first = min(old.count, old.capacity - old.head)
+cdef HistoryInsert _move(History* history, uint32_t capacity, size_t growth_limit) noexcept nogil:
+    # Moves the samples to new memory for `capacity` of them, at least `count`. HISTORY_INSERTED; or
+    # HISTORY_FULL or HISTORY_NO_MEMORY, and nothing has changed. `growth_limit`: by how many bytes the memory
+    # may grow.
+    cdef size_t bytes = _memory_bytes(capacity)
+    cdef uint32_t first = min(history.count, history.capacity - history.head)
+    cdef HistoryMemory* memory
     cdef int64_t* stamps
     cdef Sample* samples
-    move.memory = <HistoryMemory*>aligned_alloc(LINE_BYTES, bytes)
-    if move.memory == NULL:
-        return -1
-    move.memory.owners = 1
-    move.memory.bytes = bytes
-    move.memory.mapping = NULL
-    if old.count:
-        stamps, samples = _stamps_in(move.memory), _samples_in(move.memory, move.capacity)
-        memcpy(stamps, old.stamps + old.head, first * sizeof(int64_t))
-        memcpy(stamps + first, old.stamps, (old.count - first) * sizeof(int64_t))
-        memcpy(samples, old.samples + old.head, first * sizeof(Sample))
-        memcpy(samples + first, old.samples, (old.count - first) * sizeof(Sample))
-    return 0
-
-
-cdef void history_end_move(History* history, HistoryMove* move, size_t growth_limit) noexcept nogil:
-    # While the memory is pinned, others have only pruned samples, which moves the head forwards, and added
-    # some behind the newest. Anything else gave the history other memory.
-    cdef History old = history[0]
-    cdef uint32_t pruned, copied, i, source, target
-    if (move.memory == NULL or old.memory != move.pinned.memory or old.count > move.capacity
-            or move.memory.bytes > history_allocated(history) + growth_limit):
-        return
-    pruned = old.head - move.pinned.head if old.head >= move.pinned.head \
-        else old.head + old.capacity - move.pinned.head
-    copied = min(move.pinned.count - min(pruned, move.pinned.count), old.count)
-    history.memory = move.memory
-    history.stamps = _stamps_in(move.memory)
-    history.samples = _samples_in(move.memory, move.capacity)
-    history.capacity = move.capacity
-    history.head = pruned % move.capacity
-    for i in range(copied, old.count):
-        source, target = _history_slot(&old, i), _history_slot(history, i)
-        history.stamps[target] = old.stamps[source]
-        history.samples[target] = old.samples[source]
-    move.memory = NULL
-    _release(old.memory)        # which is still pinned
-
-
-cdef void history_drop_move(HistoryMove* move) noexcept nogil:
-    if move.capacity:
-        move.capacity = 0
-        _release(move.pinned.memory)
-        _release(move.memory)
-
-
-cdef HistoryInsert _move(History* history, uint32_t capacity, size_t growth_limit,
-                         HistoryMove* later) noexcept nogil:
-    # Moves the samples to new memory for `capacity` of them, at least `count`. HISTORY_INSERTED; or
-    # HISTORY_FULL, HISTORY_NO_MEMORY or HISTORY_MUST_MOVE, and nothing has changed. `growth_limit`: by how
-    # many bytes the memory may grow. `later`: as in history_insert.
-    cdef HistoryMove move
-    cdef int problem
-    if _memory_bytes(capacity) > history_allocated(history) + growth_limit:
+    if bytes > history_allocated(history) + growth_limit:
         return HISTORY_FULL
-    if later != NULL and history.count > MOVED_AT_ONCE:
-        _begin_move(history, capacity, later)
-        return HISTORY_MUST_MOVE
-    _begin_move(history, capacity, &move)
-    problem = history_copy_move(&move)
-    history_end_move(history, &move, growth_limit)
-    history_drop_move(&move)
-    return HISTORY_INSERTED if problem == 0 else HISTORY_NO_MEMORY
+    memory = <HistoryMemory*>aligned_alloc(LINE_BYTES, bytes)
+    if memory == NULL:
+        return HISTORY_NO_MEMORY
+    memory.owners = 1
+    memory.bytes = bytes
+    memory.mapping = NULL
+    stamps, samples = _stamps_in(memory), _samples_in(memory, capacity)
+    if history.count:
+        memcpy(stamps, history.stamps + history.head, first * sizeof(int64_t))
+        memcpy(stamps + first, history.stamps, (history.count - first) * sizeof(int64_t))
+        memcpy(samples, history.samples + history.head, first * sizeof(Sample))
+        memcpy(samples + first, history.samples, (history.count - first) * sizeof(Sample))
+    _release(history.memory)
+    history.memory = memory
+    history.stamps = stamps
+    history.samples = samples
+    history.capacity = capacity
+    history.head = 0
+    return HISTORY_INSERTED
 
 
-cdef HistoryInsert history_reserve_one(History* history, bint at_the_end, size_t growth_limit,
-                                       HistoryMove* later) noexcept nogil:
+cdef HistoryInsert history_reserve_one(History* history, bint at_the_end,
+                                       size_t growth_limit) noexcept nogil:
     # Ensures a free slot behind the newest sample or, if not `at_the_end`, anywhere. Returns the same as
     # _move.
     cdef uint32_t capacity = history.capacity
@@ -168,13 +122,13 @@ cdef HistoryInsert history_reserve_one(History* history, bint at_the_end, size_t
         capacity += capacity // 2
     # One that was mapped may be smaller than that.
     capacity = max(capacity, <uint32_t>FIRST_CAPACITY)
-    outcome = _move(history, min(capacity, <uint32_t>LAST_CAPACITY), growth_limit, later)
+    outcome = _move(history, min(capacity, <uint32_t>LAST_CAPACITY), growth_limit)
     if outcome == HISTORY_FULL and history.count < history.capacity:
-        outcome = _move(history, max(history.capacity, <uint32_t>FIRST_CAPACITY), growth_limit, later)
+        outcome = _move(history, max(history.capacity, <uint32_t>FIRST_CAPACITY), growth_limit)
     return outcome
 
 
-cdef void history_shrink(History* history, HistoryMove* later) noexcept nogil:
+cdef void history_shrink(History* history) noexcept nogil:
     # Called after each insert. A burst leaves a large ring behind. It is halved after as many inserts as it
     # has slots, so that the copy costs O(1) per insert. Without memory for the smaller copy, the large ring
     # stays.
@@ -184,8 +138,7 @@ cdef void history_shrink(History* history, HistoryMove* later) noexcept nogil:
     history.mostly_empty_for += 1
     if history.mostly_empty_for > history.capacity:
         history.mostly_empty_for = 0
-        if _move(history, history.capacity // 2, 0, later) == HISTORY_MUST_MOVE:
-            later.is_optional = True
+        _move(history, history.capacity // 2, 0)
 
 
 cdef int history_map(History* history, FileMapping* mapping, const int64_t* stamps, const Sample* samples,
@@ -471,7 +424,7 @@ cdef HistoryInsert _change_kind(History* history, HistoryKind kind, uint32_t cap
     fresh.is_parent = history.is_parent
     fresh.is_hidden = history.is_hidden
     fresh.was_unnormalised = history.was_unnormalised
-    outcome = _move(&fresh, capacity, history_allocated(history) + growth_limit, NULL)
+    outcome = _move(&fresh, capacity, history_allocated(history) + growth_limit)
     if outcome == HISTORY_INSERTED:
         history_free(history)
         history[0] = fresh
@@ -534,7 +487,7 @@ cdef void _replace_last_of_stamp(History* history, uint32_t index, const Sample*
 
 
 cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Sample* sample,
-                                  const Retention* retention, size_t growth_limit, HistoryMove* later,
+                                  const Retention* retention, size_t growth_limit,
                                   HistoryChange* change) noexcept nogil:
     # As in tf2: prune against the newest stamp before this insert, then refuse what is older than that.
     cdef uint32_t index, i, slot
@@ -560,16 +513,16 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
         i -= 1
     if index - i >= MAX_PER_STAMP:
         if history_is_pinned(history):
-            outcome = _move(history, history.capacity, growth_limit, later)
+            outcome = _move(history, history.capacity, growth_limit)
         if outcome == HISTORY_INSERTED:
             _replace_last_of_stamp(history, index - 1, sample)
         return outcome
-    outcome = history_reserve_one(history, index == history.count, growth_limit, later)
+    outcome = history_reserve_one(history, index == history.count, growth_limit)
     if outcome == HISTORY_FULL and index == history.count:
         # Prune now what the next insert would prune, because without memory there would be no next insert.
         _prune(history, history_horizon(history, retention, stamp_ns))
         index = history.count
-        outcome = history_reserve_one(history, True, growth_limit, later)
+        outcome = history_reserve_one(history, True, growth_limit)
     if outcome != HISTORY_INSERTED:
         return outcome
     if index == 0 or index == history.count:
@@ -586,7 +539,7 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
     history.parent_changes += _differ(history, index, sample.parent)
     history.newest_ns = history_stamp_of(history, history.count - 1)
     history.oldest_ns = history.stamps[history.head]
-    history_shrink(history, later)
+    history_shrink(history)
     # Where the next sample goes: that memory has not been used for the whole cache time.
     __builtin_prefetch(&history.samples[_history_slot(history, history.count)])
     return HISTORY_INSERTED
@@ -600,7 +553,7 @@ cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const 
     if not was_static:
         outcome = _change_kind(history, HISTORY_STATIC, 1, growth_limit)
     elif history_is_pinned(history):
-        outcome = _move(history, 1, growth_limit, NULL)
+        outcome = _move(history, 1, growth_limit)
     if outcome != HISTORY_INSERTED:
         return outcome
     if not was_static or memcmp(&history.samples[0], sample, sizeof(Sample)) != 0:

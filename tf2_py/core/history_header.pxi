@@ -113,30 +113,6 @@ cdef enum HistoryInsert:
     HISTORY_TOO_OLD
     HISTORY_NO_MEMORY
     HISTORY_FULL              # the memory would have to grow by more than the limit allows
-    HISTORY_MUST_MOVE         # nothing was inserted, because a HistoryMove was begun
-
-cdef enum:
-    MOVED_AT_ONCE = 2048        # samples, which takes some tens of microseconds
-
-
-cdef struct HistoryMove:
-    # Many samples on their way to other memory. They are copied without the lock, so that others can read and
-    # write the history meanwhile; they cannot change what is copied, because it is pinned.
-    uint32_t capacity           # of the other memory, in samples; 0: nothing is moved, the rest is not set
-    FrameId frame               # for the tree
-    bint is_optional            # the history goes on without it
-    History pinned              # the history as it was at the beginning
-    HistoryMemory* memory       # the other memory, once they are there; NULL: not yet, or there is none
-
-# Without the lock. Copies the samples. 0, or -1 without memory.
-cdef int history_copy_move(HistoryMove* move) noexcept nogil
-# With the lock held. The history takes over the memory, if that was copied, is of what it has now, and grows
-# by no more bytes than the limit. Otherwise the history is unchanged, and whatever needed the move may begin
-# another one.
-cdef void history_end_move(History* history, HistoryMove* move, size_t growth_limit) noexcept nogil
-# Afterwards, or in place of both, and without the lock: freeing much memory takes long, too. No effect if
-# nothing is moved.
-cdef void history_drop_move(HistoryMove* move) noexcept nogil
 
 # Zero a History before its first use; history_free zeroes it again except for what the tree writes.
 cdef void history_free(History* history) noexcept nogil
@@ -261,10 +237,9 @@ cdef inline int64_t history_horizon(const History* history, const Retention* ret
 
 
 # `growth_limit`: by how many bytes the memory may grow. `change` is always filled.
-# `stamp_ns` >= 0, a unit rotation in `sample`. `later`: has no move yet, and gets one if more than
-# MOVED_AT_ONCE samples are to be moved; NULL: they are moved at once.
+# `stamp_ns` >= 0, a unit rotation in `sample`.
 cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Sample* sample,
-                                  const Retention* retention, size_t growth_limit, HistoryMove* later,
+                                  const Retention* retention, size_t growth_limit,
                                   HistoryChange* change) noexcept nogil
 cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const Sample* sample,
                                       size_t growth_limit, HistoryChange* change) noexcept nogil

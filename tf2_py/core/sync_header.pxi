@@ -193,7 +193,7 @@ cdef enum:
 # pthread_mutex_t does not keep the order: a thread that inserts slice after slice, and releases the lock in
 # between, would nearly always get it back before a thread that sleeps wakes up. With the order kept, a thread
 # waits for one turn of each thread before it. All hold the lock for tens of microseconds: longer work is done
-# in slices.
+# in slices, except that a long history moves to other memory in one go.
 #
 # Readers exclude each other, too. Nearly all of them hold the GIL while they read, so they could not read at
 # the same time in any case.

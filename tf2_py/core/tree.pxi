@@ -156,7 +156,7 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil:
 
 
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
-                          HistoryMove* later, Change* change) noexcept nogil:
+                          Change* change) noexcept nogil:
     cdef uint32_t refused = incoming_refusals(incoming)
     cdef FrameId child = NO_FRAME
     cdef FrameId parent = NO_FRAME
@@ -175,8 +175,8 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
                                change, &refused)
     if refused == 0:
         tree.last_child = child
-        refused = _insert(tree, child, parent, incoming, authority, is_static, later, change)
-    if refused == TREE_NO_MEMORY or refused == TREE_MUST_MOVE:
+        refused = _insert(tree, child, parent, incoming, authority, is_static, change)
+    if refused == TREE_NO_MEMORY:
         # No other thread has seen them.
         names_drop(&tree.names, known)
         return refused
@@ -188,7 +188,7 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
 
 
 cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming* incoming, uint32_t authority,
-                      bint is_static, HistoryMove* later, Change* change) noexcept nogil:
+                      bint is_static, Change* change) noexcept nogil:
     # As tree_insert, once the names have their ids.
     cdef History* history = &tree.histories[child]
     cdef Sample sample
@@ -205,8 +205,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     if is_static:
         outcome = history_set_static(history, incoming.stamp_ns, &sample, growth_limit, &changed)
     else:
-        outcome = history_insert(history, incoming.stamp_ns, &sample, &tree.retention, growth_limit, later,
-                                 &changed)
+        outcome = history_insert(history, incoming.stamp_ns, &sample, &tree.retention, growth_limit, &changed)
     tree.samples += history.count - <uint64_t>count
     tree.history_bytes += history_allocated(history) - bytes_before
     # In any case, the history may have been pruned.
@@ -225,19 +224,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
         return REFUSED_OLD
     if outcome == HISTORY_FULL:
         return REFUSED_BYTES
-    if outcome == HISTORY_MUST_MOVE:
-        return TREE_MUST_MOVE
     return TREE_NO_MEMORY if outcome == HISTORY_NO_MEMORY else 0
-
-
-cdef void tree_end_move(Tree* tree, HistoryMove* move) noexcept nogil:
-    cdef History* history
-    cdef size_t before
-    if move.frame < tree.names.count:
-        history = &tree.histories[move.frame]
-        before = history_allocated(history)
-        history_end_move(history, move, _bytes_left(tree))
-        tree.history_bytes += history_allocated(history) - before
 
 
 cdef bint tree_mark_unnormalised(Tree* tree) noexcept nogil:

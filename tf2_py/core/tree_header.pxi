@@ -5,7 +5,6 @@
 cdef enum:
     # What tree_insert returns beside REFUSED_* bits:
     TREE_NO_MEMORY = 0x40000000     # there is no memory
-    TREE_MUST_MOVE = 0x20000000     # it is to be called again, once the move that it has begun has ended
 
 
 cdef struct Limits:
@@ -61,14 +60,11 @@ cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcep
 # Every reason to refuse a transform that does not depend on the tree: REFUSED_* bits. Strips one leading '/'
 # from the names and normalizes the rotation, both in `incoming`, and fills its `squared_length`.
 cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
-# Inserts a transform. 0, or REFUSED_* bits, or TREE_NO_MEMORY or TREE_MUST_MOVE, and the tree is unchanged
-# but for what was pruned. Changes `incoming` as incoming_refusals does. `later`: as in history_insert; a move
-# may also have begun where 0 is returned. `change` is always filled, because even a transform that is too old
-# adds its names; NULL: it is not needed.
+# Inserts a transform. 0, or REFUSED_* bits or TREE_NO_MEMORY, and the tree is unchanged but for what was
+# pruned. Changes `incoming` as incoming_refusals does. `change` is always filled, because even a transform
+# that is too old adds its names; NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
-                          HistoryMove* later, Change* change) noexcept nogil
-# As history_end_move, whatever has become of the frame, which was `last_child` when the move began.
-cdef void tree_end_move(Tree* tree, HistoryMove* move) noexcept nogil
+                          Change* change) noexcept nogil
 # Adds a frame whose name is unknown, regardless of the limits. NO_FRAME: there is no memory, or no free id.
 cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size) noexcept nogil
 # Gives a frame without samples a history, and takes that over. `parent`: of its newest sample.

@@ -173,17 +173,7 @@ cdef class Engine:
         cdef uint64_t work
         cdef int64_t left = SLICE
         cdef bint is_waking
-        cdef HistoryMove moved
-        moved.capacity = batch.move.capacity
-        if moved.capacity:
-            moved = batch.move
-            batch.move.capacity = 0
-            if history_copy_move(&moved) != 0 and not moved.is_optional:
-                batch.no_memory = True
         lock_acquire(&self._lock)
-        if moved.capacity:
-            # What needed it follows under the same lock: readers may pin the new memory, too.
-            tree_end_move(&self._tree, &moved)
         if batch.done < batch.count:
             # Each time, because the buffer may have been emptied meanwhile, with its names.
             authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
@@ -193,7 +183,7 @@ cdef class Engine:
             if is_waking or (self._waiters.ready != NULL and batch.done < batch.count):
                 wake_step(&self._waiters, &self._tree)
                 left -= INSERTS_PER_TRY
-            elif batch.move.capacity == 0 and batch.done < batch.count:
+            elif batch.done < batch.count:
                 work = self._tree.work
                 self._insert_next(batch, authority)
                 left -= <int64_t>(1 + self._tree.work - work)
@@ -204,12 +194,9 @@ cdef class Engine:
             self._waiters.in_1970_ns = 0
         batch.needs_report = (batch.refused > 0 or batch.unnormalised > 0 or batch.no_memory
                               or not links_empty(&batch.ready) or batch.in_1970_ns != 0)
-        batch.move.frame = self._tree.last_child
         is_waking = self._waiters.ready == &batch.ready
         unlock_written(&self._lock, &self._tree, &self._waiters)
-        if moved.capacity:
-            history_drop_move(&moved)
-        return is_waking or batch.done < batch.count or batch.move.capacity != 0
+        return is_waking or batch.done < batch.count
 
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil:
         cdef Entry* entry = &batch.entries[batch.done]
@@ -219,8 +206,7 @@ cdef class Engine:
         entry.unnormalised = False
         if batch.no_memory:
             return
-        entry.refused = tree_insert(
-            &self._tree, &entry.incoming, authority, batch.is_static, &batch.move, change)
+        entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, change)
         if entry.refused == 0:
             batch.taken += 1
             if is_unnormalised(entry.incoming.squared_length) and tree_mark_unnormalised(&self._tree):
@@ -229,9 +215,6 @@ cdef class Engine:
         elif entry.refused == TREE_NO_MEMORY:
             entry.refused = 0
             batch.no_memory = True
-        elif entry.refused == TREE_MUST_MOVE:
-            entry.refused = 0
-            batch.done -= 1
         else:
             batch.refused += 1
         if change != NULL:
@@ -362,7 +345,6 @@ cdef class Engine:
 
     cdef dict export(self):
         catch_up(self)
-        self._learn_most_names()
         return state_of(&self._tree, &self._lock, self._names, self._authorities)
 
     cdef int restore(self, dict state) except -1:
@@ -373,7 +355,6 @@ cdef class Engine:
 
     cdef int write_frozen(self, file) except -1:
         catch_up(self)
-        self._learn_most_names()
         return write_frozen(&self._tree, &self._lock, file, self._names, self._authorities)
 
     cdef int open_frozen(self, path, bint is_copy, expected) except -1:
@@ -631,7 +612,6 @@ cdef class Engine:
         if self._tree.hidden:
             return [one.name for one in snapshot_frames(
                 &self._tree, &self._lock, True, self._names, self._authorities)]
-        self._learn_most_names()
         names = self._names
         learn_names(&self._tree.names, &self._lock, names)
         return names[1:]
@@ -723,17 +703,9 @@ cdef class Engine:
         cdef Status status = self.lookup(&judged, &not_needed, &stamp_ns)
         return None if status.code == STATUS_OK else self.error(query, status)
 
-    cdef object frame_facts(self, bint roots=False):
+    cdef list frame_facts(self, bint roots=False):
         catch_up(self)
-        self._learn_most_names()
-        return listings.consumed(
-            snapshot_frames(&self._tree, &self._lock, roots, self._names, self._authorities))
-
-    cdef int _learn_most_names(self) except -1:
-        # What is listed of one moment has the names of that moment, with the GIL held until they are known.
-        while (learn_some(&self._tree.names, &self._lock, self._names)
-               or learn_some(&self._tree.authorities, &self._lock, self._authorities)):
-            let_others_run(0)   # they may also give this buffer another tree, and other lists
+        return snapshot_frames(&self._tree, &self._lock, roots, self._names, self._authorities)
 
     cdef list frame_names(self, frames):
         cdef list names = self._names

@@ -40,8 +40,7 @@ cdef class Engine:
     cdef void arm(self) noexcept
     cdef void disarm(self, uint32_t* armed) noexcept nogil
 
-    # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left; where
-    # `batch.move` has begun, the next call takes long, and is to be made without the GIL. Where
+    # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left. Where
     # `batch.needs_report` is set after the last one, `report` is due, with the GIL and while the batch and
     # its names still exist. `insert` does the same with the whole batch; what takes longer than one slice
     # lets other threads run.
@@ -110,8 +109,8 @@ cdef class Engine:
     # Why a lookup fails now; None: it does not.
     cdef object reason(self, const Query* query)
 
-    # Listing, as snapshot_frames and learn_names. The facts can be iterated once.
-    cdef object frame_facts(self, bint roots=*)
+    # Listing, as snapshot_frames and learn_names.
+    cdef list frame_facts(self, bint roots=*)
     cdef list frame_names(self, frames)
     # Whether the name was ever a parent or child; the reserved one does not count.
     cdef bint has_frame(self, const char* name, size_t size) noexcept nogil
@@ -124,7 +123,6 @@ cdef class Engine:
     cdef Status _check_names(self, const Query* query) noexcept nogil
     cdef str _limiting_frame(self, const Query* query, Status status)
     cdef tuple _limits_instead(self, const Query* query, Status status)
-    cdef int _learn_most_names(self) except -1
     cdef int _begin_advice(self) except -1
     cdef int _log_refused(self, Batch* batch) except -1
     cdef int _log_unnormalised(self, Batch* batch) except -1

@@ -6,39 +6,27 @@ NO_LIMITS.bytes = SIZE_MAX
 cdef Retention KEEP_ALL
 KEEP_ALL.cache_time_ns = INT64_MAX
 
-cdef enum:
-    SLICE_NAMES = 1024      # copied under the lock at once, which takes some 20 microseconds
-
-
-cdef inline int let_others_run(uint32_t i) except -1:
-    # In the i-th step of a loop that calls no Python code, which would give up the GIL by itself.
-    if i % SLICE_NAMES == 0:
-        listings.let_others_run()
-    return 0
-
-
-cdef bint learn_some(const Names* names, Lock* lock, list known) except -1:
-    cdef uint32_t sizes[SLICE_NAMES]
+cdef int learn_names(const Names* names, Lock* lock, list known) except -1:
     cdef uint32_t first = len(known)
     cdef uint32_t count, i
     cdef size_t start, size
+    cdef uint32_t* sizes = NULL
     cdef char* text = NULL
     lock_acquire(lock)
-    count = min(names.count - min(first, names.count), <uint32_t>SLICE_NAMES)
+    count = names.count - min(first, names.count)
     if count:
         start = names.names[first].start
-        size = names.names[first + count - 1].start + names.names[first + count - 1].size - start
+        size = names.names[names.count - 1].start + names.names[names.count - 1].size - start
         text = <char*>malloc(size + 1)
-    if text != NULL:
+        sizes = <uint32_t*>malloc(count * sizeof(uint32_t))
+    if text != NULL and sizes != NULL:
         memcpy(text, names.text + start, size)
         for i in range(count):
             sizes[i] = names.names[first + i].size
     lock_release(lock)
-    if count == 0:
-        return False
-    if text == NULL:
-        raise MemoryError
     try:
+        if count and (text == NULL or sizes == NULL):
+            raise MemoryError
         start = 0
         for i in range(count):
             name = text[start:start + sizes[i]].decode("utf-8")
@@ -48,12 +36,7 @@ cdef bint learn_some(const Names* names, Lock* lock, list known) except -1:
                 known.append(name)
     finally:
         free(text)
-    return True
-
-
-cdef int learn_names(const Names* names, Lock* lock, list known) except -1:
-    while learn_some(names, lock, known):
-        pass
+        free(sizes)
     return 0
 
 
@@ -186,7 +169,6 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
                                parent_at + at)
                 at += view.histories[id].count
         for id in range(view.names.count):
-            let_others_run(id)
             history = &view.histories[id]
             if history.count:
                 frames.append((_as_sent(names[id]), history.kind == HISTORY_STATIC,
@@ -234,7 +216,7 @@ cdef uint32_t _insert_samples(Tree* tree, const Text* child, uint32_t authority,
         incoming.parent = samples.parent_names[parent].start
         incoming.parent_size = samples.parent_names[parent].size
         memcpy(&incoming.transform, samples.transforms + TRANSFORM_DOUBLES * i, sizeof(Transform))
-        refused = tree_insert(tree, &incoming, authority, is_static, NULL, NULL)
+        refused = tree_insert(tree, &incoming, authority, is_static, NULL)
         if refused:
             break
     return refused

@@ -4,8 +4,7 @@
 
 # Each takes the lock to copy what it needs, and makes Python objects while the lock is free. `names` and
 # `authorities`: those of the tree that are known so far.
-# Appends some of the names that `known` lacks, or all, in the order of their ids; False: it lacks none.
-cdef bint learn_some(const Names* names, Lock* lock, list known) except -1
+# Appends the names that `known` lacks, in the order of their ids.
 cdef int learn_names(const Names* names, Lock* lock, list known) except -1
 # Makes `view` a copy that may be read without the lock, except for its names. Hold the GIL until these are
 # known, too, so that they are those of the same tree.

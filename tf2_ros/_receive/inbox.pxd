@@ -44,7 +44,6 @@ cdef struct Parcel:
     unsigned char[SENDER_BYTES] sender
     int64_t received_ns
     # What the inbox needs.
-    bint is_begun               # it was parsed, and some of it inserted
     Batch batch
     Parcel* next
 
@@ -73,12 +72,11 @@ cdef struct Drain:
 
 
 # A large message, and who acts next:
-#   has_large  is_inserting  is_begun
-#   no         no            no        `next` may fill the parcel
-#   yes        no            no        the next thread that drains or reads inserts it; nothing else is taken
-#   yes        no            yes       likewise, and before engine or tap may change (`_await_insert`)
-#   yes        yes           any       one thread inserts it without the lock; the draining thread passes over
-#                                      the inbox, all others wait in `_await_insert`
+#   has_large  is_inserting
+#   no         no            `next` may fill the parcel
+#   yes        no            the next thread that drains or reads inserts it; nothing else is taken
+#   yes        yes           one thread inserts it without the lock; the draining thread passes over the
+#                            inbox, all others wait in `_await_insert`
 cdef struct InboxState:
     # What is used without the GIL.
     uint32_t pending            # atomic; 0: no message waits; BEING_INSERTED: none but those being taken
@@ -97,7 +95,7 @@ cdef struct InboxState:
     # Guarded by the lock of all inboxes.
     void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message; NULL: not allocated yet
-    bint has_large              # inserting `parcel`, or the rest of it, takes long, and is next
+    bint has_large              # inserting `parcel` takes long, and is next
     bint has_gil                # the thread in `next` holds the GIL; `inbox_takes_long` may release it
     PyThreadState* thread       # what that has saved, to take the GIL again; NULL: nothing was released
     bint is_inserting           # a thread inserts it: parcel, engine and tap must stay as they are

@@ -184,7 +184,7 @@ cdef bint _begin_parcel(InboxState* inbox) noexcept nogil:
     parcel.kind = PARCEL_NOTHING
     parcel.size = parcel.authority_size = parcel.topic = 0
     parcel.problem = NULL
-    parcel.has_authority = parcel.is_static = parcel.is_begun = False
+    parcel.has_authority = parcel.is_static = False
     parcel.received_ns = 0
     batch_begin(&parcel.batch)
     return True
@@ -260,20 +260,15 @@ cdef bint _parse(InboxState* inbox) noexcept nogil:
 
 
 cdef bint _insert(InboxState* inbox) noexcept nogil:
-    # Inserts the message of the parcel. Returns whether there is something to report. If a long history must
-    # be moved, the rest is left to _insert_large.
+    # Inserts the message of the parcel. Returns whether there is something to report.
     cdef Batch* batch = &inbox.parcel.batch
-    if not inbox.parcel.is_begun:
-        if not _parse(inbox):
-            (<Engine>inbox.engine).count_malformed()
-            return True
-        if inbox.tap != NULL:
-            (<Tap>inbox.tap).copy(batch)
-        inbox.parcel.is_begun = True
+    if not _parse(inbox):
+        (<Engine>inbox.engine).count_malformed()
+        return True
+    if inbox.tap != NULL:
+        (<Tap>inbox.tap).copy(batch)
     while (<Engine>inbox.engine).insert_some(batch):
-        if batch.move.capacity and not inbox.is_inserting:
-            inbox.has_large = True
-            return False
+        pass
     return batch.needs_report
 
 
@@ -307,9 +302,8 @@ cdef void _process(InboxState* inbox) noexcept nogil:
 
 
 cdef void _insert_large(InboxState* inbox) noexcept nogil:
-    # Inserts the large message, or what a long move has left, during which the lock is released: others wait
-    # for that with the GIL, and 200,000 transforms take 0.3 s. Whatever needs this inbox waits in
-    # `_await_insert`.
+    # Inserts the large message, during which the lock is released: others wait for that with the GIL, and
+    # 200,000 transforms take 0.3 s. Whatever needs this inbox waits in `_await_insert`.
     cdef Parcel* parcel = inbox.parcel
     cdef bint needs_report
     inbox.is_inserting = True
@@ -331,11 +325,8 @@ cdef void _insert_large(InboxState* inbox) noexcept nogil:
 
 
 cdef void _await_insert(InboxState* inbox) noexcept nogil:
-    # Until no thread inserts a large message, and none was begun; meanwhile the lock is released.
-    while inbox.is_inserting or (inbox.has_large and inbox.parcel.is_begun):
-        if not inbox.is_inserting:
-            _insert_large(inbox)
-            continue
+    # Until no thread inserts a large message; meanwhile the lock is released.
+    while inbox.is_inserting:
         lock_release(&inbox.drain.lock)
         lock_acquire(&inbox.inserting)
         lock_release(&inbox.inserting)
@@ -350,10 +341,9 @@ cdef bint _take(InboxState* inbox, size_t most) noexcept nogil:
     while work < most and _begin_parcel(inbox) and (<Source>inbox.source).next(inbox.parcel):
         work += 1 + inbox.parcel.size // WORK_BYTES
         inbox.has_large = inbox.parcel.kind == PARCEL_MESSAGE and inbox.parcel.size > LARGE_BYTES
-        if not inbox.has_large:
-            _process(inbox)
         if inbox.has_large:
             break
+        _process(inbox)
     # Before `pending` is cleared: executors have then heard of all that a reader sees.
     if work:
         _inform(inbox)

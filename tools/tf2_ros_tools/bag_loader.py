@@ -193,7 +193,8 @@ def load(
     The recording need not have all of the topics, and a topic may be empty. Transforms that a buffer refuses,
     such as those with NaN, are logged. Warnings report messages that are left out: joint states whose
     numbers of names and positions differ, and poses without frame names. Other warnings list names in joint
-    states that are not joints of the URDF, and frames whose stamps are all 0.
+    states that are not joints of the URDF, frames whose stamps are all 0, and topics of which the files of a
+    folder have fewer messages than its ``metadata.yaml`` counts.
     """
     what = wanted(topics, start, end, poses, urdf)
     buffer = new_buffer(cache_time)
@@ -249,7 +250,8 @@ def fill_buffer(
 
     :param recording: records each transform; see :func:`tf2_ros.serialization.insert_messages`.
     :param records: see the same function.
-    :return: a sentence for each topic of which messages, or the positions of some joints, are left out.
+    :return: a sentence for each topic of which messages, or the positions of some joints, are left out or
+        lost.
     """
     sources = sources_of(recorded, what)
     robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
@@ -304,7 +306,8 @@ def fill_buffer(
         if one.left_out
     ]
     unmatched_names = {topic: unmatched(one.robot, one.seen) for topic, one in joints.items()}
-    return left_out + [f"on {printable(topic)}, {text}" for topic, text in unmatched_names.items() if text]
+    left_out += [f"on {printable(topic)}, {text}" for topic, text in unmatched_names.items() if text]
+    return [*left_out, *recorded.shortfalls(topics)]
 
 
 def _described(recorded: Recorded, states: str) -> Robot:
@@ -443,6 +446,8 @@ def transforms(
                     recorded.malformed(topic, log_ns, error)
                 for transform in found:
                     yield log_ns, is_static(topic), transform
+        for text in recorded.shortfalls(sources):
+            warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
 
 
 def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
@@ -457,9 +462,14 @@ def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
         latest time.
     :raises FileNotFoundError, ModuleNotFoundError: see :func:`load`.
     :raises BagError: the recording is broken, does not have the topic, or its messages have no header.
+
+    A warning says if the files of a folder have fewer messages than its ``metadata.yaml`` counts.
     """
     with open_recording(path) as recorded:
-        return stamps_of(recorded, topic)
+        found = stamps_of(recorded, topic)
+        for text in recorded.shortfalls([topic]):
+            warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
+        return found
 
 
 @dataclass(frozen=True)
@@ -472,8 +482,8 @@ class Heard:
     the name of a topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to
     the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
     stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
-    ``left_out`` has a sentence for each topic of which something is left out, ``absent`` says what may
-    explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics.
+    ``left_out`` has a sentence for each topic of which something is left out or lost, ``absent`` says what
+    may explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics.
     """
 
     buffer: "Buffer"
@@ -511,6 +521,8 @@ def hear(
     with open_recording(path) as recorded:
         left_out = fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
         times_ns = None if at is None else stamps_of(recorded, at)
+        if at is not None and at not in what.poses:
+            left_out += recorded.shortfalls([at])
         unset = [
             f"{counted(count, 'message')} on {printable(topic)} have the stamp 0, because the publisher does"
             " not set it: their times are unknown"

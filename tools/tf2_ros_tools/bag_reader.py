@@ -144,6 +144,16 @@ class Recorded:
         self.start_ns: int | None = int(np.int64(reader.start_time)) if reader.message_count else None
         self.end_ns: int | None = int(np.int64(reader.end_time - 1)) if reader.message_count else None
 
+    def shortfalls(self, names: Iterable[str]) -> Iterator[str]:
+        """Say of which topics the files of a folder have fewer messages than its metadata.yaml counts."""
+        for name in names:
+            expected = self._reader.expected.get(name, 0) if isinstance(self._reader, Folder) else 0
+            if self.topics[name].count < expected:
+                yield (
+                    f"metadata.yaml counts {counted(expected, 'message')} on {printable(name)}, but the files"
+                    f" have {self.topics[name].count}: some are lost, or {REINDEX} corrects it"
+                )
+
     def connections(self, topics: Collection[str]) -> "list[Connection]":
         """Get rosbags' connections of some topics, which may have several each."""
         return [one for one in self._reader.connections if one.topic in topics]
@@ -497,7 +507,8 @@ class Folder:
     Describes a folder of rosbag2 by the indexes of its files.
 
     A ``metadata.yaml`` may be edited, older than the files, or made by a tool that counts differently. Only
-    the list of the files, their format, and topics without messages come from there.
+    the list of the files, their format, and topics without messages come from there. ``expected`` has its
+    counts of messages, for warnings.
 
     :param reader: a ``rosbag2.Reader`` of the folder, which is open.
     """
@@ -508,6 +519,8 @@ class Folder:
         recorded = {one.topic for one in found}
         empty = [one._replace(msgcount=0) for one in reader.connections if one.topic not in recorded]
         self.connections = [*found, *empty]
+        counts = ((one.topic, one.msgcount) for one in reader.connections)
+        self.expected = {topic: count for topic, count in counts if isinstance(count, int)}
         filled = [file.metadata for file in files if file.metadata.message_count]
         self.message_count = sum(one.message_count for one in filled)
         self.start_time = min((one.start_time for one in filled), default=0)

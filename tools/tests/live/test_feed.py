@@ -381,6 +381,16 @@ def test_a_publisher_whose_name_becomes_known_is_one_stream():
     assert [(one.frame, one.publisher) for one in streams] == [("base", "/robot")]
 
 
+def test_a_publisher_of_malformed_messages_is_not_called_silent():
+    reasons = {"/tf": "no node publishes it", "/tf_static": "/fixed publishes it, but has sent nothing"}
+    with Feed(wire=(wire := Wire(reasons=reasons))) as feed:
+        for _ in range(2):
+            wire.take(b"damaged", True)
+        assert feed.why_silent(1.0).endswith(": 2 messages could not be read; no node publishes it")
+        with pytest.raises(TransformException, match="on /tf_static: 2 messages [^;]*; no node publishes it"):
+            feed.buffer.lookup_transform("map", "base", 0)
+
+
 def test_a_silent_publisher_is_a_problem_of_qos_only_after_the_discovery(monkeypatch):
     wire = Wire(reasons={"/tf": "/robot publishes it, but has sent nothing"})
     with Feed(wire=wire) as feed:

@@ -373,7 +373,8 @@ class Feed:
         unread = [topic.malformed for topic in missing if topic.malformed]
         reasons = [f"{counted(number, 'message')} could not be read" for number in unread]
         if self._wire is not None:
-            reasons += [self._wire.why_silent(topic.name, seconds) for topic in missing]
+            silent = [topic for topic in missing if not topic.malformed]
+            reasons += [self._wire.why_silent(topic.name, seconds) for topic in silent]
         found = "; ".join(filter(None, dict.fromkeys(reasons)))
         return f": {found}" if found else ""
 

@@ -171,23 +171,6 @@ class TestTimeouts:
             with pytest.raises((TypeError, ValueError), match="^timeout"):
                 call(buffer, at(1.5), timeout=wrong)
 
-    @pytest.mark.parametrize(
-        ("argument", "call"),
-        [
-            ("timeout", lambda tf, b, node: b.lookup_transform("map", "base", Time(), 5 * 10**9)),
-            ("timeout", lambda tf, b, node: b.can_transform("map", "base", Time(), 5 * 10**9)),
-            ("timeout", lambda tf, b, node: b.transform(point(), "map", 5 * 10**9)),
-            ("max_age", lambda tf, b, node: b.lookup_matrix("map", "base", 0, max_age=5 * 10**9)),
-            ("cache_time", lambda tf, b, node: tf.Buffer(5 * 10**9)),
-            ("buffer_timeout", lambda tf, b, node: DURATIONS["buffer_timeout"](tf, b, node, 5 * 10**9)),
-            ("timeout", lambda tf, b, node: asyncio.run(awaiting(b))),
-        ],
-    )
-    def test_a_warning_shows_the_line_of_the_program(self, tf2_ros, buffer, node, argument, call):
-        with pytest.warns(UserWarning, match=f"^{argument}=5000000000 means 158 years") as caught:
-            call(tf2_ros, buffer, node)
-        assert [one.filename for one in caught.list] == [__file__]
-
     def test_years_warn_that_a_number_is_seconds(self, buffer, recwarn):
         with pytest.warns(
             UserWarning,

@@ -15,7 +15,6 @@ TIMES_WITHOUT_ROS = "an int of nanoseconds, as round(seconds * 1e9), a datetime6
 DURATION_TO_USE = "Duration(seconds=...)"
 # Integers that mean years in seconds, and 0.1 s to a day in nanoseconds.
 LIKE_NANOSECONDS = range(10**8, 10**14)
-OUR_PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
 FOR_EVER_NS = 2**62     # 146 years; added to a steady time, it still fits into 64 bits
 
 cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
@@ -223,7 +222,7 @@ cpdef int64_t duration_ns(object duration, str argument) except? -1:
         years = seconds // (365 * 86400)
         text = (f"{argument}={seconds} means {years} years: numbers are seconds. "
                 f"For nanoseconds, pass Duration(nanoseconds={seconds})")
-        warnings.warn(text, stacklevel=_level_of_user())
+        warnings.warn(text, stacklevel=2)   # most callers are methods in Python
     if seconds is None and isinstance(duration, Real) and not isinstance(duration, Integral):
         seconds = float(duration)
     if seconds is None:
@@ -234,17 +233,6 @@ cpdef int64_t duration_ns(object duration, str argument) except? -1:
     if seconds != seconds:
         raise ValueError(f"{argument}: expected a duration or seconds, got NaN: use {DURATION_TO_USE}")
     return _at_most_for_ever(seconds * <object>NS_PER_S)
-
-
-cdef int _level_of_user() except -1:
-    # The `stacklevel` of a warning about the call in a user's program, whatever the depth of ours. Functions
-    # of Cython have no frames.
-    cdef int level = 1
-    frame = sys._getframe()
-    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] in OUR_PACKAGES:
-        frame = frame.f_back
-        level += 1
-    return level
 
 
 cdef object _at_most_for_ever(object duration_ns):

@@ -110,6 +110,7 @@ def unmerged(path):
 
 
 @pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.filterwarnings("ignore:.*metadata.yaml counts")  # what is merged later deletes messages
 def test_what_is_not_merged_into_a_database_is_missed_with_a_cache_too(whole, tmp_path, cache):
     folder = write_folder(tmp_path / "run", drive(20), "sqlite3")
     path = folder if whole else folder / "run.db3"
@@ -126,6 +127,7 @@ def test_what_is_not_merged_into_a_database_is_missed_with_a_cache_too(whole, tm
 
 @pytest.mark.parametrize("whole", [False, True])
 @pytest.mark.parametrize("cached", [False, True])
+@pytest.mark.filterwarnings("ignore:.*metadata.yaml counts")  # what is merged later deletes messages
 def test_what_is_not_merged_beside_the_target_of_a_link_is_missed(whole, cached, tmp_path, cache):
     folder = write_folder(tmp_path / "run", drive(20), "sqlite3")
     (tmp_path / "kept").mkdir()

@@ -64,9 +64,7 @@ SECTIONS = {
         "receiving.losses", (OURS,), ["lookups", "busy thread", "no reader", "held GIL"], rounds=1
     ),
     "online": Section("receiving.online", ROS2, rounds=5),
-    "nodes": Section(
-        "many_nodes.many", (OURS,), ["one", "listening", "attached", "looking", "idle"], rounds=3
-    ),
+    "nodes": Section("many_nodes.many", (OURS,), ["one", "listening", "together", "idle"], rounds=3),
     "frozen": Section("frozen_files.frozen", (OURS, "tf_tree"), rounds=3),
     "frozen:workers": Section("frozen_files.workers", (OURS, "tf_tree"), rounds=3),
 }
@@ -130,9 +128,7 @@ def _environment() -> dict[str, str]:
         # NumPy's helper threads spin for a while, beside whatever is measured.
         OPENBLAS_NUM_THREADS="1",
     )
-    # The first would override the range of discovery; with the second, listeners would not subscribe.
-    for variable in ("ROS_LOCALHOST_ONLY", "TF2_SHARED_BUFFER"):
-        environment.pop(variable, None)
+    environment.pop("ROS_LOCALHOST_ONLY", None)  # it would override the range of discovery
     return environment
 
 

@@ -22,7 +22,7 @@ TITLES = {
     "receiving:waits": "How soon a waiting lookup returns, µs",
     "receiving:losses": "Messages lost, and sent per second",
     "online": "Lookups beside a process that publishes a tree at 50 Hz, µs; CPU seconds per second",
-    "nodes": "CPU seconds per second of nodes that are spun, shared or not, all together",
+    "nodes": "CPU seconds per second of nodes that are spun, all together",
     "frozen": "Frozen files: writing, opening and lookups, µs; bytes per sample",
     "frozen:workers": "Spawned workers that share a frozen file, µs",
 }

@@ -33,8 +33,8 @@ def packages(root):
     return find_packages(str(root), include=["tf2_*"])
 
 
-def cython_extensions(root, platform=sys.platform):
-    """One extension for each ``.pyx`` of the packages, which may have none, and of which some need Linux."""
+def cython_extensions(root):
+    """One extension for each ``.pyx`` of the packages, which may have none."""
     return [
         Extension(
             f"{package}.{path.stem}",
@@ -46,13 +46,7 @@ def cython_extensions(root, platform=sys.platform):
         )
         for package in packages(root)
         for path in sorted(Path(root, *package.split(".")).glob("*.pyx"))
-        if platform == "linux" or not _needs_linux(path.parent)
     ]
-
-
-def _needs_linux(folder):
-    """Whether C code of a package includes headers of Linux."""
-    return any("#include <linux/" in path.read_text(encoding="utf-8") for path in folder.glob("*.p[xy][dxi]"))
 
 
 class BuildExtensions(build_ext):

@@ -28,7 +28,7 @@ TESTS = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-r
 # Files that test nothing of executors, tasks, clients or receivers, which are what differs between releases.
 BY_TURNS = """
 ages arguments buffer_interface waits_at_clock_steps max_age max_age_random faulty_middleware
-frame_prefix rcl_declarations shared_* inbox_without_middleware readers_beside_writers records tf2_msgs
+frame_prefix rcl_declarations inbox_without_middleware readers_beside_writers records tf2_msgs
 """.split()
 
 

@@ -18,7 +18,5 @@ def use_own_domain():
     for profiles in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
         os.environ.setdefault(profiles, str(SUPPORT / "fastdds.xml"))
     os.environ.setdefault("TF2_TEST_FASTDDS_LOG", "/dev/stderr")  # these profiles need it
-    # The first would override the range, with the second listeners would not subscribe.
-    for variable in ("ROS_LOCALHOST_ONLY", "TF2_SHARED_BUFFER"):
-        os.environ.pop(variable, None)
+    os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the range
     return domain

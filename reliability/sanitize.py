@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from reliability.flagged_builds import BUILDS, build
@@ -26,21 +26,16 @@ SELF_CHECK = "-DTF2_SELF_CHECK"
 SLOWNESS = 5
 TEST_TIMEOUT_S = 240 * SLOWNESS
 
-# Files and tests that cannot run here, and why; below are those that depend on the kind of build.
+# Files and tests that cannot run here, and why.
 NOT_HERE = {
     "tools/tests/packaging/test_docs.py": "builds the site, and takes hours",
     "tools/tests/packaging/test_type_checkers.py": "runs only type checkers",
     "tests/packaging/test_new_message_type.py": "compiles an extension without a sanitizer",
     "tests/core/test_allocation_failures.py": "replaces the allocator, as a sanitizer does",
     "tests/packaging/test_docs.py": "builds the package, and takes hours",
-    "tests/packaging/test_fuzz_corpus.py::test_no_input_of_the_corpus_shows_a_fault[shared_ring]": "damages "
-    "what the build checks",
-    "tests/packaging/test_fuzz_corpus.py::test_targets_take_their_seeds_and_any_bytes[shared_ring]": ""
-    "damages what the build checks",
     "tests/packaging/test_packaging.py": "builds the package without a sanitizer",
     "tests/packaging/test_sourced_ros.py": "builds the package without a sanitizer",
     "tests/packaging/test_type_checkers.py": "runs only type checkers",
-    "tests/ros/test_shared_owners.py::test_a_truncated_file_breaks_nothing": "damages what the build checks",
     "tests/core/test_refused_inserts.py::TestLogging::test_many_messages_share_the_lines_of_a_second": "a "
     "slow build does not finish within a second",
 }
@@ -51,7 +46,7 @@ core/test_lookups_at_many_times core/test_vector_lookups_beside_writers core/tes
 core/test_waiters core/test_waiters_random
 ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_programs_that_spin ros/test_forking
 ros/test_message_filter ros/test_rclpy_inside ros/test_receiver ros/test_reception_report ros/test_records
-ros/test_shared_* ros/test_readers_beside_writers ros/test_transform_listener ros/test_futures
+ros/test_readers_beside_writers ros/test_transform_listener ros/test_futures
 ros/test_random_waits
 """.split()
 # These first: whoever breaks the engine learns it within minutes.
@@ -66,7 +61,6 @@ class Kind:
     runtimes: tuple[str, ...]  # to be preloaded, as gcc names them
     options: dict[str, str]  # variables of the environment; {suppressions} and {log} are filled in
     tests: str  # what is run where no tests are named
-    not_here: dict[str, str] = field(default_factory=dict)
 
     def environment(self, reports):
         """Of the interpreter that runs the tests, beside what it has anyway."""
@@ -112,17 +106,12 @@ KINDS = {
             "handle_sigbus=0:history_size=4:second_deadlock_stack=1:log_path={log}:suppressions={suppressions}/thread.txt",
         },
         tests="threaded",
-        not_here={
-            "tests/ros/test_shared_owners.py::test_a_truncated_file_breaks_nothing": "its own handler of "
-            "SIGBUS comes first",
-        },
     ),
 }
 
 
 def main(arguments=None):
-    everywhere = [NOT_HERE, *(kind.not_here for kind in KINDS.values())]
-    left_out = "\n".join(f"  {test}: {why}" for tests in everywhere for test, why in tests.items())
+    left_out = "\n".join(f"  {test}: {why}" for test, why in NOT_HERE.items())
     parser = argparse.ArgumentParser(
         prog="python -m reliability.sanitize",
         usage="%(prog)s [-h] [address|thread] [what pytest takes ...]",
@@ -153,7 +142,7 @@ def run(name, of_pytest):
             suites[folder / "tools"] = ["tests"]
         status = max(
             subprocess.run(
-                [*command, *_left_out(place, folder, kind), *tests], cwd=place, env=environment
+                [*command, *_left_out(place, folder), *tests], cwd=place, env=environment
             ).returncode
             for place, tests in suites.items()
         )
@@ -196,10 +185,10 @@ def _names_tests(of_pytest):
     return any(argument.partition("::")[0].endswith(".py") for argument in of_pytest)
 
 
-def _left_out(place, folder, kind):
+def _left_out(place, folder):
     """Options for pytest, which runs in a folder of the copy."""
     prefix = f"{place.relative_to(folder)}/".removeprefix("./")
-    here = [test.removeprefix(prefix) for test in NOT_HERE | kind.not_here if test.startswith(prefix)]
+    here = [test.removeprefix(prefix) for test in NOT_HERE if test.startswith(prefix)]
     return [f"--{'deselect' if '::' in test else 'ignore'}={test}" for test in here]
 
 

@@ -51,11 +51,10 @@ WITHOUT_SERVICE = [Parameter("start_type_description_service", value=False)]
 
 
 class Round:
-    """One buffer for some seconds; another process reads it, too, if the seed is even."""
+    """One buffer for some seconds."""
 
     def __init__(self, seed):
-        self.seed, self.is_shared = seed, seed % 2 == 0
-        self.name = f"stress-{os.getpid()}-{seed}"
+        self.seed = seed
         self.ending = threading.Event()
         self.writers_ended = threading.Event()
         self.problems = []
@@ -64,26 +63,23 @@ class Round:
         self.received = 0  # messages, by listeners
         self._lock = threading.Lock()
         self._futures = queue.SimpleQueue()
-        self._peers = []
         self.buffer = None
 
     def __str__(self):
-        return f"{'shared' if self.is_shared else 'private'} buffer, seed {self.seed}"
+        return f"seed {self.seed}"
 
     def run(self, seconds):
         """Do it all for so long; what went wrong."""
         threads_before = set(threading.enumerate())
         self.node = rclpy.create_node("stress", parameter_overrides=WITHOUT_SERVICE)
-        self.buffer = Buffer(CACHE_S, self.node, share=self.name if self.is_shared else None)
+        self.buffer = Buffer(CACHE_S, self.node)
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self._write(STATIC, static=True)
         self.never = [
             self.buffer.wait_for_transform_async("world", f"never{i}", Time()) for i in range(NEVER)
         ]
-        self._peers.append(self._start_peer("stress_publisher"))
-        if self.is_shared:
-            self._peers.append(self._start_peer("stress_shared_reader", self.name, self.seed))
+        publisher = self._start_publisher()
         writers = [self.write_chain, self.write_bursts, self.write_exact, self.write_cup, self.clear]
         others = [self.read] * READERS + [self.fork] * FORKERS
         others += [self.block, self.make_futures, self.await_all, self.filter, self.listen, self.spin]
@@ -97,7 +93,7 @@ class Round:
             if thread.is_alive():
                 self._problem(f"{thread.name} has not ended")
                 raise SystemExit("\n".join(self.problems))
-        self._end_peers()
+        self._end_publisher(publisher)
         self._check_statistics()
         self._check_waits()
         self._end(threads_before)
@@ -320,10 +316,10 @@ class Round:
 
     # Other processes.
 
-    def _start_peer(self, program, *arguments):
+    def _start_publisher(self):
         environment = environment_of_children(PYTHONFAULTHANDLER="1")
         return subprocess.Popen(
-            [sys.executable, "-m", f"reliability.{program}", *map(str, arguments)],
+            [sys.executable, "-m", "reliability.stress_publisher"],
             cwd=ROOT,
             env=environment,
             stdin=subprocess.PIPE,
@@ -331,20 +327,19 @@ class Round:
             text=True,
         )
 
-    def _end_peers(self):
-        for peer in self._peers:
-            try:
-                said, _ = peer.communicate(timeout=END_S)
-            except subprocess.TimeoutExpired:
-                self._problem(f"{peer.args[2:]} does not end")
-                peer.send_signal(signal.SIGABRT)
-                peer.communicate()
-                continue
-            if peer.returncode:
-                self._problem(f"{peer.args[2:]} ended with {peer.returncode}")
-                continue
-            for what, count in json.loads(said).items():
-                self._count(f"other process: {what}", count)
+    def _end_publisher(self, publisher):
+        try:
+            said, _ = publisher.communicate(timeout=END_S)
+        except subprocess.TimeoutExpired:
+            self._problem("the publisher does not end")
+            publisher.send_signal(signal.SIGABRT)
+            publisher.communicate()
+            return
+        if publisher.returncode:
+            self._problem(f"the publisher ended with {publisher.returncode}")
+            return
+        for what, count in json.loads(said).items():
+            self._count(f"other process: {what}", count)
 
     def fork(self, rng):
         child_seed = rng.randrange(10**9)
@@ -459,8 +454,6 @@ class Round:
     def _end(self, threads_before):
         self.executor.shutdown()
         self.node.destroy_node()
-        if self.is_shared:
-            self.buffer._tf2_sharing.close()
         self.buffer = self.node = self.executor = self.never = None
         gc.collect()
         left = {thread.name for thread in set(threading.enumerate()) - threads_before if not thread.daemon}

@@ -158,7 +158,7 @@ def silence_of(buffer: Any) -> tuple[str, str]:
 
 def _was_filled(buffer: Any) -> bool:
     counts = BufferCore.statistics(buffer)
-    return bool(counts["frames"] or counts["taken"] or buffer._tf2_attachment)
+    return bool(counts["frames"] or counts["taken"])
 
 
 class Shutdown:

@@ -7,8 +7,8 @@ from tf2_py._internal import class_name
 
 FORKED = "dead in this forked process"  # in the representation of an inherited object
 
-# Held for short steps of waiting, and by whoever decides what fills a buffer. Meanwhile no user code runs,
-# but for methods of a node that a program overrides. No finalizer takes it. There is one for the whole
+# Held for short steps of waiting, and while what fills a buffer is noted. Meanwhile no user code runs, but
+# for methods of a node that a program overrides. No finalizer takes it. There is one for the whole
 # process, so that a fork can wait for whoever holds it. It is reentrant, because signal handlers may wait.
 LOCK = threading.RLock()
 os.register_at_fork(before=LOCK.acquire, after_in_parent=LOCK.release, after_in_child=LOCK.release)

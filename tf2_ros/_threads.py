@@ -5,13 +5,11 @@ The background threads of a process.
 |---|---|---|---|
 | receiver | the first inbox | arrivals, see ``inbox.pyx`` | at exit |
 | reports | the same, or what is checked regularly | inboxes with something to report | at exit |
-| callbacks | the first call of a buffer without a node | each further one | at exit |
 | deadlines | the first timeout | an earlier deadline | one second after the last, or at exit |
 
 All are daemons, so that the interpreter does not wait for them before it runs the exit handlers, which end
 them. A forked child has none of them, and starts its own at their first use; what its parent's inboxes were
-doing is lost there. The threads that spin nodes are in ``_spinner``; a thread that polls the source of
-an inbox is the owner's.
+doing is lost there. The threads that spin nodes are in ``_spinner``.
 """
 
 import atexit
@@ -20,7 +18,6 @@ import os
 import threading
 import time
 from _thread import start_new_thread
-from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Protocol
@@ -28,7 +25,7 @@ from typing import Any, Protocol
 from tf2_py._internal import log
 from tf2_py.printable import counted
 from tf2_ros._live_objects import LiveObjects
-from tf2_ros._receive.inbox import INBOXES, InboxBase
+from tf2_ros._receive.inbox import INBOXES, Inbox
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
@@ -102,10 +99,8 @@ _WHERE = "In the thread that reports"
 class InboxOwner(Protocol):
     """Decides when an inbox begins and ends."""
 
-    kind: str  # what a forked child calls it in a warning
-
     @property
-    def inbox(self) -> InboxBase: ...
+    def inbox(self) -> Inbox: ...
 
     def stop(self) -> None:
         """End the inbox, for good."""
@@ -164,15 +159,15 @@ def _after_fork_in_child() -> None:
     INBOXES.begin_anew()
     running.clear()
     _starting.clear()
-    lost = Counter([owner.kind for owner in _owners if owner.inbox.leave_to_parent()])
+    lost = sum([owner.inbox.leave_to_parent() for owner in _owners])
     _owners.clear()
     _checked.clear()
     if lost:
-        receivers = " and ".join(counted(count, kind) for kind, count in lost.items())
         # Not logged through ROS, whose locks another thread may have held.
         logging.getLogger("tf2_ros").warning(
-            f"Process {os.getpid()} was forked from a process with {receivers}. Inherited objects receive "
-            "nothing: spawn the process instead of forking it, or create new listeners after the fork."
+            f"Process {os.getpid()} was forked from a process with {counted(lost, 'listener')}. Inherited "
+            "objects receive nothing: spawn the process instead of forking it, or create new listeners after "
+            "the fork."
         )
 
 

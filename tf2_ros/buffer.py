@@ -14,7 +14,6 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
 from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, is_filled, note_filler, silence_of
 from tf2_ros._message_classes import TransformStamped
-from tf2_ros._shared.shared_names import buffer_name, is_wanted, require_support
 from tf2_ros._wait.blocking_lookup import Lookup
 from tf2_ros._wait.changes import Changes
 from tf2_ros._wait.futures import TransformFuture, WakingFuture
@@ -39,10 +38,6 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._node_lifetimes import require_node
     from tf2_ros._publisher_names import clock_publishers
     from tf2_ros._rclpy import is_simulated, is_steady
-
-    if TYPE_CHECKING:
-        from tf2_ros._shared.attachment import Attachment
-        from tf2_ros._shared.owner import SharedBufferOwner
 else:
     from tf2_ros._without_ros import Clock, InvalidHandle, is_simulated, is_steady, names_that_need_ros
 
@@ -74,8 +69,7 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 # What belongs to one buffer; a copy has its own.
 _OF_INIT = frozenset(
     (
-        "registration _tf2_kept _tf2_fillers srv clock jump_handle _tf2_node _tf2_sharing"
-        " _tf2_attachment _tf2_shown _tf2_followed"
+        "registration _tf2_kept _tf2_fillers srv clock jump_handle _tf2_node _tf2_shown _tf2_followed"
     ).split()
 )
 
@@ -91,18 +85,8 @@ class Buffer(BufferCore, BufferInterface):
         own clock, and no service. :meth:`open` accepts a node, too.
     :param max_frames: the maximum number of frames. None: a million.
     :param max_bytes: the maximum memory for names and histories. None: 1 GiB.
-    :param share: the name under which other processes of this user on this machine may attach to the buffer,
-        until it or this process ends; ``auto`` is the name that belongs to the ROS domain.
-    :param attach: the name of a buffer that another process shares. This buffer is filled with what the
-        other process receives, and keeps as much history if ``cache_time`` is None. When the other process
-        ends, this buffer keeps its contents, until a process shares a buffer of that name again.
-    :raises TypeError: ``cache_time`` is not a duration or a number, a limit is not an int, or a name is not
-        a str.
-    :raises ValueError: ``cache_time`` is negative, a limit is not above 0, a name is invalid, or both
-        ``share`` and ``attach`` are given.
-    :raises SharedBufferError: the buffer cannot be shared, because another process shares one of this name,
-        or it cannot be attached. This is a ``RuntimeError``.
-    :raises NotImplementedError: buffers can be shared only on Linux.
+    :raises TypeError: ``cache_time`` is not a duration or a number, or a limit is not an int.
+    :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
 
     The buffer is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or
     off. Translations are in meters, rotations are unit quaternions.
@@ -129,8 +113,6 @@ class Buffer(BufferCore, BufferInterface):
     """
 
     _tf2_node: "weakref.ref[Node] | None" = None  # whose clock it follows
-    _tf2_sharing: "SharedBufferOwner | None" = None  # shares it with other processes
-    _tf2_attachment: "Attachment | None" = None  # fills it from another process
     # A clock that reports no jumps, what it showed last, and the steady time after that, in nanoseconds.
     _tf2_shown: tuple[object, int, int] = None, 0, 0
 
@@ -141,36 +123,12 @@ class Buffer(BufferCore, BufferInterface):
         *,
         max_frames: int | None = None,
         max_bytes: int | None = None,
-        share: str | None = None,
-        attach: str | None = None,
     ) -> None:
-        if share is not None and attach is not None:
-            raise ValueError("share and attach are mutually exclusive")
         if hasattr(cache_time, "create_service"):
             raise TypeError("Buffer: cache_time comes first: pass the node as Buffer(node=node)")
         if node is not None:
             _check_node(node)
-        # Few programs share a buffer; only they load the modules for it.
-        if share is not None or attach is not None:
-            require_support()
-        name, ring = "", None
-        if attach is not None:
-            from tf2_ros._shared.attachment import open_ring
-            from tf2_ros._shared.owner import read_description
-
-            name = buffer_name(attach, node)
-            ring = open_ring(name)
-            if cache_time is None:
-                cache_time = read_description(ring.descriptor).cache_time_ns / 1e9
         BufferCore.__init__(self, cache_time, max_frames=max_frames, max_bytes=max_bytes)
-        if ring is not None:
-            from tf2_ros._shared.attachment import Attachment
-
-            Attachment(self, name, ring)
-        if share is not None:
-            from tf2_ros._shared.owner import SharedBufferOwner
-
-            self._tf2_sharing = SharedBufferOwner(self, buffer_name(share, node))
         self.__connect(node)
 
     @classmethod
@@ -191,14 +149,6 @@ class Buffer(BufferCore, BufferInterface):
         # Made at its first use, because a subclass need not call __init__.
         kept: dict[Any, None] = self.__dict__.setdefault("_tf2_kept", {})
         return kept
-
-    def _tf2_receive_for(self, listener: Any, unusual: str) -> bool:
-        """Whether a listener has another source than subscriptions from now on, see ``attach_listener``."""
-        if self._tf2_attachment is None and not is_wanted():
-            return False
-        from tf2_ros._shared.attachment import attach_listener
-
-        return attach_listener(listener, unusual)
 
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)

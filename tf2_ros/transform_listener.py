@@ -106,10 +106,6 @@ class TransformListener:
 
     The property ``receives`` contains the topics that need no executor.
 
-    If the buffer is attached to the buffer of another process, or the environment variable
-    ``TF2_SHARED_BUFFER`` selects such a buffer, the listener does not subscribe while that process receives
-    the same messages.
-
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
     ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the
     node.
@@ -132,7 +128,7 @@ class TransformListener:
     0.3
     """
 
-    # None where it does not exist, for example because the buffer is attached.
+    # None where it does not exist, for example with static_only.
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
 
@@ -187,9 +183,7 @@ class TransformListener:
         try:
             if is_node(self.node):
                 listening.call_queue = call_queue_of(self.node)
-            given = [one for one in (qos, static_qos, recording) if one is not None]
-            if not self.__is_received_elsewhere(bool(static_only or prefix or given)):
-                self._tf2_listen_itself()
+            self.__listen()
             note_listener(self)
             if spin_thread or listening.owns_node:
                 self.__spin()
@@ -245,8 +239,6 @@ class TransformListener:
         listening = self._tf2_listening
         if is_inherited(listening.process):
             return  # it belongs to the parent
-        if (receiver := listening.receiver) is not None:
-            receiver.listener_ended(waits)
         if listening.spinner is not None and ends_thread:
             listening.spinner.stop(wait=waits)
         if not listening.owns_node:
@@ -297,19 +289,7 @@ class TransformListener:
         )
         return buffer if is_direct else None
 
-    def __is_received_elsewhere(self, has_options: bool) -> bool:
-        """Ask the buffer whether it has another source, which replaces the subscriptions."""
-        buffer = self._tf2_listening.buffer
-        if not isinstance(buffer, Buffer):
-            return False
-        unusual = ""
-        if has_options:
-            unusual = "it has a QoS profile, a prefix or a recording, or receives static transforms only"
-        elif self.__direct_buffer() is None:
-            unusual = "code of this program handles what is received or inserted"
-        return buffer._tf2_receive_for(self, unusual)
-
-    def _tf2_listen_itself(self) -> None:
+    def __listen(self) -> None:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""
         listening = self._tf2_listening
         call_queue = listening.call_queue
@@ -327,8 +307,8 @@ class TransformListener:
             made = [topic.subscription for topic in listening.topics]
             if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
                 listening.receiver = Receiver(self, call_queue, self.__direct_buffer())
-                if not listening.call_queue.runner.uses_wait_sets:
-                    self.__subscribe_anew()
+                if not call_queue.runner.uses_wait_sets:
+                    self.__subscribe_anew(listening.receiver)
         finally:
             self.group.hides_all = False
         if listening.recording is not None and not self.receives:
@@ -351,10 +331,10 @@ class TransformListener:
             name_unfit_publishers(self.node, made)
             topic.begin(self.node, made)
 
-    def __subscribe_anew(self) -> None:
+    def __subscribe_anew(self, receiver: Receiver) -> None:
         """Leave all to an ``EventsExecutor`` that took the node while this subscribed."""
         # Either of the two may have had arrivals reported to itself last, and so instead of to the other.
-        self._tf2_listening.receiver.redirect(None)
+        receiver.redirect(None)
         for topic in self._tf2_listening.topics:
             destroy_subscription(self.node, topic.subscription)
             self.__subscribe(topic, needs_executor=True)

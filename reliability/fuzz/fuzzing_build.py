@@ -54,10 +54,10 @@ def environment(build: Path, *, guarded: bool = True) -> dict[str, str]:
         "PYTHONPATH": os.pathsep.join([str(build), str(build / "tools"), str(_atheris())]),
         "LD_PRELOAD": str(_runtime()),
         "PYTHONMALLOC": "malloc" if guarded else "default",
-        # Python itself leaks what lives as long as it. Memory that there is not is a MemoryError. Shared
-        # buffers have a handler for SIGBUS. Short stacks of allocations are quicker.
+        # Python itself leaks what lives as long as it. Memory that there is not is a MemoryError. Short
+        # stacks of allocations are quicker.
         "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=1:max_allocation_size_mb=512"
-        ":handle_sigbus=0:malloc_context_size=3:quarantine_size_mb=32",
+        ":malloc_context_size=3:quarantine_size_mb=32",
         "UBSAN_OPTIONS": "print_stacktrace=1",
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }

@@ -90,6 +90,24 @@ def test_the_node_of_the_readme_waits_in_its_callback(tmp_path, node):
         until(is_logged)
 
 
+def test_the_nodes_of_callbacks_look_up_in_one_buffer(tmp_path, node):
+    command = [sys.executable, "-c", named_programs(ROOT / "docs" / "callbacks.md")["robot_nodes.py"]]
+    broadcaster = TransformBroadcaster(node)
+
+    def are_logged():
+        poses = [TransformStamped(child_frame_id=frame) for frame in ("camera", "arm")]
+        for pose in poses:
+            pose.header.frame_id = "map"
+            pose.transform.translation.x = 4.0
+        broadcaster.sendTransform(poses)
+        said = log.read_text()
+        return all(f"[watches_{frame}]: {frame} is at x = 4.00 m" in said for frame in ("camera", "arm"))
+
+    log = tmp_path / "log"
+    with log.open("w") as stderr, killed(subprocess.Popen(command, stderr=stderr)):
+        until(are_logged)
+
+
 CANCELING_CLIENT = """
 from rclpy.action.client import ActionClient
 from rclpy.executors import SingleThreadedExecutor

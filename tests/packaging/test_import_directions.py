@@ -105,7 +105,7 @@ def test_no_modules_import_each_other_in_a_circle():
     assert graph == {}
 
 
-MODULES_OF_CHAPTERS = ["tf2_py._core", "tf2_py._tf2_py", "tf2_ros._shared.ring"]
+MODULES_OF_CHAPTERS = ["tf2_py._core", "tf2_py._tf2_py"]
 
 
 def test_a_chapter_uses_no_underscored_name_of_another():

@@ -267,13 +267,3 @@ def test_pytest_runs_without_the_plugins_of_a_sourced_ros(tmp_path):
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ['PYTHONPATH']}"}
     collecting = ["-m", "pytest", "--collect-only", "-q", "tests/core/test_lookup.py"]
     assert "test_lookup.py" in output_of(*collecting, cwd=ROOT, env=environment)
-
-
-def test_elsewhere_than_on_linux_only_what_includes_its_headers_is_left_out():
-    """Buffers are not shared there; nothing else of the build knows which extension that takes."""
-    compare = """
-from build_backend.extensions import cython_extensions
-linux = {one.name for one in cython_extensions(".", "linux")}
-print(linux - {one.name for one in cython_extensions(".", "darwin")})
-"""
-    assert output_of("-c", compare, cwd=ROOT) == "{'tf2_ros._shared.ring'}\n"

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.ours
 # `os.environ.get("NAME"`, `environ["NAME"`, `"NAME" in os.environ`.
 READ = re.compile(r"""environ(?:\.get\(|\[)["'](\w+)|["'](\w+)["'] (?:not )?in (?:os\.)?environ\b""")
 # Some are read by a name that is put together or kept in a constant.
-OURS = re.compile(r"\bTF2_(?:ROS_CYTHON|SHARED_BUFFER)\w*\b")
+OURS = re.compile(r"\bTF2_ROS_CYTHON\w*\b")
 
 
 def variables_read():

@@ -12,7 +12,6 @@ from making_objects import transform
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from shared_buffers import new_name
 from spinning_nodes import EXECUTOR, spinning
 from waiting import DEADLINE_S, errors_so_far, until
 
@@ -77,7 +76,6 @@ PLACES = [
     ("future filter changes", "add", "spun", HERE),
     ("future", "cancel", "spun", HERE),
     ("future filter changes", "receive", "spun", EXECUTOR),
-    ("future filter changes", "share", "spun", EXECUTOR),
     ("future filter", "timeout", "spun", EXECUTOR),
     ("future filter", "timeout", "unspun", DEADLINES),
     ("future", "timeout", "absent", DEADLINES),
@@ -109,13 +107,10 @@ class TestPlaces:
         [(kind, *row) for kinds, *row in PLACES for kind in kinds.split()],
     )
     def test_each_has_its_thread_also_if_a_callback_raises(
-        self, tf2_ros, ros, node, new_node, peer, names, note, capfd, kind, end, node_is, place
+        self, buffer, tf2_ros, ros, node, peer, names, note, capfd, kind, end, node_is, place
     ):
-        robot, owner = transform("map", "robot", 1), tf2_ros.Buffer(share=new_name())
-        buffer = tf2_ros.Buffer(attach=owner._tf2_sharing.name if end == "share" else None)
+        robot = transform("map", "robot", 1)
         with ExitStack() as at_end:
-            if end == "share":
-                at_end.enter_context(tf2_ros.TransformListener(owner, new_node("owning")))
             if node_is != "absent":
                 at_end.callback(tf2_ros.TransformListener(buffer, node).unregister)
             if node_is == "spun":
@@ -136,8 +131,6 @@ class TestPlaces:
                 future.cancel()
             elif end == "receive":
                 peer().send(("map", "robot", 10**9, 1))
-            elif end == "share":
-                owner.set_transform(robot, "owner")
             if place == HERE:
                 assert names == [HERE]
             until(lambda: names)
@@ -242,7 +235,7 @@ async def await_it(future):
     return await future
 
 
-def test_calls_are_dropped_also_if_their_runner_cannot_leave():
+def test_calls_are_dropped_also_if_their_runner_cannot_leave(node):
     """An executor that is shut down meanwhile raises when it is left."""
 
     class Stuck(Runner):
@@ -252,7 +245,7 @@ def test_calls_are_dropped_also_if_their_runner_cannot_leave():
         def leave(self):
             raise RuntimeError("destroyed meanwhile")
 
-    queue, future = CallQueue(None, Stuck()), WakingFuture()
+    queue, future = CallQueue(node, Stuck()), WakingFuture()
     future.add_done_callback(print)
     queue.put(future.end_or_queue("an answer"))
     with pytest.raises(RuntimeError, match="destroyed meanwhile"):

@@ -6,7 +6,6 @@ import pytest
 from geometry_msgs.msg import PointStamped
 from making_objects import S, at, transform, translation
 from rclpy.serialization import serialize_message
-from shared_buffers import new_name
 from std_msgs.msg import Header
 from waiting import until
 
@@ -50,16 +49,6 @@ def test_a_recording_has_the_names_of_the_buffer(tf2_ros, node, peer):
         peer().send(("map", "base", S, 1.0))
         until(lambda: buffer.can_transform("robot/map", "robot/base", LATEST))
         assert set(recording.frames()) >= {"robot/map", "robot/base"}
-
-
-def test_readers_of_a_shared_buffer_get_the_names_of_its_owner(tf2_ros, node, peer):
-    name = new_name()
-    owner = tf2_ros.Buffer(share=name)
-    with tf2_ros.TransformListener(owner, node, prefix="robot/"):
-        reader = tf2_ros.Buffer(attach=name)
-        peer().send(("map", "base", S, 1.0))
-        until(lambda: reader.can_transform("robot/map", "robot/base", LATEST))
-        assert "map" not in reader
 
 
 @pytest.mark.parametrize("prefix", ["/robot/", "/", "//robot/"])

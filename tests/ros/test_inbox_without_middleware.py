@@ -22,7 +22,6 @@ from tf2_ros.records import Recording
 pytestmark = pytest.mark.ours
 
 LATEST = Time()
-NOTHING, MESSAGE, REMOVAL, DAMAGE = range(4)
 MANY = 5000  # transforms, of more bytes than are inserted under the lock of all inboxes
 
 
@@ -55,27 +54,21 @@ def inbox(source, buffer, inboxes):
 def test_a_read_finds_all_parcels_in_their_order(source, inbox, buffer):
     for second in (1, 2):
         source.put(serialised(transform("map", "robot", second, (second, 0, 0))))
-    source.put(b"", NOTHING)
-    source.put(serialised(transform("robot", "arm")), is_static=True, authority=b"arm_driver")
+    source.put(serialised(transform("robot", "arm")), is_static=True)
     assert translation(buffer.lookup_transform("map", "robot", at(2))) == (2, 0, 0)
     assert buffer.lookup_transform("robot", "arm", at(9))
-    listing = buffer.all_frames_as_yaml()
-    assert (
-        listing.count("broadcaster: 'default_authority'") == listing.count("broadcaster: 'arm_driver'") == 1
-    )
+    assert buffer.all_frames_as_yaml().count("broadcaster: 'default_authority'") == 2
 
 
-def test_a_malformed_message_and_a_damaged_source_are_counted_and_logged(
-    source, inbox, inboxes, buffer, capfd
-):
-    source.put(b"", DAMAGE)
+def test_malformed_messages_are_counted_and_logged(source, inbox, inboxes, buffer, capfd):
+    source.put(b"")
     source.put(b"\0\1\0\0\1")
     source.put(serialised(transform("map", "robot", 1)))
     assert buffer.can_transform("map", "robot", LATEST)
     inboxes.report_next()
     assert buffer.statistics()["malformed_messages"] == 2
     # Once a second for a topic.
-    assert "on the list: malformed TFMessage: it is torn, at byte 0 of 0\n" in errors_so_far()
+    assert errors_so_far().count("on the list: malformed TFMessage: ") == 1
 
 
 @pytest.mark.parametrize("closes", [False, True])
@@ -176,15 +169,6 @@ def unnormalised():
     odd = transform("map", "odd", 1)
     odd.transform.rotation.w = 1.1
     return odd
-
-
-def test_a_removal_concerns_one_frame_or_all(source, inbox, buffer):
-    source.put(serialised(transform("map", "robot", 1), transform("map", "person", 1)))
-    source.put(b"robot", REMOVAL)
-    assert buffer.can_transform("map", "person", LATEST)
-    assert not buffer.can_transform("map", "robot", LATEST)
-    source.put(b"", REMOVAL)
-    assert not buffer.can_transform("map", "person", LATEST)
 
 
 def test_a_prefix_is_put_before_all_names(source, buffer, inboxes):

@@ -240,7 +240,8 @@ def test_calls_that_are_dropped_all_end_although_a_signal_handler_raises(tf2_ros
         def __call__(self, _):
             raise Interrupt
 
-    call_queue = CallQueue(None, Runner())
+    call_queue = CallQueue(node, Runner())
+    call_queue.runner.wake = lambda: None
     futures = [buffer.wait_for_transform_async("map", "robot", Time()) for _ in range(3)]
     for future in futures:
         future.add_done_callback(print)

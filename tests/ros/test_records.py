@@ -112,16 +112,3 @@ def test_a_listener_that_cannot_record_every_topic_says_so(tf2_ros, node, overri
     listener = type("Listener", (tf2_ros.TransformListener,), dict.fromkeys(overridden, insert))
     with pytest.raises(NotImplementedError, match="does not work with this listener: this program overrides"):
         listener(tf2_ros.Buffer(node=node), node, recording=Recording())
-
-
-def test_a_listener_of_an_attached_buffer_that_records_subscribes(tf2_ros, node, peer, request):
-    name = f"recording-{abs(hash(request.node.nodeid)) % 10**8}"
-    owner, recording = tf2_ros.Buffer(share=name), Recording()
-    with (
-        tf2_ros.TransformListener(owner, node),
-        tf2_ros.TransformListener(tf2_ros.Buffer(attach=name), node, recording=recording),
-    ):
-        talker = peer()
-        talker.matched(2)
-        talker.send(("map", "odom", S, 0.0))
-        assert len(take(recording, 1)) == 1

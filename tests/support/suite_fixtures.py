@@ -29,7 +29,7 @@ FOREIGN = (
     *("FORCE_COLOR", "NO_COLOR", "LINES", "LANGUAGE", "PYTEST_ADDOPTS"),
     *("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_NAMESPACE"),
     *("ROS_DISABLE_LOANED_MESSAGES", "ROS_SECURITY_ENABLE", "ROS_SECURITY_ENCLAVE_OVERRIDE", "ROS_HOME"),
-    *("CYCLONEDDS_URI", "ZENOH_CONFIG_OVERRIDE", "TF2_SHARED_BUFFER"),
+    *("CYCLONEDDS_URI", "ZENOH_CONFIG_OVERRIDE"),
 )
 FOREIGN_PREFIXES = ("RCUTILS_", "RMW_FASTRTPS_", "FASTRTPS_", "FASTDDS_")
 
@@ -70,7 +70,7 @@ providers._get_local_constants = lambda: providers._local_constants
 
 # Helpers that assert.
 pytest.register_assert_rewrite(
-    "buffer_beside_model", "documentation_pages", "fuzz_target_checks", "recorded_answers", "shared_buffers"
+    "buffer_beside_model", "documentation_pages", "fuzz_target_checks", "recorded_answers"
 )
 
 # Of a test marked `long`: some build and install for a minute on an idle machine.

@@ -276,10 +276,10 @@ cdef bint batch_prefix(Batch* batch, const char* prefix, size_t prefix_size) noe
     return True
 
 
-cdef size_t batch_write_cdr(const Batch* batch, size_t start, size_t end, unsigned char* out) noexcept nogil:
-    # In this machine's byte order, padded with zeros.
+cdef size_t _write_batch(const Batch* batch, unsigned char* out) noexcept nogil:
+    # Returns the size in bytes; `out` NULL: it only counts. In this machine's byte order, padded with zeros.
     cdef Writer writer
-    cdef uint32_t count = <uint32_t>(end - start)
+    cdef uint32_t count = <uint32_t>batch.count
     cdef size_t i
     writer.data = out
     writer.position = HEADER_SIZE
@@ -287,14 +287,14 @@ cdef size_t batch_write_cdr(const Batch* batch, size_t start, size_t end, unsign
         out[0] = out[2] = out[3] = 0
         out[1] = TF2_IS_LITTLE_ENDIAN
     _write(&writer, &count, 4, 4)
-    for i in range(start, end):
+    for i in range(batch.count):
         _write_transform(&writer, &batch.entries[i].incoming)
     return writer.position
 
 
 cdef bytes batch_cdr(const Batch* batch):
-    cdef bytes data = PyBytes_FromStringAndSize(NULL, batch_write_cdr(batch, 0, batch.count, NULL))
-    batch_write_cdr(batch, 0, batch.count, <unsigned char*><char*>data)
+    cdef bytes data = PyBytes_FromStringAndSize(NULL, _write_batch(batch, NULL))
+    _write_batch(batch, <unsigned char*><char*>data)
     return data
 
 

@@ -47,9 +47,7 @@ cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) n
 cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil
 # Puts a prefix before every name but empty ones, which are refused. False: no memory, and the batch is empty.
 cdef bint batch_prefix(Batch* batch, const char* prefix, size_t prefix_size) noexcept nogil
-# Serialises some of the entries as one TFMessage, and returns its size in bytes. `out` NULL: it only counts.
-cdef size_t batch_write_cdr(const Batch* batch, size_t start, size_t end, unsigned char* out) noexcept nogil
-# All entries, serialized.
+# All entries, as one serialized TFMessage.
 cdef bytes batch_cdr(const Batch* batch)
 # The ValueError for the `problem` of a message of `size` bytes.
 cdef object batch_error(const Batch* batch, size_t size)

@@ -79,7 +79,6 @@ cdef extern from *:
     #define TF2_ADD_ACQ_REL(word, value) __atomic_fetch_add(word, value, __ATOMIC_ACQ_REL)
     #define TF2_ADD_SEQ_CST(word, value) __atomic_fetch_add(word, value, __ATOMIC_SEQ_CST)
     #define TF2_EXCHANGE_SEQ_CST(word, value) __atomic_exchange_n(word, value, __ATOMIC_SEQ_CST)
-    #define TF2_FENCE_SEQ_CST() __atomic_thread_fence(__ATOMIC_SEQ_CST)
     static inline int tf2_replace_seq_cst(uint32_t *word, uint32_t old, uint32_t value)
     {
         return __atomic_compare_exchange_n(word, &old, value, 0, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST);
@@ -87,9 +86,7 @@ cdef extern from *:
     """
     # Whoever loads what was stored also sees what the storing thread wrote before.
     uint32_t load_acquire "TF2_LOAD_ACQUIRE"(const uint32_t* word) nogil
-    uint64_t load64_acquire "TF2_LOAD_ACQUIRE"(const uint64_t* word) nogil
     void store_release "TF2_STORE_RELEASE"(uint32_t* word, uint32_t value) nogil
-    void store64_release "TF2_STORE_RELEASE"(uint64_t* word, uint64_t value) nogil
     # Those that add and exchange return what the word held before. For counts of owners: the last one sees
     # what all others wrote.
     uint32_t add_acq_rel "TF2_ADD_ACQ_REL"(uint32_t* word, uint32_t value) nogil
@@ -104,7 +101,6 @@ cdef extern from *:
     uint64_t exchange64_seq_cst "TF2_EXCHANGE_SEQ_CST"(uint64_t* word, uint64_t value) nogil
     # Only if it holds `old`; whether it did.
     bint replace_seq_cst "tf2_replace_seq_cst"(uint32_t* word, uint32_t old, uint32_t value) nogil
-    void fence_seq_cst "TF2_FENCE_SEQ_CST"() nogil
 
 
 # Clocks. The steady one, for deadlines and periods, does not jump when the time of day is set.

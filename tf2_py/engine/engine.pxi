@@ -160,8 +160,6 @@ cdef class Engine:
         unlock_written(&self._lock, &self._tree, &self._waiters)
 
     cdef void insert(self, Batch* batch):
-        if self._tap is not None:
-            self._tap.copy(batch)
         batch_begin(batch)
         if self.insert_some(batch):
             with nogil:
@@ -311,19 +309,9 @@ cdef class Engine:
 
     cdef bint remove(self, const char* name, size_t size) except -1:
         cdef Batch batch
-        cdef bint had_samples
-        catch_up(self)
-        # Until the tap knows of it, no other code in Python runs, and so none that inserts.
-        had_samples = self.begin_to_remove(&batch, name, size)
-        if self._tap is not None:
-            self._tap.removed(name, size)
-        self._advice.forget()
-        self._wake_all(&batch)
-        return had_samples
-
-    cdef bint begin_to_remove(self, Batch* batch, const char* name, size_t size) noexcept nogil:
         cdef bint had_samples = True
         cdef FrameId frame
+        catch_up(self)
         self._lock_when_none_is_due()
         if name == NULL:
             tree_clear(&self._tree)
@@ -331,8 +319,10 @@ cdef class Engine:
             frame = tree_frame(&self._tree, name, size)
             had_samples = frame != NO_FRAME and tree_forget(&self._tree, frame)
         # Less data may end a loop, and the waiters are no longer filed by what they lack.
-        self._begin_to_wake_all(batch)
+        self._begin_to_wake_all(&batch)
         unlock_written(&self._lock, &self._tree, &self._waiters)
+        self._advice.forget()
+        self._wake_all(&batch)
         return had_samples
 
     cdef int start_over(self, const Retention* retention, const Limits* limits) except -1:

@@ -7,7 +7,7 @@ cdef enum:
     INSERTS_PER_TRY = 2     # the cost of trying a waiter
 
 
-@cython.no_gc_clear     # threads without the GIL use `_inboxes` and `_tap`
+@cython.no_gc_clear     # threads without the GIL use `_inboxes`
 cdef class Engine:
     # Nothing outside this class takes `_lock`, or reads or writes `_tree` and `_waiters`.
     cdef object __weakref__
@@ -24,7 +24,6 @@ cdef class Engine:
     cdef object _frozen                 # the FrozenFile that was opened; valid if _tree.is_frozen
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef uint64_t _removals             # of inboxes
-    cdef Tap _tap                       # or None
     # Under _lock: no later than what the clock shows. After their first attempt, waits judge ages by it, so
     # that an insert without the GIL may answer too early, but not too late; judge_waiter corrects that.
     cdef ClockReading _clock
@@ -54,8 +53,6 @@ cdef class Engine:
     cdef object malformed(self, const Batch* batch, size_t size, str topic=*)
     # Removes every dynamic transform; or, with a name, all of one frame. Returns whether there was any.
     cdef bint remove(self, const char* name, size_t size) except -1
-    # The same without the GIL and the tap, as an insert: `insert_some` and `report` do the rest.
-    cdef bint begin_to_remove(self, Batch* batch, const char* name, size_t size) noexcept nogil
     # Resets the engine as if it were new; pending waits go on.
     cdef int start_over(self, const Retention* retention, const Limits* limits) except -1
     # What the buffer holds at one moment, as state_of, and replacing it by such a state; pending waits go on.

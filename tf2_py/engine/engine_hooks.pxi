@@ -18,16 +18,3 @@ cdef class ReadHook:
 
     cdef void engine_ended(self) noexcept:
         pass
-
-
-cdef class Tap:
-    """Copies what an engine receives, by its inboxes and by the program itself."""
-
-    cdef void copy(self, const Batch* batch) noexcept nogil:
-        pass
-
-    cdef void removed(self, const char* name, size_t size) noexcept:
-        pass
-
-    cdef bint is_wanted(self) noexcept nogil:
-        return False

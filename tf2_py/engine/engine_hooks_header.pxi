@@ -1,4 +1,4 @@
-"""What an engine calls: before it is read, when it is written, and when a waiter has an answer."""
+"""What an engine calls: before it is read, and when a waiter has an answer."""
 
 # Uses: no chapter.
 
@@ -17,17 +17,6 @@ cdef class ReadHook:
     cdef int drain(self) except -1
     # The engine is being destroyed: it must not be used any more.
     cdef void engine_ended(self) noexcept
-
-
-cdef class Tap:
-    # Copies what an engine receives. Its methods are called without the engine's lock.
-    # A batch is about to be inserted, by a program or an inbox; it includes what will be refused. Perhaps
-    # without the GIL, and by several threads.
-    cdef void copy(self, const Batch* batch) noexcept nogil
-    # A program has removed every dynamic transform; or, with a name, all of one frame. With the GIL.
-    cdef void removed(self, const char* name, size_t size) noexcept
-    # Whether the copies of what inboxes insert are wanted at once.
-    cdef bint is_wanted(self) noexcept nogil
 
 
 cdef class WaiterOwner:

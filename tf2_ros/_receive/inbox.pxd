@@ -18,12 +18,6 @@ cdef enum:
     LARGE_BYTES = READ_SLICE * WORK_BYTES   # a longer message is inserted without the lock of all inboxes
 
 
-cdef enum ParcelKind:
-    PARCEL_NOTHING              # something was taken, but there is nothing to insert
-    PARCEL_MESSAGE              # a serialized TFMessage
-    PARCEL_REMOVAL              # all dynamic transforms are removed; with a name in `data`, all of one frame
-    PARCEL_DAMAGE               # no message could be read; `problem` says why
-
 cdef enum:
     SENDER_BYTES = 16
 
@@ -31,15 +25,11 @@ cdef enum:
 cdef struct Parcel:
     # One message. It does not move: waiters refer to its batch.
     # What a source fills in; everything is reset before, except for memory and sender.
-    ParcelKind kind
-    unsigned char* data         # the message, of malloc, and behind it the authority
-    size_t size                 # bytes of the message
-    size_t authority_size
-    bint has_authority          # otherwise it is AUTHORITY
+    unsigned char* data         # a serialized TFMessage, of malloc
+    size_t size                 # bytes of it
     size_t capacity             # bytes allocated
     size_t topic                # index of its name in `names` of the Source
     bint is_static
-    const char* problem
     # If messages are recorded: the publisher, and the time of reception.
     unsigned char[SENDER_BYTES] sender
     int64_t received_ns
@@ -87,7 +77,7 @@ cdef struct InboxState:
     InformedLink* informed      # who is informed; grows at the front
     # Set once.
     Drain* drain
-    void* inbox                 # the InboxBase
+    void* inbox                 # the Inbox
     void* source                # the Source
     Records* records            # NULL: nothing is recorded
     const char* prefix          # of all names; NULL: they stay as they are
@@ -98,18 +88,13 @@ cdef struct InboxState:
     bint has_large              # inserting `parcel` takes long, and is next
     bint has_gil                # the thread in `next` holds the GIL; `inbox_takes_long` may release it
     PyThreadState* thread       # what that has saved, to take the GIL again; NULL: nothing was released
-    bint is_inserting           # a thread inserts it: parcel, engine and tap must stay as they are
+    bint is_inserting           # a thread inserts it: parcel and engine must stay as they are
     Lock inserting              # is held by that thread
     Parcels reports             # messages with something to report
-    void* tap                   # the Tap of the engine; or NULL
     InboxState* next                 # in the list of those that the draining thread serves
     InboxState* next_to_report       # in that of those whose `reports` are not empty
 
 
-# Whether something wants each message at once, or an executor is armed. A recent read is not asked for.
-cdef bint inbox_is_awaited(InboxState* inbox) noexcept nogil
-# With the lock: wakes the executors for which that is due.
-cdef void inbox_wake_executors(InboxState* inbox) noexcept nogil
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
 cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil
 # To be called within `next` before it does something that takes more than some milliseconds.
@@ -119,8 +104,8 @@ cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
 
 
 cdef class Inboxes:
-    # A thread that holds the lock of all inboxes takes at most one of an engine, of records, of a tap, or of
-    # the middleware. It takes `inserting` of an inbox only while those that hold it wait for nothing.
+    # A thread that holds the lock of all inboxes takes at most one of an engine, of records, or of the
+    # middleware. It takes `inserting` of an inbox only while those that hold it wait for nothing.
     cdef Drain drain
 
 
@@ -128,12 +113,10 @@ cdef class Informed:
     # All that this package knows of an executor.
     cdef object inboxes         # LiveObjects: those that inform this
     cdef readonly object receivers  # LiveObjects: those that leave their messages to an EventsExecutor
-    # Something was inserted. Called without the GIL, in any thread, as the next two.
+    # Something was inserted. Called without the GIL, in any thread, as the next one.
     cdef void inserted(self) noexcept nogil
     # It may wake for what was inserted. Called in each round of the draining thread, so not for each message.
     cdef void wake_if_due(self) noexcept nogil
-    # Whether it sleeps until something is inserted.
-    cdef bint is_armed(self) noexcept nogil
 
 
 cdef class Source:
@@ -145,7 +128,6 @@ cdef class Source:
     #    not: so it uses no Python object, and reads no file that may be slow. What was filled before has been
     #    inserted when it is called again.
     # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there.
-    #    If nothing reports arrivals to it, it needs an inbox of another class.
     # 3. `silence` ends that: from its return on, nothing may call `inbox_arrived`, because the inbox may be
     #    freed. It is called once, with the GIL and without a lock, in any thread, perhaps by a finalizer. So
     #    it must not wait for a thread that needs the GIL.
@@ -156,8 +138,7 @@ cdef class Source:
     cdef void silence(self) noexcept
 
 
-cdef class InboxBase(ReadHook):
-    # What an Inbox has in common with one whose source must be polled.
+cdef class Inbox(ReadHook):
     cdef InboxState state
     cdef Source _source
     cdef Inboxes _inboxes           # keeps the drain
@@ -166,23 +147,13 @@ cdef class InboxBase(ReadHook):
     cdef Recording _recording       # keeps the records
     cdef bytes _prefix
     cdef object _reference          # called, gives the engine or None
-    cdef set _used                  # keeps what threads without the lock may use: an Informed, a Tap
+    cdef set _informed              # keeps what `informed` of the state refers to
     cdef object __weakref__
 
-    # With the lock: does this much work, or a little more; returns whether more may be left.
-    cdef bint take(self, size_t most) noexcept nogil
     # Without the GIL and the lock: one step of inserting what has arrived. Returns whether more may be left.
     cdef bint step(self) noexcept nogil
-    # With the GIL: inserts all that has arrived, for a reader of the buffer.
-    cdef int read_all(self) except -1
-    # It fills another engine from now on, or none.
-    cdef void refilled(self) noexcept
 
     cdef void _discharge(self) noexcept
     cdef object _engine(self)
     cdef int _report(self, Engine engine, Parcels* parcels) except -1
     cdef int _report_one(self, Engine engine, Parcel* parcel) except -1
-
-
-cdef class Inbox(InboxBase):
-    pass

@@ -3,7 +3,7 @@ Keep what has arrived for a buffer until somebody reads it.
 
 An inbox takes messages from its `Source`, such as the subscriptions of a listener (`subscriptions`); the
 declaration of `Source` says what a source has to do. Its owner decides when it begins and ends. Everything
-goes one way: the source fills a `Parcel`, and the inbox parses, prefixes, records, copies and inserts it.
+goes one way: the source fills a `Parcel`, and the inbox parses, prefixes, records and inserts it.
 Every read of the buffer takes the messages (`drain`). So does one thread of the process: as soon as many
 messages wait, at most ROUND_NS after the first one, and at once while something waits for a transform, or
 while the buffer is read more often than the thread has rounds, so that such a reader finds everything
@@ -26,7 +26,6 @@ from tf2_py._internal cimport (
     Link,
     Lock,
     ReadHook,
-    Tap,
     batch_begin,
     batch_free,
     batch_prefix,
@@ -36,7 +35,6 @@ from tf2_py._internal cimport (
     event_set,
     event_wait,
     exchange_seq_cst,
-    is_utf8,
     links_empty,
     load_seq_cst,
     lock_acquire,
@@ -80,26 +78,7 @@ cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
 
 
 cdef bint _wants_each(InboxState* inbox) noexcept nogil:
-    # Read once, because it may change meanwhile; the inbox keeps the former one.
-    cdef void* tap = inbox.tap
-    return (load_seq_cst(&inbox.armed) or load_seq_cst(&inbox.wants_each)
-            or (tap != NULL and (<Tap>tap).is_wanted()))
-
-
-cdef bint inbox_is_awaited(InboxState* inbox) noexcept nogil:
-    cdef InformedLink* link = inbox.informed
-    while link != NULL:
-        if (<Informed>link.informed).is_armed():
-            return True
-        link = link.next
-    return _wants_each(inbox)
-
-
-cdef void inbox_wake_executors(InboxState* inbox) noexcept nogil:
-    cdef InformedLink* link = inbox.informed
-    while link != NULL:
-        (<Informed>link.informed).wake_if_due()
-        link = link.next
+    return load_seq_cst(&inbox.read) or load_seq_cst(&inbox.armed) or load_seq_cst(&inbox.wants_each)
 
 
 cdef void _inform(InboxState* inbox) noexcept nogil:
@@ -109,15 +88,11 @@ cdef void _inform(InboxState* inbox) noexcept nogil:
         link = link.next
 
 
-cdef bint _wants_all(InboxState* inbox) noexcept nogil:
-    return load_seq_cst(&inbox.read) != 0 or _wants_each(inbox)
-
-
 cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil:
     store_seq_cst(&inbox.pending, 1)
     if is_full:
         store_seq_cst(&inbox.is_full, 1)
-    if is_full or _wants_all(inbox) or load_seq_cst(&inbox.drain.is_idle):
+    if is_full or _wants_each(inbox) or load_seq_cst(&inbox.drain.is_idle):
         event_set(&inbox.drain.work)
 
 
@@ -181,10 +156,8 @@ cdef bint _begin_parcel(InboxState* inbox) noexcept nogil:
         parcel = inbox.parcel = <Parcel*>calloc(1, sizeof(Parcel))
         if parcel == NULL:
             return False
-    parcel.kind = PARCEL_NOTHING
-    parcel.size = parcel.authority_size = parcel.topic = 0
-    parcel.problem = NULL
-    parcel.has_authority = parcel.is_static = False
+    parcel.size = parcel.topic = 0
+    parcel.is_static = False
     parcel.received_ns = 0
     batch_begin(&parcel.batch)
     return True
@@ -216,11 +189,9 @@ cdef void _take_reports(InboxState* inbox, Parcels* reports) noexcept nogil:
 
 # Draining; with the lock held. The state has only the address of the engine: without the GIL, references
 # cannot be counted. Who calls what:
-#   a read of the buffer      drain, catch_up ─► read_all ─► take, then `step` until nothing is left
-#   the draining thread       drain_when_due ─► _serve_all ─► _serve ─► _take_arrived; _insert_large
-#   the thread of a ring      follow ─► step ─► take; _insert_large
-#   all of them               take: `_take_arrived` of an Inbox, which keeps `pending`, or `_take`
-#                             _take ─► `next` of the source ─► _process ─► _insert, _remove ─► _report_later
+#   a read of the buffer      catch_up ─► drain ─► _take, then `step` until nothing is left
+#   the draining thread       drain_when_due ─► _serve_all ─► _serve ─► _take; _insert_large
+#   all of them               _take ─► `next` of the source ─► _insert ─► _report_later
 
 cdef void _report_later(InboxState* inbox) noexcept nogil:
     # A flood of faults must not fill the memory: they are counted, not logged. Answers are never lost.
@@ -242,12 +213,9 @@ cdef bint _parse(InboxState* inbox) noexcept nogil:
     # Reads the message of the parcel; False: it is malformed.
     cdef Parcel* parcel = inbox.parcel
     cdef Batch* batch = &parcel.batch
-    cdef const char* authority = <const char*>parcel.data + parcel.size
     cdef bint is_readable
     batch.is_static = parcel.is_static
     batch.authority, batch.authority_size = DEFAULT_AUTHORITY, strlen(DEFAULT_AUTHORITY)
-    if parcel.has_authority and is_utf8(<const unsigned char*>authority, parcel.authority_size):
-        batch.authority, batch.authority_size = authority, parcel.authority_size
     is_readable = batch_read_cdr(batch, parcel.data, parcel.size)
     if is_readable and inbox.prefix != NULL:
         batch_prefix(batch, inbox.prefix, inbox.prefix_size)
@@ -265,40 +233,9 @@ cdef bint _insert(InboxState* inbox) noexcept nogil:
     if not _parse(inbox):
         (<Engine>inbox.engine).count_malformed()
         return True
-    if inbox.tap != NULL:
-        (<Tap>inbox.tap).copy(batch)
     while (<Engine>inbox.engine).insert_some(batch):
         pass
     return batch.needs_report
-
-
-cdef bint _remove(InboxState* inbox) noexcept nogil:
-    cdef Parcel* parcel = inbox.parcel
-    cdef Batch* batch = &parcel.batch
-    (<Engine>inbox.engine).begin_to_remove(
-        batch, <const char*>parcel.data if parcel.size else NULL, parcel.size)
-    while (<Engine>inbox.engine).insert_some(batch):
-        pass
-    return batch.needs_report
-
-
-cdef void _process(InboxState* inbox) noexcept nogil:
-    # Does what the parcel says.
-    cdef Parcel* parcel = inbox.parcel
-    cdef bint needs_report = False
-    if parcel.kind == PARCEL_MESSAGE:
-        needs_report = _insert(inbox)
-    elif parcel.kind == PARCEL_REMOVAL:
-        needs_report = _remove(inbox)
-        parcel.size = 0
-    elif parcel.kind == PARCEL_DAMAGE:
-        parcel.size = 0
-        parcel.batch.count = 0
-        parcel.batch.problem, parcel.batch.problem_at = parcel.problem, 0
-        (<Engine>inbox.engine).count_malformed()
-        needs_report = True
-    if needs_report:
-        _report_later(inbox)
 
 
 cdef void _insert_large(InboxState* inbox) noexcept nogil:
@@ -336,29 +273,25 @@ cdef void _await_insert(InboxState* inbox) noexcept nogil:
 cdef bint _take(InboxState* inbox, size_t most) noexcept nogil:
     # Does this much work, or a little more; returns whether more may be left.
     cdef size_t work = 0
-    if inbox.engine == NULL or inbox.has_large:
-        return inbox.engine != NULL
-    while work < most and _begin_parcel(inbox) and (<Source>inbox.source).next(inbox.parcel):
-        work += 1 + inbox.parcel.size // WORK_BYTES
-        inbox.has_large = inbox.parcel.kind == PARCEL_MESSAGE and inbox.parcel.size > LARGE_BYTES
-        if inbox.has_large:
-            break
-        _process(inbox)
-    # Before `pending` is cleared: executors have then heard of all that a reader sees.
-    if work:
-        _inform(inbox)
-    return work >= most or inbox.has_large
-
-
-cdef bint _take_arrived(InboxState* inbox, size_t most) noexcept nogil:
-    # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
-    # inserted, readers must find something pending, and wait here.
     cdef bint more
     if inbox.has_large and inbox.engine != NULL:
         return True     # `pending` stays as it is
+    # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
+    # inserted, readers must find something pending, and wait here.
     store_seq_cst(&inbox.pending, BEING_INSERTED)
     store_seq_cst(&inbox.is_full, 0)
-    more = _take(inbox, most)
+    while (inbox.engine != NULL and work < most and _begin_parcel(inbox)
+            and (<Source>inbox.source).next(inbox.parcel)):
+        work += 1 + inbox.parcel.size // WORK_BYTES
+        inbox.has_large = inbox.parcel.size > LARGE_BYTES
+        if inbox.has_large:
+            break
+        if _insert(inbox):
+            _report_later(inbox)
+    # Before `pending` is cleared: executors have then heard of all that a reader sees.
+    if work:
+        _inform(inbox)
+    more = inbox.engine != NULL and (work >= most or inbox.has_large)
     if more or (inbox.engine != NULL and inbox.parcel == NULL):
         store_seq_cst(&inbox.pending, 1)   # without memory, the next round tries again
     else:
@@ -376,7 +309,7 @@ cdef void _disarm(InboxState* inbox) noexcept nogil:
 
 cdef bint _serve(InboxState* inbox) noexcept nogil:
     # A reader may have taken the rest since the last slice.
-    if load_seq_cst(&inbox.pending) and _take_arrived(inbox, DRAIN_SLICE):
+    if load_seq_cst(&inbox.pending) and _take(inbox, DRAIN_SLICE):
         return True
     _disarm(inbox)
     return False
@@ -405,7 +338,7 @@ cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
                 _insert_large(inbox)
                 is_behind = True
                 break   # the list may have changed
-            elif is_round or is_rest or _wants_all(inbox) or load_seq_cst(&inbox.is_full):
+            elif is_round or is_rest or _wants_each(inbox) or load_seq_cst(&inbox.is_full):
                 is_behind = _serve(inbox) or is_behind
             inbox = inbox.next
         lock_release(&drain.lock)
@@ -415,10 +348,14 @@ cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
 
 cdef void _wake_executors(Drain* drain) noexcept nogil:
     cdef InboxState* inbox
+    cdef InformedLink* link
     lock_acquire(&drain.lock)
     inbox = drain.first
     while inbox != NULL:
-        inbox_wake_executors(inbox)
+        link = inbox.informed
+        while link != NULL:
+            (<Informed>link.informed).wake_if_due()
+            link = link.next
         inbox = inbox.next
     lock_release(&drain.lock)
 
@@ -477,13 +414,13 @@ cdef class Inboxes:
     def report_next(self):
         """Do what follows from what one of them has inserted: complete waits, and log what was refused."""
         cdef Parcels parcels
-        cdef InboxBase inbox = None
+        cdef Inbox inbox = None
         cdef InboxState* first
         lock_acquire(&self.drain.lock)
         first = self.drain.first_to_report
         if first != NULL:
             # It exists: it leaves the list, with the GIL, before it is destroyed.
-            inbox = <InboxBase>first.inbox
+            inbox = <Inbox>first.inbox
             _take_reports(first, &parcels)
             if self.drain.first_to_report != NULL:
                 event_set(&self.drain.reporting)
@@ -514,9 +451,6 @@ cdef class Informed:
     cdef void wake_if_due(self) noexcept nogil:
         pass
 
-    cdef bint is_armed(self) noexcept nogil:
-        return False
-
 
 cdef class Source:
     """Where the messages of one inbox come from. An inbox keeps it, and ends before it does."""
@@ -528,13 +462,14 @@ cdef class Source:
         pass
 
 
+@cython.final
 @cython.no_gc_clear     # `__dealloc__` needs the source
-cdef class InboxBase(ReadHook):
+cdef class Inbox(ReadHook):
     """
-    Takes what has arrived for a buffer, and inserts it.
+    Keeps what has arrived for a buffer until the buffer is read, or the thread that drains takes it.
 
     It ends with :meth:`close`, or its last reference. In garbage, its finalizer runs before the collector
-    clears anything that threads without the GIL use: engine, tap, clock, or executors.
+    clears anything that threads without the GIL use: engine, clock, or executors.
 
     :param source: of its messages; for no other inbox.
     :param hand_over: called with each callable that runs user code, to have it called.
@@ -545,11 +480,12 @@ cdef class InboxBase(ReadHook):
 
     def __cinit__(self, Source source not None, hand_over, Recording recording=None, str prefix="",
                   Inboxes inboxes not None=INBOXES):
+        cdef Drain* drain = &inboxes.drain
         if lock_init(&self.state.inserting) != 0:
             raise MemoryError
-        self._source, self._hand_over, self._used, self._inboxes = source, hand_over, set(), inboxes
+        self._source, self._hand_over, self._informed, self._inboxes = source, hand_over, set(), inboxes
         self._recording, self._prefix = recording, prefix.encode()
-        self.state.inbox, self.state.source, self.state.drain = <void*>self, <void*>source, &inboxes.drain
+        self.state.inbox, self.state.source, self.state.drain = <void*>self, <void*>source, drain
         self.pending, self.read, self.armed = &self.state.pending, &self.state.read, &self.state.armed
         if recording is not None:
             self.state.records = &recording._records
@@ -559,6 +495,10 @@ cdef class InboxBase(ReadHook):
         if prefix:
             self.state.prefix, self.state.prefix_size = self._prefix, len(self._prefix)
         source.inbox = &self.state
+        lock_acquire(&drain.lock)
+        self.state.next = drain.first
+        drain.first = &self.state
+        lock_release(&drain.lock)
 
     def __del__(self):
         if self._source is not None and not self._is_closed:
@@ -599,7 +539,6 @@ cdef class InboxBase(ReadHook):
         _await_insert(&self.state)
         self.state.engine = NULL
         lock_release(&self.state.drain.lock)
-        self.refilled()
 
     def close(self):
         """Receive nothing more. What has arrived is dropped; what was inserted is reported."""
@@ -610,12 +549,12 @@ cdef class InboxBase(ReadHook):
         """Inform this, too, of what is inserted from now on."""
         cdef InformedLink* link
         informed.inboxes.add(self)
-        if informed in self._used:
+        if informed in self._informed:
             return
-        self._used.add(informed)    # from here on, no code in Python runs
+        self._informed.add(informed)    # from here on, no code in Python runs
         link = <InformedLink*>malloc(sizeof(InformedLink))
         if link == NULL:
-            self._used.discard(informed)
+            self._informed.discard(informed)
             raise MemoryError
         link.informed, link.next = <void*>informed, self.state.informed
         lock_acquire(&self.state.drain.lock)
@@ -628,7 +567,6 @@ cdef class InboxBase(ReadHook):
     def fill(self, Engine buffer):
         """Insert from now on into this buffer, which is not kept alive. None, or once closed: into none."""
         cdef Parcels parcels
-        cdef Tap tap = None if buffer is None else buffer._tap
         if buffer is not None and self.state.engine == <void*>buffer:
             return
         reference = None if buffer is None else weakref.ref(buffer)
@@ -636,28 +574,19 @@ cdef class InboxBase(ReadHook):
         # (see `pending`: nothing makes a container).
         engine = self._engine()
         if self._is_closed:
-            buffer = tap = reference = None
+            buffer = reference = None
         if engine is not None:
             (<Engine>engine).remove_inbox(self)
-        if tap is not None:
-            self._used.add(tap)
         self._reference = reference
         lock_acquire(&self.state.drain.lock)
         _await_insert(&self.state)
         _take_reports(&self.state, &parcels)
         self.state.engine = <void*>buffer if buffer is not None else NULL
-        self.state.tap = NULL if tap is None else <void*>tap
         lock_release(&self.state.drain.lock)
         if buffer is not None:
             buffer.add_inbox(self)
-        self.refilled()
+            inbox_arrived(&self.state, True)    # perhaps while there was no buffer
         self._report(engine, &parcels)
-
-    cdef void refilled(self) noexcept:
-        pass
-
-    cdef bint take(self, size_t most) noexcept nogil:
-        return _take(&self.state, most)
 
     cdef bint step(self) noexcept nogil:
         cdef InboxState* state = &self.state
@@ -668,13 +597,13 @@ cdef class InboxBase(ReadHook):
         elif state.has_large and state.engine != NULL:
             _insert_large(state)
         else:
-            more = self.take(DRAIN_SLICE)
+            more = _take(state, DRAIN_SLICE)
             if not more:
                 _disarm(state)
         lock_release(&state.drain.lock)
         return more
 
-    cdef int read_all(self) except -1:
+    cdef int drain(self) except -1:
         cdef Lock* lock = &self.state.drain.lock
         cdef uint32_t number = lock_ask(lock)
         cdef PyThreadState* thread
@@ -682,7 +611,7 @@ cdef class InboxBase(ReadHook):
         cdef bint more
         if lock_await(lock, number, PATIENCE_NS):
             self.state.has_gil, self.state.thread = True, NULL
-            more = self.take(READ_SLICE)
+            more = _take(&self.state, READ_SLICE)
             self.state.has_gil, thread = False, self.state.thread
             lock_release(lock)
             if thread != NULL:
@@ -690,7 +619,7 @@ cdef class InboxBase(ReadHook):
         else:
             with nogil:
                 lock_await(lock, number, INT64_MAX)
-                more = self.take(READ_SLICE)
+                more = _take(&self.state, READ_SLICE)
                 lock_release(lock)
         if more:
             until_ns = monotonic_ns() + READ_NS
@@ -756,27 +685,3 @@ cdef class InboxBase(ReadHook):
             if engine._throttle.passes("receiver"):
                 log.receiving_failed(traceback.format_exc())
         return 0
-
-
-@cython.final
-@cython.no_gc_clear
-cdef class Inbox(InboxBase):
-    """Keeps what has arrived for a buffer until the buffer is read, or the thread that drains takes it."""
-
-    def __cinit__(self, *_, **__):
-        cdef Drain* drain = &self._inboxes.drain
-        lock_acquire(&drain.lock)
-        self.state.next = drain.first
-        drain.first = &self.state
-        lock_release(&drain.lock)
-
-    cdef bint take(self, size_t most) noexcept nogil:
-        return _take_arrived(&self.state, most)
-
-    cdef int drain(self) except -1:
-        return self.read_all()
-
-    cdef void refilled(self) noexcept:
-        # Messages may have arrived while there was no buffer.
-        if self.state.engine != NULL:
-            inbox_arrived(&self.state, True)

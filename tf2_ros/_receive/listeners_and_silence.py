@@ -16,12 +16,6 @@ SILENT_S = 3
 
 
 _listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener
-_watchers: LiveObjects[Any] = LiveObjects()
-
-
-def watch_listeners(watcher: Any) -> None:
-    """Call ``_tf2_check()`` of an object whenever a listener fills a buffer that it did not fill before."""
-    _watchers.add(watcher)
 
 
 def note_listener(listener: Any) -> None:
@@ -32,11 +26,9 @@ def note_listener(listener: Any) -> None:
     note_filler(getattr(listener, "node", None), buffer, listener._tf2_listening.call_queue)
     if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
         ask_for_silence(buffer, _silence)
-    for watcher in _watchers:
-        watcher._tf2_check()
 
 
-def open_topics(buffer: object) -> list[Topic]:
+def _open_topics(buffer: object) -> list[Topic]:
     """The topics on which the listeners of a buffer can receive anything."""
     listeners = [one for one in _listeners if getattr(one, "buffer", None) is buffer]
     return [topic for listener in listeners for topic in listener._tf2_listening.topics if topic.is_open()]
@@ -44,7 +36,7 @@ def open_topics(buffer: object) -> list[Topic]:
 
 def _silence(buffer: object) -> tuple[str, str]:
     # What BufferCore._ask_for_silence expects.
-    topics = [topic for topic in open_topics(buffer) if topic.is_own]
+    topics = [topic for topic in _open_topics(buffer) if topic.is_own]
     return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
 
 

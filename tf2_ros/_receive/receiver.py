@@ -57,8 +57,6 @@ class Receiver:
     child it is dead. The listener and the subscriptions keep it alive, and the buffer does not.
     """
 
-    kind = "listener"
-
     def __init__(self, listener: Any, call_queue: Any, buffer: BufferCore | None) -> None:
         self._group: ListenerGroup = listener.group
         self._context = listener.node.context
@@ -111,9 +109,6 @@ class Receiver:
         """Describe the topics, after what has arrived is inserted."""
         self.inbox.catch_up()
         return describe_topics(self._topics)
-
-    def listener_ended(self, waits: bool) -> None:
-        """Do nothing: without its subscriptions, this ends."""
 
     def yield_to_events_executor(self) -> None:
         """Leave the messages to rclpy's ``EventsExecutor``, which has taken the node."""
@@ -168,6 +163,4 @@ class Listening:
         self.owns_node = False
         self.spinner: Any = None  # the thread that spins the node
         self.call_queue: Any = None  # of the node; None: that is of a program's own kind
-        # A Receiver, or what the buffer has in place of one, with the methods that the listener calls.
-        # Another thread may replace it.
-        self.receiver: Any = None
+        self.receiver: Receiver | None = None  # None: executors take the messages

@@ -41,7 +41,6 @@ from tf2_ros._rcl cimport (
 )
 from tf2_ros._receive.inbox cimport (
     LARGE_BYTES,
-    PARCEL_MESSAGE,
     SENDER_BYTES,
     Inboxes,
     Parcel,
@@ -153,7 +152,7 @@ cdef rcl_ret_t _take_message(const Subscribed* source, Arrivals* topic, Parcel* 
     topic.taken += 1
     topic.untaken -= 1
     topic.taken_at_ns = monotonic_ns()
-    parcel.kind, parcel.topic, parcel.is_static = PARCEL_MESSAGE, topic.number, topic.is_static
+    parcel.topic, parcel.is_static = topic.number, topic.is_static
     if source.is_recorded:
         _note_reception(source, &information.known, parcel)
     return RCL_RET_OK

@@ -1,5 +1,5 @@
 """
-Hand what has ended to whatever runs a node: an executor, an event loop, or a thread.
+Hand what has ended to whatever runs a node: an executor or an event loop.
 
 This is Cython so that no signal handler runs between taking something from the queue and calling it.
 """
@@ -35,24 +35,24 @@ cdef class CallQueue:
 
     1. **Order.** Calls are made in the order of :meth:`put`, one at a time.
     2. **Threads.** They are made by what runs the node, as callbacks of subscriptions are. While nothing runs
-       the node they wait; after WARN_S, one warning says so. Without a node, a thread makes them at once.
+       the node they wait; after WARN_S, one warning says so.
     3. **Exceptions.** A `Pending` logs each `Exception` of a callback itself. What a call raises nevertheless
        is logged, because later calls and other callbacks of the node do not depend on it; not what a plain
        call raises after the end of the node. In the main thread, what ends a program is raised instead, such
        as a KeyboardInterrupt; the other calls remain.
     4. **Interrupts.** Threads, signal handlers and finalizers may put. No signal handler comes between taking
        a call from the queue and making it. One that raises inside :meth:`put` at most delays the call until
-       the next regular check; without a node, until the next :meth:`put`.
+       the next regular check.
     5. **The end.** When the node has ended, which is noticed within two seconds, the calls are dropped, and
        their futures end with a TimeoutException that says why.
     6. **Forks.** In a forked child it is dead: calls are dropped silently.
 
-    :param node: keeps this alive, not the other way round. None: a thread makes the calls.
+    :param node: keeps this alive, not the other way round.
     :param runner: a :class:`~tf2_ros._wait.call_runners.Runner`, only for this.
     """
 
     cdef object __weakref__
-    cdef readonly object node       # a weak reference; None: there is no node
+    cdef readonly object node       # a weak reference
     cdef readonly object runner
     cdef readonly object calls      # the oldest first
     cdef int64_t _waits_from_ns     # steady time since which the oldest call waits
@@ -64,13 +64,11 @@ cdef class CallQueue:
 
     def __init__(self, node, runner):
         self.calls, self.runner, self._why_closed = deque(), runner, ""
-        if node is not None:
-            self.node, self._context, self._process = weakref.ref(node), node.context, os.getpid()
-            self._name = node.get_fully_qualified_name()
-            keep_in_children(node)
+        self.node, self._context, self._process = weakref.ref(node), node.context, os.getpid()
+        self._name = node.get_fully_qualified_name()
+        keep_in_children(node)
         runner.begin(self)
-        if node is not None:
-            check_regularly(self)
+        check_regularly(self)
 
     def put(self, call):
         """Add a call, or drop it after the end of the node."""
@@ -136,8 +134,8 @@ cdef class CallQueue:
         """Whether calls are dropped, now or soon."""
         if self._why_closed or is_inherited(self._process):
             return True
-        node = None if self.node is None else self.node()
-        return self.node is not None and (node is None or node_has_ended(node))
+        node = self.node()
+        return node is None or node_has_ended(node)
 
     def is_served(self):
         """Whether something runs the node now."""
@@ -182,7 +180,7 @@ def end_for(buffer, pending):
 
 
 def put_or_call(CallQueue call_queue, pending):
-    """Have what runs a node end something; if nothing runs it now, or there is no node, do it here."""
+    """Have what runs a node end something; if nothing runs it now, or there is no queue, do it here."""
     if pending is None:
         return
     if call_queue is not None and call_queue.is_served():

@@ -1,11 +1,7 @@
-"""What makes the calls of a CallQueue: the executor or the event loop that runs a node, or a thread."""
+"""What makes the calls of a CallQueue: the executor or the event loop that runs a node."""
 
-import atexit
-import os
 import weakref
-from collections.abc import Callable
 from contextlib import suppress
-from queue import SimpleQueue
 from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -17,8 +13,7 @@ from rclpy.waitable import Waitable
 
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, waits_for_sets, wake
-from tf2_ros._threads import call_logged, start_once
-from tf2_ros._wait.call_queue import CallQueue, call_queue_for
+from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.executor_rounds import ExecutorRounds
 
 # How often rclpy's EventsExecutor looks for calls. It waits for no guard condition, and a thread that wakes
@@ -157,50 +152,6 @@ class LoopRunner(Runner):
 
     def why_late(self, name: str) -> str:
         return f"the event loop of the node [{name}] does not run, or something in it does not return."
-
-
-class ThreadRunner(Runner):
-    """A thread of its own, because a slow callback must not delay what other buffers receive."""
-
-    def __init__(self) -> None:
-        self.begin_anew()
-
-    def begin_anew(self) -> None:
-        """Have nothing to do; also in a forked child, which does not have the thread of its parent."""
-        self._wakes: SimpleQueue[bool] = SimpleQueue()  # a signal handler may put, too
-
-    def wake(self) -> None:
-        self._wakes.put(True)
-        start_once("tf2_ros callbacks", self._serve)
-
-    def _serve(self) -> None:
-        while self._wakes.get():
-            call_logged(self.run, "In a callback")
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._wakes.put(False)
-
-    def is_running(self) -> bool:
-        return True
-
-
-# Of buffers without a node.
-_thread = ThreadRunner()
-without_node = CallQueue(None, _thread)
-atexit.register(_thread.stop)
-os.register_at_fork(after_in_child=_thread.begin_anew)
-os.register_at_fork(after_in_child=without_node.calls.clear)  # they are the parent's
-
-
-def hand_over_for(buffer: Any) -> Callable[[Any], None]:
-    """
-    Have calls for a buffer made by what runs the node of its latest listener, or else by a thread.
-
-    :param buffer: not kept alive by what is returned, which an inbox calls with each call.
-    """
-    reference = weakref.ref(buffer)
-    return lambda pending: (call_queue_for(reference()) or without_node).receive(pending)
 
 
 def call_queue_of(node: Any) -> CallQueue:

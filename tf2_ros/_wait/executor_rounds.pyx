@@ -108,10 +108,6 @@ cdef class ExecutorRounds(Informed):
             store_seq_cst(&self.state.round_due, True)
             _wake(&self.state)
 
-    cdef bint is_armed(self) noexcept nogil:
-        # It sleeps in user code's call.
-        return load64_seq_cst(&self.state.wake_at_ns) == NEXT_ROUND
-
     @property
     def uses_wait_sets(self):
         """Whether no ``EventsExecutor`` has, or has had, the node: it has arrivals reported to itself."""

@@ -19,7 +19,7 @@ from tf2_ros._rclpy import (
     spun_executor,
     task_executor,
 )
-from tf2_ros._wait.call_runners import without_node
+from tf2_ros._threads import call_logged, start
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.pending import PendingFuture, Waker
 
@@ -49,7 +49,8 @@ class _SpunExecutor(Waker):
     def __call__(self, _: object) -> None:
         call = partial(end_round, self.spun)
         if has_locked_tasks(self.spun):
-            without_node.put(call)  # a thread waits for the lock, which a signal handler must not
+            # A thread waits for the lock, which a signal handler must not.
+            start("tf2_ros round", call_logged, call, "At the end of a wait")
         else:
             call()
 

@@ -8,7 +8,6 @@ from tf2_py._internal cimport load_seq_cst, lock_acquire, lock_release, monotoni
 from tf2_ros._receive.inbox cimport (
     SENDER_BYTES,
     Parcel,
-    ParcelKind,
     Source,
     InboxState,
     inbox_arrived,
@@ -49,10 +48,7 @@ cdef bint take_first(List* source, Parcel* parcel) noexcept nogil:
     if taken == NULL or parcel_reserve(parcel, taken.facts.size) == NULL:
         return False
     memcpy(parcel.data, taken.facts.data, taken.facts.size)
-    parcel.authority_size, parcel.has_authority = taken.facts.authority_size, taken.facts.has_authority
-    parcel.size = taken.facts.size - taken.facts.authority_size
-    parcel.kind, parcel.is_static, parcel.problem = taken.facts.kind, taken.facts.is_static, "it is torn"
-    parcel.received_ns = taken.facts.received_ns
+    parcel.is_static, parcel.received_ns = taken.facts.is_static, taken.facts.received_ns
     memcpy(parcel.sender, b"0123456789abcdef", SENDER_BYTES)
     first[0] = taken.following
     free(taken.facts.data)
@@ -88,18 +84,14 @@ cdef class ListedSource(Source):
         store_seq_cst(&self._list.goes_on, 1)
         return not self._list.gave_up
 
-    def put(self, bytes data, int kind=1, bint is_static=False, bytes authority=None, int64_t received_ns=0):
+    def put(self, bytes data, bint is_static=False, int64_t received_ns=0):
         """Append a parcel, and tell the inbox."""
         cdef Listed** link = &self._list.first
         cdef Listed* made = <Listed*>malloc(sizeof(Listed))
-        cdef bytes content = data + (authority or b"")
-        made.following, made.facts.size = NULL, len(content)
-        made.facts.authority_size = len(content) - len(data)
-        made.facts.has_authority = authority is not None
-        made.facts.data = <unsigned char*>malloc(len(content) + 1)
-        memcpy(made.facts.data, <const char*>content, len(content))
-        made.facts.kind, made.facts.is_static = <ParcelKind>kind, is_static
-        made.facts.received_ns = received_ns
+        made.following, made.facts.size = NULL, len(data)
+        made.facts.data = <unsigned char*>malloc(len(data) + 1)
+        memcpy(made.facts.data, <const char*>data, len(data))
+        made.facts.is_static, made.facts.received_ns = is_static, received_ns
         if self.inbox == NULL:
             raise RuntimeError("the inbox has ended")
         lock_acquire(&self.inbox.drain.lock)

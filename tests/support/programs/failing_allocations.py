@@ -154,15 +154,8 @@ STEPS = (insert,) * 6 + (insert_many, insert_many, remove, look_up, look_up, loo
 STEPS += (end_waits, travel, restore)
 
 
-numbers = itertools.count()
-
-
-def shared(cache_time):
-    return Buffer(cache_time, share=f"allocations-{next(numbers)}-{threading.get_native_id()}")
-
-
 # Another kind of buffer after every FRESH steps, so that memory grows anew.
-KINDS = (BufferCore, Buffer, shared)
+KINDS = (BufferCore, Buffer)
 FRESH = 25
 
 

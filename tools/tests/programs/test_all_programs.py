@@ -19,7 +19,6 @@ import pytest
 from making_bags import Sent, Tf, drive, write_mcap
 from making_objects import S
 from processes import run
-from shared_buffers import new_name
 from starting_programs import ROBOT, broadcasting, ended, heard, needs_dot, running
 from tool_paths import TOOLS
 from tool_sources import PYPROJECT
@@ -40,7 +39,6 @@ PROGRAMS = {
     "tf2_monitor": ("", 0),
     "tf2_plot": ("-t 3600", 130),
     "tf2_relay": ("relay.yaml", 0),
-    "tf2_shared_buffer": (f"--name {new_name()}", 0),
     "tf2_state_publisher": ("robot.urdf", 0),
     "view_frames": ("-t 3600 --text", 130),
 }
@@ -309,7 +307,6 @@ def test_wrong_arguments_are_shown_without_control_characters(name):
         ["tf2_echo", f"/{HOSTILE}", "robot"],
         ["tf2_plot", "-t", "0.1", "--path", "map", HOSTILE],
         ["tf2_relay", f"{HOSTILE}.yaml"],
-        ["tf2_shared_buffer", "--name", HOSTILE],
         ["tf2_state_publisher", HOSTILE],
         ["tf2_state_publisher", f"{HOSTILE}.yaml"],
         ["view_frames", "-t", "0.1", "--tf_topic", HOSTILE],

@@ -28,7 +28,7 @@ FEATURES = {
         "trainers on many processes: one copy of a recording's transforms in memory",
         "*frozen* tools/*/map_recordings.py tools/*/test_map_recordings.py *maps_recordings*"
         " *measures_workers*"
-        " *dying_worker* *spoiled*",
+        " *dying_worker*",
     ),
     "ages, tolerances, gaps": (
         "robots that must stop: no lookup silently uses old data",
@@ -117,7 +117,7 @@ FEATURES = {
         "tools/*check* tools/*monitor* tools/*echo* tools/*view_frames* tools/*picture* tools/*plot*"
         " tools/*stream*"
         " tools/*finding* tools/*listening* tools/*session* tools/*spun* tools/*roll_pitch* tools/*output*"
-        " tools/*rerun* tools/*view*",
+        " tools/*view*",
     ),
     "relay and static publisher": (
         "several robots or machines: transforms from one to the other, and from a command",

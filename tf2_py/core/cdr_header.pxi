@@ -1,6 +1,6 @@
 """Serialised tf2_msgs/TFMessage, read and written; batches of transforms that are inserted together."""
 
-# Uses: types, names, history, waiters.
+# Uses: types, names, waiters.
 
 # Transforms that are inserted together: those of one message or of one call.
 

@@ -307,7 +307,7 @@ class TransformListener:
             made = [topic.subscription for topic in listening.topics]
             if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
                 listening.receiver = Receiver(self, call_queue, self.__direct_buffer())
-                if not call_queue.runner.uses_wait_sets:
+                if not listening.call_queue.runner.uses_wait_sets:
                     self.__subscribe_anew(listening.receiver)
         finally:
             self.group.hides_all = False

@@ -68,9 +68,7 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 
 # What belongs to one buffer; a copy has its own.
 _OF_INIT = frozenset(
-    (
-        "registration _tf2_kept _tf2_fillers srv clock jump_handle _tf2_node _tf2_shown _tf2_followed"
-    ).split()
+    "registration _tf2_kept _tf2_fillers srv clock jump_handle _tf2_node _tf2_shown _tf2_followed".split()
 )
 
 

@@ -244,8 +244,8 @@ cdef Status walk_path(const Tree* tree, FrameId target, FrameId source, int64_t 
 
 cdef Status _walk_to_gaps(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
                           const Policy* policy, Path* path) noexcept nogil:
-    # The walk of tf2, which ends at the first frame without an answer, also above the path. It finds why there
-    # is none, and in a loop perhaps another path.
+    # The walk of tf2, which ends at the first frame without an answer, also above the path. It finds why
+    # there is none, and in a loop perhaps another path.
     cdef FrameId frame = source
     cdef FrameId top = source
     cdef FrameId parent

@@ -35,7 +35,7 @@ cdef struct Tree:
 
 cdef struct Change:
     # The shape is what decides which way a walk takes: names and links. Any insert into a frame with several
-    # parents may change it: which of them answers depends on the neighbours of a sample, and on what is pruned.
+    # parents may change it: which of them answers depends on the neighbours of a sample, and on pruning.
     bint shape              # any failed lookup may have an answer now
     FrameId frame           # the child; NO_FRAME: no history was touched
     TimeRange covered       # times for which it has data only since then; may be too large
@@ -82,8 +82,8 @@ cdef inline uint32_t tree_links(const History* history) noexcept nogil:
     return history.count if history.parent_changes else min(history.count, <uint32_t>1)
 
 
-# Whether all walks up from a frame end at the same root, whatever data there is: no frame above it has several
-# parents, and none is met twice.
+# Whether all walks up from a frame end at the same root, whatever data there is: no frame above it has
+# several parents, and none is met twice.
 cdef bint tree_has_one_way_up(const Tree* tree, FrameId frame) noexcept nogil
 # Drops all dynamic histories; names, authorities and static transforms stay.
 cdef void tree_clear(Tree* tree) noexcept nogil

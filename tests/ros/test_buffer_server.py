@@ -109,7 +109,8 @@ def goal_client(serving):
     with spun_node("client_node") as node:
         goal_client = GoalClient(node)
         yield goal_client
-        goal_client.client.destroy()
+        # In the thread of the executor, which would raise if it met the client in between.
+        _wait(node.executor.create_task(goal_client.client.destroy))
 
 
 def insert(buffer, parent="map", child="robot", seconds=1.0, x=0.0):

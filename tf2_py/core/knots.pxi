@@ -70,16 +70,14 @@ cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, K
     cdef PinnedLookup steady    # the one path whose samples lie between the knots
     cdef PinnedLookup pinned    # what the lookups read
     cdef Py_ssize_t count = SERIES_UNSTEADY
-    cdef Query own = query[0]
-    cdef FrameId* found = <FrameId*>malloc((policy_limits(&query.policy) + 1) * sizeof(FrameId))
+    cdef Query own
+    cdef FrameId* found = series_own(query, &own)
     cdef bint is_steady
     cdef bint is_pinned = False
     knots.times_ns = NULL
     knots.matrices = NULL
     if found == NULL:
         return SERIES_NO_MEMORY
-    if own.policy.is_given:
-        policy_find_in(&own.policy, found)
     lock_acquire(lock)
     is_steady = query_find_frames(tree, &own, &steady.frames).code == STATUS_OK
     is_steady = is_steady and series_pin_path(tree, &own, &steady)

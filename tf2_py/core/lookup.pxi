@@ -209,8 +209,10 @@ cdef inline Status _met_at_top(Path* path, uint32_t source_hops, uint32_t target
     return status_of(STATUS_OK)
 
 
-cdef Status walk_path(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, const Policy* policy,
-                      Path* path, bint* mixed) noexcept nogil:
+cdef Status _walk_path(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
+                       const Policy* policy, Path* path, bint* mixed) noexcept nogil:
+    # Only the path, at a time or at NEWEST, by the parents that frames have where they have data. `mixed` is
+    # set if a visited frame had several parents, so that the path may differ at other times.
     cdef FrameId frame = source
     cdef FrameId top
     cdef uint32_t source_hops = 0
@@ -295,7 +297,7 @@ cdef Status _walk_common_time(const Tree* tree, FrameId target, FrameId source, 
     cdef Policy nothing
     cdef Status status
     nothing.is_given = False
-    status = walk_path(tree, target, source, NEWEST, &nothing, path, mixed)
+    status = _walk_path(tree, target, source, NEWEST, &nothing, path, mixed)
     if status.code == STATUS_OK:
         common_ns[0] = path_common_time(tree, path)
     return status
@@ -403,13 +405,13 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
             transform_identity(out)
         return status_of(STATUS_OK)
     if time_ns:
-        found = walk_path(tree, target, source, time_ns, policy, path, &mixed).code == STATUS_OK
+        found = _walk_path(tree, target, source, time_ns, policy, path, &mixed).code == STATUS_OK
         return _answer_at(tree, target, source, time_ns, found, policy, path, out, stamp_ns)
     status = _walk_common_time(tree, target, source, path, &time_ns, &mixed)
     if status.code != STATUS_OK:
         return status
     # At the common time a frame may have another parent than at its newest stamp.
-    found = not mixed or walk_path(tree, target, source, time_ns, policy, path, &mixed).code == STATUS_OK
+    found = not mixed or _walk_path(tree, target, source, time_ns, policy, path, &mixed).code == STATUS_OK
     status = _answer_at(tree, target, source, time_ns, found, policy, path, out, stamp_ns)
     if policy.is_given and policy.judges_age:
         return _judge_ages(tree, target, source, policy, path, status)

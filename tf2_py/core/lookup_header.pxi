@@ -46,11 +46,6 @@ cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, P
 # to MAX_STAMP_NS. The status is that of a lookup at the latest common time. Both frames are pinned.
 cdef Status walk_time_range(const PinnedTree* pinned, FrameId target, FrameId source,
                             TimeRange* answered) noexcept nogil
-# Finds only the path, at a time or at NEWEST, between two different frames, by the parents that frames have
-# where they have data. `mixed` is set if a visited frame had several parents, so that the path may differ at
-# other times.
-cdef Status walk_path(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, const Policy* policy,
-                      Path* path, bint* mixed) noexcept nogil
 
 
 cdef struct Lack:

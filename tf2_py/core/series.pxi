@@ -318,20 +318,16 @@ cdef struct PinnedLookup:
 
 cdef bint _find_path(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
     # Whether one path serves all times. Lookups that fail at any time have none.
-    cdef Policy nothing
     cdef FrameId target = pinned.frames.target
     cdef FrameId source = pinned.frames.source
     cdef Path path
     cdef int64_t stamp_ns
-    cdef bint mixed = False
-    nothing.is_given = False
     if pinned.has_fixed:
         if walk_lookup(tree, target, pinned.frames.fixed, query.target_ns, &query.policy, &path,
                        &pinned.fixed_to_target, &stamp_ns).code != STATUS_OK:
             return False
         target = pinned.frames.fixed
-    if target != source and walk_path(tree, target, source, NEWEST, &nothing, &pinned.path,
-                                      &mixed).code != STATUS_OK:
+    if walk_common_time(tree, target, source, &pinned.path, &stamp_ns).code != STATUS_OK:
         return False
     return (tree_has_one_way_up(tree, source) and tree_has_one_way_up(tree, target)
             and pinned.path.source_hops + pinned.path.target_hops <= LONG_PATH)
@@ -492,18 +488,25 @@ cdef Py_ssize_t series_answer(const Query* query, PinnedLookup* pinned, const Ti
     return start
 
 
+cdef FrameId* series_own(const Query* query, Query* own) noexcept nogil:
+    # A copy that may be read without the lock, under which other lookups with its policy write the ids of
+    # its limits. Returns the memory for its own ids, to be freed; NULL: there is none.
+    cdef FrameId* found = <FrameId*>malloc((policy_limits(&query.policy) + 1) * sizeof(FrameId))
+    own[0] = query[0]
+    if found != NULL and own.policy.is_given:
+        policy_find_in(&own.policy, found)
+    return found
+
+
 cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
                               Status* status) noexcept nogil:
     cdef PinnedLookup pinned
     cdef Py_ssize_t answered
     cdef bint is_pinned = False
-    cdef Query own = query[0]
-    # It is read without the lock, under which other lookups with this policy write theirs.
-    cdef FrameId* found = <FrameId*>malloc((policy_limits(&query.policy) + 1) * sizeof(FrameId))
+    cdef Query own
+    cdef FrameId* found = series_own(query, &own)
     if found == NULL:
         return SERIES_NO_MEMORY
-    if own.policy.is_given:
-        policy_find_in(&own.policy, found)
     lock_acquire(lock)
     status[0] = query_find_frames(tree, &own, &pinned.frames)
     if status.code == STATUS_OK:

@@ -72,3 +72,25 @@ def test_no_vector_lookup_sees_half_of_a_sample(looped):
             ended.result()
     buffer._self_check()
     assert sum(answers) > 0
+
+
+def test_a_limit_knows_its_frame_while_new_frames_appear():
+    buffer = BufferCore()
+    buffer.set_transform(telling(S, "map", "base"), "x")
+    done = threading.Event()
+
+    def grow():
+        for i in range(200_000):
+            if done.is_set():
+                return
+            buffer.set_transform(telling(S, "map", f"new_{i}"), "x")
+
+    with ThreadPoolExecutor() as threads:
+        growing = threads.submit(grow)
+        try:
+            for _ in range(100):
+                # Without its limit, a time after the only sample has no answer.
+                buffer.lookup_transforms("map", "base", np.full(5000, 2 * S), tolerance={"base": 1.0})
+        finally:
+            done.set()
+        growing.result()

@@ -70,29 +70,24 @@ cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, K
     cdef PinnedLookup steady    # the one path whose samples lie between the knots
     cdef PinnedLookup pinned    # what the lookups read
     cdef Py_ssize_t count = SERIES_UNSTEADY
-    cdef Query own
-    cdef FrameId* found = series_own(query, &own)
     cdef bint is_steady
     cdef bint is_pinned = False
     knots.times_ns = NULL
     knots.matrices = NULL
-    if found == NULL:
-        return SERIES_NO_MEMORY
     lock_acquire(lock)
-    is_steady = query_find_frames(tree, &own, &steady.frames).code == STATUS_OK
-    is_steady = is_steady and series_pin_path(tree, &own, &steady)
+    is_steady = query_find_frames(tree, query, &steady.frames).code == STATUS_OK
+    is_steady = is_steady and series_pin_path(tree, query, &steady)
     if is_steady:
         pinned.frames = steady.frames
-        is_pinned = series_pin(tree, &own, &pinned) == 0
+        is_pinned = series_pin(tree, query, &pinned) == 0
     lock_release(lock)
     if is_pinned:
-        count = _knots_on_path(&own, &steady, &pinned, knots)
+        count = _knots_on_path(query, &steady, &pinned, knots)
         series_unpin(&pinned)
     elif is_steady:
         count = SERIES_NO_MEMORY
     if is_steady:
         series_unpin(&steady)
-    free(found)
     return count
 
 

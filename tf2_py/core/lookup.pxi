@@ -32,14 +32,13 @@ cdef void _lack_add(Lack* lack, const History* history, FrameId frame, int64_t t
     lack.furthest_frame = frame
 
 
-cdef void lack_check(Lack* lack, const History* history, FrameId frame, int64_t time_ns,
-                     const Policy* policy) noexcept nogil:
+cdef void lack_check(Lack* lack, const History* history, FrameId frame, int64_t time_ns, const Policy* policy,
+                     int64_t tolerance_ns) noexcept nogil:
     cdef Transform not_needed
     cdef int64_t used_ns
     cdef Gap gap
     if policy.is_given:
-        gap = history_transform_under(
-            history, time_ns, policy, limit_of(&policy.tolerance, frame), &not_needed, &used_ns)
+        gap = history_transform_under(history, time_ns, policy, tolerance_ns, &not_needed, &used_ns)
     else:
         gap = history_gap(history, time_ns)
     if gap == GAP_NONE:
@@ -92,14 +91,36 @@ cdef Status lack_status(const Lack* source, const Lack* target, int64_t time_ns)
     return status_of(STATUS_OK)
 
 
+# The limit of a frame, by its name: a policy may be older than the frame, and serves several buffers.
+
+cdef uint32_t _limit_index(const Tree* tree, const FrameLimits* limits, FrameId frame) noexcept nogil:
+    # `count`: the frame has no limit of its own.
+    cdef uint32_t i = 0
+    while i < limits.count and not is_name_of(
+            &tree.names, frame, limits.named[i].name, limits.named[i].size):
+        i += 1
+    return i
+
+
+cdef int64_t _limit_ns(const Tree* tree, const FrameLimits* limits, FrameId frame) noexcept nogil:
+    cdef uint32_t i = _limit_index(tree, limits, frame)
+    return limits.others_ns if i == limits.count else limits.named[i].limit_ns
+
+
+cdef inline int64_t _tolerance_ns(const Tree* tree, FrameId frame, const Policy* policy) noexcept nogil:
+    return _limit_ns(tree, &policy.tolerance, frame) if policy.is_given else 0
+
+
 # Along a known path: the composed transform, or which histories do not answer.
 
 cdef inline void _check_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
                              const Policy* policy, Lack* lack) noexcept nogil:
+    cdef int64_t tolerance_ns
     cdef uint32_t i
     lack_init(lack)
     for i in range(hops):
-        lack_check(lack, &tree.histories[frames[i]], frames[i], time_ns, policy)
+        tolerance_ns = _tolerance_ns(tree, frames[i], policy)
+        lack_check(lack, &tree.histories[frames[i]], frames[i], time_ns, policy, tolerance_ns)
 
 
 cdef Status _path_lack(const Tree* tree, const Path* path, int64_t time_ns,
@@ -126,7 +147,7 @@ cdef inline bint _hop(const Tree* tree, FrameId frame, int64_t time_ns, uint32_t
     if policy == NULL:
         return history_transform_at(history, time_ns, hint, out) == GAP_NONE
     if history_transform_under(
-            history, time_ns, policy, limit_of(&policy.tolerance, frame), out, &used_ns) != GAP_NONE:
+            history, time_ns, policy, _tolerance_ns(tree, frame, policy), out, &used_ns) != GAP_NONE:
         return False
     stamp_ns[0] = min(stamp_ns[0], used_ns)
     return True
@@ -183,8 +204,8 @@ cdef FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time_ns,
                             const Policy* policy) noexcept nogil:
     # NO_FRAME: it has no answer, neither at the time nor within its tolerance before it.
     cdef const History* history = &tree.histories[frame]
-    cdef int64_t tolerance_ns = limit_of(&policy.tolerance, frame) if policy.is_given else 0
-    return history_parent_at(history, history_time_within(history, time_ns, tolerance_ns))
+    return history_parent_at(
+        history, history_time_within(history, time_ns, _tolerance_ns(tree, frame, policy)))
 
 
 cdef inline FrameId _parent_by_link(const Tree* tree, FrameId frame, int64_t time_ns, const Policy* policy,
@@ -316,7 +337,7 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
                     int64_t* excess_ns, Status* status) noexcept nogil:
     # Whether the newest sample is too old, by more than `excess_ns`, which then rises; `status` is about it.
     cdef const History* history = &tree.histories[frame]
-    cdef int64_t limit_ns = limit_of(&policy.max_age, frame)
+    cdef int64_t limit_ns = _limit_ns(tree, &policy.max_age, frame)
     cdef int64_t age_ns
     if limit_ns == INT64_MAX:
         return False
@@ -327,7 +348,7 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
             status.code = STATUS_BAD_LIMIT
             status.gap = GAP_NONE
             status.child = frame
-            status.parent = policy.tolerance.count + limit_index(&policy.max_age, frame)
+            status.parent = policy.tolerance.count + _limit_index(tree, &policy.max_age, frame)
         return False
     age_ns = history_age(history, now_ns)
     if age_ns - limit_ns <= excess_ns[0]:
@@ -493,29 +514,24 @@ cdef bint query_is_identity(const Query* query) noexcept nogil:
             and memcmp(query.target, query.source, query.source_size) == 0)
 
 
-cdef uint32_t _find_named(const Tree* tree, const FrameLimits* limits, FrameId* found) noexcept nogil:
-    # Returns the index of the first one that was never a child; `count`: all were.
-    cdef uint32_t first = limits.count
+cdef bint _has_bad_limit(const Tree* tree, const FrameLimits* limits, uint32_t first,
+                         QueryFrames* frames) noexcept nogil:
+    # Whether a frame of a limit was never a child. `first`: the index of the first limit, as in Status.
     cdef uint32_t i
     for i in range(limits.count):
-        found[i] = tree_frame(tree, limits.named[i].name, limits.named[i].size)
-        if tree.histories[found[i]].kind == HISTORY_NONE:
-            first = min(first, i)
-    return first
-
-
-cdef uint32_t _find_limits(const Tree* tree, const Policy* policy) noexcept nogil:
-    cdef uint32_t tolerance = _find_named(tree, &policy.tolerance, policy.tolerance.found)
-    cdef uint32_t max_age = _find_named(tree, &policy.max_age, policy.max_age.found)
-    if tolerance < policy.tolerance.count:
-        return tolerance
-    return UINT32_MAX if max_age == policy.max_age.count else policy.tolerance.count + max_age
+        frames.badly_limited = tree_frame(tree, limits.named[i].name, limits.named[i].size)
+        if tree.histories[frames.badly_limited].kind == HISTORY_NONE:
+            frames.bad_limit = first + i
+            return True
+    return False
 
 
 cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil:
     cdef Status status
     frames.fixed = NO_FRAME
-    frames.bad_limit = _find_limits(tree, &query.policy) if query.policy.is_given else UINT32_MAX
+    frames.bad_limit = UINT32_MAX
+    if query.policy.is_given and not _has_bad_limit(tree, &query.policy.tolerance, 0, frames):
+        _has_bad_limit(tree, &query.policy.max_age, query.policy.tolerance.count, frames)
     if query_is_identity(query):
         frames.target = frames.source = tree_frame(tree, query.source, query.source_size)
         return status_of(STATUS_OK)
@@ -534,18 +550,18 @@ cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
     if status.code != STATUS_OK:
         return status
     if frames.bad_limit != UINT32_MAX:
-        return query_judge_limits(query, &frames, query_answer_between(tree, query, &frames, out, stamp_ns))
+        return query_judge_limits(&frames, query_answer_between(tree, query, &frames, out, stamp_ns))
     return query_answer_between(tree, query, &frames, out, stamp_ns)
 
 
-cdef Status query_judge_limits(const Query* query, const QueryFrames* frames, Status answered) noexcept nogil:
+cdef Status query_judge_limits(const QueryFrames* frames, Status answered) noexcept nogil:
     cdef Status status = answered
     # While no path is known, a program has just started, and the frame of the limit may still appear.
     if frames.bad_limit != UINT32_MAX and status.code in (STATUS_OK, STATUS_EXTRAPOLATION):
         status.code = STATUS_BAD_LIMIT
         status.half = HALF_NONE
         status.parent = frames.bad_limit
-        status.child = query.policy.tolerance.found[frames.bad_limit]
+        status.child = frames.badly_limited
     return status
 
 

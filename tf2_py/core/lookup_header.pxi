@@ -60,8 +60,8 @@ cdef struct Lack:
 
 cdef void lack_init(Lack* lack) noexcept nogil
 # Adds a frame, in the order of the way up, if its history has no answer.
-cdef void lack_check(Lack* lack, const History* history, FrameId frame, int64_t time_ns,
-                     const Policy* policy) noexcept nogil
+cdef void lack_check(Lack* lack, const History* history, FrameId frame, int64_t time_ns, const Policy* policy,
+                     int64_t tolerance_ns) noexcept nogil
 # The status of a lookup along a path whose sides lack this; STATUS_OK: they lack nothing.
 cdef Status lack_status(const Lack* source, const Lack* target, int64_t time_ns) noexcept nogil
 
@@ -83,6 +83,7 @@ cdef struct QueryFrames:
     FrameId source
     FrameId fixed               # of a two-time lookup
     uint32_t bad_limit          # the first limit that could never apply, as in Status; UINT32_MAX: none
+    FrameId badly_limited       # its frame; NO_FRAME: not known
 
 
 cdef inline bint asks_for_1970(const Query* query, const Status* status) noexcept nogil:
@@ -97,12 +98,12 @@ cdef inline bint asks_for_1970(const Query* query, const Status* status) noexcep
 # frame stay at its newest sample, the oldest stamp of such samples.
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
                          int64_t* stamp_ns) noexcept nogil
-# The same in three steps: a bad status if a name is invalid or unknown, and the frames of the policy's
-# limits; then an answer without the names; then the status of that under these limits.
+# The same in three steps: a bad status if a name is invalid or unknown, and whether a limit could never
+# apply; then an answer without the names; then the status of that under these limits.
 cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames* frames) noexcept nogil
 cdef Status query_answer_between(const Tree* tree, const Query* query, const QueryFrames* frames,
                                  Transform* out, int64_t* stamp_ns) noexcept nogil
-cdef Status query_judge_limits(const Query* query, const QueryFrames* frames, Status answered) noexcept nogil
+cdef Status query_judge_limits(const QueryFrames* frames, Status answered) noexcept nogil
 # The ids of the target and the source; a bad status if one of the names is invalid or unknown.
 cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,
                              FrameId* source) noexcept nogil

@@ -414,10 +414,10 @@ cdef Status _batch_lack(const Query* query, const PinnedLookup* pinned, int64_t 
     lack_init(&source)
     lack_init(&target)
     for i in range(path.source_hops):
-        lack_check(&source, &pinned.histories[i], path.source[i], time_ns, &query.policy)
+        lack_check(&source, &pinned.histories[i], path.source[i], time_ns, &query.policy, 0)
     for i in range(path.target_hops):
         k = path.source_hops + i
-        lack_check(&target, &pinned.histories[k], path.target[i], time_ns, &query.policy)
+        lack_check(&target, &pinned.histories[k], path.target[i], time_ns, &query.policy, 0)
     return lack_status(&source, &target, time_ns)
 
 
@@ -427,8 +427,7 @@ cdef Status _answer_one(const Query* query, const PinnedLookup* pinned, int64_t 
     cdef int64_t stamp_ns
     single.source_ns = time_ns
     return query_judge_limits(
-        query, &pinned.frames,
-        query_answer_between(&pinned.above.view, &single, &pinned.frames, out, &stamp_ns))
+        &pinned.frames, query_answer_between(&pinned.above.view, &single, &pinned.frames, out, &stamp_ns))
 
 
 cdef void _put_missing(Columns* columns, uint32_t i) noexcept nogil:
@@ -488,34 +487,18 @@ cdef Py_ssize_t series_answer(const Query* query, PinnedLookup* pinned, const Ti
     return start
 
 
-cdef FrameId* series_own(const Query* query, Query* own) noexcept nogil:
-    # A copy that may be read without the lock, under which other lookups with its policy write the ids of
-    # its limits. Returns the memory for its own ids, to be freed; NULL: there is none.
-    cdef FrameId* found = <FrameId*>malloc((policy_limits(&query.policy) + 1) * sizeof(FrameId))
-    own[0] = query[0]
-    if found != NULL and own.policy.is_given:
-        policy_find_in(&own.policy, found)
-    return found
-
-
 cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
                               Status* status) noexcept nogil:
     cdef PinnedLookup pinned
     cdef Py_ssize_t answered
     cdef bint is_pinned = False
-    cdef Query own
-    cdef FrameId* found = series_own(query, &own)
-    if found == NULL:
-        return SERIES_NO_MEMORY
     lock_acquire(lock)
-    status[0] = query_find_frames(tree, &own, &pinned.frames)
+    status[0] = query_find_frames(tree, query, &pinned.frames)
     if status.code == STATUS_OK:
-        is_pinned = series_pin(tree, &own, &pinned) == 0
+        is_pinned = series_pin(tree, query, &pinned) == 0
     lock_release(lock)
     if not is_pinned:
-        free(found)
         return SERIES_BAD_NAME if status.code != STATUS_OK else SERIES_NO_MEMORY
-    answered = series_answer(&own, &pinned, series, status)
+    answered = series_answer(query, &pinned, series, status)
     series_unpin(&pinned)
-    free(found)
     return answered

@@ -293,6 +293,8 @@ cdef void _pin_frame(const Tree* tree, FrameId frame, unsigned char* seen, Pinne
     seen[frame >> 3] |= 1 << (frame & 7)
     history_pin(&tree.histories[frame], &pinned.view.histories[frame])
     pinned.view.parents[frame] = tree.parents[frame]
+    pinned.view.names.names[frame] = tree.names.names[frame]
+    pinned.view.names.text_size += tree.names.names[frame].size
     pinned.frames[pinned.count] = frame
     pinned.count += 1
 
@@ -313,6 +315,22 @@ cdef void _pin_parents(const Tree* tree, FrameId frame, unsigned char* seen,
             changes -= 1
 
 
+cdef int _pin_names(const Tree* tree, PinnedTree* pinned) noexcept nogil:
+    # A copy of their text, which moves as the tree grows. -1: no memory.
+    cdef Name* name
+    cdef size_t start = 0
+    cdef uint32_t i
+    pinned.view.names.text = <char*>malloc(pinned.view.names.text_size)
+    if pinned.view.names.text == NULL:
+        return -1
+    for i in range(pinned.count):
+        name = &pinned.view.names.names[pinned.frames[i]]
+        memcpy(pinned.view.names.text + start, tree.names.text + name.start, name.size)
+        name.start = start
+        start += name.size
+    return 0
+
+
 cdef int tree_pin_above(const Tree* tree, const FrameId* frames, uint32_t count,
                         PinnedTree* pinned) noexcept nogil:
     # Of the large arrays only the elements of pinned frames are written, so that this costs little where a
@@ -322,9 +340,10 @@ cdef int tree_pin_above(const Tree* tree, const FrameId* frames, uint32_t count,
     memset(pinned, 0, sizeof(PinnedTree))
     pinned.view.histories = <History*>malloc(tree.names.count * sizeof(History))
     pinned.view.parents = <uint32_t*>malloc(tree.names.count * sizeof(uint32_t))
+    pinned.view.names.names = <Name*>malloc(tree.names.count * sizeof(Name))
     pinned.frames = <FrameId*>malloc(tree.names.count * sizeof(FrameId))
     if (seen == NULL or pinned.view.histories == NULL or pinned.view.parents == NULL
-            or pinned.frames == NULL):
+            or pinned.view.names.names == NULL or pinned.frames == NULL):
         free(seen)
         tree_unpin(pinned)
         return -1
@@ -335,6 +354,9 @@ cdef int tree_pin_above(const Tree* tree, const FrameId* frames, uint32_t count,
         _pin_parents(tree, pinned.frames[i], seen, pinned)
         i += 1
     free(seen)
+    if _pin_names(tree, pinned) != 0:
+        tree_unpin(pinned)
+        return -1
     return 0
 
 
@@ -344,6 +366,7 @@ cdef void tree_unpin(PinnedTree* pinned) noexcept nogil:
         history_unpin(&pinned.view.histories[pinned.frames[i]])
     free(pinned.view.histories)
     free(pinned.view.parents)
+    names_free(&pinned.view.names)
     free(pinned.frames)
 
 

@@ -68,24 +68,9 @@ cdef struct FrameLimit:
 
 cdef struct FrameLimits:
     # A duration for each frame.
-    const FrameLimit* named     # those of some frames ...
-    FrameId* found          # ... whose ids each lookup writes here, under the lock; NO_FRAME: not known
-    uint32_t count          # of both
+    const FrameLimit* named     # those of some frames
+    uint32_t count          # of `named`
     int64_t others_ns       # that of all other frames
-
-
-cdef inline uint32_t limit_index(const FrameLimits* limits, FrameId frame) noexcept nogil:
-    # Of the frame's own limit; `count`: it has none.
-    cdef uint32_t i
-    for i in range(limits.count):
-        if limits.found[i] == frame:
-            return i
-    return limits.count
-
-
-cdef inline int64_t limit_of(const FrameLimits* limits, FrameId frame) noexcept nogil:
-    cdef uint32_t i = limit_index(limits, frame)
-    return limits.others_ns if i == limits.count else limits.named[i].limit_ns
 
 
 cdef struct ClockReading:
@@ -103,17 +88,6 @@ cdef struct Policy:
     int64_t max_gap_ns      # between samples that are further apart it has none
     FrameLimits max_age     # how old the newest sample of a moving frame may be; INT64_MAX: any age
     const ClockReading* clock   # set by the engine
-
-
-cdef inline uint32_t policy_limits(const Policy* policy) noexcept nogil:
-    # How many limits of single frames it has.
-    return policy.tolerance.count + policy.max_age.count if policy.is_given else 0
-
-
-cdef inline void policy_find_in(Policy* policy, FrameId* found) noexcept nogil:
-    # Gives it memory for the ids of these frames, in one piece.
-    policy.tolerance.found = found
-    policy.max_age.found = found + policy.tolerance.count
 
 
 cdef enum StatusCode:

@@ -52,7 +52,6 @@ cdef class PolicyObject:
     def __dealloc__(self):
         free(<void*>self.policy.tolerance.named)
         free(<void*>self.policy.max_age.named)
-        free(self.policy.tolerance.found)   # in one piece
 
     @property
     def judges_age(self):
@@ -109,7 +108,6 @@ def policy_of(call, waits, /, **policy):
     :raises ValueError: a duration is negative.
     """
     cdef PolicyObject made
-    cdef FrameId* found
     tolerance = policy.pop("tolerance", None)
     extrapolate = policy.pop("extrapolate", False)
     max_gap = policy.pop("max_gap", None)
@@ -129,10 +127,6 @@ def policy_of(call, waits, /, **policy):
     if max_age is not None:
         made.policy.judges_age = True
         made._read_limits(&made.policy.max_age, max_age, "max_age", INT64_MAX)
-    found = <FrameId*>malloc((policy_limits(&made.policy) + 1) * sizeof(FrameId))
-    if found == NULL:
-        raise MemoryError
-    policy_find_in(&made.policy, found)
     return made
 
 
@@ -202,7 +196,6 @@ cdef object _bad_limit(const Query* query, Status status, bint is_static, list i
 
 
 cdef int64_t _limit_of_name(const FrameLimits* limits, str frame) except -1:
-    # Not by the ids, which only lookups know.
     cdef uint32_t i
     name = frame.encode("utf-8")
     for i in range(limits.count):

@@ -1,16 +1,21 @@
 """What an inbox does with the parcels of a source: here, of one that needs no middleware."""
 
 import gc
+import random
 import signal
 import threading
 import weakref
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from cdr_encoder import encode
 from compiling_extensions import compiled
 from forked_children import in_a_child
 from making_objects import S, at, transform, translation
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
+from repetitions import seeds
 from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
@@ -89,18 +94,6 @@ def test_a_message_that_moves_a_long_history_is_inserted_as_others(closes, sourc
     buffer._self_check()
 
 
-def test_other_threads_go_on_while_a_read_takes_a_large_message(source, inbox, buffer):
-    answers = []
-    source.put(serialised(transform("map", "robot", 1)))
-    source.slow_down()
-    reader = threading.Thread(target=lambda: answers.append(buffer.can_transform("map", "robot", at(1))))
-    reader.start()
-    until(source.is_taking)  # which needs the GIL
-    assert source.go_on()
-    reader.join()
-    assert answers == [True]
-
-
 def test_a_read_takes_from_every_inbox_although_one_ends_meanwhile(source, inbox, buffer, inboxes):
     slow, other = (compiled("listed_source").ListedSource() for _ in range(2))
     ending = Inbox(other, list, inboxes=Inboxes())  # another lock: it ends while the first one is read
@@ -108,15 +101,26 @@ def test_a_read_takes_from_every_inbox_although_one_ends_meanwhile(source, inbox
     for one in (ending, first):
         one.fill(buffer)
     source.put(serialised(transform("map", "robot", 1)))
-    slow.put(serialised(transform("map", "person", 1)))
     slow.slow_down()
-    answers = []
-    reader = threading.Thread(target=lambda: answers.append(buffer.can_transform("map", "robot", at(1))))
-    reader.start()
+    slow.put(serialised(transform("map", "person", 1)))
+    draining = threading.Thread(target=inboxes.drain_when_due)
+    draining.start()
     until(slow.is_taking)
+    reads = threading.Event()
+    answers = []
+
+    def read():
+        reads.set()
+        answers.append(buffer.can_transform("map", "robot", at(1)))
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    reads.wait()
     ending.close()
     assert slow.go_on()
     reader.join()
+    inboxes.stop()
+    draining.join()
     assert answers == [True]
     first.close()
 
@@ -199,6 +203,46 @@ def test_what_was_put_before_a_large_message_and_after_it_is_found_too(source, i
     assert buffer.can_transform("map", "after", LATEST)
     assert len(buffer.frames()) == MANY + 3  # with the map
     buffer._self_check()
+
+
+@pytest.mark.parametrize("seed", seeds(2, 20))
+def test_each_message_goes_once_and_whole_into_one_buffer(source, inboxes, seed):
+    """Also a long one, with which several threads go on in turn while the inbox gets another buffer."""
+    rng, ended = random.Random(seed), threading.Event()
+    buffers = [Buffer(), Buffer()]
+    inbox = Inbox(source, list, inboxes=inboxes)
+    sizes = [rng.choice([1, 100, MANY]) for _ in range(10)]
+    contents = [[transform("map", f"{n} {i}", 1) for i in range(size)] for n, size in enumerate(sizes)]
+    messages = [encode(transforms) for transforms in contents]
+
+    def taken():
+        return sum(buffer.statistics()["taken"] for buffer in buffers)
+
+    def refill():
+        while not ended.is_set():
+            inbox.fill(rng.choice(buffers))
+
+    def read():
+        while not ended.is_set():
+            taken()
+
+    with ThreadPoolExecutor() as threads:
+        threads.submit(inboxes.drain_when_due)
+        others = [threads.submit(work) for work in (refill, read, read)]
+        try:
+            for message in messages:
+                source.put(message)
+            until(lambda: taken() >= sum(sizes))
+        finally:
+            ended.set()
+            for other in others:
+                other.result()
+            inboxes.stop()
+    found = [Counter(name.split()[0] for name in buffer.frames()) for buffer in buffers]
+    for number, size in enumerate(sizes):
+        assert sorted(one[str(number)] for one in found) == [0, size]
+    assert taken() == sum(sizes)
+    inbox.close()
 
 
 def test_what_was_put_while_there_was_no_buffer_goes_into_the_next_one(source, inbox, buffer, tf2_ros):

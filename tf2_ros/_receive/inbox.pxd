@@ -2,7 +2,6 @@
 
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t
-from cpython.pystate cimport PyThreadState
 
 from tf2_py._internal cimport Batch, Engine, Event, Lock, ReadHook
 from tf2_ros.records cimport Recording, Records
@@ -15,7 +14,7 @@ cdef enum:
     DRAIN_SLICE = 16            # work until other threads may drain
     READ_SLICE = 64             # work of a read until it releases the GIL
     WORK_BYTES = 2048
-    LARGE_BYTES = READ_SLICE * WORK_BYTES   # a longer message is inserted without the lock of all inboxes
+    LARGE_BYTES = READ_SLICE * WORK_BYTES   # memory for a longer message is given back
 
 
 cdef enum:
@@ -35,6 +34,7 @@ cdef struct Parcel:
     int64_t received_ns
     # What the inbox needs.
     Batch batch
+    bint is_begun               # `batch` was parsed, and not all of it is inserted
     Parcel* next
 
 
@@ -61,12 +61,6 @@ cdef struct Drain:
     uint32_t is_stopping        # atomic
 
 
-# A large message, and who acts next:
-#   has_large  is_inserting
-#   no         no            `next` may fill the parcel
-#   yes        no            the next thread that drains or reads inserts it; nothing else is taken
-#   yes        yes           one thread inserts it without the lock; the draining thread passes over the
-#                            inbox, all others wait in `_await_insert`
 cdef struct InboxState:
     # What is used without the GIL.
     uint32_t pending            # atomic; 0: no message waits; BEING_INSERTED: none but those being taken
@@ -85,11 +79,6 @@ cdef struct InboxState:
     # Guarded by the lock of all inboxes.
     void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message; NULL: not allocated yet
-    bint has_large              # inserting `parcel` takes long, and is next
-    bint has_gil                # the thread in `next` holds the GIL; `inbox_takes_long` may release it
-    PyThreadState* thread       # what that has saved, to take the GIL again; NULL: nothing was released
-    bint is_inserting           # a thread inserts it: parcel and engine must stay as they are
-    Lock inserting              # is held by that thread
     Parcels reports             # messages with something to report
     InboxState* next                 # in the list of those that the draining thread serves
     InboxState* next_to_report       # in that of those whose `reports` are not empty
@@ -97,15 +86,13 @@ cdef struct InboxState:
 
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
 cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil
-# To be called within `next` before it does something that takes more than some milliseconds.
-cdef void inbox_takes_long(InboxState* inbox) noexcept nogil
 # Bytes for the parcel's message; NULL: no memory.
 cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
 
 
 cdef class Inboxes:
     # A thread that holds the lock of all inboxes takes at most one of an engine, of records, or of the
-    # middleware. It takes `inserting` of an inbox only while those that hold it wait for nothing.
+    # middleware.
     cdef Drain drain
 
 
@@ -123,10 +110,9 @@ cdef class Source:
     # Where the messages of one inbox come from. A subclass has three duties:
     # 1. `next` fills a parcel with the next message; False: there is none, or no memory for it. If others may
     #    wait in the latter case, it sets `pending` of the inbox. It calls nothing of the inbox but
-    #    `parcel_reserve`, and `inbox_takes_long` before it copies a large message. It runs under the lock of
-    #    all inboxes, in any thread that drains or reads the buffer. Some of these hold the GIL and others do
-    #    not: so it uses no Python object, and reads no file that may be slow. What was filled before has been
-    #    inserted when it is called again.
+    #    `parcel_reserve`. It runs under the lock of all inboxes, in any thread that drains or reads the
+    #    buffer. Some of these hold the GIL and others do not: so it uses no Python object, and reads no file
+    #    that may be slow. What was filled before has been inserted when it is called again.
     # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there.
     # 3. `silence` ends that: from its return on, nothing may call `inbox_arrived`, because the inbox may be
     #    freed. It is called once, with the GIL and without a lock, in any thread, perhaps by a finalizer. So

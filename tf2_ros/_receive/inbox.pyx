@@ -15,7 +15,7 @@ and the first thread never waits for the GIL.
 
 cimport cython
 from libc.stddef cimport size_t
-from libc.stdint cimport INT64_MAX, int64_t, uint32_t
+from libc.stdint cimport INT64_MAX, SIZE_MAX, int64_t, uint32_t
 from libc.stdlib cimport calloc, free, malloc, realloc
 from libc.string cimport memset, strlen
 
@@ -60,10 +60,11 @@ cdef const char* DEFAULT_AUTHORITY = "default_authority"
 
 cdef enum:
     MAX_REPORTS = 64            # messages that are kept for the log, which says what is wrong with them
+    SLICE_WORK = 4              # of one `insert_some`, up to 64 transforms
     BEING_INSERTED = 2          # of InboxState.pending: nothing has arrived since a thread began to insert
 
 # How long a read waits for the lock with the GIL, which it may not get back for 5 ms. Only a thread that
-# takes a large message from the middleware, without the GIL, has the lock for longer: 17 MB take 20 ms.
+# takes a long message from the middleware has the lock for longer: 17 MB take 20 ms.
 cdef int64_t PATIENCE_NS = 2000000
 # How long the two threads sleep while nothing arrives, at most.
 cdef int64_t IDLE_NS = 1500000000
@@ -94,17 +95,6 @@ cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil:
         store_seq_cst(&inbox.is_full, 1)
     if is_full or _wants_each(inbox) or load_seq_cst(&inbox.drain.is_idle):
         event_set(&inbox.drain.work)
-
-
-cdef extern from "Python.h" nogil:
-    PyThreadState* PyEval_SaveThread()
-    void PyEval_RestoreThread(PyThreadState* thread)
-
-
-cdef void inbox_takes_long(InboxState* inbox) noexcept nogil:
-    if inbox.has_gil:
-        inbox.has_gil = False
-        inbox.thread = PyEval_SaveThread()
 
 
 # Parcels.
@@ -157,7 +147,7 @@ cdef bint _begin_parcel(InboxState* inbox) noexcept nogil:
         if parcel == NULL:
             return False
     parcel.size = parcel.topic = 0
-    parcel.is_static = False
+    parcel.is_static = parcel.is_begun = False
     parcel.received_ns = 0
     batch_begin(&parcel.batch)
     return True
@@ -190,8 +180,9 @@ cdef void _take_reports(InboxState* inbox, Parcels* reports) noexcept nogil:
 # Draining; with the lock held. The state has only the address of the engine: without the GIL, references
 # cannot be counted. Who calls what:
 #   a read of the buffer      catch_up ─► drain ─► _take, then `step` until nothing is left
-#   the draining thread       drain_when_due ─► _serve_all ─► _serve ─► _take; _insert_large
-#   all of them               _take ─► `next` of the source ─► _insert ─► _report_later
+#   the draining thread       drain_when_due ─► _serve_all ─► _serve ─► _take
+#   all of them               _take ─► _begin_message ─► `next` of the source; _go_on; _report_later
+# A long message is inserted in slices, and between takes the lock is released: whoever takes next goes on.
 
 cdef void _report_later(InboxState* inbox) noexcept nogil:
     # A flood of faults must not fill the memory: they are counted, not logged. Answers are never lost.
@@ -227,71 +218,73 @@ cdef bint _parse(InboxState* inbox) noexcept nogil:
     return is_readable
 
 
-cdef bint _insert(InboxState* inbox) noexcept nogil:
-    # Inserts the message of the parcel. Returns whether there is something to report.
-    cdef Batch* batch = &inbox.parcel.batch
-    if not _parse(inbox):
+cdef size_t _begin_message(InboxState* inbox) noexcept nogil:
+    # Takes the next message. Returns how much work that was; 0: there is none, or no memory for it.
+    cdef size_t work
+    if not _begin_parcel(inbox) or not (<Source>inbox.source).next(inbox.parcel):
+        return 0
+    work = 1 + inbox.parcel.size // WORK_BYTES
+    inbox.parcel.is_begun = _parse(inbox)
+    if not inbox.parcel.is_begun:
         (<Engine>inbox.engine).count_malformed()
-        return True
-    while (<Engine>inbox.engine).insert_some(batch):
-        pass
-    return batch.needs_report
-
-
-cdef void _insert_large(InboxState* inbox) noexcept nogil:
-    # Inserts the large message, during which the lock is released: others wait for that with the GIL, and
-    # 200,000 transforms take 0.3 s. Whatever needs this inbox waits in `_await_insert`.
-    cdef Parcel* parcel = inbox.parcel
-    cdef bint needs_report
-    inbox.is_inserting = True
-    # Held before only by threads in `_await_insert`, which wait for nothing meanwhile.
-    lock_acquire(&inbox.inserting)
-    lock_release(&inbox.drain.lock)
-    needs_report = _insert(inbox)
-    if parcel.batch.refused == 0 and parcel.batch.unnormalised == 0:    # else the log names some of it
-        _shrink_parcel(parcel)
-    lock_acquire(&inbox.drain.lock)
-    inbox.is_inserting = inbox.has_large = False
-    lock_release(&inbox.inserting)
-    if needs_report:
         _report_later(inbox)
+    return work
+
+
+cdef size_t _go_on(InboxState* inbox, size_t most) noexcept nogil:
+    # Inserts the message that is begun, or about as much of it. Returns how much work that was.
+    cdef Parcel* parcel = inbox.parcel
+    cdef size_t work = 0
+    while (<Engine>inbox.engine).insert_some(&parcel.batch):
+        work += SLICE_WORK
+        if work >= most:
+            return work
+    parcel.is_begun = False
+    if parcel.batch.needs_report:
+        _report_later(inbox)
+    elif parcel.size > LARGE_BYTES:
+        _shrink_parcel(parcel)
+    return work
+
+
+cdef inline bint _is_begun(const InboxState* inbox) noexcept nogil:
+    return inbox.parcel != NULL and inbox.parcel.is_begun
+
+
+cdef void _finish_message(InboxState* inbox) noexcept nogil:
+    # Before the engine changes: all of a message goes into one buffer.
+    if _is_begun(inbox):
+        _go_on(inbox, SIZE_MAX)
+        _inform(inbox)
+
+
+cdef void _forget_message(InboxState* inbox) noexcept nogil:
+    # The rest of it has no buffer any more; or a thread of the parent was inserting it.
     if inbox.parcel != NULL:
-        _shrink_parcel(inbox.parcel)
-    _inform(inbox)
-    event_set(&inbox.drain.work)        # the thread that drains may have passed over this inbox meanwhile
-
-
-cdef void _await_insert(InboxState* inbox) noexcept nogil:
-    # Until no thread inserts a large message; meanwhile the lock is released.
-    while inbox.is_inserting:
-        lock_release(&inbox.drain.lock)
-        lock_acquire(&inbox.inserting)
-        lock_release(&inbox.inserting)
-        lock_acquire(&inbox.drain.lock)
+        inbox.parcel.is_begun = False
 
 
 cdef bint _take(InboxState* inbox, size_t most) noexcept nogil:
     # Does this much work, or a little more; returns whether more may be left.
     cdef size_t work = 0
+    cdef size_t begun
     cdef bint more
-    if inbox.has_large and inbox.engine != NULL:
-        return True     # `pending` stays as it is
     # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
     # inserted, readers must find something pending, and wait here.
     store_seq_cst(&inbox.pending, BEING_INSERTED)
     store_seq_cst(&inbox.is_full, 0)
-    while (inbox.engine != NULL and work < most and _begin_parcel(inbox)
-            and (<Source>inbox.source).next(inbox.parcel)):
-        work += 1 + inbox.parcel.size // WORK_BYTES
-        inbox.has_large = inbox.parcel.size > LARGE_BYTES
-        if inbox.has_large:
-            break
-        if _insert(inbox):
-            _report_later(inbox)
+    while inbox.engine != NULL and work < most:
+        if not _is_begun(inbox):
+            begun = _begin_message(inbox)
+            if begun == 0:
+                break
+            work += begun
+        if _is_begun(inbox):
+            work += _go_on(inbox, most)
     # Before `pending` is cleared: executors have then heard of all that a reader sees.
     if work:
         _inform(inbox)
-    more = inbox.engine != NULL and (work >= most or inbox.has_large)
+    more = inbox.engine != NULL and work >= most
     if more or (inbox.engine != NULL and inbox.parcel == NULL):
         store_seq_cst(&inbox.pending, 1)   # without memory, the next round tries again
     else:
@@ -332,13 +325,7 @@ cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
             read = load_seq_cst(&inbox.read)
             if is_round and read > 0 and not is_rest:
                 store_seq_cst(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
-            if inbox.is_inserting:
-                pass    # a reader inserts a large message, and wakes this thread afterwards
-            elif inbox.has_large and inbox.engine != NULL:
-                _insert_large(inbox)
-                is_behind = True
-                break   # the list may have changed
-            elif is_round or is_rest or _wants_each(inbox) or load_seq_cst(&inbox.is_full):
+            if is_round or is_rest or _wants_each(inbox) or load_seq_cst(&inbox.is_full):
                 is_behind = _serve(inbox) or is_behind
             inbox = inbox.next
         lock_release(&drain.lock)
@@ -481,8 +468,6 @@ cdef class Inbox(ReadHook):
     def __cinit__(self, Source source not None, hand_over, Recording recording=None, str prefix="",
                   Inboxes inboxes not None=INBOXES):
         cdef Drain* drain = &inboxes.drain
-        if lock_init(&self.state.inserting) != 0:
-            raise MemoryError
         self._source, self._hand_over, self._informed, self._inboxes = source, hand_over, set(), inboxes
         self._recording, self._prefix = recording, prefix.encode()
         self.state.inbox, self.state.source, self.state.drain = <void*>self, <void*>source, drain
@@ -513,7 +498,6 @@ cdef class Inbox(ReadHook):
             free(link)
         _free_parcel(self.state.parcel)
         _free_parcels(&self.state.reports)
-        lock_free(&self.state.inserting)
 
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
@@ -522,13 +506,12 @@ cdef class Inbox(ReadHook):
             return
         self._is_closed = True
         lock_acquire(&self.state.drain.lock)
-        _await_insert(&self.state)
+        _finish_message(&self.state)
         link = &self.state.drain.first
         while link[0] != NULL and link[0] != &self.state:
             link = &link[0].next
         if link[0] != NULL:
             link[0] = self.state.next
-        self.state.has_large = False
         _end_to_report(&self.state)
         lock_release(&self.state.drain.lock)
         # Only now: it may run code in Python, and meanwhile another thread may report.
@@ -536,7 +519,7 @@ cdef class Inbox(ReadHook):
 
     cdef void engine_ended(self) noexcept:
         lock_acquire(&self.state.drain.lock)
-        _await_insert(&self.state)
+        _forget_message(&self.state)
         self.state.engine = NULL
         lock_release(&self.state.drain.lock)
 
@@ -579,7 +562,7 @@ cdef class Inbox(ReadHook):
             (<Engine>engine).remove_inbox(self)
         self._reference = reference
         lock_acquire(&self.state.drain.lock)
-        _await_insert(&self.state)
+        _finish_message(&self.state)
         _take_reports(&self.state, &parcels)
         self.state.engine = <void*>buffer if buffer is not None else NULL
         lock_release(&self.state.drain.lock)
@@ -590,32 +573,22 @@ cdef class Inbox(ReadHook):
 
     cdef bint step(self) noexcept nogil:
         cdef InboxState* state = &self.state
-        cdef bint more = True
+        cdef bint more
         lock_acquire(&state.drain.lock)
-        if state.is_inserting:
-            _await_insert(state)
-        elif state.has_large and state.engine != NULL:
-            _insert_large(state)
-        else:
-            more = _take(state, DRAIN_SLICE)
-            if not more:
-                _disarm(state)
+        more = _take(state, DRAIN_SLICE)
+        if not more:
+            _disarm(state)
         lock_release(&state.drain.lock)
         return more
 
     cdef int drain(self) except -1:
         cdef Lock* lock = &self.state.drain.lock
         cdef uint32_t number = lock_ask(lock)
-        cdef PyThreadState* thread
         cdef int64_t until_ns
         cdef bint more
         if lock_await(lock, number, PATIENCE_NS):
-            self.state.has_gil, self.state.thread = True, NULL
             more = _take(&self.state, READ_SLICE)
-            self.state.has_gil, thread = False, self.state.thread
             lock_release(lock)
-            if thread != NULL:
-                PyEval_RestoreThread(thread)    # only now: others wait for the lock with the GIL
         else:
             with nogil:
                 lock_await(lock, number, INT64_MAX)
@@ -654,7 +627,7 @@ cdef class Inbox(ReadHook):
         cdef bint has_received = self.state.engine != NULL
         keep_for_ever(self)
         self.state.engine = NULL
-        self.state.is_inserting = self.state.has_large = False  # nothing may wait for a thread of the parent
+        _forget_message(&self.state)
         store_seq_cst(self.pending, 0)
         return has_received
 

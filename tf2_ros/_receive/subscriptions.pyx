@@ -8,7 +8,6 @@ inbox is drained.
 cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
-from libc.stdlib cimport realloc
 from libc.string cimport memcpy
 
 from tf2_py._internal cimport (
@@ -40,14 +39,12 @@ from tf2_ros._rcl cimport (
     rmw_message_info_t,
 )
 from tf2_ros._receive.inbox cimport (
-    LARGE_BYTES,
     SENDER_BYTES,
     Inboxes,
     Parcel,
     Source,
     InboxState,
     inbox_arrived,
-    inbox_takes_long,
 )
 
 from tf2_ros._receive.inbox import INBOXES
@@ -95,12 +92,6 @@ cdef void _arrived(const void* data, size_t count) noexcept nogil:
 
 # Taking; with the lock held.
 
-cdef void* _reallocate(void* bytes, size_t size, void* inbox) noexcept nogil:
-    if size > LARGE_BYTES and inbox != NULL:
-        inbox_takes_long(<InboxState*>inbox)
-    return realloc(bytes, size)
-
-
 cdef uint32_t _count_arrived(Arrivals* topic) noexcept nogil:
     # Returns how many messages were reported since the last call. Each one is reported after its arrival, so
     # what is beyond the depth of the queue cannot be there any more.
@@ -141,7 +132,6 @@ cdef rcl_ret_t _take_message(const Subscribed* source, Arrivals* topic, Parcel* 
     cdef rcl_ret_t result
     message.buffer, message.buffer_length, message.buffer_capacity = parcel.data, 0, parcel.capacity
     message.allocator = source.allocator
-    message.allocator.state = topic.inbox
     result = rcl_take_serialized_message(
         topic.subscription, &message, &information.known if source.is_recorded else NULL, NULL)
     # rcl may have allocated more.
@@ -223,7 +213,6 @@ cdef class Subscriptions(Source):
         self._clock = clock
         self._subscribed.is_recorded = is_recorded
         self._subscribed.allocator = rcutils_get_default_allocator()
-        self._subscribed.allocator.reallocate = <void*>_reallocate
         if clock is not None:
             self._subscribed.clock = <rcl_clock_t*><uintptr_t>clock.pointer
 

@@ -11,7 +11,6 @@ from tf2_ros._receive.inbox cimport (
     Source,
     InboxState,
     inbox_arrived,
-    inbox_takes_long,
     parcel_reserve,
 )
 
@@ -25,7 +24,6 @@ cdef struct Listed:
 
 cdef struct List:
     Listed* first
-    InboxState* inbox
     uint32_t is_slow            # atomic, as those below: taking one lasts until `goes_on` is set
     uint32_t is_taking
     uint32_t goes_on
@@ -34,7 +32,6 @@ cdef struct List:
 
 cdef void take_long(List* source) noexcept nogil:
     cdef int64_t until_ns = monotonic_ns() + HELD_NS
-    inbox_takes_long(source.inbox)
     store_seq_cst(&source.is_taking, 1)
     while not load_seq_cst(&source.goes_on) and not source.gave_up:
         source.gave_up = monotonic_ns() > until_ns
@@ -73,7 +70,6 @@ cdef class ListedSource(Source):
 
     def slow_down(self):
         """Take for long from now on, as a large message is; until `go_on`."""
-        self._list.inbox = self.inbox
         store_seq_cst(&self._list.is_slow, 1)
 
     def is_taking(self):

@@ -5,7 +5,6 @@ Of a release without AsyncNode, a stand-in shows what holds without what is know
 """
 
 import asyncio
-import re
 import sys
 import threading
 from functools import partial
@@ -14,7 +13,6 @@ import pytest
 from async_node_standin import AsyncNode, StandIn
 from geometry_msgs.msg import PointStamped
 from making_objects import S, transform, translation
-from paths import ROOT
 from rclpy.action import ActionServer
 from rclpy.exceptions import InvalidHandle
 from rclpy.time import Time
@@ -278,22 +276,3 @@ async def test_what_is_made_before_the_node_runs_works_when_it_does(tf2_ros, buf
         await until(lambda: sender.count_subscribers("/tf") > 0)
         broadcaster.sendTransform(transform("map", "base", ns=1 * S))
         await until(lambda: called)
-
-
-@pytest.mark.skipif(not IS_REAL, reason="this rclpy has no AsyncNode")
-@in_loop
-async def test_the_program_of_the_documentation_works(tf2_ros, buffer, sender):
-    page = (ROOT / "docs" / "waiting.md").read_text()
-    [block] = re.findall(r"```py\n# follow.py\n(.*?)```", page, re.DOTALL)
-    # rclpy.experimental exports it only for Python 3.12 and later.
-    code = block.replace("rclpy.experimental import", "rclpy.experimental.async_node import")
-    tf2_ros.StaticTransformBroadcaster(sender).sendTransform(transform("base_link", "camera", xyz=(1, 2, 0)))
-    publisher = sender.create_publisher(PointStamped, "clicked_point", 10)
-    program = await asyncio.create_subprocess_exec(sys.executable, "-c", code, stdout=asyncio.subprocess.PIPE)
-    try:
-        await until(lambda: publisher.get_subscription_count() > 0)
-        publisher.publish(point_in("camera"))
-        assert await program.stdout.readline() == b"1.0 m ahead, 2.0 m to the left\n"
-    finally:
-        program.kill()
-        await program.wait()

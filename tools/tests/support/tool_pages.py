@@ -14,10 +14,7 @@ ALL_PAGES = [*documentation_pages.PAGES, *PAGES]
 
 def run_program(page, folder, python=sys.executable, environment=None):
     """Run the program of a page in a folder, beside the samples; it must print what the page says."""
-    if page.name == "README.md":
-        shutil.copytree(SAMPLES, folder / SAMPLES.relative_to(TOOLS.parent))
-    else:
-        shutil.copytree(SAMPLES, folder, dirs_exist_ok=True)
+    shutil.copytree(SAMPLES, folder, dirs_exist_ok=True)
     documentation_pages.run_program(page, folder, python, environment)
 
 

@@ -6,6 +6,7 @@ The background threads of a process.
 | receiver | the first inbox | arrivals, see ``inbox.pyx`` | at exit |
 | reports | the same, or what is checked regularly | inboxes with something to report | at exit |
 | deadlines | the first timeout | an earlier deadline | one second after the last, or at exit |
+| callbacks | the first callback that no executor runs | another one | at exit |
 
 All are daemons, so that the interpreter does not wait for them before it runs the exit handlers, which end
 them. A forked child has none of them, and starts its own at their first use; what its parent's inboxes were
@@ -20,6 +21,7 @@ import time
 from _thread import start_new_thread
 from collections.abc import Callable
 from contextlib import suppress
+from queue import SimpleQueue
 from typing import Any, Protocol
 
 from tf2_py._internal import log
@@ -93,6 +95,41 @@ def _run_once(target: Callable[..., object], *arguments: object) -> None:
             del running[target]
 
 
+class CallbackThread:
+    """
+    Runs code of a program where no executor does: calls, in their order. One that blocks delays the others,
+    but no timeout and no answer.
+    """
+
+    def __init__(self) -> None:
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget the calls; also for a forked child, which does not have the thread."""
+        self._calls: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
+
+    def put(self, call: Callable[[], object]) -> None:
+        """
+        Have this called soon, from any thread.
+
+        :raises RuntimeError: no thread can be started; the next use tries again.
+        """
+        self._calls.put(call)
+        start_once("tf2_ros callbacks", self._run)
+
+    def stop(self) -> None:
+        """End the thread after the calls that were put."""
+        self._calls.put(None)
+
+    def _run(self) -> None:
+        while (call := self._calls.get()) is not None:
+            call_logged(call, "In a callback")
+            del call  # it refers to what the program may want to be gone
+
+
+callbacks = CallbackThread()
+
+
 _WHERE = "In the thread that reports"
 
 
@@ -150,6 +187,7 @@ def _stop_all() -> None:
     for owner in _owners:
         call_logged(owner.stop, "During interpreter shutdown")
     INBOXES.stop()
+    callbacks.stop()
     for thread in list(running.values()):
         with suppress(AssertionError, RuntimeError):  # a dummy thread, see `_begin`
             thread.join(THREAD_END_WAIT_S)
@@ -157,6 +195,7 @@ def _stop_all() -> None:
 
 def _after_fork_in_child() -> None:
     INBOXES.begin_anew()
+    callbacks.begin_anew()
     running.clear()
     _starting.clear()
     lost = sum([owner.inbox.leave_to_parent() for owner in _owners])

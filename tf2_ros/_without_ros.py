@@ -3,8 +3,10 @@
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import NoReturn
 
+from tf2_ros._threads import callbacks
 from tf2_ros._wait.pending import PendingFuture, call_all
 from tf2_ros_cython._ros_presence import absence
 
@@ -42,8 +44,9 @@ def running_task(is_direct: bool) -> None:
 
 
 def end_for(buffer: object, pending: Callable[[], object] | None) -> None:
-    """End something in this thread, because there are no executors."""
-    call_all(pending)
+    """Have another thread end something, because there are no executors."""
+    if pending is not None:
+        callbacks.put(partial(call_all, pending))
 
 
 def names_that_need_ros(module: str, *others: str) -> Callable[[str], NoReturn]:

@@ -23,7 +23,7 @@ from tf2_ros._wait.futures import WakingFuture
 
 pytestmark = pytest.mark.ours
 
-HERE, DEADLINES = "MainThread", "tf2_ros deadlines"
+HERE, CALLBACKS = "MainThread", "tf2_ros callbacks"
 
 
 @pytest.fixture
@@ -77,10 +77,10 @@ PLACES = [
     ("future", "cancel", "spun", HERE),
     ("future filter changes", "receive", "spun", EXECUTOR),
     ("future filter", "timeout", "spun", EXECUTOR),
-    ("future filter", "timeout", "unspun", DEADLINES),
-    ("future", "timeout", "absent", DEADLINES),
-    ("future", "timeout", "destroyed", DEADLINES),
-    ("future", "timeout", "shut down", DEADLINES),
+    ("future filter", "timeout", "unspun", CALLBACKS),
+    ("future", "timeout", "absent", CALLBACKS),
+    ("future", "timeout", "destroyed", CALLBACKS),
+    ("future", "timeout", "shut down", CALLBACKS),
 ]
 
 
@@ -152,6 +152,15 @@ class TestPlaces:
         assert errors_so_far().count("In a callback: Traceback (most recent call last)") == 3
         assert errors_so_far().count('test_callbacks.py", line') == 3
         assert not recwarn.list
+
+    def test_a_callback_that_blocks_delays_no_timeout(self, buffer):
+        goes_on, called = threading.Event(), []
+        wait(buffer, lambda _: goes_on.wait(DEADLINE_S), timeout=0.01)
+        others = [wait(buffer, timeout=0.01), wait(buffer, called.append, timeout=0.01)]
+        until(others[0].done)
+        assert called == []
+        goes_on.set()
+        until(lambda: called == [others[1]])
 
     def test_while_nobody_spins_they_wait_and_one_warning_says_so(
         self, buffer, listener, node, peer, names, note, monkeypatch, capfd

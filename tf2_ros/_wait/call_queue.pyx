@@ -12,6 +12,7 @@ from tf2_ros._wait.pending cimport Pending
 import os
 import weakref
 from collections import deque
+from functools import partial
 from threading import get_ident, main_thread
 
 from tf2_py._internal import log
@@ -19,7 +20,7 @@ from tf2_ros._forking import is_inherited
 from tf2_ros._buffer_fillers import Fillers
 from tf2_ros._node_lifetimes import keep_in_children, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down
-from tf2_ros._threads import check_regularly
+from tf2_ros._threads import callbacks, check_regularly
 from tf2_ros._wait.pending import call_all
 
 WARN_S = 10.0   # how long calls wait for what runs the node before a warning says so
@@ -180,10 +181,10 @@ def end_for(buffer, pending):
 
 
 def put_or_call(CallQueue call_queue, pending):
-    """Have what runs a node end something; if nothing runs it now, or there is no queue, do it here."""
+    """Have what runs a node end something; if nothing runs it now, or there is no queue, another thread."""
     if pending is None:
         return
     if call_queue is not None and call_queue.is_served():
         call_queue.put(pending)
     else:
-        call_all(pending)
+        callbacks.put(partial(call_all, pending))

@@ -219,8 +219,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
     If the program itself inserts the missing data, the thread that does completes the future, and runs its
     callbacks. If a listener receives it, a future without callbacks is completed at once, in any thread; one
     with callbacks is queued, and completed together with them in the executor that spins the listener's node;
-    until then no timeout ends it. The timeout ends a pending one in the executor that has the node of the
-    buffer's latest listener; if none does at that moment, in the thread of the deadlines.
+    until then no timeout ends it. At the timeout, a pending one with callbacks is completed by the executor
+    that has the node of the buffer's latest listener; if none does at that moment, by a thread for callbacks.
 
     The wait continues as long as something refers to the future. The buffer does if the future has a callback
     or asyncio awaits it.

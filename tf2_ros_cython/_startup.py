@@ -33,4 +33,6 @@ def arrange() -> None:
 
 
 def _has_fork(entries: "list[str]") -> bool:
-    return any(os.path.isdir(os.path.join(entry, name)) for entry in entries for name in PACKAGES)
+    # Python passes over a folder without this file, such as one of sources.
+    found = (os.path.join(entry, name, "__init__.py") for entry in entries for name in PACKAGES)
+    return any(map(os.path.isfile, found))

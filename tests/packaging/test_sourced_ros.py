@@ -295,6 +295,13 @@ def test_beside_a_workspaces_fork_none_of_ours_is_used(installation, ros, tmp_pa
     assert found == all_of("distribution", **{forked: "fork", "tf2_msgs": messages_of(ros)})
 
 
+def test_a_folder_of_sources_is_no_fork(in_venv, ros, tmp_path):
+    overlay = Prefix(tmp_path / "overlay")
+    (overlay.path / installing.SITE / "tf2_ros").mkdir(parents=True)
+    (overlay.path / installing.SITE / "tf2_ros" / "package.xml").touch()
+    assert in_venv.owners(sourced(overlay, ros)) == all_of("ours", tf2_msgs=messages_of(ros))
+
+
 def test_beside_a_workspaces_fork_ours_does_not_replace_what_is_missing(in_venv, ros, tmp_path):
     overlay = Prefix(tmp_path / "overlay").add_stubs("fork", "tf2_ros")
     bare = installing.distribution(tmp_path / "bare")

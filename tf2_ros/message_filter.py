@@ -28,12 +28,11 @@ from tf2_py._internal import (
 from tf2_py.printable import counted, printable
 from tf2_py.typing import DurationLike
 from tf2_ros._arguments import frame_of, kind_of, optional_timeout_ns, require_callable, valid_prefix
+from tf2_ros._background import background, check_regularly
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._node_lifetimes import node_has_ended, require_node
 from tf2_ros._rclpy import destroy_subscription
-from tf2_ros._threads import check_regularly
 from tf2_ros._wait.call_runners import ExecutorRunner, call_queue_of
-from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.filter_calls import FilterCalls, QueuedMessage
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer import Buffer
@@ -373,7 +372,7 @@ class MessageFilter(Generic[_Message]):
                 oldest()
             queued.end(outcome, text)
         elif self._timeout_ns is not None:
-            deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
+            background.end_at(time.monotonic_ns() + self._timeout_ns, queued)
         while 0 < self._queue_size < len(self._calls.waiting):
             oldest = self._calls.oldest()
             if oldest is None:

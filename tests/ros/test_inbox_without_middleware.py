@@ -4,6 +4,7 @@ import gc
 import random
 import signal
 import threading
+import time
 import weakref
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -20,8 +21,8 @@ from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer
+from tf2_ros._background import Background, add_owner
 from tf2_ros._receive.inbox import Inbox, Inboxes, Informed
-from tf2_ros._threads import add_owner
 from tf2_ros.records import Recording
 
 pytestmark = pytest.mark.ours
@@ -285,11 +286,44 @@ def test_one_thread_drains_without_a_reader_and_another_reports_until_they_are_s
     draining = threading.Thread(target=inboxes.drain_when_due)
     draining.start()
     source.put(serialised(transform("map", "map", 1)))
-    until(lambda: inboxes.await_report() and not inboxes.report_next() and "TF_SELF" in errors_so_far())
+    until(
+        lambda: (
+            inboxes.await_report(time.monotonic_ns() + S)
+            and not inboxes.report_next()
+            and "TF_SELF" in errors_so_far()
+        )
+    )
     inboxes.stop()
     draining.join()
     inboxes.drain_when_due()
-    assert not inboxes.await_report()
+    assert not inboxes.await_report(time.monotonic_ns() + S)
+
+
+class Slow:
+    """What takes a while to end at its timeout."""
+
+    ended = 0
+
+    def __init__(self):
+        self.over = bool  # False
+
+    def expire(self):
+        until_s = time.monotonic() + 0.0001
+        while time.monotonic() < until_s:
+            pass
+        Slow.ended += 1
+
+
+def test_an_answer_does_not_wait_for_the_ends_of_many_timeouts(source, inbox, inboxes, buffer):
+    background = Background(inboxes)
+    future = buffer.wait_for_transform_async("map", "robot", at(1))
+    many = [Slow() for _ in range(10_000)]
+    for one in many:
+        background.end_at(0, one)
+    source.put(serialised(transform("map", "robot", 1)))
+    inbox.catch_up()
+    until(future.done)
+    assert Slow.ended < len(many)
 
 
 def test_inboxes_report_in_the_order_in_which_they_had_something_to_report(tf2_ros, inboxes):

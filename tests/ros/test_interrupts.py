@@ -23,10 +23,11 @@ from waiting import DEADLINE_S, until
 import tf2_py
 import tf2_ros
 from tf2_ros import _threads
+from tf2_ros._background import Background
 from tf2_ros._live_objects import LiveObjects
+from tf2_ros._receive.inbox import Inboxes
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.call_runners import Runner
-from tf2_ros._wait.deadlines import Deadlines
 from tf2_ros._wait.pending import Waker
 
 pytestmark = pytest.mark.ours
@@ -179,15 +180,16 @@ class TestEachLine:
             assert line > 10
 
 
-def test_a_timeout_starts_its_thread_without_a_line_of_python():
-    """In a line of `Thread.start`, what a handler raises would become an error of a lock."""
+@pytest.fixture
+def background():
+    """One of a test, whose thread has not begun."""
+    inboxes = Inboxes()
+    yield Background(inboxes)
+    inboxes.stop()
 
-    for line in range(1, 60):  # the lines of `threading` run in a `Thread.start` are fewer
-        deadlines, wait = Deadlines(), Expires()
-        with interrupted(line, files=(threading.__file__,)) as count:
-            deadlines.add(0, wait)
-        assert not count.reached
-        assert wait.expired.wait(DEADLINE_S)
+
+def background_threads():
+    return sum(thread.name == "tf2_ros background" for thread in threading.enumerate())
 
 
 class Expires:
@@ -196,34 +198,40 @@ class Expires:
         self.over, self.expire = self.expired.is_set, self.expired.set
 
 
-def test_an_interrupt_just_after_the_start_of_the_thread_of_deadlines_leaves_one(monkeypatch):
+def test_a_timeout_starts_its_thread_without_a_line_of_python():
+    """In a line of `Thread.start`, what a handler raises would become an error of a lock."""
+    for line in range(1, 60):  # the lines of `threading` run in a `Thread.start` are fewer
+        inboxes, wait = Inboxes(), Expires()
+        with interrupted(line, files=(threading.__file__,)) as count:
+            Background(inboxes).end_at(0, wait)
+        assert not count.reached
+        assert wait.expired.wait(DEADLINE_S)
+        inboxes.stop()
+
+
+def test_an_interrupt_just_after_the_start_of_the_background_thread_leaves_one(monkeypatch, background):
     def interrupted_start(*arguments):
         start_new_thread(*arguments)
         raise Interrupt
 
-    until(lambda: deadline_threads() == 0)
-    deadlines, later, now = Deadlines(), Expires(), Expires()
+    before, later, now = background_threads(), Expires(), Expires()
     with monkeypatch.context() as patch:
         patch.setattr(_threads, "start_new_thread", interrupted_start)
         with pytest.raises(Interrupt):
-            deadlines.add(time.monotonic_ns() + 10**15, later)
-    deadlines.add(0, now)
+            background.end_at(time.monotonic_ns() + 10**15, later)
+    background.end_at(0, now)
     assert now.expired.wait(DEADLINE_S)
-    until(lambda: deadline_threads() == 1)
+    until(lambda: background_threads() == before + 1)
 
 
-def test_deadlines_have_a_thread_if_there_is_no_memory_for_its_object(monkeypatch):
+def test_timeouts_have_a_thread_if_there_is_no_memory_for_its_object(monkeypatch, background):
     def without_memory(_):
         raise MemoryError
 
-    deadlines, wait = Deadlines(), Expires()
+    wait = Expires()
     monkeypatch.setattr(threading.Thread, "start", without_memory)
-    deadlines.add(0, wait)
+    background.end_at(0, wait)
     assert wait.expired.wait(DEADLINE_S)
-
-
-def deadline_threads():
-    return sum(thread.name == "tf2_ros deadlines" for thread in threading.enumerate())
 
 
 def test_a_call_that_is_put_stays_although_a_signal_handler_raises(node):

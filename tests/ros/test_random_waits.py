@@ -17,7 +17,7 @@ from spinning_nodes import spinning
 from waiting import DEADLINE_S, until
 
 from tf2_py import BufferCore
-from tf2_ros._wait.deadlines import deadlines
+from tf2_ros._background import background
 
 pytestmark = pytest.mark.ours
 
@@ -178,7 +178,7 @@ def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
     del buffer, executor, players, player, threads
     until(lambda: gc.collect() is not None and gone() is None)
     until(lambda: gc.collect() is not None and not any(reference() for reference in begun))
-    until(lambda: not deadlines.entries)
+    assert not any(entry[2]() for entry in background.entries)
 
 
 def end(future):

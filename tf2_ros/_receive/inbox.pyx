@@ -66,7 +66,7 @@ cdef enum:
 # How long a read waits for the lock with the GIL, which it may not get back for 5 ms. Only a thread that
 # takes a long message from the middleware has the lock for longer: 17 MB take 20 ms.
 cdef int64_t PATIENCE_NS = 2000000
-# How long the two threads sleep while nothing arrives, at most.
+# How long the thread that drains sleeps while nothing arrives, at most.
 cdef int64_t IDLE_NS = 1500000000
 # After this, a read returns even if messages arrive faster than it can insert them.
 cdef int64_t READ_NS = 5000000000
@@ -391,12 +391,18 @@ cdef class Inboxes:
                     _wake_executors(drain)
                 _sleep(&drain.work, IDLE_NS if load_seq_cst(&drain.is_idle) else round_ns - monotonic_ns())
 
-    def await_report(self):
-        """Wait until there is something to report, or for some time. Return False after :meth:`stop`."""
+    def await_report(self, int64_t until_ns):
+        """
+        Wait until there is something to report, or until this steady time. Return False after :meth:`stop`.
+        """
         with nogil:
             if not load_seq_cst(&self.drain.is_stopping):
-                _sleep(&self.drain.reporting, IDLE_NS)
+                _sleep(&self.drain.reporting, until_ns - monotonic_ns())
         return not load_seq_cst(&self.drain.is_stopping)
+
+    def wake_reporting(self):
+        """End the wait for something to report."""
+        event_set(&self.drain.reporting)
 
     def report_next(self):
         """Do what follows from what one of them has inserted: complete waits, and log what was refused."""

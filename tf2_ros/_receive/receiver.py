@@ -9,6 +9,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import HistoryPolicy, QoSProfile
 
 from tf2_py import BufferCore
+from tf2_ros._background import add_owner
 from tf2_ros._forking import is_inherited
 from tf2_ros._rclpy import (
     context_was_shut_down,
@@ -20,7 +21,6 @@ from tf2_ros._rclpy import (
 from tf2_ros._receive.inbox import Inbox, Informed
 from tf2_ros._receive.listener_topics import Topic, describe_topics
 from tf2_ros._receive.subscriptions import Subscriptions
-from tf2_ros._threads import add_owner
 
 
 class ListenerGroup(ReentrantCallbackGroup):

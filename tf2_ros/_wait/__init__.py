@@ -1,1 +1,1 @@
-"""Wait for transforms: in threads that block, and with futures, deadlines and streams."""
+"""Wait for transforms: in threads that block, and with futures and streams."""

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
+from tf2_ros._background import background
 from tf2_ros._buffer_fillers import Shutdown
 from tf2_ros._forking import FORKED, is_inherited
 from tf2_ros._live_objects import LiveObjects
 from tf2_ros._message_classes import TransformStamped
 from tf2_ros._running_loop import running_loop
-from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.pending import Waker, notify
 from tf2_ros_cython._ros_presence import HAS_ROS
 
@@ -150,7 +150,7 @@ class _ShutdownCheck:
     Regularly checks whether a shutdown has ended the futures that tasks of a loop await, once for them all.
 
     After a shutdown, an executor runs no tasks, but an asyncio loop continues. A signal shuts a context down
-    without calling anything, so the thread of the deadlines checks the contexts while a loop awaits.
+    without calling anything, so the background thread checks the contexts while a loop awaits.
     """
 
     _known: "dict[tuple[asyncio.AbstractEventLoop, Callable[[], bool]], weakref.ref[_ShutdownCheck]]" = {}
@@ -172,9 +172,9 @@ class _ShutdownCheck:
         return check
 
     def _check_later(self) -> None:
-        deadlines.add(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
+        background.end_at(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
 
-    # The protocol of what has a deadline.
+    # The protocol of `Due`.
 
     def over(self) -> bool:
         """Whether no task of the loop will wake, because it is closed."""
@@ -192,7 +192,7 @@ class _ShutdownCheck:
                     sleeper.future.expire()
 
 
-# A forked child has neither the loops nor the deadlines.
+# A forked child has neither the loops nor the background thread.
 os.register_at_fork(after_in_child=_ShutdownCheck._known.clear)
 
 
@@ -252,7 +252,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
             self.wait = None
             return
         if self.__timeout_ns is not None:
-            deadlines.add(self.__begin_ns + self.__timeout_ns, self)
+            background.end_at(self.__begin_ns + self.__timeout_ns, self)
         if wait.must_be_tried:
             self.__clock_check = _ClockCheck(self)
 
@@ -300,9 +300,9 @@ class _ClockCheck:
         self._check_later()
 
     def _check_later(self) -> None:
-        deadlines.add(time.monotonic_ns() + CLOCK_CHECK_NS, self)
+        background.end_at(time.monotonic_ns() + CLOCK_CHECK_NS, self)
 
-    # The protocol of what has a deadline.
+    # The protocol of `Due`.
 
     def over(self) -> bool:
         """Whether the future needs no check any more."""

@@ -40,7 +40,7 @@ cdef class Pending:
         return STATES[self.life]
 
     def over(self):
-        """Whether it has an outcome, so that no deadline ends it."""
+        """Whether it has an outcome, so that no timeout ends it."""
         return self.life != PENDING
 
     def has_ended(self):

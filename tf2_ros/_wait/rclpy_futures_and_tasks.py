@@ -9,6 +9,7 @@ from typing import Any
 from rclpy.executors import Executor
 from rclpy.task import Future, Task
 
+from tf2_ros._background import background
 from tf2_ros._rclpy import (
     HEEDS_FUTURES,
     RESUMES_TASKS,
@@ -20,7 +21,6 @@ from tf2_ros._rclpy import (
     task_executor,
 )
 from tf2_ros._threads import call_logged, start
-from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.pending import PendingFuture, Waker
 
 STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task
@@ -88,13 +88,15 @@ class SleepingTask(Waker):
         if not in_step and not is_locked:
             resume(task, executor, None if self._yielded is None else self._yielded())
         if in_step is not False or is_locked:
-            deadlines.add(time.monotonic_ns() + STEP_CHECK_NS, self)  # last: there may be no thread for it
+            background.end_at(
+                time.monotonic_ns() + STEP_CHECK_NS, self
+            )  # last: there may be no thread for it
 
     def _has_executor(self) -> bool:
         task = self._task()
         return task is not None and task_executor(task) is not None
 
-    # The protocol of what has a deadline.
+    # The protocol of `Due`.
 
     def over(self) -> bool:
         """Whether the task is awake."""

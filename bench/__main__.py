@@ -1,7 +1,7 @@
 """
 The benchmark's command line: `python -m bench [--quick]` measures, prints, and writes a report.
 
-`python -m bench --only waiters receiving:cpu` measures sections, and only prints.
+`python -m bench --only inserts receiving:cpu` measures sections, and only prints.
 """
 
 from __future__ import annotations
@@ -47,26 +47,18 @@ class Section(NamedTuple):
 SECTIONS = {
     "lookups": Section("lookups.lookups", EVERY),
     "vectors": Section("lookups.vectors", (OURS, "tf_tree")),
-    "growth": Section("lookups.growth", EVERY),
-    "inserts": Section("inserts_waiters_memory.inserts", EVERY),
+    "inserts": Section("inserts_and_memory.inserts", EVERY),
     "clouds": Section("clouds.clouds", (OURS,)),
-    "waiters": Section("inserts_waiters_memory.waiters", (OURS,)),
-    "memory": Section("inserts_waiters_memory.memory", EVERY, rounds=1),
+    "memory": Section("inserts_and_memory.memory", EVERY, rounds=1),
     "receiving:cpu": Section(
         "receiving.cpu",
         ROS2,
-        ["listener 1", "spin_once 1", "executor.spin_once 1", "spin_once+lookup 1"],
-        ["floor 1", "listener 3", "floor 3", "overridden 1"],
+        ["listener", "spin_once", "executor.spin_once", "spin_once+lookup"],
+        ["overridden"],
     ),
-    "receiving:lookups": Section("receiving.lookups", (OURS,), ["no wait", "a pending wait"]),
-    "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"], ["polls"]),
-    "receiving:losses": Section(
-        "receiving.losses", (OURS,), ["lookups", "busy thread", "no reader", "held GIL"], rounds=1
-    ),
-    "online": Section("receiving.online", ROS2, rounds=5),
-    "nodes": Section("many_nodes.many", (OURS,), ["one", "listening", "together", "idle"], rounds=3),
-    "frozen": Section("frozen_files.frozen", (OURS, "tf_tree"), rounds=3),
-    "frozen:workers": Section("frozen_files.workers", (OURS, "tf_tree"), rounds=3),
+    "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"]),
+    "nodes": Section("many_nodes.many", (OURS,), ["apart", "together"], rounds=3),
+    "frozen": Section("frozen_files.frozen", (OURS,), rounds=3),
 }
 
 

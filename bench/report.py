@@ -12,28 +12,19 @@ from bench.result_rows import Row, Rows
 TITLES = {
     "lookups": "One lookup, µs",
     "vectors": "Lookups at many times in one call, µs per transform",
-    "growth": "Growth: 4 moving hops at random times (vector: sorted), µs per transform",
     "inserts": "Inserts into full histories of 50 frames, µs per transform",
     "clouds": "Clouds of 100,000 points, µs",
-    "waiters": "Inserts beside waiters, µs; messages that wait in a filter, µs and bytes per message",
     "memory": "Memory, bytes per sample",
     "receiving:cpu": "CPU of a process per message it receives, µs",
-    "receiving:lookups": "Lookups 100 times a second while messages arrive, µs",
     "receiving:waits": "How soon a waiting lookup returns, µs",
-    "receiving:losses": "Messages lost, and sent per second",
-    "online": "Lookups beside a process that publishes a tree at 50 Hz, µs; CPU seconds per second",
     "nodes": "CPU seconds per second of nodes that are spun, all together",
     "frozen": "Frozen files: writing, opening and lookups, µs; bytes per sample",
-    "frozen:workers": "Spawned workers that share a frozen file, µs",
 }
 BUSY = 0.75  # load for each core, this run's own included
 UNITS = {
-    "x": "{:.2f}×",
     "B": "{:.1f} B",
-    "MB": "{:.1f} MB",
     "/s": "{:.2f}/s",
     "CPU": "{:.3f}",
-    "messages": "{:.0f}",
 }
 
 
@@ -66,7 +57,7 @@ def page(
     ]
     lines[-1] += "medians of all rounds, with the 5th and the 95th percentile; the empty loop is subtracted."
     for section, title in titles.items():
-        if own := rows.all(section):
+        if own := rows.of(section):
             lines += ["", f"## {title}", "", *_table(own, libraries)]
     return "\n".join(lines) + "\n"
 

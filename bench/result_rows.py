@@ -54,8 +54,5 @@ class Rows(dict[tuple[Any, ...], Row]):
             row.values += one["values"]
             row.failed += one["failed"]
 
-    def all(self, section: str, **labels: Any) -> list[Row]:
-        """The rows of a section that have these labels among theirs."""
-        return [
-            row for row in self.values() if row.section == section and labels.items() <= row.labels.items()
-        ]
+    def of(self, section: str) -> list[Row]:
+        return [row for row in self.values() if row.section == section]

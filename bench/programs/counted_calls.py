@@ -8,7 +8,7 @@ import gc
 import os
 import sys
 
-from inserts_waiters_memory import Following
+from inserts_and_memory import Following
 from measured_library import STEP_NS
 from our_library import BATCH, Ours
 from trees_and_queries import Tree, chain

@@ -1,12 +1,9 @@
 """
 Measure the CPU of many nodes while another process publishes.
 
-`many_nodes.py KIND COUNT` is a process with so many nodes, which one executor spins. Beside them, it has:
-
-`idle`: nothing.
-`listening`: a buffer and a TransformListener.
-
-It takes numbers of frames as lines of standard input, and answers each when its buffer has so many.
+`many_nodes.py COUNT` is a process with so many nodes, which one executor spins, and a buffer with a listener
+for all of them. It takes numbers of frames as lines of standard input, and answers each when its buffer has
+so many.
 """
 
 import contextlib
@@ -28,9 +25,9 @@ CLOCK_SHIFT, CLOCK_OF_SCHEDULER = 3, 2
 
 
 class NodeProcess(subprocess.Popen):
-    def __init__(self, kind, count):
+    def __init__(self, count):
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-        super().__init__([sys.executable, __file__, kind, str(count)], **pipes)
+        super().__init__([sys.executable, __file__, str(count)], **pipes)
 
     def cpu_ns(self):
         """CPU since its start, in all its threads; the process does nothing for the answer."""
@@ -38,34 +35,23 @@ class NodeProcess(subprocess.Popen):
 
 
 def many(rows, sizes, _, variant):
-    """CPU seconds per second of nodes of one kind: one of them, all in processes of their own, or in one."""
-    kind, processes, nodes = {
-        "one": ("listening", 1, 1),
-        "together": ("listening", 1, sizes.nodes),
-    }.get(variant, (variant, sizes.nodes, 1))
-    messages, started = round(RATE * sizes.receive_s), []
+    """CPU seconds per second of nodes: `together` in one process, or each `apart` in its own."""
+    processes, nodes = (1, sizes.nodes) if variant == "together" else (sizes.nodes, 1)
+    started = [NodeProcess(nodes) for _ in range(processes)]
     try:
-        started += [NodeProcess(kind, nodes) for _ in range(processes)]
         _await(started, 0)
-        with Publisher("messages", processes if kind == "listening" else 0) as publisher:
+        with Publisher(processes) as publisher:
             publisher.start(RATE, TRANSFORMS, sizes.filling)
             publisher.finish()
             _await(started, TRANSFORMS)
             before_ns, began_ns = sum(one.cpu_ns() for one in started), time.monotonic_ns()
-            publisher.start(RATE, TRANSFORMS, messages)
+            publisher.start(RATE, TRANSFORMS, round(RATE * sizes.receive_s))
             publisher.finish()
             used_ns, took_ns = sum(one.cpu_ns() for one in started), time.monotonic_ns() - began_ns
-        rows.add(
-            "listening, in one process" if variant == "together" else kind,
-            {"nodes": processes * nodes},
-            [(used_ns - before_ns) / took_ns],
-            "CPU",
-        )
+        rows.add(variant, {"nodes": sizes.nodes}, [(used_ns - before_ns) / took_ns], "CPU")
     finally:
         for one in started:
-            one.stdin.close()
-        for one in started:
-            one.wait()
+            one.communicate()
 
 
 def _await(processes, frames):
@@ -74,15 +60,14 @@ def _await(processes, frames):
         one.stdin.flush()
     for one in processes:
         if not one.stdout.readline():
-            raise RuntimeError(f"a process has ended: {' '.join(one.args[2:])}")
+            raise RuntimeError("a process has ended")
 
 
-def main(kind, count):
+def main(count):
     rclpy.init()
-    nodes = [rclpy.create_node(f"bench_{kind}_{os.getpid()}_{number}") for number in range(int(count))]
-    buffer = Buffer()
-    listeners = [TransformListener(buffer, nodes[0])] if kind == "listening" else []
-    executor = SingleThreadedExecutor()
+    nodes = [rclpy.create_node(f"bench_{os.getpid()}_{number}") for number in range(count)]
+    buffer, executor = Buffer(), SingleThreadedExecutor()
+    listener = TransformListener(buffer, nodes[0])
     for node in nodes:
         executor.add_node(node)
 
@@ -93,12 +78,13 @@ def main(kind, count):
     spinning = threading.Thread(target=spin)
     spinning.start()
     for line in sys.stdin:
-        while listeners and len(buffer._getFrameStrings()) < int(line):
+        while len(buffer._getFrameStrings()) < int(line):
             threading.Event().wait(0.05)
         print("ready", flush=True)
     rclpy.shutdown()
     spinning.join()
+    del listener
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main(int(sys.argv[1]))

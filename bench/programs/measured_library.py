@@ -6,7 +6,6 @@ standard library and NumPy, unless only ours imports it.
 """
 
 import itertools
-import time
 from time import perf_counter_ns
 
 import numpy as np
@@ -42,18 +41,6 @@ def make_loop(arity, call):
     return scope["loop"]
 
 
-def time_paced(function, calls, pause_s=0.0):
-    """ns of each call, after a pause: others use the machine's caches, and insert, meanwhile."""
-    times = []
-    for arguments in calls:
-        if pause_s:
-            time.sleep(pause_s)
-        start = perf_counter_ns()
-        function(*arguments)
-        times.append(perf_counter_ns() - start)
-    return times
-
-
 def by_pair(queries):
     """(target, source, times in ns) of each run of queries between the same two frames: one vector lookup."""
     for (target, source), run in itertools.groupby(queries, lambda query: query[:2]):
@@ -67,14 +54,12 @@ class Library:
     `load(tree)`: make a new buffer and fill it.
     `calls(way, queries)`: a function and its arguments, of each (target, source, time in ns; 0: latest).
     `numbers(answer)`: x y z qx qy qz qw of what the function returned.
-    `fill`, `freeze`, `open`, `for_worker` and `take`: of those with frozen files; see `frozen_files.py`.
     `inserts(way, transforms)`: a function, its arguments, and how many transforms a call carries.
     """
 
     ways = ("core",)  # of a single lookup, the usual one first
     vector_ways = ()  # of lookups at many times, the usual one first
     insert_ways = ("set_transform",)
-    counts_bytes = False  # whether its buffer has `statistics()`
 
     def time(self, function, calls, count, budget_s):
         """

@@ -7,7 +7,6 @@ from rclpy.serialization import serialize_message
 from tf2_python import Tf2, fill
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros import Buffer
 from tf2_ros.numpy import to_arrays
 
 BATCH = 50
@@ -16,39 +15,7 @@ BATCH = 50
 class Ours(Tf2):
     ways = (*Tf2.ways, "matrix", "matrix out")
     vector_ways = ("vector", "vector matrices")
-    counts_bytes = True
     insert_ways = ("set_transform", "set_transforms", "set_transforms_cdr", "set_transforms_cdr of 1")
-
-    def fill(self, tree):
-        """As `load`, but with dynamic frames only and at once."""
-        self.buffer = Buffer(tree.cache_ns / 1e9, max_bytes=1 << 40)
-        records = tree.records[np.argsort(tree.records["child"], kind="stable")]
-        children, counts = np.unique(records["child"], return_counts=True)
-        self.buffer.__setstate__(
-            self.buffer.__getstate__()
-            | {
-                "frames": [
-                    (tree.names[child], False, AUTHORITY, int(count))
-                    for child, count in zip(children, counts, strict=True)
-                ],
-                "stamps": records["stamp_ns"].copy(),
-                "transforms": records["pose"].copy(),
-                "parents": records["parent"].copy(),
-                "parent_names": tree.names,
-            }
-        )
-
-    def freeze(self, path):
-        self.buffer.freeze(path)
-
-    def open(self, path):
-        self.buffer = Buffer.open(path)
-
-    def for_worker(self, path):
-        return self.buffer
-
-    def take(self, handed):
-        self.buffer = handed
 
     def calls(self, way, queries):
         if way == "vector":

@@ -11,13 +11,9 @@ from tf2_ros import Buffer
 S = 1_000_000_000
 
 
-def fill_header(message, frame, stamp_ns):
-    message.header.frame_id = frame
-    message.header.stamp = TimeMessage(sec=stamp_ns // S, nanosec=stamp_ns % S)
-
-
 def fill(message, child, parent, stamp_ns, pose):
-    fill_header(message, parent, stamp_ns)
+    message.header.frame_id = parent
+    message.header.stamp = TimeMessage(sec=stamp_ns // S, nanosec=stamp_ns % S)
     message.child_frame_id = child
     translation, rotation = message.transform.translation, message.transform.rotation
     translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z, rotation.w = pose
@@ -27,11 +23,8 @@ def fill(message, child, parent, stamp_ns, pose):
 class Tf2(Library):
     ways = ("buffer", "core")
 
-    def new_buffer(self, cache_ns):
-        self.buffer = Buffer(Duration(nanoseconds=cache_ns))
-
     def load(self, tree):
-        self.new_buffer(tree.cache_ns)
+        self.buffer = Buffer(Duration(nanoseconds=tree.cache_ns))
         message = TransformStamped()
         for child, parent, static, stamp_ns, pose in tree.transforms():
             insert = self.buffer.set_transform_static if static else self.buffer.set_transform

@@ -34,20 +34,6 @@ class TfTree(Library):
             poses = own["pose"][:, [6, 3, 4, 5, 0, 1, 2]]
             self.publishers[name].push_many(own["stamp_ns"].copy(), np.ascontiguousarray(poses))
 
-    fill = load
-
-    def freeze(self, path):
-        self.tree.freeze(path)
-
-    def open(self, path):
-        self.tree = self.module.open_file(path)
-
-    def for_worker(self, path):
-        return path  # a tree cannot be pickled
-
-    def take(self, handed):
-        self.open(handed)
-
     def calls(self, way, queries):
         if way == "vector":
             plans = [(self.tree.plan(target, source), times) for target, source, times in by_pair(queries)]

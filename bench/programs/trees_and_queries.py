@@ -161,9 +161,3 @@ def chain(name, links, samples):
     """A chain of dynamic frames below the root."""
     parents = [0, *range(links)]
     return Tree(name, parents, [frame > 0 for frame in range(links + 1)], samples, samples / 100 + CACHE_S)
-
-
-def fork(name, ancestors, samples):
-    """A chain of dynamic frames that ends in two branches of two links: the last two frames are the tips."""
-    parents = [0, *range(ancestors), ancestors, ancestors, ancestors + 1, ancestors + 2]
-    return Tree(name, parents, [frame > 0 for frame in range(len(parents))], samples)

@@ -16,7 +16,7 @@ class Feeding(Listening):
 
     def __init__(self, where):
         self._feed = connect(where)
-        self.buffers = [self._feed.buffer]
+        self.buffer = self._feed.buffer
 
     def __exit__(self, *_):
         self._feed.close()
@@ -29,7 +29,7 @@ def receiver(variant):
 def cpu(rows, sizes, _, variant):
     """CPU of a process per message that it receives while nothing waits."""
     transforms, rate = LOADS[0]
-    with receiver(variant) as receiving, Publisher("messages", 1) as publisher:
+    with receiver(variant) as receiving, Publisher(1) as publisher:
         receiving.receive(publisher, rate, transforms, sizes.filling)
         messages = round(rate * sizes.receive_s)
         before_ns = time.process_time_ns()
@@ -41,7 +41,7 @@ def cpu(rows, sizes, _, variant):
 
 def waits(rows, sizes, _, variant):
     """How soon a waiting lookup returns: from sending in another process."""
-    with receiver(variant) as receiving, Publisher("messages", 1) as publisher:
+    with receiver(variant) as receiving, Publisher(1) as publisher:
         receiving.receive(publisher, WAKE_RATE, 1, DISCOVERY_S * WAKE_RATE)
         first = publisher.start(WAKE_RATE, 1, sizes.wakes)
         times = look(receiving.buffer, range(first, first + sizes.wakes))

@@ -13,146 +13,104 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/development/ledger.md"
 CODE = (".py", ".pyx", ".pxd", ".pxi", ".c", ".h", ".cpp")
 
-# What it promises, to whom; then the files that only it needs, and last, those that several share. A file
-# belongs to the first feature with a pattern for it; `*` also matches `/`.
-FEATURES = {
-    "deskew": (
-        "users of lidars: each point of a cloud at its own time",
-        "*deskew* *time_field* *point_field_numbers* *avx2* *knots*",
-    ),
-    "clouds, IMU, magnetometer": (
-        "users of tf2_sensor_msgs: its functions, for every layout of a cloud",
-        "tf2_sensor_msgs/* *cloud* tests/core/test_tf2_sensor_msgs.py",
-    ),
-    "frozen files": (
-        "trainers on many processes: one copy of a recording's transforms in memory",
-        "*frozen* tools/*/map_recordings.py tools/*/test_map_recordings.py *maps_recordings*"
-        " *measures_workers*"
-        " *dying_worker*",
-    ),
-    "ages, tolerances, gaps": (
-        "robots that must stop: no lookup silently uses old data",
-        "tests/ros/test_max_age* */test_ages* tests/core/test_lookup_policies.py tests/core/test_clocks*"
-        " *model_ages* *ages_at* *clock_steps* *time_of_day* *time_is_set* docs/time.md",
-    ),
-    "lookups of many times, arrays": (
-        "users of NumPy: thousands of lookups in one call",
-        "tf2_py/core/series* tf2_py/engine/arrays* tf2_ros/numpy* tests/core/test_numpy.py *matri*"
-        " *many_times*"
-        " *vector_lookups* *test_lookups_at* *propagate_cov* *test_time_range* docs/arrays.md",
-    ),
-    "message filters": (
-        "users of tf2_ros in C++: messages wait for their transforms",
-        "tf2_ros/message_filter* *filter_calls* *test_message_filter* examples/message_filter.py",
-    ),
-    "buffer server and client": (
-        "programs without a buffer of their own: lookups by an action",
-        "*buffer_client* *buffer_server* *buffer-server*",
-    ),
-    "waits, futures, callbacks": (
-        "nodes that wait: timeouts count in callbacks, and waits end at the arrival",
-        "tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* tf2_ros/_threads.py *call_queue*"
-        " *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine* tf2_ros/_live_objects.py"
-        " tf2_ros/_node_lifetimes.py tf2_ros/_buffer_fillers.py *sources_without_node* docs/callbacks.md"
-        " *ended_nodes* *ends_in_any_order* tf2_ros/_running_loop.py",
-    ),
-    "forks and signals": (
-        "users of multiprocessing and Ctrl-C: children and handlers do not hang",
-        "*fork* *interrupt* *late_signals* *stack_at_alarm* *exits_while_active*",
-    ),
-    "receiver": (
-        "nodes with a listener: transforms arrive without spinning, at a tenth of the CPU time",
-        "tf2_ros/_receive/* tf2_ros/_rcl.* tf2_ros/*listen* tf2_py/core/cdr* tf2_ros/_qos.py *hidden_nodes*"
-        " tf2_py/engine/engine_hooks* tests/ros/test_inbox* *listener* *receiver* *reception* *lost_messages*"
-        " *loses_messages* *rcl_declarations* *faulty_middleware* *fastdds* *known_faults*"
-        " *partial_discovery*"
-        " *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder* *_publisher_names*"
-        " *takes_after* *frame_prefix* tf2_ros/_registration.py docs/several-robots.md docs/environment.md",
-    ),
-    "records and serialized messages": (
-        "writers of recorders and bridges: bytes in and out, without ROS",
-        "tf2_ros/records* tf2_ros/serialization* tests/ros/test_records.py",
-    ),
-    "broadcasters": (
-        "publishers of transforms: tf2_ros's classes",
-        "tf2_ros/*broadcaster* tests/ros/test_broadcasters.py docs/broadcasting.md",
-    ),
-    "types of messages": (
-        "users of tf2_geometry_msgs: do_transform_* and transform for every type, registered types",
-        "tf2_geometry_msgs/* tests/core/test_tf2_geometry_msgs.py tests/core/test_every_message_type.py"
-        " tests/core/test_type_table.py tests/core/test_transforming_messages.py *quaternions* docs/types.md"
-        " docs/adding-a-type.md *registered_types* *new-message-type* *new_message_type* *rotations*",
-    ),
-    "without ROS": (
-        "laptops without ROS: the same imports, with stand-ins for messages",
-        "*without_ros* *message_standins* *messages_with_or_without* tf2_ros/_message_classes.py",
-    ),
-    "installation beside other tf2": (
-        "whoever has a sourced ROS 2 or a workspace: the right tf2 is imported, and a command says which",
-        "tf2_ros_cython/* *which* *sourced* docs/installing.md docs/package.md docs/beside-cpp.md"
-        " docs/switching.md *installing* *unknown_rclpy* *example_ros_package* *unbuilt*",
-    ),
-    "buffer": (
-        "everybody: tf2's tree, lookups and errors, with the reason",
-        "tf2_py/* tf2_ros/* docs/debugging.md docs/differences.md docs/limits.md docs/faq.md"
-        " docs/cheat-sheet.md"
-        " docs/getting-started.md docs/index.md",
-    ),
-    "robot models": (
-        "users of a URDF: frames of joints, live and in recordings",
-        "tools/*urdf* tools/*joint* tools/*state_publisher*",
-    ),
-    "recordings": (
-        "analysts: a buffer, tables and files from .mcap, .db3, .bag, with or without ROS",
-        "tools/*bag* tools/*recording* tools/*pose* tools/*foxglove_messages* tools/*yaml_files*"
-        " tools/*dataset*"
-        " tools/*saved* tools/*loading* tools/*optional_libraries* tools/*other-sources*",
-    ),
-    "live feeds": (
-        "laptops beside a robot: its transforms over DDS, Zenoh or Foxglove, without ROS",
-        "tools/*/live/* tools/*live* tools/*laptop* tools/*robot_with* tools/*zenoh* tools/*foxglove*",
-    ),
-    "diagnosis and pictures": (
-        "whoever looks for a fault: tf2_check, tf2_monitor, tf2_echo, view_frames, plots",
-        "tools/*check* tools/*monitor* tools/*echo* tools/*view_frames* tools/*picture* tools/*plot*"
-        " tools/*stream*"
-        " tools/*finding* tools/*listening* tools/*session* tools/*spun* tools/*roll_pitch* tools/*output*"
-        " tools/*view*",
-    ),
-    "relay and static publisher": (
-        "several robots or machines: transforms from one to the other, and from a command",
-        "tools/*relay* tools/*static_transform*",
-    ),
-    "commands in common": (
-        "users of all commands: options, texts and exit codes alike",
-        "tools/*",
-    ),
-    "tf2_msgs wheels": ("users of PyPI's ROS 2: the messages that it lacks", "messages/*"),
-    "measurements": (
-        "readers of the claims about speed: each figure can be repeated",
-        "bench/* tools/bench/* docs/performance.md *measurements* *instruction_guard*",
-    ),
-    "searches for faults": (
-        "users who rely on it: fuzzing, sanitizers, stress",
-        "reliability/* *fuzz* docs/development/reliability.md *failing_allocations* *allocation_failures*",
-    ),
-    "build and release": (
-        "packagers: wheels, debs and checks",
-        "build_backend/* setup.py release/* docs/*.py docs/development/release.md *tested-releases*"
-        " tests/packaging/* *typed* *type_checkers*",
-    ),
-    "examples and internals": (
-        "readers of the code: where what is, and programs to begin with",
-        "examples/* docs/development/* docs/testing.md docs/*.md",
-    ),
-    "tests in common": ("maintainers: the model, recorded answers, users' programs", "tests/*"),
-}
+# Each feature, what it promises, to whom; below it the files that only it needs, and last, those that several
+# share. A file belongs to the first feature with a pattern for it; `*` also matches `/`.
+TABLE = """
+deskew | users of lidars: each point of a cloud at its own time
+    *deskew* *time_field* *point_field_numbers* *avx2* *knots*
+clouds, IMU, magnetometer | users of tf2_sensor_msgs: its functions, for every layout of a cloud
+    tf2_sensor_msgs/* *cloud* tests/core/test_tf2_sensor_msgs.py
+frozen files | trainers on many processes: one copy of a recording's transforms in memory
+    *frozen* tools/*/map_recordings.py tools/*/test_map_recordings.py *maps_recordings* *measures_workers*
+    *dying_worker*
+ages, tolerances, gaps | robots that must stop: no lookup silently uses old data
+    tests/ros/test_max_age* */test_ages* tests/core/test_lookup_policies.py tests/core/test_clocks*
+    *model_ages* *ages_at* *clock_steps* *time_of_day* *time_is_set* docs/time.md
+lookups of many times, arrays | users of NumPy: thousands of lookups in one call
+    tf2_py/core/series* tf2_py/engine/arrays* tf2_ros/numpy* tests/core/test_numpy.py *matri* *many_times*
+    *vector_lookups* *test_lookups_at* *propagate_cov* *test_time_range* docs/arrays.md
+message filters | users of tf2_ros in C++: messages wait for their transforms
+    tf2_ros/message_filter* *filter_calls* *test_message_filter* examples/message_filter.py
+buffer server and client | programs without a buffer of their own: lookups by an action
+    *buffer_client* *buffer_server* *buffer-server*
+waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and waits end at the arrival
+    tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* tf2_ros/_threads.py *call_queue*
+    *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine* tf2_ros/_live_objects.py
+    tf2_ros/_node_lifetimes.py tf2_ros/_buffer_fillers.py *sources_without_node* docs/callbacks.md
+    *ended_nodes* *ends_in_any_order* tf2_ros/_running_loop.py
+forks and signals | users of multiprocessing and Ctrl-C: children and handlers do not hang
+    *fork* *interrupt* *late_signals* *stack_at_alarm* *exits_while_active*
+receiver | nodes with a listener: transforms arrive without spinning, at a tenth of the CPU time
+    tf2_ros/_receive/* tf2_ros/_rcl.* tf2_ros/*listen* tf2_py/core/cdr* tf2_ros/_qos.py *hidden_nodes*
+    tf2_py/engine/engine_hooks* tests/ros/test_inbox* *listener* *receiver* *reception* *lost_messages*
+    *loses_messages* *rcl_declarations* *faulty_middleware* *fastdds* *known_faults* *partial_discovery*
+    *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder* *_publisher_names*
+    *takes_after* *frame_prefix* tf2_ros/_registration.py docs/several-robots.md docs/environment.md
+records and serialized messages | writers of recorders and bridges: bytes in and out, without ROS
+    tf2_ros/records* tf2_ros/serialization* tests/ros/test_records.py
+broadcasters | publishers of transforms: tf2_ros's classes
+    tf2_ros/*broadcaster* tests/ros/test_broadcasters.py docs/broadcasting.md
+types of messages | users of tf2_geometry_msgs: do_transform_* and transform for every type, registered types
+    tf2_geometry_msgs/* tests/core/test_tf2_geometry_msgs.py tests/core/test_every_message_type.py
+    tests/core/test_type_table.py tests/core/test_transforming_messages.py *quaternions* docs/types.md
+    docs/adding-a-type.md *registered_types* *new-message-type* *new_message_type* *rotations*
+without ROS | laptops without ROS: the same imports, with stand-ins for messages
+    *without_ros* *message_standins* *messages_with_or_without* tf2_ros/_message_classes.py
+installation beside other tf2 | users of a sourced ROS 2: the right tf2 is imported, and a command says which
+    tf2_ros_cython/* *which* *sourced* docs/installing.md docs/package.md docs/beside-cpp.md docs/switching.md
+    *installing* *unknown_rclpy* *example_ros_package* *unbuilt*
+buffer | everybody: tf2's tree, lookups and errors, with the reason
+    tf2_py/* tf2_ros/* docs/debugging.md docs/differences.md docs/limits.md docs/faq.md docs/cheat-sheet.md
+    docs/getting-started.md docs/index.md
+robot models | users of a URDF: frames of joints, live and in recordings
+    tools/*urdf* tools/*joint* tools/*state_publisher*
+recordings | analysts: a buffer, tables and files from .mcap, .db3, .bag, with or without ROS
+    tools/*bag* tools/*recording* tools/*pose* tools/*foxglove_messages* tools/*yaml_files* tools/*dataset*
+    tools/*saved* tools/*loading* tools/*optional_libraries* tools/*other-sources*
+live feeds | laptops beside a robot: its transforms over DDS, Zenoh or Foxglove, without ROS
+    tools/*/live/* tools/*live* tools/*laptop* tools/*robot_with* tools/*zenoh* tools/*foxglove*
+diagnosis and pictures | whoever looks for a fault: tf2_check, tf2_monitor, tf2_echo, view_frames, plots
+    tools/*check* tools/*monitor* tools/*echo* tools/*view_frames* tools/*picture* tools/*plot* tools/*stream*
+    tools/*finding* tools/*listening* tools/*session* tools/*spun* tools/*roll_pitch* tools/*output*
+    tools/*view*
+relay and static publisher | several robots or machines: transforms from one to the other, and from a command
+    tools/*relay* tools/*static_transform*
+commands in common | users of all commands: options, texts and exit codes alike
+    tools/*
+tf2_msgs wheels | users of PyPI's ROS 2: the messages that it lacks
+    messages/*
+measurements | readers of the claims about speed: each figure can be repeated
+    bench/* tools/bench/* docs/performance.md *measurements* *instruction_guard*
+searches for faults | users who rely on it: fuzzing, sanitizers, stress
+    reliability/* *fuzz* docs/development/reliability.md *failing_allocations* *allocation_failures*
+build and release | packagers: wheels, debs and checks
+    build_backend/* setup.py release/* docs/*.py docs/development/release.md *tested-releases*
+    tests/packaging/* *typed* *type_checkers*
+examples and internals | readers of the code: where what is, and programs to begin with
+    examples/* docs/development/* docs/testing.md docs/*.md
+tests in common | maintainers: the model, recorded answers, users' programs
+    tests/*
+"""
+
+
+def _features():
+    found, patterns = {}, []
+    for line in TABLE.strip().splitlines():
+        if line.startswith(" "):
+            patterns += line.split()
+        else:
+            name, promise = line.split(" | ")
+            patterns = []
+            found[name] = promise, patterns
+    return found
+
+
+FEATURES = _features()
 
 
 def feature_of(path):
-    """The feature that a file belongs to, or None."""
     for feature, (_, patterns) in FEATURES.items():
-        if any(fnmatch.fnmatch(path, pattern) for pattern in patterns.split()):
+        if any(fnmatch.fnmatch(path, pattern) for pattern in patterns):
             return feature
     return None
 
@@ -176,8 +134,7 @@ def table(paths):
     sums = {feature: dict.fromkeys(("code", "tests", "pages"), 0) for feature in FEATURES}
     strays = []
     for path in paths:
-        found = counted(path)
-        if found is None:
+        if (found := counted(path)) is None:
             continue
         feature = feature_of(path)
         if feature is None:
@@ -187,23 +144,20 @@ def table(paths):
     rows = [(name, FEATURES[name][0], *one.values()) for name, one in sums.items()]
     rows.sort(key=lambda row: -row[2] - row[3])
     rows.append(("all", "", *(sum(row[i] for row in rows) for i in (2, 3, 4))))
-    return [
+    lines = ["| feature | what it promises, and to whom | code | tests | pages |", "|---|---|---|---|---|"]
+    lines += [
         f"| {name} | {to} | {code:,} | {tests:,} | {pages:,} |" for name, to, code, tests, pages in rows
-    ], strays
+    ]
+    return lines, strays
 
 
 def main():
     paths = subprocess.check_output(["git", "ls-files"], cwd=ROOT, text=True).splitlines()
     lines, strays = table(paths)
     if strays:
-        sys.exit(f"add to FEATURES of {Path(__file__).name}: {' '.join(strays)}")
-    if "--check" not in sys.argv[1:]:
-        head = PAGE.read_text().partition("\n| feature")[0] if PAGE.exists() else "# Ledger\n"
-        header = [
-            "| feature | what it promises, and to whom | code | tests | pages |",
-            "|---|---|---|---|---|",
-        ]
-        PAGE.write_text("\n".join([head, *header, *lines, ""]))
+        sys.exit(f"add to TABLE of {Path(__file__).name}: {' '.join(strays)}")
+    head = PAGE.read_text().partition("\n| feature")[0]
+    PAGE.write_text("\n".join([head, *lines, ""]))
 
 
 if __name__ == "__main__":

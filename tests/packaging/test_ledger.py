@@ -24,7 +24,7 @@ def test_every_file_belongs_to_a_feature(paths):
 
 def test_every_pattern_is_of_a_file(paths):
     counted = [path for path in paths if ledger.counted(path)]
-    patterns = [one for _, patterns in ledger.FEATURES.values() for one in patterns.split()]
+    patterns = [one for _, patterns in ledger.FEATURES.values() for one in patterns]
     assert [one for one in patterns if not ledger.fnmatch.filter(counted, one)] == []
 
 

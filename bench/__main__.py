@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 
 from bench import report
 from bench.libraries import FETCHED, OURS, PROGRAMS, ROOT, Library, last_line, libraries
-from bench.result_rows import Rows
 from bench.run_sizes import FULL, QUICK
 from release.child_environment import environment_of_children
 from reliability.own_ros_domain import claim_domain
@@ -67,7 +66,7 @@ class Run:
 
     def __init__(self, found: dict[str, Library], sizes: dict[str, Any], folder: Path) -> None:
         self.libraries, self.sizes = found, sizes | {"folder": str(folder)}
-        self.rows = Rows()
+        self.rows = report.Rows()
         self.remarks: list[str] = []
         self._out = folder / "rows.json"
         self._began = time.monotonic()

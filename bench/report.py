@@ -1,13 +1,15 @@
-"""Format the results as a page of Markdown tables."""
+"""The results of a run, and the page of Markdown tables that shows them."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from bench.libraries import OURS, Library
-from bench.result_rows import Row, Rows
 
 TITLES = {
     "lookups": "One lookup, µs",
@@ -26,6 +28,45 @@ UNITS = {
     "/s": "{:.2f}/s",
     "CPU": "{:.3f}",
 }
+
+
+@dataclass
+class Row:
+    """
+    What one library's calls of one kind took, in ns or in another unit.
+
+    `labels` say what was measured: tree, hops, place in the history, ...
+    """
+
+    section: str
+    who: str
+    way: str
+    labels: dict[str, Any]
+    unit: str
+    values: list[float] = field(default_factory=list)
+    failed: int = 0
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        return self.section, self.who, self.way, *self.labels.items()
+
+    def percentile(self, percent: float) -> float:
+        return float(np.percentile(self.values, percent))
+
+
+class Rows(dict[tuple[Any, ...], Row]):
+    """All rows of a run."""
+
+    def add(self, section: str, who: str, found: list[dict[str, Any]]) -> None:
+        """Add what a process has measured in one round."""
+        for one in found:
+            row = Row(section, who, one["way"], one["labels"], one["unit"])
+            row = self.setdefault(row.key, row)
+            row.values += one["values"]
+            row.failed += one["failed"]
+
+    def of(self, section: str) -> list[Row]:
+        return [row for row in self.values() if row.section == section]
 
 
 def page(
@@ -50,7 +91,7 @@ def page(
             "- **the machine was busy**: the figures of threads, and of what needs caches, are too high"
         ]
     lines += [f"- {library.title}: {library.note}" for library in libraries.values()]
-    lines += [f"- {remark}" for remark in (*remarks, *_answers(rows, libraries))]
+    lines += [f"- {remark}" for remark in (*remarks, *_failures(rows, libraries))]
     lines += [
         "",
         "Each library runs in processes of its own, which take turns, round by round. The values are ",
@@ -97,20 +138,7 @@ def _number(row: Row, value: float) -> str:
     return f"{value / 1e3:.0f}" if value >= 1e6 else f"{value / 1e3:.3g}"
 
 
-def _answers(rows: Rows, libraries: Mapping[str, Library]) -> Iterable[str]:
-    """What did not answer, and how far the others' answers are from ours."""
-    truth = {_question(row): row for row in reversed(rows.values()) if row.who == OURS}
+def _failures(rows: Rows, libraries: Mapping[str, Library]) -> Iterable[str]:
     for who, library in libraries.items():
-        own = [row for row in rows.values() if row.who == who]
-        if failed := sum(row.failed for row in own):
+        if failed := sum(row.failed for row in rows.values() if row.who == who):
             yield f"!: {library.title} had no answer to {failed:,} calls, which are not timed"
-        pairs = [(row, truth.get(_question(row))) for row in own if row.answers]
-        differences = [(row.deviation(ours), _label(row.labels)) for row, ours in pairs if ours is not None]
-        if who != OURS and differences:
-            largest, label = max(differences)
-            yield f"{library.title}: answers differ by at most {largest:.1g} (m, quaternion): {label}"
-
-
-def _question(row: Row) -> tuple[Any, ...]:
-    """What all rows have in common whose answers must be the same."""
-    return row.section, row.way.startswith("vector"), *row.labels.items()

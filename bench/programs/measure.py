@@ -18,27 +18,25 @@ CLASSES = {
     "tf2_cpp": ("tf2_cpp", "Tf2"),
     "tf_tree": ("transform_tree", "TfTree"),
 }
-CHECKED = 5  # answers that are compared with ours
 QUANTILES = np.linspace(0, 1, 201)  # of the values of a row that are kept
 
 
 class Rows(list):
     """What a process has measured."""
 
-    def add(self, way, labels, values, unit="ns", failed=0, answers=()):
+    def add(self, way, labels, values, unit="ns", failed=0):
         """
         Add a row.
 
         :param labels: what was measured: texts, and numbers by their units.
         :param failed: how many calls failed; `values` are those of the others.
-        :param answers: the numbers of the first answers; the others' are compared with ours.
         """
         values = np.asarray(values, float)
         if len(values) > len(QUANTILES):
             values = np.quantile(values, QUANTILES)
         if len(values):
-            row = {"way": way, "labels": labels, "unit": unit, "values": values.tolist()}
-            self.append({**row, "failed": failed, "answers": list(answers)})
+            row = {"way": way, "labels": labels, "unit": unit, "failed": failed}
+            self.append({**row, "values": values.tolist()})
 
     def time_lookups(self, library, way, labels, queries, sizes, per=1):
         """
@@ -47,15 +45,9 @@ class Rows(list):
         :param per: transforms that one call looks up.
         """
         function, calls = library.calls(way, queries)
-        answers = []
-        for arguments in calls[:CHECKED]:
-            try:
-                answers.append([float(number) for number in library.numbers(function(*arguments))])
-            except Exception:
-                answers.append(None)
         library.time(function, calls, sizes.warm_up if per == 1 else 2, sizes.budget_s)
         times, failed = library.time(function, calls, max(len(calls), sizes.calls // per), sizes.budget_s)
-        self.add(way, labels, times / per, failed=failed, answers=answers)
+        self.add(way, labels, times / per, failed=failed)
 
 
 def main(name, section, sizes, out, *variant):

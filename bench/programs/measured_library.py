@@ -53,7 +53,6 @@ class Library:
 
     `load(tree)`: make a new buffer and fill it.
     `calls(way, queries)`: a function and its arguments, of each (target, source, time in ns; 0: latest).
-    `numbers(answer)`: x y z qx qy qz qw of what the function returned.
     `inserts(way, transforms)`: a function, its arguments, and how many transforms a call carries.
     """
 

@@ -7,7 +7,6 @@ from rclpy.serialization import serialize_message
 from tf2_python import Tf2, fill
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros.numpy import to_arrays
 
 BATCH = 50
 
@@ -26,14 +25,6 @@ class Ours(Tf2):
             out = (np.empty((4, 4)),) if way == "matrix out" else ()
             return self.buffer.lookup_matrix, [(a, b, self.time_of(ns), *out) for a, b, ns in queries]
         return super().calls(way, queries)
-
-    def numbers(self, answer):
-        if isinstance(answer, np.ndarray):
-            [translation], [rotation] = to_arrays(answer.reshape(-1, 4, 4)[:1])
-            return (*translation, *rotation)
-        if isinstance(answer, tuple):
-            return (*answer[0][0], *answer[1][0])
-        return super().numbers(answer)
 
     def inserts(self, way, transforms):
         if way == "set_transform":

@@ -2,7 +2,6 @@
 #include <tf2/buffer_core.h>
 #include <tf2/exceptions.h>
 
-#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <string>
@@ -135,21 +134,6 @@ size_t buffer_look_up(const Buffer* buffer, const Query* queries, size_t query_c
     if (!answered) ns[i] = REFUSED;
   }
   return i;
-}
-
-// The pose of one answer; false where there is none.
-bool buffer_answer(const Buffer* buffer, const Query* query, double* pose) {
-  const Call call = call_of(*buffer, *query);
-  try {
-    const auto transform = buffer->core.lookupTransform(call.target, call.source, call.time).transform;
-    const auto& t = transform.translation;
-    const auto& q = transform.rotation;
-    const double values[] = {t.x, t.y, t.z, q.x, q.y, q.z, q.w};
-    std::copy(std::begin(values), std::end(values), pose);
-    return true;
-  } catch (const tf2::TransformException&) {
-    return false;
-  }
 }
 
 // The loop without the call.

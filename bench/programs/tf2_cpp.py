@@ -1,7 +1,7 @@
 """tf2 for C++, of ROS 2 or of ROS 1; the loops run in C++ (tf2_cpp.cpp, compiled to $TF2_CPP)."""
 
 import os
-from ctypes import CDLL, POINTER, c_bool, c_char_p, c_double, c_int64, c_size_t, c_void_p
+from ctypes import CDLL, POINTER, c_char_p, c_double, c_int64, c_size_t, c_void_p
 
 import numpy as np
 from measured_library import Library
@@ -15,7 +15,6 @@ FUNCTIONS = {
     "buffer_free": (None, c_void_p),
     "buffer_insert": (c_size_t, c_void_p, c_void_p, c_size_t, c_double, TIMES),
     "buffer_look_up": (c_size_t, c_void_p, c_void_p, c_size_t, c_size_t, c_double, TIMES),
-    "buffer_answer": (c_bool, c_void_p, c_void_p, POINTER(c_double)),
     "time_nothing": (None, c_size_t, TIMES),
 }
 
@@ -39,37 +38,25 @@ class Tf2(Library):
         ns = (c_int64 * len(records))()
         return ns[: self.tf2.buffer_insert(self.buffer, records.ctypes.data, len(records), budget_s, ns)]
 
-    def _queries(self, queries):
-        return np.array([(self.index[a], self.index[b], ns) for a, b, ns in queries], QUERY)
-
-    def answer(self, *query):
-        pose = (c_double * 7)()
-        found = self.tf2.buffer_answer(self.buffer, self._queries([query]).ctypes.data, pose)
-        return list(pose) if found else None
+    def _look_up(self, queries, count, budget_s):
+        found = np.array([(self.index[a], self.index[b], at) for a, b, at in queries], QUERY)
+        ns = (c_int64 * count)()
+        return ns[: self.tf2.buffer_look_up(self.buffer, found.ctypes.data, len(found), count, budget_s, ns)]
 
     def calls(self, way, queries):
-        return self.answer, queries
-
-    def numbers(self, answer):
-        return answer
+        return self._look_up, queries
 
     def inserts(self, way, transforms):
         index = self.index
-        return (
-            self._insert,
-            [(index[child], index[parent], 0, 0, ns, pose) for child, parent, ns, pose in transforms],
-            1,
-        )
+        records = [(index[child], index[parent], 0, 0, ns, pose) for child, parent, ns, pose in transforms]
+        return self._insert, records, 1
 
     def time(self, function, calls, count, budget_s):
         empty = (c_int64 * EMPTY)()
         self.tf2.time_nothing(EMPTY, empty)
-        if function == self.answer:
-            queries, ns = self._queries(calls), (c_int64 * count)()
-            data = queries.ctypes.data
-            done = self.tf2.buffer_look_up(self.buffer, data, len(queries), count, budget_s, ns)
-            tried = np.array(ns[:done])
+        if function == self._look_up:
+            tried = np.array(function(calls, count, budget_s))
         else:
-            tried = np.array(self._insert(np.array(calls, RECORD), budget_s))
+            tried = np.array(function(np.array(calls[:count], RECORD), budget_s))
         times = tried[tried >= 0]
         return times - np.median(empty), len(tried) - len(times)

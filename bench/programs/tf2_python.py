@@ -37,10 +37,6 @@ class Tf2(Library):
     def time_of(self, ns):
         return Time(nanoseconds=ns)
 
-    def numbers(self, answer):
-        t, q = answer.transform.translation, answer.transform.rotation
-        return t.x, t.y, t.z, q.x, q.y, q.z, q.w
-
     def inserts(self, way, transforms):
         messages = [fill(TransformStamped(), *transform) for transform in transforms]
         return self.buffer.set_transform, [(message, AUTHORITY) for message in messages], 1

@@ -45,9 +45,6 @@ class TfTree(Library):
             return self.module.Plan.latest, [(plans[target, source],) for target, source, _ in queries]
         return self.module.Plan.at, [(plans[target, source], ns) for target, source, ns in queries]
 
-    def numbers(self, answer):
-        return _numbers(answer if answer.ndim == 2 else answer[0])
-
     def inserts(self, way, transforms):
         calls = [(self.publishers[child], ns, _real_first(pose)) for child, _, ns, pose in transforms]
         return self.module.Publisher.push, calls, 1
@@ -55,15 +52,3 @@ class TfTree(Library):
 
 def _real_first(pose):
     return [pose[6], *pose[3:6], *pose[:3]]
-
-
-def _numbers(matrix):
-    """Of a 4×4 array; the quaternion is the eigenvector of the largest eigenvalue of a symmetric matrix."""
-    (a, b, c), (d, e, f), (g, h, i) = matrix[:3, :3]
-    symmetric = [
-        [a - e - i, b + d, c + g, h - f],
-        [b + d, e - a - i, f + h, c - g],
-        [c + g, f + h, i - a - e, d - b],
-        [h - f, c - g, d - b, a + e + i],
-    ]
-    return (*matrix[:3, 3], *np.linalg.eigh(symmetric)[1][:, -1])

@@ -3,7 +3,7 @@ Run tests beside a busy machine, several times in a row; none may fail: `make en
 
 The load: four processes that compute, one that writes files through the disk cache, and a ROS 2 system of
 twenty nodes in another domain. The parts: the tests of nodes (`ros`), of the commands (`programs`) and of
-installations (`packaging`), and `.ci/run` or some of its steps in a new clone of the last commit (`gate`).
+installations (`packaging`).
 """
 
 import argparse
@@ -24,6 +24,10 @@ ROBOTS, NODES = 4, 5  # processes, and nodes in each
 WRITTEN_BYTES = 4 << 30
 CHUNK_BYTES = 16 << 20
 
+PYTEST = f"""
+-m pytest -q --all -p no:cacheprovider --numprocesses={2 * os.cpu_count()} --dist=loadfile
+--no-loadscope-reorder --max-worker-restart=0
+""".split()
 # By part: the folder to run pytest in, and its tests.
 SUITES = {
     "ros": (ROOT, "tests/ros"),
@@ -68,20 +72,6 @@ def load():
         yield
 
 
-def command_of(part, clone):
-    """What a part runs each time: the folder and the command."""
-    if part == "gate":
-        subprocess.run(["git", "clone", "--quiet", str(ROOT), clone], check=True)
-        shared = ROOT.parent / "shared"
-        if shared.exists():
-            Path(clone.parent, "shared").symlink_to(shared)
-        return clone, ["bash", ".ci/run"]
-    folder, tests = SUITES[part]
-    pytest = ["-m", "pytest", "-q", "-p", "no:cacheprovider", f"--numprocesses={2 * os.cpu_count()}"]
-    pytest += ["--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0", "--all"]
-    return folder, [sys.executable, *pytest, tests]
-
-
 def run(command, folder):
     """Return the exit status of a command. All its processes end with this one."""
     process = subprocess.Popen(command, cwd=folder, start_new_session=True)
@@ -101,27 +91,18 @@ def main(arguments=None):
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("part", choices=[*SUITES, "gate"])
+    parser.add_argument("part", choices=SUITES)
     parser.add_argument("--times", type=int, default=5, help="how often in a row (default: 5)")
-    parser.add_argument("--alone", action="store_true", help="without the load")
-    parser.add_argument("further", nargs="*", help="further arguments of pytest, or the steps of the gate")
+    parser.add_argument("further", nargs="*", help="further arguments of pytest")
     options = parser.parse_intermixed_args(arguments)
     print(f"the ROS 2 system of the load uses domain {use_own_domain()}", flush=True)
-    ends = []
-    with ExitStack() as stack:
-        if not options.alone:
-            stack.enter_context(load())
+    (folder, tests), ends = SUITES[options.part], []
+    with load():
         for number in range(1, options.times + 1):
-            with tempfile.TemporaryDirectory(prefix="tf2-ros-cython-gate-") as place:
-                folder, command = command_of(options.part, Path(place, "clone"))
-                begin = time.monotonic()
-                status = run([*command, *options.further], folder)
-            ends.append(status)
+            begin = time.monotonic()
+            ends.append(run([sys.executable, *PYTEST, tests, *options.further], folder))
             took_s = time.monotonic() - begin
-            print(
-                f"== {options.part} {number}: exit status {status} after {took_s:.0f} s",
-                flush=True,
-            )
+            print(f"== {options.part} {number}: exit status {ends[-1]} after {took_s:.0f} s", flush=True)
     return 1 if any(ends) else 0
 
 

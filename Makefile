@@ -136,7 +136,7 @@ oldest: $(VENV)/dev.stamp
 
 # Without .venv: what it has must not be needed.
 bare:
-	$(PYTHON) release/readme_commands.py $(OPTIONS)
+	$(PYTHON) release/readme_commands.py
 
 # mypy reads the types of all that the packages may import.
 lint: $(VENV)/dev.stamp $(VENV)/test.stamp

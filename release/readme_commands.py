@@ -6,7 +6,6 @@ and without caches. The only variables are those that say how to reach the netwo
 PATH are Python, a C compiler and those that every system has. This program needs only Python.
 """
 
-import argparse
 import os
 import shutil
 import subprocess
@@ -29,56 +28,22 @@ xargs
 NETWORK = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")
 CERTIFICATES = ("SSL_CERT_FILE", "SSL_CERT_DIR", "REQUESTS_CA_BUNDLE")
 
-# What --quick runs of the core's tests: the engine, topics over DDS, and names.
-QUICK = """
-tests/core/test_lookup.py tests/core/test_recorded_answers.py tests/ros/test_buffer.py
-tests/ros/test_receiver.py tests/ros/test_transform_listener.py tests/packaging/test_public_names.py
-tests/ros/test_users_programs.py
-""".split()
 
-
-def main(arguments=None):
-    parser = argparse.ArgumentParser(
-        prog="python3 release/readme_commands.py", description=__doc__.split("\n\n")[1]
-    )
-    parser.add_argument("--user", help="run as this user; a superuser may ask for it")
-    parser.add_argument(
-        "--quick", action="store_true", help="run some of the tests, which take a few minutes"
-    )
-    parser.add_argument("--tests", nargs="+", default=[], metavar="FILE", help="run these tests")
-    options = parser.parse_args(arguments)
-    chosen = QUICK if options.quick else options.tests
+def main():
     with tempfile.TemporaryDirectory(prefix="tf2-ros-cython-bare-") as folder:
         place = Path(folder)
-        as_user = _prepare(place, options.user)
-        test = ["make", "test-core", f"TESTS={' '.join(chosen)}"] if chosen else ["make", "test"]
-        for command in (["make", "demo"], test, ["make", "-C", "tools", "demo"]):
+        subprocess.run(["git", "clone", "--quiet", ROOT, place / "clone"], check=True)
+        for name in ("bin", "home", "tmp"):
+            (place / name).mkdir()
+        _link_programs(place / "bin")
+        for command in (["make", "demo"], ["make", "test"], ["make", "-C", "tools", "demo"]):
             print("+", *command, flush=True)
-            ended = subprocess.run([*as_user, *command], cwd=place / "clone", env=_environment(place))
+            ended = subprocess.run(command, cwd=place / "clone", env=_environment(place))
             if ended.returncode:
                 print(f"{' '.join(command)} ended with {ended.returncode}")
                 return 1
     print("the commands work as a new user would run them")
     return 0
-
-
-def _prepare(place, user):
-    """The clone, a home, a folder of programs; the command that runs another one as the user."""
-    subprocess.run(["git", "clone", "--quiet", ROOT, place / "clone"], check=True)
-    for folder in ("bin", "home", "tmp"):
-        (place / folder).mkdir()
-    _link_programs(place / "bin")
-    if user is None:
-        return []
-    runuser = shutil.which("runuser")
-    if runuser is None:
-        sys.exit("--user needs runuser, of util-linux")
-    shutil.chown(place, user)
-    for path in place.rglob("*"):
-        if not path.is_symlink():
-            shutil.chown(path, user)
-    # It sets the home of its own accord; a daemon's is none.
-    return [runuser, "-u", user, "--", shutil.which("env"), f"HOME={place / 'home'}"]
 
 
 def _link_programs(folder):

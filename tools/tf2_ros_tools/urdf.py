@@ -3,7 +3,6 @@
 import os
 import re
 import warnings
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -235,37 +234,15 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
 # What urdfdom skips. An end that is missing is that of the text, so that this takes linear time.
 _SKIPPED = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)", re.DOTALL)
 _LONE_AMPERSAND = re.compile(rb"&(?!#?\w+;)")
-_ENCODING = re.compile(r"""(\s*<\?xml\b[^>]*?\bencoding\s*=\s*)(["'])(.*?)\2""")
 
 
 def decoded(data: bytes) -> str:
-    """
-    Decode the bytes of a URDF: as UTF-8, or else in the encoding that they declare, or else as Latin-1.
-
-    Comments need not be in the encoding of the rest.
-
-    :return: the text, which declares UTF-8 if it declares an encoding: messages and parameters are UTF-8.
-    :raises UrdfError: it is not in that encoding.
-    """
-    declared = _ENCODING.match(data.decode("latin-1"))
-    encoding = declared[3] if declared else "latin-1"
-    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
-        encoding = "utf-16"
-    elif _is_utf8(_SKIPPED.sub(b"", data)):
-        encoding = "utf-8-sig"
+    """Decode the bytes of a URDF: as UTF-8, or else as Latin-1; comments need not be in the same encoding."""
     try:
-        text = data.decode(encoding, "replace" if encoding == "utf-8-sig" else "strict")
-    except (ValueError, LookupError) as error:
-        raise UrdfError(f"it cannot be decoded: {printable(str(error))}") from None
-    return _ENCODING.sub(r"\1\2UTF-8\2", text, count=1)
-
-
-def _is_utf8(data: bytes) -> bool:
-    try:
-        data.decode()
+        _SKIPPED.sub(b"", data).decode()
     except UnicodeDecodeError:
-        return False
-    return True
+        return data.decode("latin-1")
+    return data.decode("utf-8-sig", "replace")
 
 
 def _elements(text: str | bytes) -> ElementTree.Element:

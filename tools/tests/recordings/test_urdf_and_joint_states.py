@@ -186,7 +186,6 @@ def with_inside(text):
         with_inside("<!-- gr\xfcn -->").encode("latin-1"),
         with_inside('<material name="gr\xfcn"/>').encode("latin-1"),
         f'<?xml version="1.0" encoding="windows-1252"?>{with_inside("<!-- – -->")}'.encode("cp1252"),
-        f'<?xml version="1.0" encoding="UTF-16"?>{ONE}'.encode("utf-16"),
         f"\ufeff{XML}{ONE}".encode(),
         # A planar joint is fixed, so its axis is not needed.
         robot_of(AB, joint("bc", "b", "c", "planar", more='<axis xyz="0 0 0"/>')),

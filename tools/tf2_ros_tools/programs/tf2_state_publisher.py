@@ -37,7 +37,7 @@ def publish(options: Namespace) -> NoReturn:
 
     from tf2_ros_tools.listening import wait
     from tf2_ros_tools.state_publisher import StatePublisher
-    from tf2_ros_tools.urdf import UrdfError, decoded
+    from tf2_ros_tools.urdf import decoded
 
     description = ""
     if options.file is not None:
@@ -45,8 +45,6 @@ def publish(options: Namespace) -> NoReturn:
             description = decoded(options.file.read_bytes())
         except OSError as failure:
             raise UsageError(f"cannot read {options.file}: {failure.strerror}") from None
-        except UrdfError as refusal:
-            raise UsageError(f"{options.file}: {refusal}") from None
     # The name under which files of parameters configure it.
     with spun_node("robot_state_publisher", options) as node:
         StatePublisher(node, description)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import stat
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 
 UNFINISHED = ".unfinished"  # of a file that `whole_file` has not completed
 SHARED_MEMORY = "-shm"  # of SQLite, next to a database that is open
-END_BYTES = 1 << 16
 LIMITS = ("TF2_ROS_CYTHON_MAX_FRAMES", "TF2_ROS_CYTHON_MAX_BYTES")  # of a buffer, by variables
 
 
@@ -26,10 +24,10 @@ def state_of(recording: str) -> list[list[Any]]:
     """
     Get what changes when the contents of a recording change; JSON can hold it.
 
-    For each file, these are its name, its size, when it and its inode were changed, and a digest of its first
-    and last 64 KiB, where the indexes of all formats are. An archive can restore the size and the time of a
-    file, but no program can set the time at which the inode was changed. Frozen and unfinished files are left
-    out, so that the folder of a recording may be that of its frozen file.
+    For each file, these are its name, its size, and when it and its inode were changed. An archive can
+    restore the size and the time of a file, but no program can set the time at which the inode was changed.
+    Frozen and unfinished files are left out, so that the folder of a recording may be that of its frozen
+    file.
     """
     path = Path(recording)
     if not path.is_dir():
@@ -49,17 +47,7 @@ def _states_of(files: list[Path]) -> list[list[Any]]:
 
 def _state_of_file(path: Path) -> list[Any]:
     facts = os.stat(path)
-    return [path.name, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns, _ends_of(path, facts)]
-
-
-def _ends_of(path: Path, facts: os.stat_result) -> str:
-    if not stat.S_ISREG(facts.st_mode):
-        return ""  # opening a pipe would wait for its writer
-    with suppress(PermissionError), open(path, "rb") as file:
-        begin = file.read(END_BYTES)
-        file.seek(max(facts.st_size - END_BYTES, 0))
-        return hashlib.sha256(begin + file.read(END_BYTES)).hexdigest()[:16]
-    return ""  # a file beside the recording that this user cannot read
+    return [path.name, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns]
 
 
 class Cached:

@@ -1,6 +1,5 @@
 """The argument `cache`: transforms of recordings as frozen files, which later calls map."""
 
-import builtins
 import errno
 import os
 import pickle
@@ -151,26 +150,6 @@ def test_the_target_of_a_link_may_have_any_name(path, tmp_path, cache, monkeypat
     assert held(bag.load(path, cache=cache)) == held(first)
 
 
-def test_a_file_beside_the_recording_may_be_unreadable(tmp_path, cache):
-    folder = write_folder(tmp_path / "run", drive(20), "mcap")
-    loop = folder / "loop"
-    loop.symlink_to(loop)
-    notes = folder / "notes.txt"
-    notes.write_text("private")
-    opened = builtins.open
-
-    def refuse(path, *arguments, **options):
-        if path == notes:
-            raise PermissionError(errno.EACCES, "Permission denied", str(path))
-        return opened(path, *arguments, **options)
-
-    with pytest.MonkeyPatch.context() as refusing:  # root may read everything
-        refusing.setattr("builtins.open", refuse)
-        first = bag.load(folder, cache=cache)
-        assert held(bag.load(folder, cache=cache)) == held(first) == held(bag.load(folder))
-    assert len(files(cache)) == 1
-
-
 def test_a_link_that_is_moved_meanwhile_has_no_file(path, tmp_path, cache, monkeypatch):
     target, other = path.rename(tmp_path / "first"), write_mcap(tmp_path / "other.mcap", drive(30))
     path.symlink_to(target)
@@ -240,12 +219,6 @@ def test_a_recording_may_have_hidden_files(tmp_path, cache):
     write_mcap(folder / ".run.mcap", drive(30))
     after = bag.load(folder, cache=cache)
     assert after.frames()["base"].count > before.frames()["base"].count
-
-
-def test_a_pipe_in_place_of_a_recording_is_not_opened(tmp_path, cache):
-    os.mkfifo(tmp_path / "run.mcap")
-    with pytest.raises(bag.BagError, match="is a pipe or a device"):
-        bag.load(tmp_path / "run.mcap", cache=cache)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import errno
 import os
 import re
 import shutil
-import stat
 import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -306,8 +305,6 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
     inside = sorted(source.iterdir()) if source.is_dir() else []
     parts = [one for one in inside if one.name.endswith(SUFFIXES) and one.is_file()]
     _refuse_others(source, parts)
-    for one in inside:
-        _refuse_special(one)
     with ExitStack() as stack:
         try:
             is_packed = source.suffix == PACKED and source.is_file()
@@ -372,10 +369,8 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
             advice = f"{TOOLS['.bag']} repairs it; then remove .active from its name"
             raise BagError(f"{name} was not closed by its recorder: {advice}")
         raise BagError(f"{name} is not a recording: {advice}")
-    else:
-        _refuse_special(path)
-        if not path.stat().st_size:
-            raise BagError(f"{name} is empty")
+    elif not path.stat().st_size:
+        raise BagError(f"{name} is empty")
     for part in [path / "metadata.yaml", *parts] if path.is_dir() else [path]:
         if part.is_file():
             _refuse_pointer(part)
@@ -401,15 +396,6 @@ def logs_of(database: Path) -> Iterator[Path]:
                 # A name that is too long names no file.
                 if os.path.isfile(log) and log.stat().st_size and _begins_with(log, begin):
                     yield log
-
-
-def _refuse_special(path: Path) -> None:
-    """Refuse a pipe, because opening it would wait for its writer, and a device."""
-    mode = stat.S_IFREG
-    with suppress(OSError):  # in a folder, other files come and go
-        mode = path.stat().st_mode
-    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
-        raise BagError(f"{printable(str(path))} is not a recording: it is a pipe or a device")
 
 
 def _refuse_pointer(path: Path) -> None:

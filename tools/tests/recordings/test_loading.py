@@ -563,25 +563,6 @@ def file(folder, name, content=b"text"):
     return folder / name
 
 
-def pipe(folder):
-    os.mkfifo(folder / "pipe.mcap")  # opening it would wait for ever
-    return folder / "pipe.mcap"
-
-
-def pipe_inside(folder, name):
-    path = write_folder(folder / "run", DRIVE)
-    os.mkfifo(path / name)
-    return path
-
-
-def pipe_of_the_metadata(folder):
-    path = write_folder(folder / "run", DRIVE)
-    content = (path / "metadata.yaml").read_text()
-    (path / "metadata.yaml").write_text(content.replace("- run.mcap", "- run"))
-    os.mkfifo(path / "run")
-    return path
-
-
 def with_storage(folder, line, storage):
     path = write_folder(folder / "run", DRIVE, storage, "file")
     content = (path / "metadata.yaml").read_text()
@@ -729,10 +710,6 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
             lambda at: packed(write_db3(at / "run.db3", drive())).rename(at / "run.bag.zstd"),
             r"run.bag.zstd is not a recording: .* as \.bag files do, but as \.db3 files do: rename it$",
         ),
-        (pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
-        (lambda at: pipe_inside(at, "a.mcap"), "run/a.mcap is not a recording: it is a pipe or a device"),
-        (lambda at: pipe_inside(at, "a.db3.zstd"), "run/a.db3.zstd is not a recording: it is a pipe"),
-        (pipe_of_the_metadata, "run/run is not a recording: it is a pipe or a device"),
         # What a clone has in place of a recording.
         *(
             (

@@ -83,9 +83,6 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
 
     :raises UsageError: it contradicts itself, or lacks something.
     """
-    if (period := _period_of_ros1(options.old)) is not None:
-        reason = "the last value, the period of ROS 1, does not exist in ROS 2"
-        raise UsageError(f"{reason}: omit {period}; static transforms are sent only once")
     given = {name: value for name in (*FRAMES, *NUMBERS) if (value := getattr(options, name)) is not None}
     if sum(map(bool, (given, options.old, options.file))) > 1:
         raise UsageError("expected options, values of the old form, or --file, got several of these")
@@ -107,26 +104,6 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
 
 def _option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
-
-
-def _period_of_ros1(values: list[str]) -> str | None:
-    """The last value of a command line for ROS 1: the old form, and then the period in milliseconds."""
-
-    def is_number(text: str) -> bool:
-        try:
-            float(text)
-        except ValueError:
-            return False
-        return True
-
-    if len(values) - 1 not in OLD_FORMS:
-        return None
-    *numbers, frame, _, period = values
-    # Otherwise these are the nine values of a quaternion and names that look like numbers.
-    is_period = all(map(is_number, [*numbers, period])) and not (
-        len(values) in OLD_FORMS and is_number(frame)
-    )
-    return period if is_period else None
 
 
 def publish(options: Namespace) -> NoReturn:

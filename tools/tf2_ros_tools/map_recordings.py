@@ -97,7 +97,7 @@ def _is_rosbag2(folder: str) -> bool:
 S = 1_000_000_000
 # The metadata of a table that says what it was made from. The number changes with the format of this
 # metadata or of the table, and with the meaning of a request.
-KEY, FORMAT = b"tf2_ros.map_recordings", 6
+KEY, FORMAT = b"tf2_ros.map_recordings", 7
 
 
 # A line of the table of findings: file, kind, frame and text. Only the kind "summary" has numbers, too:

@@ -175,16 +175,13 @@ def test_a_restart_skips_what_is_done_and_knows_what_was_found(runs, out):
     assert not third.done and third.skipped == first.done and findings(third) == found
 
 
-def test_a_table_that_was_damaged_is_written_again(tmp_path, out):
+@pytest.mark.parametrize("kept", [0, 100, -1])
+def test_a_table_that_was_cut_off_is_written_again(kept, tmp_path, out):
     path = write_mcap(tmp_path / "run.mcap", drive(40))
     [table] = map(Path, mapped(path, out).done.values())
     whole, wanted = table.read_bytes(), parquet.read_table(table)
-    kept = 0
-    for at in range(0, len(whole), len(whole) // 150):
-        table.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
-        kept += len(mapped(path, out).skipped)
-        assert parquet.read_table(table).equals(wanted), at
-    assert kept < 75  # some bits mean nothing to a reader
+    table.write_bytes(whole[:kept])
+    assert mapped(path, out).done and parquet.read_table(table).equals(wanted)
 
 
 @pytest.mark.parametrize(

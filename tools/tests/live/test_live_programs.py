@@ -128,7 +128,7 @@ def test_tf2_live_says_that_a_robot_with_simulated_time_has_ended_the_feed(simul
     ("line", "status", "said"),
     [
         (
-            "tf2_echo a b --live dds:// --qos-depth 5",
+            "tf2_echo a b --live dds:// --qos-reliability reliable",
             2,
             "--live cannot be combined with --namespace, --qos-* or",
         ),
@@ -144,7 +144,9 @@ def test_what_is_wrong_is_said(line, status, said):
     assert err.startswith(f"{name}: {said}"), err
 
 
-@pytest.mark.parametrize("more", ["--ros-args -p use_sim_time:=true", "--qos-depth 5", "--namespace=robot1"])
+@pytest.mark.parametrize(
+    "more", ["--ros-args -p use_sim_time:=true", "--qos-reliability=reliable", "--namespace=robot1"]
+)
 def test_options_for_ros_are_refused_where_there_is_no_ros(more):
     status, out, err = on_laptop("tf2_echo", "a", "b", "--live=dds://", *more.split())
     assert (status, out) == (2, "")

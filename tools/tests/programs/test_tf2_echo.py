@@ -31,7 +31,7 @@ def best_effort(new_node):
 
 class TestQualityOfService:
     def test_a_best_effort_publisher_is_received_if_that_is_asked_for(self, best_effort):
-        options = ["--qos-reliability", "best_effort", "--qos-depth", "5"]
+        options = ["--qos-reliability", "best_effort"]
         assert ended("tf2_echo", "map", "robot", "--once", *WAIT, *options)[0] == 0
 
     def test_otherwise_it_is_not_and_a_warning_names_it(self, best_effort, peer):
@@ -41,18 +41,6 @@ class TestQualityOfService:
             peer().send(("map", "robot", 2 * S, 1.0))  # which is the first one that it receives
             out, _ = echo.communicate(timeout=DEADLINE_S)
         assert (echo.returncode, out.partition("\n")[0]) == (0, "At time 2.000000000")
-
-    def test_durability_reaches_the_subscription(self, new_node):
-        new_node("volatile").create_publisher(TFMessage, "/tf", 10)
-        said = "Nothing is received from /volatile on /tf: Volatile publisher and transient local"
-        with running("tf2_echo", "map", "robot", "--qos-durability", "transient_local", *WAIT) as echo:
-            until(lambda: said in echo.stderr.readline())
-
-    @pytest.mark.parametrize("depth", ["0", "-1", "many"])
-    def test_a_depth_is_a_positive_number(self, depth):
-        status, _, err = ended("tf2_echo", "map", "robot", "--qos-depth", depth)
-        assert status == 2
-        assert f"expected a whole number from 1 to 1000000, got {depth}" in err
 
 
 class TestText:

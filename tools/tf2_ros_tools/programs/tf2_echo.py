@@ -38,7 +38,7 @@ LATEST = 0  # the time that asks for the latest transform
 RATE = 1.0  # prints per second, by default
 
 DIGITS = 3  # after the point, by default
-MOST_DEPTH = 1_000_000  # of a queue
+QUEUE_DEPTH = 100  # of dynamic transforms, as that of listeners
 MOST_DIGITS = 1074  # that a double can have after the point
 WIDTH = 6  # of the columns of the matrix, at least
 REPORT_S = 1.0  # between two log lines about a transform that is not available yet
@@ -60,15 +60,6 @@ EXAMPLE = """\
   tf2_echo map base_link -t 1795608204.5     where it was at this time
   tf2_echo map base_link --once --wait 5     for scripts: check the exit status
   tf2_echo map base_link --json --once       one line, for programs to read"""
-
-
-QUEUE_DEPTH = 100  # of dynamic transforms, by default, as that of listeners
-
-
-def _depth(text: str) -> int:
-    if not (text.isdecimal() and text.isascii() and 0 < int(text) <= MOST_DEPTH):
-        raise ArgumentTypeError(f"expected a whole number from 1 to {MOST_DEPTH}, got {text}")
-    return int(text)
 
 
 def _digits(text: str) -> int:
@@ -111,17 +102,6 @@ PARSER.add_argument(
     choices=["reliable", "best_effort"],
     help="reliability of the subscription to /tf; the default, reliable, excludes best-effort publishers",
 )
-PARSER.add_argument(
-    "--qos-durability",
-    choices=["volatile", "transient_local"],
-    help="durability of the subscription to /tf; volatile by default",
-)
-PARSER.add_argument(
-    "--qos-depth",
-    metavar="N",
-    type=_depth,
-    help=f"queue depth of the subscription to /tf; {QUEUE_DEPTH} messages by default",
-)
 add_live_option(PARSER)
 
 
@@ -156,17 +136,12 @@ def echo(options: Namespace) -> int:
 
 
 def _profile(options: Namespace) -> QoSProfile | None:
-    """The profile for dynamic transforms; None: the options say nothing about it."""
-    reliability, durability = options.qos_reliability, options.qos_durability
-    if reliability is durability is options.qos_depth is None:
+    """The profile for dynamic transforms; None: that of listeners."""
+    if options.qos_reliability is None:
         return None
-    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-    return QoSProfile(
-        depth=options.qos_depth or QUEUE_DEPTH,
-        reliability=ReliabilityPolicy[(reliability or "reliable").upper()],
-        durability=DurabilityPolicy[(durability or "volatile").upper()],
-    )
+    return QoSProfile(depth=QUEUE_DEPTH, reliability=ReliabilityPolicy[options.qos_reliability.upper()])
 
 
 def _first(heard: Session, options: Namespace) -> TransformStamped | None:

@@ -277,43 +277,31 @@ class TestFoxglove:
             (b"", "Expecting value"),
             (b"\xff\xfe", "codec can't decode"),
             (b"[" * 10**5, "recursion"),
-            (b"[]", "expected an object, got list"),
+            (b"[]", "has no attribute"),
             (
                 b'{"parent_frame_id": "\\ud800", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0},'
                 b' "translation": {"x": 1, "y": 2, "z": 3}, "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}}',
                 "surrogates not allowed",
             ),
-            (
-                b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0},'
-                b' "translation": {"x": 1%s, "y": 2, "z": 3}}' % (b"0" * 400),
-                "too large to convert to float",
-            ),
             *[
                 (
                     b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0}%s}'
                     % pose,
-                    f"it has no {lacks}",
+                    f"has no attribute '{lacks}'",
                 )
                 for pose, lacks in (
                     (b"", "translation"),
-                    (
-                        b', "transform": {"translation": {"x": 1, "y": 2, "z": 3}, "rotation": {}}',
-                        "translation",
-                    ),
+                    (b', "transform": {"translation": {"x": 1, "y": 2, "z": 3}}', "translation"),
                     (b', "translation": {"x": 1, "y": 2, "z": 3}', "rotation"),
-                    (b', "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}', "translation"),
+                    (b', "translation": {"x": 1, "y": 2, "z": 3}, "rotation": {"x": 0, "y": 0, "z": 0}', "w"),
                 )
             ],
-            (b'{"transforms": {}}', "transforms: expected an array, got dict"),
-            (b'{"transforms": [1]}', "expected an object, got int"),
-            (b'{"parent_frame_id": "a"}', "it has no child_frame_id"),
-            (
-                b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": 3}',
-                "timestamp: expected an object, got 3",
-            ),
+            (b'{"transforms": {}}', "not iterable"),
+            (b'{"transforms": [1]}', "has no attribute"),
+            (b'{"parent_frame_id": 3, "child_frame_id": "b"}', "has no attribute 'partition'"),
             (
                 b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1.5, "nsec": 0}}',
-                "sec: expected an integer, got 1.5",
+                "unsupported operand",
             ),
             (
                 b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": %d, "nsec": 0}}'
@@ -322,13 +310,8 @@ class TestFoxglove:
             ),
             (
                 b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0},'
-                b' "translation": {"x": 1, "y": "2", "z": 3}}',
-                "y: expected a number, got '2'",
-            ),
-            (
-                b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0},'
-                b' "translation": {"x": 1, "y": 2, "z": 3}, "rotation": {"x": 0, "y": 0, "z": 0}}',
-                "it has no w",
+                b' "translation": {"x": 1, "y": "b", "z": 3}, "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}}',
+                "could not convert string to float",
             ),
         ],
     )

@@ -20,6 +20,7 @@ from tf2_py.files import whole_file
 from tf2_py.printable import printable
 from tf2_ros import Buffer
 from tf2_ros.serialization import serialize_arrays
+from tf2_ros_tools.bag_reader import typestore
 from tf2_ros_tools.optional_libraries import require
 
 _Kind = TypeVar("_Kind", bound=BufferCore)
@@ -57,38 +58,6 @@ QOS = {
 }
 
 TYPE = "tf2_msgs/msg/TFMessage"
-_RULE = "=" * 80
-DEFINITION = f"""\
-geometry_msgs/TransformStamped[] transforms
-{_RULE}
-MSG: geometry_msgs/TransformStamped
-std_msgs/Header header
-string child_frame_id
-geometry_msgs/Transform transform
-{_RULE}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{_RULE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-{_RULE}
-MSG: geometry_msgs/Transform
-geometry_msgs/Vector3 translation
-geometry_msgs/Quaternion rotation
-{_RULE}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-{_RULE}
-MSG: geometry_msgs/Quaternion
-float64 x 0
-float64 y 0
-float64 z 0
-float64 w 1
-"""
 
 
 def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
@@ -105,6 +74,7 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
     :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-tools[bag]'``.
     """
     require("mcap", "bag")
+    require("rosbags", "bag")
     from mcap.writer import Writer
 
     state = _state_of(buffer)
@@ -112,7 +82,8 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
         writer = Writer(file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
         writer.start(profile="ros2", library="tf2-ros-cython")
         writer.add_metadata(METADATA, _metadata_of(state))
-        schema = writer.register_schema(TYPE, "ros2msg", DEFINITION.encode())
+        definition, _ = typestore().generate_msgdef(TYPE, ros_version=2)
+        schema = writer.register_schema(TYPE, "ros2msg", definition.encode())
         channels = {
             topic: writer.register_channel(topic, "cdr", schema, {"offered_qos_profiles": qos})
             for topic, qos in QOS.items()

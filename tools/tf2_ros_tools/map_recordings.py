@@ -81,11 +81,8 @@ def _meant_by(path: str) -> list[str]:
 
 
 def _is_rosbag2(folder: str) -> bool:
-    metadata = os.path.join(folder, "metadata.yaml")
-    if not os.path.isfile(metadata):  # opening a pipe would wait for its writer
-        return False
     try:
-        with open(metadata, "rb") as file:
+        with open(os.path.join(folder, "metadata.yaml"), "rb") as file:
             return b"rosbag2_bagfile_information" in file.read(4096)  # other projects use this name, too
     except OSError:
         return False

@@ -255,13 +255,6 @@ def test_a_folder_is_searched_and_one_of_rosbag2_is_one_recording(runs):
     assert find_recordings(runs / "tuesday") == [str(unfinished)]
 
 
-def test_a_pipe_is_no_recording_and_is_not_opened(runs):
-    found = find_recordings(runs)
-    (runs / "pipe").mkdir()
-    os.mkfifo(runs / "pipe" / "metadata.yaml")
-    assert find_recordings(runs) == found
-
-
 def test_paths_are_taken_as_they_are_and_each_once(runs):
     (runs / "link.mcap").symlink_to(runs / "monday" / "run.mcap")
     run = str(runs / "monday" / "run.mcap")

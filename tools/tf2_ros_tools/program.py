@@ -44,7 +44,7 @@ STATUSES = {
 EXIT_STATUS = "Exit status: 0 when interrupted; 1 if the command failed; 2 after wrong usage."
 
 _AGAIN_S = 0.01  # when an interrupt that was dropped is repeated
-_ROS_ARGS = "--ros-args"
+_ROS_ARGS, _QOS = "--ros-args", "--qos-reliability"
 _WIDTH = 80  # of the text of a help
 
 
@@ -167,7 +167,7 @@ class Parser(ArgumentParser):
     def _refuse_ros_with_live(self, arguments: list[str]) -> None:
         # Before anything imports rclpy, which need not be there.
         names = {one.partition("=")[0] for one in arguments}
-        of_ros = {_ROS_ARGS, "--namespace", *_qos_options(self)}
+        of_ros = {_ROS_ARGS, "--namespace", _QOS}
         if "--live" in self._option_string_actions and "--live" in names and names & of_ros:
             self.error(f"--live cannot be combined with {_listed_of_ros(self)}")
 
@@ -183,13 +183,9 @@ class Parser(ArgumentParser):
         return removed
 
 
-def _qos_options(parser: Parser) -> list[str]:
-    return [one for one in parser._option_string_actions if one.startswith("--qos-")]
-
-
 def _listed_of_ros(parser: Parser) -> str:
     """List the options that need ROS in a text."""
-    return f"--namespace{', --qos-*' if _qos_options(parser) else ''} or {_ROS_ARGS}"
+    return f"--namespace{f', {_QOS}' * (_QOS in parser._option_string_actions)} or {_ROS_ARGS}"
 
 
 def add_live_option(parser: Parser) -> None:

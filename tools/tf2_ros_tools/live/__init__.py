@@ -8,16 +8,12 @@ A robot's transforms on a machine without ROS 2, over DDS, Zenoh or foxglove_bri
 ...         return robot.buffer.lookup_transform("map", "base_link", 0, timeout=1.0)
 """
 
-import platform
-import sys
-from importlib.util import find_spec
-
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
 from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.feed import Feed, Heard
 from tf2_ros_tools.live.wire import EXAMPLES, Address, Publisher, Wire, parse
-from tf2_ros_tools.optional_libraries import MissingLibraryError, require
+from tf2_ros_tools.optional_libraries import require
 
 __all__ = ["Broadcaster", "Feed", "Heard", "Publisher", "StaticBroadcaster", "connect"]
 
@@ -59,7 +55,7 @@ def connect(
 def _wire_of(address: Address) -> Wire:
     # A program needs the library of its wire only.
     if address.scheme == "dds":
-        _require_cyclonedds()
+        require("cyclonedds", "dds")
         from tf2_ros_tools.live.dds import DdsWire
 
         return DdsWire(address)
@@ -75,15 +71,3 @@ def _wire_of(address: Address) -> Wire:
 
         return FoxgloveWire(address)
     raise ValueError(f"expected an address such as {EXAMPLES}, got {address.where!r}")
-
-
-def _require_cyclonedds() -> None:
-    lacking = "Python 3.14" if sys.version_info >= (3, 14) else ""
-    if sys.platform == "linux" and platform.machine() != "x86_64":
-        lacking = f"Linux on {platform.machine()}"
-    if lacking and find_spec("cyclonedds") is None:
-        text = (
-            f"cyclonedds is not installed, and PyPI has no wheel of it for {lacking}: use zenoh:// or ws://"
-        )
-        raise MissingLibraryError(text, name="cyclonedds")
-    require("cyclonedds", "dds")

@@ -11,6 +11,7 @@ import os
 import stat
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any, BinaryIO, TypeVar, overload
 
 import numpy as np
@@ -35,22 +36,16 @@ MOST_PER_MESSAGE = 1000  # dynamic ones; one message has all static ones: late s
 # Of a state. The metadata have the rest, the authority of each frame, and the number of samples.
 NOT_IN_METADATA = {"frames", "stamps", "transforms", "parents", "parent_names", "attributes"}
 
-# As rosbag2 writes it.
+# With all keys that rosbag2 writes, without which it does not play a recording.
 _QOS = """\
 - history: keep_last
   depth: {depth}
   reliability: reliable
   durability: {durability}
-  deadline:
-    sec: 9223372036
-    nsec: 854775807
-  lifespan:
-    sec: 9223372036
-    nsec: 854775807
+  deadline: {{sec: 9223372036, nsec: 854775807}}
+  lifespan: {{sec: 9223372036, nsec: 854775807}}
   liveliness: automatic
-  liveliness_lease_duration:
-    sec: 9223372036
-    nsec: 854775807
+  liveliness_lease_duration: {{sec: 9223372036, nsec: 854775807}}
   avoid_ros_namespace_conventions: false"""
 QOS = {
     DYNAMIC: _QOS.format(depth=100, durability="volatile"),
@@ -148,21 +143,15 @@ class _Bounded:
 def _state_of(buffer: BufferCore) -> dict[str, Any]:
     """The samples of a buffer, also where the path of its file would stand for them."""
     state = BufferCore.__getstate__(buffer)
-    if "frozen" not in state:
-        return state
-    copied, failure = None, None
-    try:
-        copied = BufferCore.__getstate__(BufferCore.open(state["frozen"][0], copy=True))
-    except (OSError, ValueError) as error:
-        failure = error
-    # The buffer keeps its file if another one has taken its place, which the copy may come from.
-    later = BufferCore.__getstate__(buffer)
-    if "frozen" not in later:
-        return later
-    if copied is None:
-        assert failure is not None
-        raise failure
-    return copied
+    if "frozen" in state:
+        copied = None
+        with suppress(FileNotFoundError):  # it was deleted meanwhile
+            copied = BufferCore.open(state["frozen"][0], copy=True)
+        state = BufferCore.__getstate__(buffer)
+        # Otherwise another file has taken the place of its own meanwhile, which the copy may come from.
+        if copied is not None and "frozen" in state:
+            state = BufferCore.__getstate__(copied)
+    return state
 
 
 def _metadata_of(state: dict[str, Any]) -> dict[str, str]:

@@ -16,8 +16,6 @@ from tf2_ros_tools.program import SUCCESS, Parser, UsageError, finite_number, ru
 from tf2_ros_tools.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from geometry_msgs.msg import TransformStamped
 
 FRAMES = ("frame_id", "child_frame_id")
@@ -52,9 +50,6 @@ where transforms.yaml has the options as keys, with _ for -:
 
 # The meaning of the values of the old form, by their number: with Euler angles, or with a quaternion.
 OLD_FORMS = {8: (*TRANSLATION, *reversed(EULER), *FRAMES), 9: (*TRANSLATION, *QUATERNION, *FRAMES)}
-
-COMMAND_LINE = "the command line"  # a label, which errors leave out
-
 
 PARSER = Parser("static_transform_publisher", DESCRIPTION, EXAMPLE)
 PARSER.add_argument("--frame-id", metavar="FRAME_ID", help="the parent frame; required without --file")
@@ -92,18 +87,14 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
         if not options.old:
             for name in FRAMES:
                 if name not in given:
-                    raise UsageError(f"{_option(name)} is required without --file")
-            return [transform_of(COMMAND_LINE, given, _option)]
+                    raise UsageError(f"--{name.replace('_', '-')} is required without --file")
+            return [transform_of("the options", given)]
         names = OLD_FORMS.get(len(options.old))
         if names is None:
             raise UsageError(f"expected 8 or 9 values in the old form, got {len(options.old)}")
         return [transform_of("the old form", dict(zip(names, options.old, strict=True)))]
     except ValueError as refusal:
-        raise UsageError(str(refusal).removeprefix(f"{COMMAND_LINE}: ")) from None
-
-
-def _option(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
+        raise UsageError(str(refusal)) from None
 
 
 def publish(options: Namespace) -> NoReturn:
@@ -176,12 +167,11 @@ def read_file(path: Path) -> list[TransformStamped]:
     return transforms
 
 
-def transform_of(label: str, given: Any, spelled: Callable[[str], str] = str) -> TransformStamped:
+def transform_of(label: str, given: Any) -> TransformStamped:
     """
     Make a transform from a mapping with the names of FRAMES and NUMBERS.
 
     :param label: what it is, for errors.
-    :param spelled: how the user spells a name, for errors.
     :raises ValueError: its contents are wrong.
     """
     from geometry_msgs.msg import TransformStamped
@@ -189,8 +179,7 @@ def transform_of(label: str, given: Any, spelled: Callable[[str], str] = str) ->
     read = read_keys(label, given, KEYS, ENTRY)
     frame, child = (read[name] for name in FRAMES)
     if frame == child:
-        both = " and ".join(map(spelled, FRAMES))
-        raise ValueError(f"{label}: {both} must differ, but both are {frame!r}")
+        raise ValueError(f"{label}: {' and '.join(FRAMES)} must differ, but both are {frame!r}")
     rotation = tuple(read.get(name, float(name == "qw")) for name in QUATERNION)
     if read.keys() & set(EULER):
         from tf2_ros_tools.urdf import quaternion_from_rpy

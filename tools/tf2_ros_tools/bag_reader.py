@@ -444,9 +444,11 @@ def _opened(path: Path, stack: ExitStack) -> Reader:
     reader: Reader = rosbag1.Reader(path) if is_of_ros_1 else rosbag2.Reader(path)
     try:
         stack.enter_context(reader)
-        if not is_of_ros_1:
-            _read_all_chunks(reader.storage)
-        return Folder(reader) if path.is_dir() else reader
+        if path.is_dir():
+            return Folder(reader)
+        # rosbags skips chunks without message indexes.
+        chunks = [] if is_of_ros_1 else getattr(reader.storage, "chunks", [])
+        return reader if all(one.message_index_offsets for one in chunks) else ForeignMcap(path, stack)
     except (KeyError, UnicodeDecodeError, rosbag2.ReaderError) as error:
         # rosbags refuses an .mcap whose profile, or one of whose schemas, is not of ROS 2; it decodes each
         # schema as text.
@@ -454,33 +456,6 @@ def _opened(path: Path, stack: ExitStack) -> Reader:
         if path.suffix != ".mcap" or not path.is_file() or not is_foreign:
             raise
         return ForeignMcap(path, stack)
-
-
-def _read_all_chunks(storage: Any) -> None:
-    """Let rosbags read and count chunks without message indexes, of which it does not know the channels."""
-    for file in getattr(storage, "storages", [storage]):
-        chunks = getattr(file, "chunks", ())
-        unindexed = [chunk for chunk in chunks if not chunk.message_index_offsets]
-        indexed = sum(sum(chunk.channel_count.values()) for chunk in chunks)
-        if unindexed and file.statistics.message_count == indexed:
-            # Without statistics, rosbags has made them of the message indexes.
-            _count(file)
-        for chunk in unindexed:
-            chunk.channel_count.update(dict.fromkeys(file.channels, 1))
-
-
-def _count(file: Any) -> None:
-    file.meta_scan()
-    found = file.statistics
-    counts = found.channel_message_counts
-    file.connections = [one._replace(msgcount=counts.get(one.id, 0)) for one in file.connections]
-    if found.message_count:
-        file.metadata = file.metadata._replace(
-            duration=found.end_time - found.start_time + 1,
-            start_time=found.start_time,
-            end_time=found.end_time + 1,
-            message_count=found.message_count,
-        )
 
 
 def _is_saved(path: Path) -> bool:

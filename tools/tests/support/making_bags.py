@@ -196,22 +196,20 @@ def write_mcap(
     chunked=True,
     chunk_size=2000,
     topics=(),
-    repeated=True,
 ):
     """
     A bare .mcap, by the library mcap; small chunks, so that there are several.
 
     :param index: False: nothing is repeated at the end.
-    :param repeated: False: neither are channels and statistics, only the index.
     """
     writer = McapWriter(
         str(path),
         chunk_size=chunk_size,
         compression=CompressionType[compression.upper()],
         index_types=index or IndexType.NONE,
-        repeat_channels=bool(index) and repeated,
-        repeat_schemas=bool(index) and repeated,
-        use_statistics=bool(index) and repeated,
+        repeat_channels=bool(index),
+        repeat_schemas=bool(index),
+        use_statistics=bool(index),
         use_summary_offsets=bool(index),
         use_chunking=chunked,
     )
@@ -354,9 +352,6 @@ FORMATS = {
     "mcap-lz4": lambda at, m: write_mcap(at / "run.mcap", m, "lz4"),
     "mcap-zstd": lambda at, m: write_mcap(at / "run.mcap", m, "zstd"),
     "mcap-chunk-index": lambda at, m: write_mcap(at / "run.mcap", m, "zstd", index=IndexType.CHUNK),
-    "mcap-only-chunk-index": lambda at, m: write_mcap(
-        at / "run.mcap", m, "zstd", index=IndexType.CHUNK, repeated=False
-    ),
     "mcap-no-index": lambda at, m: write_mcap(at / "run.mcap", m, "zstd", index=False),
     "mcap-no-chunks": lambda at, m: write_mcap(at / "run.mcap", m, chunked=False),
     "mcap-plain": lambda at, m: write_mcap(at / "run.mcap", m, index=False, chunked=False),

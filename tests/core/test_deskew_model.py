@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import event, given
 from hypothesis import strategies as st
-from making_objects import S, at_ns, transform
+from making_objects import S, at_ns, stamp_ns, transform
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
@@ -148,7 +148,7 @@ def clouds(draw, stamp):
     field = name, kind, unit_ns, is_said, base_ns
     order = draw(st.sampled_from("<>"))
     rows = draw(st.sampled_from([1, 1, 2, 5]))
-    columns = draw(st.sampled_from([1, 2, 9, 64, 400]))
+    columns = draw(st.sampled_from([1, 2, 9, 16, 17, 64, 400]))
     count = rows * columns
     dice = np.random.default_rng(draw(st.integers(0, 2**32)))
     parts = [(axis, draw(st.sampled_from(["f4", "f4", "f8"]))) for axis in "xyz"] + [(name, kind)]
@@ -366,9 +366,17 @@ def test_each_point_moves_by_the_transform_of_its_own_time(sweep, policy, frames
         assert np.array_equal(np.isnan(normals).all(axis=1), missing)
         turned = np.einsum("nij,nj->ni", matrices[:, :3, :3], xyz_of(points, NORMAL)[~missing])
         assert (np.abs(normals[~missing] - turned) <= 2e-6 + 2e-9 * motion.turn).all()
+    new_ns = motion.stamp + SWEEP // 3 if is_fixed else motion.stamp
+    assert (moved.header.frame_id, stamp_ns(moved)) == (target, new_ns)
+    if is_fixed:
+        stored = new_ns / field[2] if name == "timestamp" else 0
+        assert (points_of(moved, points.dtype)[name] == np.dtype(kind).type(stored)).all()
     # All else stays.
     assert bytes(cloud.data) == before
     assert (moved.height, moved.width, moved.fields) == (cloud.height, cloud.width, cloud.fields)
+    assert (moved.row_step, len(moved.data)) == (cloud.row_step, len(cloud.data))
+    padding = cloud.row_step - cloud.width * cloud.point_step
+    assert bytes(moved.data)[len(moved.data) - padding :] == b"\xaa" * padding
     for other in points.dtype.names:
         if other not in ("x", "y", "z", name, *NORMAL) or (other == name and not is_fixed):
             assert points_of(moved, points.dtype)[other].tobytes() == points[other].tobytes()

@@ -7,7 +7,6 @@ import time
 import pytest
 from making_objects import S, insert, transform
 from rclpy.parameter import Parameter
-from rclpy.time import Time
 from simulated_clock import simulate
 
 from tf2_py import BufferCore, ConnectivityException, InvalidArgumentException, LookupException
@@ -25,46 +24,6 @@ def buffer(tf2_ros, node):
     insert(buffer, "base", "arm", 97)
     buffer.set_transform_static(transform("base", "lidar", 50), "x")
     return buffer
-
-
-def test_each_moving_frame_of_the_path_has_the_age_of_its_newest_sample(buffer):
-    assert buffer.ages("map", "base") == {"base": 0.125, "odom": 1.5}
-    assert list(buffer.ages("map", "base")) == ["base", "odom"]  # up from the source ...
-    assert list(buffer.ages("arm", "map")) == ["odom", "base", "arm"]  # ... and down to the target
-    assert buffer.ages("arm", "map") == {"odom": 1.5, "base": 0.125, "arm": 3.0}
-    assert buffer.ages("lidar", "arm") == {"arm": 3.0}
-
-
-def test_static_frames_have_no_age(buffer):
-    assert buffer.ages("base", "lidar") == {}
-    assert buffer.ages("map", "map") == {}
-    assert buffer.ages("map", "lidar") == buffer.ages("map", "base")
-
-
-def test_frames_without_a_common_time_have_ages(tf2_ros, buffer):
-    insert(buffer, "base", "camera", 50)
-    insert(buffer, "camera", "lens", 99)
-    with pytest.raises(tf2_ros.ExtrapolationException):
-        buffer.lookup_transform("base", "lens", Time())
-    assert buffer.ages("base", "lens") == {"lens": 1.0, "camera": 50.0}
-
-
-def test_the_path_is_that_of_the_newest_samples(buffer):
-    insert(buffer, "gate", "base", 99.9375)
-    insert(buffer, "map", "gate", 99)
-    assert buffer.ages("map", "base") == {"base": 0.0625, "gate": 1.0}
-
-
-def test_a_frame_has_no_age_while_it_has_no_data(buffer):
-    buffer.clear()
-    assert buffer.ages("base", "lidar") == {}
-    with pytest.raises(ConnectivityException):
-        buffer.ages("map", "base")
-
-
-def test_a_stamp_that_is_later_than_the_clock_has_a_negative_age(buffer):
-    insert(buffer, "odom", "base", 102)
-    assert buffer.ages("odom", "base") == {"base": -2.0}
 
 
 def test_ages_follow_the_clock(buffer, node):

@@ -8,7 +8,6 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
 import pytest
 from making_objects import S, insert, stamp_ns, transform
 from rclpy.clock import Clock, ClockType
@@ -36,35 +35,6 @@ def buffer(tf2_ros, node):
     return buffer
 
 
-def test_each_moving_frame_of_the_path_must_have_a_recent_sample(tf2_ros, buffer):
-    assert buffer.ages("map", "camera") == {"base": 0.0625, "odom": 1.0}
-    for target, source, limit_ns in (
-        ("map", "base", S),
-        ("map", "camera", S),
-        ("camera", "map", S),
-        ("odom", "base", S // 16),
-        ("base", "camera", 0),
-        ("base", "base", 0),
-    ):
-        assert buffer.lookup_transform(target, source, LATEST, max_age=limit_ns / S)
-        if limit_ns:
-            with pytest.raises(tf2_ros.ExtrapolationException):
-                buffer.lookup_transform(target, source, LATEST, max_age=(limit_ns - 1) / S)
-
-
-def test_a_frame_that_keeps_the_common_time_before_a_change_of_parents_is_judged_too(tf2_ros, buffer):
-    buffer.set_transform_static(transform("map", "table", 0), "x")
-    insert(buffer, "map", "gripper", 91, 92, 93)  # which has stopped
-    insert(buffer, "table", "cup", 91, 92, 92.5)
-    insert(buffer, "gripper", "cup", 94, 97, 100)  # so it is there that the cup is now
-    assert buffer.ages("map", "cup") == {"cup": 0.0, "gripper": 7.0}
-    assert buffer.lookup_transform("map", "cup", LATEST).header.stamp.sec == 93
-    with pytest.raises(tf2_ros.ExtrapolationException, match="the newest sample of gripper in map, at 93"):
-        buffer.lookup_transform("map", "cup", LATEST, max_age=0.5)
-    assert not buffer.can_transform("map", "cup", LATEST, max_age={"gripper": 6})
-    assert buffer.can_transform("map", "cup", LATEST, max_age=7)
-
-
 def test_in_a_loop_the_path_by_the_newest_samples_is_judged_too(tf2_ros, buffer):
     insert(buffer, "left", "middle", 99.9)
     insert(buffer, "middle", "right", 0)  # which is no answer at 99.9
@@ -72,43 +42,6 @@ def test_in_a_loop_the_path_by_the_newest_samples_is_judged_too(tf2_ros, buffer)
     assert buffer.can_transform("left", "right", LATEST)
     with pytest.raises(tf2_ros.ExtrapolationException, match="the newest sample of right in middle, at 0"):
         buffer.lookup_transform("left", "right", LATEST, max_age=5)
-
-
-def test_the_answer_is_that_of_a_lookup_without_a_limit(buffer):
-    assert buffer.lookup_transform(*ROBOT, max_age=1) == buffer.lookup_transform(*ROBOT)
-    assert buffer.lookup_transform(*ROBOT, max_age=float("inf"), tolerance=1) == buffer.lookup_transform(
-        *ROBOT
-    )
-
-
-def test_each_frame_may_have_a_limit_of_its_own(tf2_ros, buffer):
-    for limits in (
-        {"odom": 1, "base": 0.0625},
-        {"odom": 2},
-        {"base": 0.1},
-        {"camera": float("inf")},
-        {},
-    ):
-        assert buffer.can_transform("map", "camera", LATEST, max_age=limits), limits
-    for limits in ({"odom": 0.9}, {"odom": 2, "base": 0.06}, {"odom": 0.9, "base": 0.1}):
-        assert not buffer.can_transform("map", "camera", LATEST, max_age=limits), limits
-
-
-def test_a_tolerance_may_differ_between_frames(tf2_ros, buffer):
-    now, wide = Time(seconds=100), {"odom": 2, "base": 0.1}
-    answer = buffer.lookup_transform("map", "camera", now, tolerance=wide)
-    assert stamp_ns(answer) == 99 * S
-    for limits, late in (
-        ({"odom": 2}, "base"),
-        ({"odom": 0.9, "base": 0.1}, "odom"),
-        ({"odom": 2, "base": 0}, "base"),
-    ):
-        with pytest.raises(tf2_ros.ExtrapolationException, match=f"the newest sample of {late} .* too old"):
-            buffer.lookup_transform("map", "camera", now, tolerance=limits)
-    translations, _ = buffer.lookup_transforms(
-        "map", "base", [100 * S] * 3, tolerance={"odom": 2, "base": 0.1}
-    )
-    assert translations.shape == (3, 3)
 
 
 def test_the_error_names_the_frame_that_is_furthest_beyond_its_limit(tf2_ros, buffer):
@@ -134,14 +67,6 @@ def test_frames_without_a_common_time_are_called_stale(tf2_ros, buffer):
         buffer.lookup_transform("map", "arm", LATEST, max_age=20)
 
 
-def test_both_halves_of_a_lookup_at_two_times_are_judged(tf2_ros, buffer):
-    two = ("map", LATEST, "base", LATEST, "odom")
-    assert buffer.lookup_transform_full(*two, max_age=1)
-    for limits, late in (({"odom": 0.5}, "odom in map"), ({"base": 0.05}, "base in odom")):
-        with pytest.raises(tf2_ros.ExtrapolationException, match=f"newest sample of {late}"):
-            buffer.lookup_transform_full(*two, max_age=limits)
-
-
 def test_a_moving_frame_whose_stamp_is_0_has_an_age(tf2_ros, buffer):
     """Not its stamp but its kind decides whether a frame moves."""
     insert(buffer, "base", "arm", 0)
@@ -163,65 +88,19 @@ def test_a_stamp_of_0_seems_not_to_be_set_to_a_clock_that_shows_the_date(tf2_ros
         buffer.lookup_transform(*ROBOT, max_age=1)
 
 
-# Every method.
-
-DATA = transform("base", "data", 0)
 WAYS = {
     "lookup_transform": lambda b, **p: b.lookup_transform(*ROBOT, **p),
     "with a timeout": lambda b, **p: b.lookup_transform(*ROBOT, 0.01, **p),
-    "full": lambda b, **p: b.lookup_transform_full("map", LATEST, "base", LATEST, "odom", **p),
-    "full, with a timeout": lambda b, **p: b.lookup_transform_full(
-        "map", LATEST, "base", LATEST, "odom", 0.01, **p
-    ),
+    "can": lambda b, **p: b.can_transform(*ROBOT, **p),
     "async": lambda b, **p: asyncio.run(b.lookup_transform_async(*ROBOT, timeout=0.01, **p)),
-    "full async": lambda b, **p: asyncio.run(
-        b.lookup_transform_full_async("map", LATEST, "base", LATEST, "odom", timeout=0.01, **p)
-    ),
     "future": lambda b, **p: ended(b.wait_for_transform_async(*ROBOT, timeout=0.01, **p)),
-    "full future": lambda b, **p: ended(
-        b.wait_for_transform_full_async("map", LATEST, "base", LATEST, "odom", timeout=0.01, **p)
-    ),
-    "transform": lambda b, **p: b.transform(DATA, "map", **p),
-    "transform_full": lambda b, **p: b.transform_full(DATA, "map", LATEST, "odom", **p),
-    "transform_async": lambda b, **p: asyncio.run(b.transform_async(DATA, "map", timeout=0.01, **p)),
-    "can": lambda b, **p: can(b.can_transform(*ROBOT, return_debug_tuple=True, **p)),
-    "can full": lambda b, **p: can(
-        b.can_transform_full("map", LATEST, "base", LATEST, "odom", 0.01, return_debug_tuple=True, **p)
-    ),
     "many": lambda b, **p: b.lookup_transforms("map", ["base", "camera"], [LATEST], **p),
-    "matrix": lambda b, **p: b.lookup_matrix("map", "base", LATEST, **p),
-    "full matrix": lambda b, **p: b.lookup_matrix(
-        "map", "base", LATEST, fixed_frame="odom", target_time=LATEST, **p
-    ),
-    "matrices": lambda b, **p: b.lookup_matrices("map", ["base", "camera"], [LATEST], **p),
-    "points": lambda b, **p: b.transform_points([(0, 0, 0)], [0], "map", "base", **p),
 }
 
 
 def ended(future):
     until(future.done)
     return future.result()
-
-
-def can(answer):
-    from tf2_py import TransformException
-
-    if not answer[0]:
-        raise TransformException(answer[1])
-    return answer
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_every_way_to_look_up_takes_limits(tf2_ros, buffer, way):
-    pytest.importorskip("tf2_geometry_msgs")
-    for limits in (1, {"odom": 1, "base": 0.1}):
-        assert WAYS[way](buffer, max_age=limits) is not None
-    for limits in (0.5, {"odom": 0.5}):
-        with pytest.raises(tf2_ros.TransformException, match="is too old; the newest sample of odom in map"):
-            WAYS[way](buffer, max_age=limits)
-    with pytest.raises(ValueError, match=r"max_age .* \[odm\], .* not exist\. Did you mean \[odom\]\?"):
-        WAYS[way](buffer, max_age={"odm": 1})
-    assert buffer.statistics()["waiters"] == 0
 
 
 @pytest.mark.parametrize("way", ["lookup_transform", "with a timeout", "async", "future", "many"])
@@ -294,19 +173,8 @@ def test_a_limit_of_an_unknown_frame_is_refused_where_the_path_is_known(tf2_ros,
         buffer.can_transform(*ROBOT, max_age={"camera": 1, "odom": 1})
 
 
-def test_where_no_path_is_known_many_lookups_do_not_refuse_a_limit_either(tf2_ros, buffer):
-    insert(buffer, "house", "kitchen", 99)
-    for limits in ({"odm": 1}, {"map": 1}):
-        translations, _ = buffer.lookup_transforms("map", "kitchen", [0], on_missing="nan", max_age=limits)
-        assert np.isnan(translations).all()
-        with pytest.raises(tf2_ros.ConnectivityException):
-            buffer.lookup_transforms("map", "kitchen", [0], max_age=limits)
-        with pytest.raises(ValueError, match="max_age"):
-            buffer.lookup_transforms("map", "base", [0], on_missing="nan", max_age=limits)
-
-
 @pytest.mark.parametrize("argument", ["max_age", "tolerance"])
-@pytest.mark.parametrize("way", ["lookup_transform", "with a timeout", "can", "async", "future", "many"])
+@pytest.mark.parametrize("way", WAYS)
 def test_a_limit_of_a_root_is_refused_and_its_child_on_the_path_named(buffer, way, argument):
     """It would never apply, so a localiser that has stopped would not be noticed."""
     for child in ("a", "b", "c", "d"):
@@ -323,7 +191,7 @@ def test_a_limit_of_a_root_is_refused_and_its_child_on_the_path_named(buffer, wa
     assert WAYS[way](buffer, **{argument: {"map": 0.5}})
 
 
-@pytest.mark.parametrize("way", ["lookup_transform", "with a timeout", "can", "async", "future", "many"])
+@pytest.mark.parametrize("way", WAYS)
 def test_a_limit_of_a_static_frame_on_the_path_is_refused_and_moving_frames_named(buffer, way):
     """It would never apply, so a localiser that has stopped would not be noticed."""
     buffer.set_transform_static(transform("map", "odom", 3), "x")

@@ -7,19 +7,15 @@ from messages_with_or_without_ros import Duration
 
 from tf2_py import (
     BufferCore,
-    ConnectivityException,
     ExtrapolationException,
     InvalidArgumentException,
     LookupException,
 )
-from tf2_ros.numpy import to_matrix
 
 pytestmark = pytest.mark.ours
 
 TIMES = np.arange(S, 3 * S, S // 20)
-PAIRS = [("map", "lidar"), ("lidar", "map"), ("lidar", "arm"), ("base", "odom"), ("odom", "odom")]
 TWO_TIMES = {"fixed_frame": "map", "target_time": at(2.5)}
-WAYS = [{}, TWO_TIMES, {"tolerance": 0.4}, {"tolerance": 0.4, "extrapolate": True}, {"max_gap": 1.0}]
 
 
 @pytest.fixture
@@ -36,42 +32,6 @@ def buffer():
             buffer.set_transform(transform(parent, child, seconds, xyz, about_z(angle)), "x")
     buffer.set_transform_static(transform("base", "lidar", xyz=(0.5, 0, 1), xyzw=(0.5, 0.5, 0.5, 0.5)), "x")
     return buffer
-
-
-def of_message(buffer, target, source, time, fixed_frame=None, target_time=None, **policy):
-    [[xyz]], [[xyzw]] = buffer.lookup_transforms(
-        target, [source], [time], fixed_frame=fixed_frame, target_time=target_time, **policy
-    )
-    return to_matrix((xyz, xyzw))
-
-
-@pytest.mark.parametrize("how", WAYS, ids=str)
-@pytest.mark.parametrize(("target", "source"), PAIRS)
-def test_it_is_the_matrix_of_the_transform(buffer, target, source, how):
-    for time in (0, *TIMES.tolist()):
-        matrix = buffer.lookup_matrix(target, source, time, **how)
-        assert (matrix.shape, matrix.dtype) == ((4, 4), np.float64)
-        assert matrix == pytest.approx(of_message(buffer, target, source, time, **how), abs=1e-14)
-        assert matrix[3].tolist() == [0, 0, 0, 1]
-
-
-def test_it_transforms_a_point_of_the_source_to_the_target(buffer):
-    quarter = transform("world", "turned", xyz=(1, 2, 3), xyzw=about_z(np.pi / 2))
-    buffer.set_transform_static(quarter, "x")
-    assert buffer.lookup_matrix("world", "turned", 0) @ [1, 0, 0, 1] == pytest.approx([1, 3, 3, 1])
-    assert buffer.lookup_matrix("turned", "world", 0) @ [1, 3, 3, 1] == pytest.approx([1, 0, 0, 1])
-
-
-@pytest.mark.parametrize("how", WAYS, ids=str)
-@pytest.mark.parametrize(("target", "source"), PAIRS)
-def test_many_matrices_are_those_of_single_lookups(buffer, target, source, how):
-    singles = [buffer.lookup_matrix(target, source, time, **how) for time in TIMES.tolist()]
-    matrices = buffer.lookup_matrices(target, source, TIMES, **how)
-    assert (matrices.shape, matrices.dtype) == ((len(TIMES), 4, 4), np.float64)
-    assert np.array_equal(matrices, singles)
-    assert matrices == pytest.approx(
-        to_matrix(buffer.lookup_transforms(target, source, TIMES, **how)), abs=1e-14
-    )
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 63, 64, 65, 129])
@@ -185,21 +145,6 @@ def test_a_failing_lookup_changes_nothing(buffer, dtype):
         with pytest.raises(error):
             buffer.lookup_matrix(target, source, time, out)
     assert (out == 7.0).all()
-
-
-def test_it_raises_what_a_lookup_raises(buffer):
-    buffer.set_transform_static(transform("elsewhere", "island"), "x")
-    for arguments, kind in (
-        (("map", "arm", 99 * S), ExtrapolationException),
-        (("map", "island", 2 * S), ConnectivityException),
-        (("map", "base_link", 2 * S), LookupException),
-        (("/map", "base", 2 * S), InvalidArgumentException),
-    ):
-        with pytest.raises(kind) as single:
-            buffer.lookup_transform_core(*arguments)
-        with pytest.raises(kind) as error:
-            buffer.lookup_matrix(*arguments)
-        assert str(error.value) == str(single.value)
 
 
 def test_a_fixed_frame_needs_a_target_time(buffer):

@@ -3,7 +3,7 @@
 import asyncio
 
 import pytest
-from making_objects import S, at, at_ns, stamp_ns, transform, translation
+from making_objects import S, at, at_ns, stamp_ns, transform
 
 from tf2_py.typing import LookupPolicy
 
@@ -52,20 +52,6 @@ WAYS = {
     "transform_full": lambda b, **p: b.transform_full(DATA, "map", LATE, "odom", **p),
     "transform_async": lambda b, **p: asyncio.run(b.transform_async(DATA, "map", timeout=0.01, **p)),
 }
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_every_way_to_look_up_takes_a_policy(tf2_ros, way):
-    pytest.importorskip("tf2_geometry_msgs")
-    buffer = tf2_ros.Buffer()
-    for second in (1, 2):
-        buffer.set_transform(transform("map", "odom", second, (0, 1, 0)), "x")
-        buffer.set_transform(transform("odom", "base", second, (second, 0, 0)), "x")
-    with pytest.raises(tf2_ros.TransformException):
-        WAYS[way](buffer)
-    answer = WAYS[way](buffer, tolerance=0.5, extrapolate=True)
-    assert translation(answer) == (2.5, 1, 0)
-    assert stamp_ns(answer) == LATE.nanoseconds
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -165,23 +151,6 @@ def test_a_transform_that_a_program_returns_is_not_changed(tf2_ros):
 
     assert stamp_ns(Mine().transform(stamped(PointStamped, 2), "map", tolerance=2)) == 2 * S
     assert stamp_ns(kept) == S
-
-
-def test_questions_and_points_take_a_policy(tf2_ros):
-    buffer = tf2_ros.Buffer()
-    for second in (1, 2):
-        buffer.set_transform(transform("map", "base", second, (second, 0, 0)), "x")
-    for ask in (
-        lambda **p: buffer.can_transform("map", "base", LATE, return_debug_tuple=True, **p),
-        lambda **p: buffer.can_transform("map", "base", LATE, 0.001, return_debug_tuple=True, **p),
-        lambda **p: buffer.can_transform_full("map", LATE, "base", LATE, "map", 0, True, **p),
-    ):
-        assert ask(tolerance=0.5) == (True, "")
-        can, reason = ask(tolerance=0.4)
-        assert not can
-        assert "into the future" in reason
-    moved = buffer.transform_points([(0, 0, 1)], [LATE], "map", "base", tolerance=1, extrapolate=True)
-    assert moved.tolist() == [[2.5, 0, 1]]
 
 
 @pytest.mark.parametrize("name", ["timeout", "time_out"])

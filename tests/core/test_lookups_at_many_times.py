@@ -10,7 +10,7 @@ from making_objects import S, about_z, at, at_ns, rotation, transform, translati
 from messages_with_or_without_ros import Duration, Time
 from rotations import Turn
 
-from tf2_py import BufferCore, ExtrapolationException, TransformException
+from tf2_py import BufferCore, ExtrapolationException
 from tf2_ros.numpy import to_columns
 
 pytestmark = pytest.mark.ours
@@ -325,24 +325,6 @@ class TestPoints:
 class TestManyFrames:
     """A sequence of source frames: the answers are those of one call for each."""
 
-    def assert_same_as_one_by_one(self, buffer, target, sources, times, **options):
-        translations, rotations = buffer.lookup_transforms(target, sources, times, **options)
-        assert translations.shape == (len(sources), len(times), 3)
-        assert rotations.shape == (len(sources), len(times), 4)
-        for i, source in enumerate(sources):
-            one = np.hstack(buffer.lookup_transforms(target, source, times, **options))
-            assert_same_to_the_last_bit((translations[i], rotations[i]), one)
-        buffer._self_check()
-
-    def test_rows_are_those_of_single_frames(self, buffer):
-        low, high = span_of_all(buffer)
-        times = [0, *np.random.default_rng(3).integers(low, high, 99)]
-        for options in ({}, TWO_TIMES[1], *[policy | {"on_missing": "nan"} for policy in POLICIES]):
-            self.assert_same_as_one_by_one(buffer, "camera", FRAMES, times, **options)
-        for times in ([], [3 * S]):
-            self.assert_same_as_one_by_one(buffer, "map", [], times)
-            self.assert_same_as_one_by_one(buffer, "map", ["base", "hand"], times)
-
     def test_the_first_frame_with_an_error_raises_it_even_if_another_fails_earlier(self):
         buffer = BufferCore(Duration(seconds=100))
         for frame, newest in (("long", 200), ("short", 100), ("other", 50)):
@@ -363,19 +345,6 @@ class TestManyFrames:
 
 class TestVelocities:
     """What a twist is says the model (test_buffer_beside_model.py)."""
-
-    @pytest.mark.parametrize("names", [*permutations(["map", "odom", "hand", "mast"], 2)], ids=str)
-    def test_rows_are_those_of_single_lookups(self, buffer, names):
-        newest = buffer.get_latest_common_time("map", "hand").nanoseconds
-        times = np.concatenate([[0, 1, newest, newest + 1], np.arange(S, newest + S, 17_000_000)])
-        for ns in (1, S // 10, 1000 * S, 0):
-            interval = Duration(nanoseconds=ns)
-            rows = rows_of(
-                lambda time, i=interval: np.ravel(buffer.lookupVelocityCore(*names, time, i)), times, 6
-            )
-            series = buffer.lookup_velocities(*names, times, interval, on_missing="nan")
-            assert_same_to_the_last_bit(series, rows)
-            assert np.isnan(rows).any()
 
     def test_after_the_latest_common_time_an_interval_ends_at_the_time(self):
         # In map until 4 s, later in odom, whose pose in map ends at 2 s.
@@ -401,20 +370,6 @@ class TestVelocities:
         ):
             with pytest.raises(ExtrapolationException, match=text):
                 buffer.lookup_velocities("body", "world", times, Duration(seconds=interval))
-
-    @pytest.mark.parametrize(
-        "names", [("hand", "nowhere"), ("hand", "/map"), ("", "hand"), ("hand", "robot")]
-    )
-    def test_errors_are_those_of_the_single_lookup(self, buffer, names):
-        second = Duration(seconds=1)
-        buffer.set_transform(transform("other map", "robot", 3), "x")
-        with pytest.raises(TransformException) as single:
-            buffer.lookupVelocityCore(*names, at(3.0), second)
-        assert type(single.value) is not TransformException  # which no lookup raises
-        for on_missing in ("raise", "nan"):
-            with pytest.raises(type(single.value)) as error:
-                buffer.lookup_velocities(*names, [3 * S], second, on_missing=on_missing)
-            assert str(error.value) == str(single.value)
 
     def test_an_interval_that_reaches_beyond_64_bits_ends_at_the_newest_stamp(self, buffer):
         centuries, last = Duration(nanoseconds=2**63 - 1), 2**63 - 1

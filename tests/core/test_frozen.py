@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frozen_format import FRAME, HEADER, LINE, FrozenFile
-from making_objects import S, about_z, at_ns, transform
+from making_objects import S, about_z, transform
 from pickles_and_copies import check_copy, filled, held
 from repetitions import first_seed, times
 from waiting import DEADLINE_S
 
 from tf2_py import BufferCore, TransformException
-from tf2_ros import Buffer
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
 
@@ -125,28 +124,6 @@ def test_random_trees_answer_the_same_frozen_opened_pickled_changed_and_copied(p
         opened._self_check()
 
 
-def test_an_opened_buffer_does_what_others_do(buffer, path):
-    buffer.freeze(path)
-    opened = Buffer.open(path)
-    assert type(opened) is Buffer
-    assert opened.tree() == copy.deepcopy(opened).tree()
-    assert opened.path("map", "camera", 2 * S) == buffer.path("map", "camera", 2 * S)
-    assert opened.time_range("map", "base") == buffer.time_range("map", "base")
-    future = opened.wait_for_transform_async("map", "new", at_ns(S))
-    opened.set_transform(transform("camera", "new", 2), "x")
-    opened.set_transform(transform("camera", "new", 1), "x")
-    opened.set_transform(transform("map", "base", 4), "x")
-    assert not future.done()  # base had no parent at 1 s
-    opened.set_transform(transform("map", "base", 1), "x")
-    assert future.done()
-    assert opened.forget("odom")
-    assert "odom" not in opened.frames() or opened.frames()["odom"].parent is None
-    opened._self_check()
-    opened.clear()
-    opened._self_check()
-    check_copy(BufferCore.open(path), buffer)
-
-
 def test_an_opened_file_can_be_frozen_again_under_its_own_name(buffer, path):
     buffer.freeze(path)
     opened = BufferCore.open(path)
@@ -200,19 +177,6 @@ def test_the_limit_of_memory_is_about_changed_frames(path):
     assert opened.frames()["camera"].count == 1
     assert opened.frames()["base"].newest_ns == 2000
     opened._self_check()
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 7, 8, 9])
-def test_short_histories_grow_as_others(count, path):
-    buffer = BufferCore(1.0)
-    buffer.set_transforms([transform("map", "odom", i / 2) for i in range(count)], "x")
-    buffer.freeze(path)
-    opened = BufferCore.open(path)
-    for i in range(count, 40):
-        for one in (buffer, opened):
-            one.set_transform(transform("map", "odom", i / 2), "x")
-            one._self_check()
-        assert held(opened) == held(buffer)
 
 
 # Pickles.

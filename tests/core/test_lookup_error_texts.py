@@ -2,7 +2,6 @@
 
 import re
 
-import numpy as np
 import pytest
 from making_objects import at, transform
 
@@ -78,47 +77,11 @@ def test_what_is_found_in_the_error_of_a_lookup_and_the_reason_of_a_can_transfor
         assert (SILENCE[1:] in error()) == (cause != "past")
 
 
-# Two frames below one root lack data: the stamps of the source and of the target, a time, what is quoted.
-BOTH = {
-    "the target's is newer": ([2, 3], [4, 5], 7, "but the latest data is at time 5.0"),
-    "the source's is newer": ([4, 5], [2, 3], 7, "but the latest data is at time 5.0"),
-    "both end together, the source's is one sample": ([5], [4, 5], 7, "at time 7.0+, but only time 5.0"),
-    "both end together, the target's is one sample": ([4, 5], [5], 7, "but the latest data is at time 5.0"),
-    "both begin later, the target's ends last": ([5, 8], [3, 9], 1, "but the earliest data is at time 3.0"),
-    "both begin later, the source's ends last": ([3, 9], [5, 8], 1, "but the earliest data is at time 3.0"),
-    "the source's has ended, the target's not begun": ([1, 2], [8, 9], 5, "the earliest data is at time 8.0"),
-    "the source's not begun, the target's has ended": ([8, 9], [1, 2], 5, "the earliest data is at time 8.0"),
-}
-
-
 def error_of(tf2_py, buffer, target, source, seconds):
     with pytest.raises(tf2_py.ExtrapolationException) as raised:
         buffer.lookup_transform_core(target, source, at(seconds))
     assert buffer.can_transform_core(target, source, at(seconds)) == (0, str(raised.value))
     return str(raised.value)
-
-
-@pytest.mark.parametrize("case", BOTH)
-def test_of_two_branches_that_lack_data_the_one_with_the_newer_data_is_quoted(tf2_py, case):
-    source, target, asked, quoted = BOTH[case]
-    buffer = tf2_py.BufferCore()
-    for stamp in source:
-        buffer.set_transform(transform("root", "source", stamp), "x")
-    for stamp in target:
-        buffer.set_transform(transform("root", "target", stamp), "x")
-    assert re.search(quoted, error_of(tf2_py, buffer, "target", "source", asked))
-
-
-# The last stamps of some frames of a robot, whose frames have samples from 10 s to 20 s otherwise; a time at
-# which to look up cam from laser; which sample is named, its stamp, and by how many seconds it is off.
-LATE = {
-    "the source": ({"laser": 13, "cam": 15}, 17, "newest", "laser", "arm", 13, "4.0 s too old"),
-    "the target": ({"laser": 15, "cam": 13}, 17, "newest", "cam", "base", 13, "4.0 s too old"),
-    "a frame in between": ({"laser": 15, "arm": 11}, 17, "newest", "arm", "base", 11, "6.0 s too old"),
-    "not one above the path": ({"base": 11, "cam": 15}, 17, "newest", "cam", "base", 15, "2.0 s too old"),
-    "of a single sample": ({"laser": 10, "cam": 12}, 17, "only", "laser", "arm", 10, "7.0 s away"),
-    "that begins too late": ({"laser": 11}, 9, "oldest", "laser", "arm", 10, "1.0 s too new"),
-}
 
 
 @pytest.fixture
@@ -131,28 +94,6 @@ def robot(tf2_ros):
         return buffer
 
     return ending_at
-
-
-@pytest.mark.ours
-@pytest.mark.parametrize("case", LATE)
-def test_the_end_of_the_error_names_the_frame_on_the_path_that_is_furthest_behind(tf2_py, robot, case):
-    newest, asked, which, child, parent, stamp, off = LATE[case]
-    fact = f"the {which} sample of {child} (parent {parent}) at {stamp}.000000000 is "
-    end = f"frame [laser] to frame [cam]; {fact}{off.replace('.0', '.000000000')}"
-    assert error_of(tf2_py, robot(newest), "cam", "laser", asked).endswith(end)
-
-
-@pytest.mark.ours
-@pytest.mark.parametrize("policy", [{}, {"max_gap": 100.0}], ids=str)
-@pytest.mark.parametrize("case", LATE)
-def test_a_lookup_at_many_times_names_it_too(tf2_py, robot, case, policy):
-    newest, asked, *_ = LATE[case]
-    buffer = robot(newest)
-    said = error_of(tf2_py, buffer, "cam", "laser", asked)
-    times = np.array([10, asked]) * 1_000_000_000
-    with pytest.raises(tf2_py.ExtrapolationException) as raised:
-        buffer.lookup_transforms("cam", "laser", times, **policy)
-    assert str(raised.value) == f"times[1]: {said}"
 
 
 @pytest.mark.ours
@@ -188,18 +129,3 @@ def test_a_tolerance_that_is_too_short_names_the_frame_that_is_furthest_behind(t
     with pytest.raises(tf2_ros.ExtrapolationException, match=r"of laser .* is 3\.0+ s too old$"):
         buffer.lookup_transform("cam", "laser", at(17), tolerance={"arm": 9, "cam": 5})
     assert buffer.can_transform("cam", "laser", at(17), tolerance=6)
-
-
-@pytest.mark.ours
-def test_a_frame_without_samples_is_furthest_behind(tf2_py):
-    buffer = tf2_py.BufferCore()
-    buffer.set_transform(transform("map", "cleared", 1), "x")
-    buffer.clear()
-    for stamp in (2, 3):
-        buffer.set_transform(transform("map", "base", stamp), "x")
-    for target, source in (("base", "cleared"), ("cleared", "base")):
-        assert re.search(
-            r"Requested time 9\.0+ but the latest data is at time 3\.0.*; "
-            r"the buffer has no sample of cleared$",
-            error_of(tf2_py, buffer, target, source, 9),
-        )

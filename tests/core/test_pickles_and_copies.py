@@ -25,23 +25,6 @@ def travel(request, tmp_path):
     return lambda buffer: WAYS[request.param](buffer, tmp_path)
 
 
-@pytest.mark.parametrize("change", ["clear", "forget", "re-parent", "refuse"])
-def test_a_copy_answers_forget_as_the_buffer_does(travel, change):
-    """Also for names that only transforms without effect have made known, which copies do not know."""
-    buffer = BufferCore()
-    buffer.set_transform(transform("map", "base", 100), "x")
-    {
-        "clear": buffer.clear,
-        "forget": lambda: buffer.forget("base"),
-        "re-parent": lambda: buffer.set_transform(transform("odom", "base", 200), "x"),
-        "refuse": lambda: buffer.set_transform(transform("room", "base", 1), "x"),
-    }[change]()
-    names = ("map", "odom", "room", "nowhere", "/base", "", "base")
-    wanted = [False] * 6 + [change in ("re-parent", "refuse")]
-    copied = travel(buffer)
-    assert [one.forget(name) for one in (copied, buffer) for name in names] == wanted * 2
-
-
 @pytest.mark.parametrize("history", HISTORIES)
 def test_a_copy_holds_what_the_buffer_holds(history, travel):
     for limits in ({}, {"max_frames": 7}, {"max_bytes": 5_000}):

@@ -9,7 +9,7 @@ from making_objects import S, insert, transform
 from rclpy.parameter import Parameter
 from simulated_clock import simulate
 
-from tf2_py import BufferCore, ConnectivityException, InvalidArgumentException, LookupException
+from tf2_py import ConnectivityException, InvalidArgumentException, LookupException
 
 pytestmark = pytest.mark.ours
 
@@ -64,13 +64,6 @@ def test_errors_are_those_of_a_lookup(buffer):
         buffer.ages("/map", "base")
     with pytest.raises(TypeError, match="source_frame: expected a str"):
         buffer.ages("map", 1)
-
-
-def test_what_has_no_clock_says_so():
-    buffer = BufferCore()
-    insert(buffer, "map", "base", 1)
-    with pytest.raises(ValueError, match="need a clock"):
-        buffer.ages("map", "base")
 
 
 @pytest.mark.parametrize("hops", [1, 999])

@@ -8,10 +8,9 @@ import subprocess
 import threading
 import weakref
 from contextlib import nullcontext
-from functools import partial
 
 import pytest
-from making_objects import at, stamp_ns, transform
+from making_objects import at, transform
 from processes import output_of, start
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
@@ -274,24 +273,6 @@ class TestEndOfTheWait:
         del buffer
         assert reference() is None
         assert future.result() is not None
-
-
-def test_no_insert_is_lost_between_the_lookup_and_the_wait(buffer):
-    for i in range(1000):
-        _, future = at_once(partial(insert, buffer, 1 + i), partial(wait, buffer, at(1 + i)))
-        assert stamp_ns(future.result()) == (1 + i) * 10**9
-
-
-def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
-    """All at once, many times: a future ends once, and its callback is called once."""
-    for i in range(500):
-        calls = []
-        future = wait(buffer, at(1 + i), timeout=Duration(nanoseconds=100_000))
-        future.add_done_callback(calls.append)
-        at_once(partial(insert, buffer, 1 + i), future.cancel)
-        until(lambda calls=calls: calls)
-        assert calls == [future]
-        assert future.done() or future.cancelled()
 
 
 class TestShutdown:

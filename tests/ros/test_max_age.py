@@ -35,15 +35,6 @@ def buffer(tf2_ros, node):
     return buffer
 
 
-def test_in_a_loop_the_path_by_the_newest_samples_is_judged_too(tf2_ros, buffer):
-    insert(buffer, "left", "middle", 99.9)
-    insert(buffer, "middle", "right", 0)  # which is no answer at 99.9
-    buffer.set_transform_static(transform("right", "left", 0), "x")
-    assert buffer.can_transform("left", "right", LATEST)
-    with pytest.raises(tf2_ros.ExtrapolationException, match="the newest sample of right in middle, at 0"):
-        buffer.lookup_transform("left", "right", LATEST, max_age=5)
-
-
 def test_the_error_names_the_frame_that_is_furthest_beyond_its_limit(tf2_ros, buffer):
     def error(**limits):
         with pytest.raises(tf2_ros.ExtrapolationException) as raised:

@@ -46,11 +46,6 @@ DRIVERS = {
     "hesai": ([*XYZ, ("intensity", "f4", 12), ("ring", "u2", 16), ("timestamp", "f8", 18)], 26,
               lambda ns: (STAMP + ns) / S),
     "seconds in double": ([*XYZ, ("time", "f8", 12)], 20, lambda ns: ns / S),
-    "z last": ([("time", "f4", 0), ("x", "f4", 4), ("y", "f4", 8), ("z", "f4", 12)], 16, lambda ns: ns / S),
-    "any order": ([("z", "f4", 4), ("time", "f4", 8), ("x", "f4", 13), ("y", "f4", 20)], 25,
-                  lambda ns: ns / S),
-    "double coordinates": ([("x", "f8", 0), ("y", "f8", 8), ("z", "f8", 16), ("time", "f4", 24)], 28,
-                           lambda ns: ns / S),
 }  # fmt: skip
 every_driver = pytest.mark.parametrize("driver", DRIVERS)
 NAT = np.datetime64("NaT", "ns")
@@ -741,19 +736,6 @@ def test_a_target_time_without_a_transform_is_named(buffer):
     cloud, _, _ = measured("ouster")
     with pytest.raises(ExtrapolationException, match=r"^target_time: Lookup .*Requested time 900\.0"):
         deskew(cloud, buffer, "lidar", "odom", at_ns(900 * S))
-
-
-@pytest.mark.parametrize("how", [{}, {"tolerance": 0.1}])
-@pytest.mark.parametrize("fixed", [{}, {"fixed_frame": "odom", "target_time": at_ns(STAMP)}])
-def test_poses_are_those_of_lookups_at_these_times(buffer, fixed, how):
-    how = {**fixed, **how}
-    target = "lidar" if fixed else "odom"
-    times, matrices = buffer._poses_between(target, "lidar", STAMP, STAMP + SWEEP, 1e-6, 1e-5, 2000, **how)
-    assert times[0] == STAMP and times[-1] == STAMP + SWEEP and (np.diff(times) > 0).all()
-    assert np.array_equal(matrices, buffer.lookup_matrices(target, "lidar", times, **how))
-    for wanted in ((STAMP, STAMP + SWEEP, 1e-6, 1e-5, 20), (STAMP, STAMP + 100 * S, 1, 1, 9999)):
-        assert buffer._poses_between(target, "lidar", *wanted, **how) is None
-    assert buffer._poses_between("nowhere", "lidar", STAMP, STAMP + SWEEP, 1e-6, 1e-5, 2000) is None
 
 
 def test_only_the_field_that_was_read_has_the_new_time(buffer):

@@ -167,14 +167,7 @@ def lookup_full(pair, dice):
 def lookup_under(pair, dice):
     *query, policy = some_lookup(pair, dice)
     wanted = of_model(pair.model.lookup_under, policy, *query)
-    buffer = pair.buffer
-    ways = (
-        buffer.lookup_transform,
-        buffer.can_transform,
-        buffer.wait_for_transform_async,
-        buffer.lookup_transform_async,
-    )
-    compare_ways(pair, ways, query, policy, wanted)
+    compare_ways(pair, lookup_under, query, policy, wanted)
 
 
 @asks(
@@ -186,19 +179,13 @@ def lookup_under(pair, dice):
 def lookup_full_under(pair, dice):
     *query, policy = some_full_lookup(pair, dice)
     wanted = of_model(pair.model.lookup_full_under, policy, *query)
-    buffer = pair.buffer
-    ways = (
-        buffer.lookup_transform_full,
-        buffer.can_transform_full,
-        buffer.wait_for_transform_full_async,
-        buffer.lookup_transform_full_async,
-    )
-    compare_ways(pair, ways, query, policy, wanted)
+    compare_ways(pair, lookup_full_under, query, policy, wanted)
 
 
-def compare_ways(pair, ways, query, policy, wanted):
-    """One lookup, asked in each way."""
-    look_up, can, future_of, coroutine_of = ways
+def compare_ways(pair, question, query, policy, wanted):
+    """One lookup, by each of the methods that the question asks."""
+    methods = [getattr(pair.buffer, name) for name, asking in QUESTIONS.items() if question in asking]
+    look_up, can, future_of, coroutine_of = methods
     about, more = (*query, policy), arguments_of(policy)
     got = pair.told(look_up, *query, timeout=timeout(wanted), **more)
     pair.compare(about, got, wanted, same_answer, same_kind)

@@ -1,8 +1,8 @@
 """
 Turn Foxglove's messages into TFMessages.
 
-They are in JSON, or in protobuf, which the library mcap-protobuf-support decodes. A message that lacks a
-field, or has another type there, raises whatever Python raises.
+They are in JSON, or in protobuf, which the library mcap-protobuf-support decodes. A message that has another
+type than expected somewhere raises whatever Python raises.
 """
 
 import json
@@ -24,9 +24,16 @@ def is_stamped(msgtype: str, encoding: str) -> bool:
     return msgtype.startswith("foxglove.") and encoding in ENCODINGS
 
 
+class _Fields(SimpleNamespace):
+    """An object of JSON."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"it has no {name}")
+
+
 def from_json(raw: bytes) -> Any:
     """Decode a message in JSON, for the functions below: an object with the fields as attributes."""
-    return json.loads(raw.decode(), object_hook=lambda fields: SimpleNamespace(**fields))
+    return json.loads(raw.decode(), object_hook=lambda fields: _Fields(**fields))
 
 
 def tf_message(message: Any) -> bytes:
@@ -52,6 +59,6 @@ def stamp_ns(message: Any) -> int:
 def _numbers(part: Any) -> list[float]:
     # In protobuf, a field that is not there has its default: 0, but no rotation is the identity. In JSON, all
     # are required, so that a pose in other fields, as before 2023, is not read as the identity.
-    is_turned = isinstance(part, SimpleNamespace) or part.HasField("rotation")
+    is_turned = isinstance(part, _Fields) or part.HasField("rotation")
     t, q = part.translation, part.rotation
     return [t.x, t.y, t.z, *((q.x, q.y, q.z, q.w) if is_turned else (0.0, 0.0, 0.0, 1.0))]

@@ -287,7 +287,7 @@ class TestFoxglove:
                 (
                     b'{"parent_frame_id": "a", "child_frame_id": "b", "timestamp": {"sec": 1, "nsec": 0}%s}'
                     % pose,
-                    f"has no attribute '{lacks}'",
+                    f"it has no {lacks}",
                 )
                 for pose, lacks in (
                     (b"", "translation"),

@@ -35,9 +35,9 @@ buffer server and client | programs without a buffer of their own: lookups by an
     *buffer_client* *buffer_server* *buffer-server*
 waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and waits end at the arrival
     tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* tf2_ros/_threads.py *call_queue*
-    tf2_ros/_background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine* tf2_ros/_live_objects.py
-    tf2_ros/_node_lifetimes.py tf2_ros/_buffer_fillers.py *sources_without_node* docs/callbacks.md
-    *ended_nodes* *ends_in_any_order* tf2_ros/_running_loop.py
+    tf2_ros/_background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
+    tf2_ros/_live_objects.py tf2_ros/_node_lifetimes.py tf2_ros/_buffer_fillers.py
+    *sources_without_node* docs/callbacks.md *ended_nodes* *ends_in_any_order* tf2_ros/_running_loop.py
 forks and signals | users of multiprocessing and Ctrl-C: children and handlers do not hang
     *fork* *interrupt* *late_signals* *stack_at_alarm* *exits_while_active*
 receiver | nodes with a listener: transforms arrive without spinning, at a tenth of the CPU time

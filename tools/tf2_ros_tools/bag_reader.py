@@ -132,6 +132,11 @@ class Recorded:
                     raise ValueError(
                         f"the name, type or encoding of a topic is {text!r}, which is not a text"
                     )
+        counts = [one.msgcount for one in reader.connections]
+        lost = reader.message_count - sum(counts)
+        # Without any, an .mcap does not count them. A folder may have lost a file, see `shortfalls`.
+        if any(counts) and lost > 0 and not isinstance(reader, Folder):
+            raise ValueError(f"{counted(lost, 'message')} of no topic")
         self.topics: dict[str, RecordedTopic] = {}
         for name in dict.fromkeys(one.topic for one in reader.connections):
             own = self.connections([name])

@@ -650,6 +650,16 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
             lambda at: spoiled_db3(at, f"update messages set data = x'0001' {LAST}"),
             "run.db3, topic /tf_static, log time 104000000000 ns: malformed TFMessage",
         ),
+        *(
+            (
+                lambda at, damage=damage: spoiled_db3(at, damage),
+                r"run.db3 is broken: \d messages? of no topic; `sqlite3 FILE .recover` may repair it$",
+            )
+            for damage in (
+                f"update messages set topic_id = 99 {LAST}",
+                "delete from topics where name = '/tf_static'",
+            )
+        ),
         # SQLite and YAML accept any type.
         *(
             (

@@ -295,7 +295,7 @@ start = threading.Thread.start
 
 
 def refused(thread):
-    if thread.name in ("tf2_ros receiver", "tf2_ros reports"):
+    if thread.name in ("tf2_ros receiver", "tf2_ros background"):
         raise RuntimeError("can't start new thread")
     start(thread)
 

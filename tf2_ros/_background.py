@@ -40,9 +40,11 @@ class Due(Protocol):
 
     def over(self) -> bool:
         """Whether it has ended already."""
+        ...
 
     def expire(self) -> None:
         """End it; called once, without running code of a program."""
+        ...
 
 
 _Entry: TypeAlias = "tuple[int, int, weakref.ref[Due]]"  # when it is due, and a number that no other one has

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from io import BytesIO
@@ -94,6 +94,9 @@ class Dataset:
         # One for all rows, because a batch has one.
         is_far = np.abs(self.poses[..., :3]) >= FLOAT32_M  # false for NaN
         return np.float64 if is_far.any() else np.float32
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return (self[row] for row in range(len(self)))
 
     def where(self, mask: ArrayLike) -> Dataset:
         """

@@ -34,28 +34,18 @@ NEVER_NS = 1 << 62
 SHARE_NS = 1_000_000  # for what is due, before reports come first again
 FEW = 64  # entries; it is not worth removing ended ones from fewer
 
-
-class Due(Protocol):
-    """What the background thread ends."""
-
-    def over(self) -> bool:
-        """Whether it has ended already."""
-        ...
-
-    def expire(self) -> None:
-        """End it; called once, without running code of a program."""
-        ...
-
-
-_Entry: TypeAlias = "tuple[int, int, weakref.ref[Due]]"  # when it is due, and a number that no other one has
+_Entry: TypeAlias = "tuple[int, int, weakref.ref[Any]]"  # when it is due, and a number that no other one has
 
 
 class Background:
     """
     The background thread of some inboxes.
 
+    What is due at a time has two methods: ``over()`` says whether it has ended already, and ``expire()`` ends
+    it without running code of a program.
+
     Only the thread touches the heap. Other threads, signal handlers and finalizers append to ``_added``, and
-    ring if the thread would sleep for too long.
+    wake the thread if it would sleep for too long.
     """
 
     def __init__(self, inboxes: Inboxes = INBOXES) -> None:
@@ -86,7 +76,7 @@ class Background:
             raise RuntimeError("cannot start a thread during interpreter shutdown")
         start_once("tf2_ros background", self._run)
 
-    def end_at(self, due_ns: int, what: Due) -> None:
+    def end_at(self, due_ns: int, what: Any) -> None:
         """
         End something when ``time.monotonic_ns()`` is `due_ns`, unless it was over, or collected, before.
 
@@ -134,7 +124,7 @@ class Background:
             self._sweep_at = 2 * len(self._heap) + FEW
 
 
-def _pending(entry: _Entry) -> Due | None:
+def _pending(entry: _Entry) -> Any:
     # One that cannot say whether it is over must not keep the others from their ends.
     what = entry[2]()
     try:

@@ -174,7 +174,7 @@ class _ShutdownCheck:
     def _check_later(self) -> None:
         background.end_at(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
 
-    # The protocol of `Due`.
+    # The protocol of what is due.
 
     def over(self) -> bool:
         """Whether no task of the loop will wake, because it is closed."""
@@ -302,7 +302,7 @@ class _ClockCheck:
     def _check_later(self) -> None:
         background.end_at(time.monotonic_ns() + CLOCK_CHECK_NS, self)
 
-    # The protocol of `Due`.
+    # The protocol of what is due.
 
     def over(self) -> bool:
         """Whether the future needs no check any more."""

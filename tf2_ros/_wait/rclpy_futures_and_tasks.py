@@ -96,7 +96,7 @@ class SleepingTask(Waker):
         task = self._task()
         return task is not None and task_executor(task) is not None
 
-    # The protocol of `Due`.
+    # The protocol of what is due.
 
     def over(self) -> bool:
         """Whether the task is awake."""

@@ -201,6 +201,7 @@ class TestPanes:
                 talker.send(("base_link", "broken", time.time_ns(), math.nan))
                 return re.search(r"\d\d transforms of broken by /peer are refused", joined(lines))
 
+            terminal.shows(names)  # from here on, log lines are kept
             terminal.shows(is_refused)
             assert "TF_NAN_INPUT" not in joined(terminal.lines)
             terminal.press("q")

@@ -11,7 +11,6 @@ import os
 import stat
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
 from typing import Any, BinaryIO, TypeVar, overload
 
 import numpy as np
@@ -143,15 +142,21 @@ class _Bounded:
 def _state_of(buffer: BufferCore) -> dict[str, Any]:
     """The samples of a buffer, also where the path of its file would stand for them."""
     state = BufferCore.__getstate__(buffer)
-    if "frozen" in state:
-        copied = None
-        with suppress(FileNotFoundError):  # it was deleted meanwhile
-            copied = BufferCore.open(state["frozen"][0], copy=True)
-        state = BufferCore.__getstate__(buffer)
-        # Otherwise another file has taken the place of its own meanwhile, which the copy may come from.
-        if copied is not None and "frozen" in state:
-            state = BufferCore.__getstate__(copied)
-    return state
+    if "frozen" not in state:
+        return state
+    copied, failure = None, None
+    try:
+        copied = BufferCore.__getstate__(BufferCore.open(state["frozen"][0], copy=True))
+    except (OSError, ValueError) as error:
+        failure = error
+    # The buffer keeps its file if another one has taken its place, which the copy may come from.
+    later = BufferCore.__getstate__(buffer)
+    if "frozen" not in later:
+        return later
+    if copied is None:
+        assert failure is not None
+        raise failure
+    return copied
 
 
 def _metadata_of(state: dict[str, Any]) -> dict[str, str]:

@@ -55,7 +55,9 @@ def connect(
 def _wire_of(address: Address) -> Wire:
     # A program needs the library of its wire only.
     if address.scheme == "dds":
-        require("cyclonedds", "dds")
+        # There, pip installs nothing or fails.
+        advice = "; PyPI lacks it for Python 3.14 and for Linux on ARM: use ws:// and foxglove_bridge there"
+        require("cyclonedds", "dds", advice)
         from tf2_ros_tools.live.dds import DdsWire
 
         return DdsWire(address)

@@ -3,6 +3,7 @@
 import os
 import re
 import warnings
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -234,14 +235,23 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
 # What urdfdom skips. An end that is missing is that of the text, so that this takes linear time.
 _SKIPPED = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)", re.DOTALL)
 _LONE_AMPERSAND = re.compile(rb"&(?!#?\w+;)")
+_ENCODING = re.compile(rb"""\s*<\?xml\b[^>]*?\bencoding\s*=\s*["'](?!(?i:utf-?8))([\w.:-]+)""")
 
 
 def decoded(data: bytes) -> str:
-    """Decode the bytes of a URDF: as UTF-8, or else as Latin-1; comments need not be in the same encoding."""
+    """
+    Decode the bytes of a URDF: as UTF-8, or else in another encoding that they declare, or else as Latin-1.
+
+    Comments need not be in the same encoding as the rest.
+
+    :raises ValueError, LookupError: they are not in that encoding, or nobody knows it.
+    """
     try:
         _SKIPPED.sub(b"", data).decode()
     except UnicodeDecodeError:
-        return data.decode("latin-1")
+        declared = _ENCODING.match(data)
+        encoding = declared[1].decode() if declared else "latin-1"
+        return data.decode("utf-16" if data.startswith((BOM_UTF16_BE, BOM_UTF16_LE)) else encoding)
     return data.decode("utf-8-sig", "replace")
 
 

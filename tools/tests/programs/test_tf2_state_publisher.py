@@ -218,12 +218,31 @@ def test_names_that_are_not_joints_are_a_warning_once(robot, tmp_path):
 class TestDescription:
     """What the program takes for one, from a file or as the parameter."""
 
-    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
-    def test_is_in_utf_8_or_latin_1(self, encoding):
-        text = "<?xml version='1.0'?><robot name='gâté'><link name='gâté'/></robot>"
+    @pytest.mark.parametrize(
+        ("encoding", "declared"),
+        [
+            *(("utf-8", "encoding='ISO-8859-1'"), ("utf-8-sig", "")),
+            *(("latin-1", ""), ("latin-1", "encoding='utf-8'")),
+            ("iso-8859-15", "encoding = 'ISO-8859-15' standalone='yes'"),
+            ("utf-16", 'encoding="UTF-16"'),
+            ("utf-16", ""),
+        ],
+    )
+    def test_is_in_utf_8_or_the_declared_encoding_or_latin_1(self, encoding, declared):
+        name = "€" if encoding == "iso-8859-15" else "gâté"
+        text = f"<?xml version='1.0' {declared}?><robot name='{name}'><link name='{name}'/></robot>"
         found = decoded(text.encode(encoding))
         assert found == text
-        assert parse(found).root == parse(text.encode(encoding)).root == "gâté"
+        assert parse(found).root == parse(text.encode(encoding)).root == name
+
+    @pytest.mark.parametrize(
+        ("declared", "said"), [("x-no", "unknown encoding: x-no"), ("ASCII", "'ascii' codec ")]
+    )
+    def test_in_another_encoding_is_refused(self, declared, said, tmp_path):
+        text = f"<?xml version='1.0' encoding='{declared}'?><robot name='é'/>"
+        (tmp_path / "robot.urdf").write_bytes(text.encode("latin-1"))
+        status, _, err = ended(NAME, "robot.urdf", cwd=tmp_path)
+        assert (status, err.count("\n")) == (2, 1) and err.startswith(f"{NAME}: robot.urdf: {said}")
 
     @pytest.mark.parametrize(
         ("value", "said"),

@@ -45,6 +45,8 @@ def publish(options: Namespace) -> NoReturn:
             description = decoded(options.file.read_bytes())
         except OSError as failure:
             raise UsageError(f"cannot read {options.file}: {failure.strerror}") from None
+        except (ValueError, LookupError) as refusal:
+            raise UsageError(f"{options.file}: {refusal}") from None
     # The name under which files of parameters configure it.
     with spun_node("robot_state_publisher", options) as node:
         StatePublisher(node, description)

@@ -374,6 +374,8 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
             advice = f"{TOOLS['.bag']} repairs it; then remove .active from its name"
             raise BagError(f"{name} was not closed by its recorder: {advice}")
         raise BagError(f"{name} is not a recording: {advice}")
+    elif not path.is_file():
+        raise BagError(f"{name} is a pipe or a device: expected a file, which can be read twice")
     elif not path.stat().st_size:
         raise BagError(f"{name} is empty")
     for part in [path / "metadata.yaml", *parts] if path.is_dir() else [path]:

@@ -703,6 +703,7 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
         ),
         # What is not a recording.
         (lambda at: at, "is not a recording: the folder has no metadata.yaml"),
+        (lambda at: os.mkfifo(at / "run.mcap") or at / "run.mcap", "run.mcap is a pipe or a device"),
         (
             lambda at: file(at, "a.tf2"),
             "a.tf2 is not a recording: it is a frozen buffer, which `tf2_ros.Buffer.open` reads$",

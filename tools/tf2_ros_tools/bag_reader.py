@@ -132,11 +132,6 @@ class Recorded:
                     raise ValueError(
                         f"the name, type or encoding of a topic is {text!r}, which is not a text"
                     )
-        counts = [one.msgcount for one in reader.connections]
-        lost = reader.message_count - sum(counts)
-        # Without any, an .mcap does not count them. A folder may have lost a file, see `shortfalls`.
-        if any(counts) and lost > 0 and not isinstance(reader, Folder):
-            raise ValueError(f"{counted(lost, 'message')} of no topic")
         self.topics: dict[str, RecordedTopic] = {}
         for name in dict.fromkeys(one.topic for one in reader.connections):
             own = self.connections([name])
@@ -188,7 +183,7 @@ class Recorded:
         messages: Iterator[RawMessage] = self._reader.messages(connections, start_ns, stop)
         if start_ns is None and stop is None:
             messages = self._complete(messages, connections)
-        is_foreign = any(self.topics[one.topic].encoding != "cdr" for one in connections)
+        is_foreign = any(_encoding(one) != "cdr" for one in connections)  # those of a topic may differ
         if is_foreign:
             return self._converted(messages) if convert else messages
         return _decompressed(messages)
@@ -338,7 +333,8 @@ def _in_detail(error: Exception, folder: Path, parts: Collection[Path]) -> Excep
         metadata = (folder / "metadata.yaml").read_text("utf-8")
     except UnicodeDecodeError:
         return ValueError("its metadata.yaml is not in UTF-8")
-    if isinstance(error, KeyError | UnicodeDecodeError) or str(error).startswith("Serialization format"):
+    foreign = str(error).startswith(("Serialization format", "Profile is not"))
+    if isinstance(error, KeyError | UnicodeDecodeError) or foreign:
         files = listed(one.name for one in parts)
         why = "a topic is not in CDR, or the definition of a type is not in UTF-8"
         advice = f"which rosbags does not read in a folder; load its files one by one: {files}"
@@ -451,11 +447,17 @@ def _opened(path: Path, stack: ExitStack) -> Reader:
     reader: Reader = rosbag1.Reader(path) if is_of_ros_1 else rosbag2.Reader(path)
     try:
         stack.enter_context(reader)
+        if is_of_ros_1:
+            return reader
+        files = reader.storage.storages if path.is_dir() else [reader.storage]
+        for i, file in enumerate(files):
+            # rosbags skips chunks without message indexes.
+            if not all(one.message_index_offsets for one in getattr(file, "chunks", ())):
+                files[i] = ForeignMcap(Path(file.path), stack)
+            _refuse_strays(files[i])
         if path.is_dir():
             return Folder(reader)
-        # rosbags skips chunks without message indexes.
-        chunks = [] if is_of_ros_1 else getattr(reader.storage, "chunks", [])
-        return reader if all(one.message_index_offsets for one in chunks) else ForeignMcap(path, stack)
+        return reader if files[0] is reader.storage else files[0]
     except (KeyError, UnicodeDecodeError, rosbag2.ReaderError) as error:
         # rosbags refuses an .mcap whose profile, or one of whose schemas, is not of ROS 2; it decodes each
         # schema as text.
@@ -463,6 +465,15 @@ def _opened(path: Path, stack: ExitStack) -> Reader:
         if path.suffix != ".mcap" or not path.is_file() or not is_foreign:
             raise
         return ForeignMcap(path, stack)
+
+
+def _refuse_strays(file: Any) -> None:
+    """Refuse a file with messages of topics that it does not list."""
+    counts = [one.msgcount for one in file.connections]
+    lost = file.metadata.message_count - sum(counts)
+    # An .mcap need not count the messages of each topic.
+    if lost > 0 and (any(counts) or not counts):
+        raise ValueError(f"{counted(lost, 'message')} of no topic")
 
 
 def _is_saved(path: Path) -> bool:
@@ -511,7 +522,7 @@ class ForeignMcap:
             # Without message indexes, any channel may be in it; older versions of the library would skip it.
             if not chunk.message_index_offsets:
                 chunk.message_index_offsets.update(dict.fromkeys(summary.channels, 0))
-        about = summary.statistics
+        about, self.metadata = summary.statistics, self  # as rosbags' files have it
         self.message_count = about.message_count
         self.start_time, self.end_time = about.message_start_time, about.message_end_time + 1
         counts = about.channel_message_counts
@@ -528,7 +539,8 @@ class ForeignMcap:
     ) -> Iterator[RawMessage]:
         """Yield messages as rosbags' readers do."""
         topics = [one.topic for one in connections]
-        for _, channel, message in self._mcap.iter_messages(topics, start, stop):
+        found = self._mcap.iter_messages(topics, starting_at=start, ending_before=stop)
+        for _, channel, message in found:
             yield self._connections[channel.id], message.log_time, message.data
 
     def decoder(self, connection: "Connection") -> Callable[[bytes], Any]:

@@ -243,6 +243,7 @@ def recorded(tmp_path_factory):
         ),
         write_folder(folder / "run", DRIVE, "sqlite3"),
         write_ros1(folder / "run.bag", DRIVE),
+        FORMATS["folder-mcap-chunk-index"](tmp_path_factory.mktemp("unindexed"), DRIVE),
     ]
 
 
@@ -250,7 +251,7 @@ LOG_TIMES = st.none() | st.sampled_from([one.log_ns for one in DRIVE]) | st.inte
 LOG_TIMES |= st.sampled_from([-(2**63), 2**63 - 1])
 
 
-@given(start=LOG_TIMES, end=LOG_TIMES, which=st.integers(0, 3))
+@given(start=LOG_TIMES, end=LOG_TIMES, which=st.integers(0, 4))
 @settings(max_examples=40)
 def test_start_and_end_limit_dynamic_transforms_alone(recorded, start, end, which):
     if start is not None and end is not None and end < start:
@@ -520,7 +521,7 @@ def test_a_folder_is_what_its_files_hold_whatever_its_metadata_says(form, wrong,
 def test_a_folder_with_fewer_messages_than_its_metadata_counts_is_a_warning(tmp_path):
     path = write_split(tmp_path / "run", [*DRIVE, scan(300 * S, 300 * S)], "sqlite3")
     with closing(sqlite3.connect(path / "run_2.db3")) as database, database:
-        database.execute("delete from topics")  # so that its messages cannot be read
+        database.execute("delete from messages")
     text = r"metadata.yaml counts {}, but the files have {}: some are lost, or `ros2 bag reindex` corrects it"
     tf, scans = text.format("40 messages on /tf", 29), text.format("1 message on /scan", 0)
     static = text.format("2 messages on /tf_static", 1)
@@ -536,6 +537,9 @@ def test_a_folder_with_fewer_messages_than_its_metadata_counts_is_a_warning(tmp_
     heard = hear(path, at="/scan")
     assert heard.left_out == [tf, static, scans]
     assert {tf, static} <= {one.text for one in report(heard).findings}
+    with closing(sqlite3.connect(path / "run_1.db3")) as database, database:
+        database.execute("delete from topics")
+    check_lost(path, "run_1.db3 is broken: 15 messages of no topic; `sqlite3 FILE .recover` may repair it$")
 
 
 def test_a_topic_without_messages_is_listed_from_the_metadata(tmp_path):
@@ -653,12 +657,17 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
         *(
             (
                 lambda at, damage=damage: spoiled_db3(at, damage),
-                r"run.db3 is broken: \d messages? of no topic; `sqlite3 FILE .recover` may repair it$",
+                r"run.db3 is broken: \d+ messages? of no topic; `sqlite3 FILE .recover` may repair it$",
             )
             for damage in (
                 f"update messages set topic_id = 99 {LAST}",
                 "delete from topics where name = '/tf_static'",
+                "delete from topics",
             )
+        ),
+        (
+            lambda at: split(at, lambda run: write_foxglove(run / "run_1.mcap", DRIVE)),
+            "run: a topic is not in CDR, .*; load its files one by one: run_0.mcap, run_1.mcap, run_2.mcap$",
         ),
         # SQLite and YAML accept any type.
         *(

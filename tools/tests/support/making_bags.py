@@ -345,6 +345,9 @@ FORMATS = {
     "folder-sqlite3": lambda at, m: write_folder(at / "run", m, "sqlite3"),
     "folder-sqlite3-file": lambda at, m: write_folder(at / "run", m, "sqlite3", "file"),
     "folder-sqlite3-message": lambda at, m: write_folder(at / "run", m, "sqlite3", "message"),
+    "folder-mcap-chunk-index": lambda at, m: (
+        write_mcap(write_folder(at / "run", m) / "run.mcap", m, index=IndexType.CHUNK).parent
+    ),
     "split-mcap": lambda at, m: write_split(at / "run", m),
     "split-mcap-file": lambda at, m: write_split(at / "run", m, "mcap", "file"),
     "split-sqlite3": lambda at, m: write_split(at / "run", m, "sqlite3"),

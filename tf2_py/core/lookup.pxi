@@ -93,22 +93,25 @@ cdef Status lack_status(const Lack* source, const Lack* target, int64_t time_ns)
 
 # The limit of a frame, by its name: a policy may be older than the frame, and serves several buffers.
 
-cdef uint32_t _limit_index(const Tree* tree, const FrameLimits* limits, FrameId frame) noexcept nogil:
-    # `count`: the frame has no limit of its own.
-    cdef uint32_t i = 0
-    while i < limits.count and not is_name_of(
-            &tree.names, frame, limits.named[i].name, limits.named[i].size):
-        i += 1
-    return i
+cdef int64_t limit_of_name(const FrameLimits* limits, const char* name, size_t size,
+                           uint32_t* index) noexcept nogil:
+    cdef uint32_t i
+    for i in range(limits.count):
+        if <size_t>limits.named[i].size == size and memcmp(limits.named[i].name, name, size) == 0:
+            index[0] = i
+            return limits.named[i].limit_ns
+    return limits.others_ns
 
 
-cdef int64_t _limit_ns(const Tree* tree, const FrameLimits* limits, FrameId frame) noexcept nogil:
-    cdef uint32_t i = _limit_index(tree, limits, frame)
-    return limits.others_ns if i == limits.count else limits.named[i].limit_ns
+cdef int64_t _limit_ns(const Tree* tree, const FrameLimits* limits, FrameId frame,
+                       uint32_t* index) noexcept nogil:
+    cdef const Name* name = &tree.names.names[frame]
+    return limit_of_name(limits, tree.names.text + name.start, name.size, index)
 
 
 cdef inline int64_t _tolerance_ns(const Tree* tree, FrameId frame, const Policy* policy) noexcept nogil:
-    return _limit_ns(tree, &policy.tolerance, frame) if policy.is_given else 0
+    cdef uint32_t index
+    return _limit_ns(tree, &policy.tolerance, frame, &index) if policy.is_given else 0
 
 
 # Along a known path: the composed transform, or which histories do not answer.
@@ -337,7 +340,8 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
                     int64_t* excess_ns, Status* status) noexcept nogil:
     # Whether the newest sample is too old, by more than `excess_ns`, which then rises; `status` is about it.
     cdef const History* history = &tree.histories[frame]
-    cdef int64_t limit_ns = _limit_ns(tree, &policy.max_age, frame)
+    cdef uint32_t index = 0
+    cdef int64_t limit_ns = _limit_ns(tree, &policy.max_age, frame, &index)
     cdef int64_t age_ns
     if limit_ns == INT64_MAX:
         return False
@@ -348,7 +352,7 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
             status.code = STATUS_BAD_LIMIT
             status.gap = GAP_NONE
             status.child = frame
-            status.parent = policy.tolerance.count + _limit_index(tree, &policy.max_age, frame)
+            status.parent = policy.tolerance.count + index
         return False
     age_ns = history_age(history, now_ns)
     if age_ns - limit_ns <= excess_ns[0]:

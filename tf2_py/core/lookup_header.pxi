@@ -48,6 +48,11 @@ cdef Status walk_time_range(const PinnedTree* pinned, FrameId target, FrameId so
                             TimeRange* answered) noexcept nogil
 
 
+# `index` receives which of `named` it is, if it is one of them.
+cdef int64_t limit_of_name(const FrameLimits* limits, const char* name, size_t size,
+                           uint32_t* index) noexcept nogil
+
+
 cdef struct Lack:
     # What one side of a path lacks for a time. NULL: no such frame.
     const History* first        # of the first frame without an answer, on the way up

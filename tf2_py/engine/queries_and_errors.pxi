@@ -195,17 +195,10 @@ cdef object _bad_limit(const Query* query, Status status, bint is_static, list i
     return ValueError(errors.limit_without_effect(name, argument, is_static, instead))
 
 
-cdef int64_t _limit_of_name(const FrameLimits* limits, str frame) except -1:
-    cdef uint32_t i
-    name = frame.encode("utf-8")
-    for i in range(limits.count):
-        if limits.named[i].name[:limits.named[i].size] == name:
-            return limits.named[i].limit_ns
-    return limits.others_ns
-
-
 cdef object query_error(const Query* query, Status status, str child, str parent, list instead,
                         str limiting, str call, Advice advice, object buffer):
+    cdef uint32_t index
+    cdef bytes name
     target, source, fixed = _query_names(query)
     if status.code == STATUS_BAD_TARGET:
         return name_error(target, "target_frame", call, advice, buffer._tf2_names)
@@ -231,10 +224,11 @@ cdef object query_error(const Query* query, Status status, str child, str parent
             child, parent, status.edge_ns, status.requested_ns, status.other_ns, target, source,
         )
         return advice.with_silence(error, buffer, dynamic_only=True)
+    name = child.encode("utf-8")
     error = errors.extrapolation(
         status.requested_ns, GAP_NAMES[status.quoted_gap], status.other_ns, target, source,
         GAP_NAMES[status.gap], status.edge_ns, child, parent, limiting,
-        _limit_of_name(&query.policy.tolerance, child) if query.policy.is_given else 0,
+        limit_of_name(&query.policy.tolerance, name, len(name), &index) if query.policy.is_given else 0,
         # Reading a clock costs as much as the rest, and only a time after the data may be ahead of it.
         buffer._tf2_now_ns() if status.edge_ns < status.requested_ns else 0,
     )

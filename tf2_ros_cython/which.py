@@ -70,11 +70,12 @@ def _answer() -> tuple[list[str], int]:
         lines.append(f"{name}: {_describe(name, folder, forks)}")
         for other in _others(name, folder):
             lines.append(f"    takes precedence over {other / name}")
-    are_ours = all(_is_ours(folders[name]) for name in _installation.PACKAGES)
+    ours = [_is_ours(folders[name]) for name in _installation.PACKAGES]
+    are_ours = all(ours)
     failure = _import_failure() if are_ours else None
     if failure is not None:
         lines.append(f"does not load: {failure}")
-    lines.append(f"precedence: {_precedence(are_ours, forks)}")
+    lines.append(f"precedence: {_precedence(any(ours), forks)}")
     lines.append(f"receiver: {_receiver(are_ours, failure)}")
     lines.append(f"ROS 2: {_running_ros()}")
     if importlib.util.find_spec("tf2_ros_tools") is None:
@@ -84,10 +85,12 @@ def _answer() -> tuple[list[str], int]:
 
 
 def _imported_from(name: str) -> Path | None:
-    """The folder of the package that ``import name`` would import; this imports nothing."""
+    """The folder with the package that ``import name`` would import, or a module's file; imports nothing."""
     spec = importlib.util.find_spec(name)
-    if spec is None or spec.origin is None or not spec.submodule_search_locations:
+    if spec is None or spec.origin is None:
         return None
+    if not spec.submodule_search_locations:
+        return Path(spec.origin)
     return Path(next(iter(spec.submodule_search_locations))).absolute().parent
 
 
@@ -112,7 +115,7 @@ def _import_failure() -> str | None:
 
 def _is_fork(folder: Path | None) -> bool:
     """Whether a package is the own one of a workspace, or of a folder on PYTHONPATH."""
-    if folder is None or _is_ours(folder) or str(folder) == _installation.SITE:
+    if folder is None or folder.is_file() or _is_ours(folder) or str(folder) == _installation.SITE:
         return False
     prefix = _installation.distribution_prefix()
     if prefix is None:
@@ -124,6 +127,8 @@ def _describe(name: str, folder: Path | None, forks: list[str]) -> str:
     if folder is None:
         is_to_be_ours = name != "tf2_msgs" and (forks or not _is_arranged())
         return f"not found; {_why_not(name, forks)}" if is_to_be_ours else "not found"
+    if folder.is_file():
+        return f"not a package, but the module {folder}: rename it"
     if name == "tf2_msgs":
         release = _ros_in_use.messages_release(folder / name)
         origin = f"built by tf2-ros-cython for {release}" if release else "from the environment"
@@ -144,16 +149,20 @@ def _why_not(name: str, forks: list[str]) -> str:
 
 
 def _not_mixed(forks: list[str]) -> str:
-    return f"tf2-ros-cython is not mixed with the {' and '.join(forks)} of a workspace or of PYTHONPATH"
+    names = " and ".join(forks)
+    if _installation.distribution_prefix() is None:
+        return f"no ROS 2 is sourced: tf2-ros-cython is mixed with the {names} of PYTHONPATH"
+    return f"tf2-ros-cython is not mixed with the {names} of a workspace or of PYTHONPATH"
 
 
 def _others(name: str, folder: Path | None) -> list[Path]:
     """The folders of the path that hold a package of this name, besides the one that is imported."""
     found: list[Path] = []
+    own = folder.parent if folder is not None and folder.is_file() else folder
     for entry in sys.path:
         if PathFinder.find_spec(name, [entry]) is not None:
             other = Path(entry).absolute()
-            if folder is not None and other.resolve() != folder.resolve() and other not in found:
+            if own is not None and other.resolve() != own.resolve() and other not in found:
                 found.append(other)
     return found
 
@@ -173,7 +182,7 @@ def _not_arranged() -> str:
     )
 
 
-def _precedence(are_ours: bool, forks: list[str]) -> str:
+def _precedence(has_ours: bool, forks: list[str]) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "the order of sys.path, because TF2_ROS_CYTHON=0 is set"
     if _installation.refused_rclpy() is not None:
@@ -181,7 +190,7 @@ def _precedence(are_ours: bool, forks: list[str]) -> str:
     if forks:
         return f"the order of sys.path, because {_not_mixed(forks)}"
     if not _is_arranged():
-        return f"the order of sys.path{'' if are_ours else f'; {_not_arranged()}'}"
+        return f"the order of sys.path{'' if has_ours else f'; {_not_arranged()}'}"
     prefix = _installation.distribution_prefix()
     if prefix is not None:
         return f"workspaces, then tf2-ros-cython, then the tf2 in {prefix}"

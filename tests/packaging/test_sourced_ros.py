@@ -366,6 +366,7 @@ class TestWhich:
         assert ended.returncode == 1
         [line] = [line for line in ended.stdout.splitlines() if line.startswith("tf2_ros: ")]
         assert line.endswith(": packages in a workspace or on PYTHONPATH take precedence")
+        assert ": tf2-ros-cython is mixed with the tf2_ros of PYTHONPATH\n" in ended.stdout
 
     def test_without_ros_it_is_right_if_buffers_load(self, in_venv, tmp_path):
         for entry in Path(numpy.__file__).parents[1].glob("numpy*"):

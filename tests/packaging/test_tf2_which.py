@@ -25,3 +25,15 @@ def test_output_that_cannot_be_written_is_one_line_and_status_1(device, said, ar
     assert (done.returncode, done.stderr) == (1, said)
     for one in {out, writing}:
         os.close(one)
+
+
+def test_a_module_with_the_name_of_a_package_is_named(tmp_path):
+    file = tmp_path / "tf2_ros.py"
+    file.write_text("print(__file__)")
+    imported, told = (
+        subprocess.run([sys.executable, *command], cwd=tmp_path, capture_output=True, text=True)
+        for command in (["-c", "import tf2_ros"], ["-m", "tf2_ros_cython"])
+    )
+    assert (imported.stdout, told.returncode) == (f"{file}\n", 1)
+    assert f"\ntf2_ros: not a package, but the module {file}: rename it\n" in told.stdout
+    assert "not installed" not in told.stdout.partition("\ntools: ")[0]

@@ -6,6 +6,7 @@ import sys
 
 import installing
 import pytest
+from live_feeds import RobotFeed, matched, why
 from obeying_processes import Obeying, OrderError
 from paths import ROOT
 from processes import run
@@ -20,30 +21,7 @@ pytestmark = pytest.mark.ours
 
 dds = pytest.importorskip("tf2_ros_tools.live.dds", reason="cyclonedds is not installed")
 
-LAPTOP = """
-import logging, threading, time
-from tf2_ros import TransformStamped
-from tf2_ros_tools.live import connect
-
-logging.basicConfig()
-
-def made(parent, child, x):
-    m = TransformStamped(child_frame_id=child)
-    m.header.frame_id, m.transform.translation.x, m.transform.rotation.w = parent, float(x), 1.0
-    return m
-
-def seen(parent, child):
-    return robot.buffer.lookup_transform(parent, child, 0).transform.translation.x
-"""
 SECONDS = 60.0  # more than anything here takes
-
-
-@pytest.fixture
-def processes():
-    made = []
-    yield made
-    for one in made:
-        one.end()
 
 
 @pytest.fixture
@@ -66,12 +44,13 @@ def robot(new_robot):
 def new_laptop(processes):
     """Start a process without rclpy, whose `robot` is a feed."""
 
-    def make(arguments="'dds://'", before="", **environment):
+    def make(options="", where="dds://", connects=True, **environment):
         one = Obeying("laptop", environment=os.environ | environment)
         processes.append(one)
-        one.do(LAPTOP + before)
-        if arguments is not None:
-            one.do(f"robot = connect({arguments})")
+        one.do("from laptop_helpers import *; import logging, threading; logging.basicConfig()")
+        one.do("from tf2_ros_tools.live import connect")
+        if connects:
+            one.do(f"robot = connect({where!r}, {options})")
         return one
 
     return make
@@ -82,117 +61,9 @@ def laptop(new_laptop):
     return new_laptop()
 
 
-def matched(robot, laptop, **options):
-    """Make the publisher `out` of a robot, and wait until both sides know of each other."""
-    given = "".join(f", {name}={value!r}" for name, value in options.items())
-    robot.do(f"out = publisher('out'{given})")
-    robot.until("matched(out)")
-    laptop.until("'/out' in [one.node for one in robot.publishers()]")
-
-
-def test_a_late_joiner_has_the_static_transforms_of_five_nodes_in_two_processes(new_robot, new_laptop):
-    first, second = new_robot(), new_robot()
-    for name in ("a", "b", "c"):
-        first.do(f"latched('{name}', ('base', '{name}', 1))")
-    for name in ("d", "e"):
-        second.do(f"latched('{name}', ('base', '{name}', 2))")
-    laptop = new_laptop()
-    matched(first, laptop)
-    first.do("send(out, ('map', 'base', 3))")
-    laptop.do(f"robot.wait_until_heard({SECONDS})")
-    laptop.until("all(robot.buffer.can_transform('map', name, 0) for name in 'abcde')")
-    assert laptop.do("[seen('base', name) for name in 'abcde']") == [1, 1, 1, 2, 2]
-    heard = laptop.do("[(one.count, one.lost, one.malformed) for one in robot.topics.values()]")
-    assert heard == [[1, None, 0], [5, None, 0]]
-    laptop.until("all(one.node for one in robot.publishers())")
-    assert sorted(laptop.do("[one[:3] for one in robot.publishers()]")) == [
-        ["/tf", "/out", "reliable, volatile"],
-        *(["/tf_static", f"/{name}", "reliable, transient local"] for name in "abcde"),
-    ]
-    assert 0 <= laptop.do("robot.clock_offset") < SECONDS
-
-
-def test_a_blocked_lookup_ends_when_its_transform_arrives_and_names_the_node(robot, laptop):
-    matched(robot, laptop)
-    laptop.begin(f"robot.buffer.lookup_transform('map', 'base', 0, timeout={SECONDS}).child_frame_id")
-    robot.do("send(out, ('map', 'base', 1))")
-    assert laptop.finish() == "base"
-    assert "broadcaster: '/out'" in laptop.do("robot.buffer.all_frames_as_yaml()")
-
-
-def test_other_topics_and_a_prefix(robot, new_laptop):
-    laptop = new_laptop("'dds://', topic='robot1/tf', static_topic='/robot1/tf_static/', prefix='robot1/'")
-    robot.do("latched('mounts', ('base', 'camera', 2), topic='/robot1/tf_static')")
-    matched(robot, laptop, topic="/robot1/tf")
-    robot.do("send(out, ('map', 'base', 3))")
-    laptop.do(f"robot.wait_until_heard({SECONDS})")
-    assert laptop.do("seen('robot1/map', 'robot1/camera')") == 5
-    assert laptop.do("[*robot.topics]") == ["/robot1/tf", "/robot1/tf_static"]
-
-
-def test_nothing_is_lost_while_a_call_holds_the_gil(robot, laptop):
-    matched(robot, laptop)
-    robot.do("sending = flood(out, 200, 50, 600)")
-    laptop.until("robot.topics['/tf'].count > 0")
-    laptop.do("import ctypes; ctypes.PyDLL(None).usleep(2_000_000)")
-    robot.until("not sending.is_alive()")
-    laptop.until("robot.topics['/tf'].count >= 600")
-    assert laptop.do("(robot.topics['/tf'].count, robot.topics['/tf'].lost)") == [600, None]
-
-
-@pytest.mark.long("sends for a minute")
-def test_nothing_is_lost_of_ten_thousand_messages(robot, laptop):
-    matched(robot, laptop)
-    robot.do("sending = flood(out, 200, 50, 10_000)")
-    laptop.begin(
-        "for n in range(0, 10_000, 50):\n"
-        "    while robot.topics['/tf'].count <= n: time.sleep(0.001)\n"
-        f"    robot.buffer.lookup_transform('map', 'f49', 0, timeout={SECONDS})"
-    )
-    robot.do(f"sending.join(4 * {SECONDS})")
-    laptop.finish()
-    laptop.until("robot.topics['/tf'].count >= 10_000")
-    heard = laptop.do("(robot.topics['/tf'].count, robot.topics['/tf'].lost, robot.topics['/tf'].malformed)")
-    assert heard == [10_000, None, 0]
-    assert laptop.do("seen('map', 'f49')") == 9_999
-
-
-def test_a_robot_that_is_killed_and_started_again(new_robot, new_laptop):
-    first = new_robot()
-    first.do("latched('mounts', ('base', 'camera', 1))")
-    laptop = new_laptop()
-    laptop.until("robot.topics['/tf_static'].count")
-    first.kill()
-    second = new_robot()
-    second.do("latched('mounts', ('base', 'camera', 2))")
-    laptop.until("seen('base', 'camera') == 2")
-
-
-def test_what_a_laptop_sends_arrives_also_at_a_late_listener(new_robot, laptop):
-    first = new_robot()
-    first.do("listen()")
-    laptop.do("moving, fixed = robot.broadcaster(), robot.static_broadcaster()")
-    laptop.do("fixed.sendTransform(made('base', 'camera', 1))")
-    laptop.do("fixed.sendTransform([made('base', 'lidar', 2), made('base', 'imu', 3)])")
-    # A volatile publisher sends to those who have found it.
-    laptop.do("moving.sendTransform(made('map', 'first', 0))")
-    while not first.do("('/tf', 'first') in heard"):
-        laptop.do("moving.sendTransform(made('map', 'first', 0)); time.sleep(0.05)")
-    before = first.do("messages['/tf']")
-    laptop.do("for n in range(500): moving.sendTransform([made('map', f'f{n}', n), made('map', 'last', n)])")
-    first.until("heard.get(('/tf', 'last')) == 499")
-    assert first.do("messages['/tf']") - before == 500
-    late = new_robot()
-    late.do("listen()")
-    late.until("('/tf_static', 'imu') in heard")
-    assert late.do("(sorted(heard.items()), messages['/tf_static'])") == [
-        [[["/tf_static", "camera"], 1], [["/tf_static", "imu"], 3], [["/tf_static", "lidar"], 2]],
-        1,
-    ]
-    # The program itself has them, as with a broadcaster and a listener of tf2, but has not heard them.
-    assert laptop.do("(seen('map', 'last'), seen('base', 'imu'))") == [499, 3]
-    assert laptop.do("[one.count for one in robot.topics.values()]") == [0, 0]
-    assert laptop.do("robot.publishers()") == []
+class TestRobot(RobotFeed):
+    none_lost = None  # over DDS, losses are not counted
+    publishes, latches = "reliable, volatile", "reliable, transient local"
 
 
 def test_names_of_nodes_of_a_robot_that_has_ended_are_forgotten(new_robot, laptop):
@@ -214,7 +85,7 @@ def test_malformed_messages_are_counted_and_others_arrive(robot, laptop):
         robot.do(f"send_bytes(out, {data.hex()!r})")
     laptop.until("robot.topics['/tf'].count")
     assert laptop.do("(robot.topics['/tf'].count, robot.topics['/tf'].malformed)") == [1, 2]
-    assert laptop.do("seen('map', 'base')") == 1
+    assert laptop.do("seen(robot, 'map', 'base')") == 1
     until(lambda: "Ignoring a malformed message on /tf from /out: malformed TFMessage: " in laptop.errors())
     assert laptop.errors().count("Ignoring a malformed message") == 1
 
@@ -320,11 +191,8 @@ def test_a_robot_with_kilted(kilted, laptop):
     kilted.do("sending = flood(out, 200, 50, 400)")
     laptop.do(f"robot.wait_until_heard({SECONDS})")
     laptop.until("robot.topics['/tf'].count >= 400")
-    assert laptop.do("[(one.count, one.lost, one.malformed) for one in robot.topics.values()]") == [
-        [400, None, 0],
-        [1, None, 0],
-    ]
-    assert laptop.do("(seen('map', 'f49'), seen('base', 'camera'))") == [399, 1]
+    assert laptop.do("heard(robot)") == [[400, None, 0], [1, None, 0]]
+    assert laptop.do("(seen(robot, 'map', 'f49'), seen(robot, 'base', 'camera'))") == [399, 1]
     kilted.do("listen()")
     laptop.do("fixed = robot.static_broadcaster(); fixed.sendTransform(made('base', 'lidar', 2))")
     kilted.until("heard.get(('/tf_static', 'lidar')) == 2")
@@ -332,7 +200,7 @@ def test_a_robot_with_kilted(kilted, laptop):
 
 def test_nobody_is_there(new_laptop):
     domain = claim_domain()
-    laptop = new_laptop(f"'dds://', domain={domain}")
+    laptop = new_laptop(f"domain={domain}")
     with pytest.raises(OrderError) as raised:
         laptop.do("robot.wait_until_heard(0.5)")
     assert str(raised.value) == (
@@ -350,13 +218,6 @@ def test_a_robot_in_another_domain_is_not_found(robot, new_laptop):
     laptop.do("from tf2_ros_tools.live import dds; dds.DISCOVERY_S = 0")  # as if it had listened for long
     with pytest.raises(OrderError, match=f"no robot was found in domain {domain}. Check that its nodes run"):
         laptop.do("robot.wait_until_heard(0.5)")
-
-
-def why(laptop):
-    """The reason for which nothing was received, after a wait."""
-    with pytest.raises(OrderError) as raised:
-        laptop.do("robot.wait_until_heard(0.5)")
-    return str(raised.value)
 
 
 def test_nobody_publishes_static_transforms(robot, laptop):
@@ -437,9 +298,9 @@ def test_awaiting_with_asyncio(robot, laptop):
 
 
 def test_the_library_is_missing(new_laptop):
-    laptop = new_laptop(None, "import sys; sys.modules['cyclonedds'] = None")
+    laptop = new_laptop(connects=False)
     with pytest.raises(OrderError) as raised:
-        laptop.do("connect('dds://')")
+        laptop.do("import sys; sys.modules['cyclonedds'] = None; connect('dds://')")
     said = (
         "MissingLibraryError: cyclonedds is not installed: pip install 'tf2-ros-tools[dds]'; PyPI lacks it "
     )
@@ -460,7 +321,7 @@ WITHOUT_MULTICAST = (
 def test_a_robot_is_named_where_there_is_no_multicast(robot, new_laptop, where, peers):
     robot.do("latched('mounts', ('base', 'camera', 1))")
     laptop = new_laptop(
-        repr(where),
+        where=where,
         ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET",
         ROS_STATIC_PEERS=peers,
         CYCLONEDDS_URI=WITHOUT_MULTICAST,
@@ -485,7 +346,7 @@ def test_a_robot_is_named_where_there_is_no_multicast(robot, new_laptop, where, 
     ],
 )
 def test_a_configuration_that_does_not_work(new_laptop, where, environment, text):
-    laptop = new_laptop(None, **environment)
+    laptop = new_laptop(connects=False, **environment)
     with pytest.raises(OrderError) as raised:
         laptop.do(f"connect({where!r})")
     assert str(raised.value).startswith(f"ConnectionError: {where}: {text}")

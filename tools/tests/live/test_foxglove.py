@@ -9,6 +9,7 @@ import threading
 from contextlib import contextmanager
 
 import pytest
+from live_feeds import why
 from obeying_processes import Obeying, OrderError
 from rclpy.serialization import serialize_message
 from robot_with_rclpy import made
@@ -33,21 +34,6 @@ def message(parent, *children, x=1.0):
 
 CAMERA, BASE = message("base", "camera").hex(), message("map", "base", x=2.0).hex()
 MANY = message("map", *(f"f{n}" for n in range(50))).hex()
-
-
-@pytest.fixture
-def processes():
-    made = []
-    yield made
-    for one in made:
-        one.end()
-
-
-@pytest.fixture
-def port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
 
 
 @pytest.fixture
@@ -151,12 +137,6 @@ def test_a_bridge_that_is_killed_and_started_again(new_bridge, new_laptop, port)
 
 
 # Why nothing arrives.
-
-
-def why(laptop):
-    with pytest.raises(OrderError) as raised:
-        laptop.do("robot.wait_until_heard(0.5)")
-    return str(raised.value)
 
 
 def test_nothing_answers(new_laptop, port):

@@ -12,6 +12,7 @@ import socket
 import sys
 
 import pytest
+from live_feeds import RobotFeed, matched, why
 from obeying_processes import Obeying, OrderError
 from processes import run
 from waiting import DEADLINE_S
@@ -32,14 +33,6 @@ needs_rmw_zenoh = pytest.mark.long("needs rmw_zenoh_cpp")
 
 
 @pytest.fixture
-def processes():
-    made = []
-    yield made
-    for one in made:
-        one.end()
-
-
-@pytest.fixture
 def new_obeying(processes):
     def make(*arguments, before="", **options):
         processes.append(Obeying(*arguments, **options))
@@ -47,13 +40,6 @@ def new_obeying(processes):
         return processes[-1]
 
     return make
-
-
-@pytest.fixture
-def port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
 
 
 @pytest.fixture
@@ -117,75 +103,12 @@ def laptop(new_laptop, router):
     return new_laptop()
 
 
-def matched(robot, laptop, **options):
-    """Make the publisher `out` of a robot, and wait until both sides know that the laptop receives."""
-    given = "".join(f", {name}={value!r}" for name, value in options.items())
-    robot.do(f"out = publisher('out'{given})")
-    robot.until("matched(out)")
-    laptop.until("'/out' in [one.node for one in robot.publishers()]")
-
-
 # A robot, of either kind.
 
 
-def test_a_late_joiner_has_the_static_transforms_of_five_nodes_in_two_processes(new_robot, new_laptop):
-    first, second = new_robot(), new_robot()
-    for name in ("a", "b", "c"):
-        first.do(f"latched('{name}', ('base', '{name}', 1))")
-    for name in ("d", "e"):
-        second.do(f"latched('{name}', ('base', '{name}', 2))")
-    laptop = new_laptop()
-    matched(first, laptop)
-    first.do("send(out, ('map', 'base', 3))")
-    laptop.do(f"robot.wait_until_heard({SECONDS})")
-    laptop.until("all(robot.buffer.can_transform('map', name, 0) for name in 'abcde')")
-    assert laptop.do("[seen(robot, 'base', name) for name in 'abcde']") == [1, 1, 1, 2, 2]
-    assert laptop.do("heard(robot)") == [[1, 0, 0], [5, 0, 0]]
-    assert sorted(laptop.do("[one[:3] for one in robot.publishers()]")) == [
-        ["/tf", "/out", HASH],
-        *(["/tf_static", f"/{name}", HASH] for name in "abcde"),
-    ]
-    assert "broadcaster: '/out'" in laptop.do("robot.buffer.all_frames_as_yaml()")
-    assert 0 <= laptop.do("robot.clock_offset") < SECONDS
-
-
-def test_a_blocked_lookup_ends_when_its_transform_arrives(robot, laptop):
-    matched(robot, laptop)
-    laptop.begin(f"robot.buffer.lookup_transform('map', 'base', 0, timeout={SECONDS}).child_frame_id")
-    robot.do("send(out, ('map', 'base', 1))")
-    assert laptop.finish() == "base"
-
-
-def test_other_topics_and_a_prefix(robot, new_laptop):
-    laptop = new_laptop("topic='robot1/tf', static_topic='/robot1/tf_static/', prefix='robot1/'")
-    robot.do("latched('mounts', ('base', 'camera', 2), topic='/robot1/tf_static')")
-    matched(robot, laptop, topic="/robot1/tf")
-    robot.do("send(out, ('map', 'base', 3))")
-    laptop.do(f"robot.wait_until_heard({SECONDS})")
-    assert laptop.do("seen(robot, 'robot1/map', 'robot1/camera')") == 5
-    assert laptop.do("[*robot.topics]") == ["/robot1/tf", "/robot1/tf_static"]
-
-
-def test_nothing_is_lost_while_a_call_holds_the_gil(robot, laptop):
-    matched(robot, laptop)
-    robot.do("sending = flood(out, 200, 50, 600)")
-    laptop.until("robot.topics['/tf'].count > 0")
-    laptop.do("hold_gil(2)")
-    robot.until("not sending.is_alive()")
-    laptop.until("robot.topics['/tf'].count >= 600")
-    assert laptop.do("heard(robot)[0]") == [600, 0, 0]
-
-
-@pytest.mark.long("sends for a minute")
-def test_nothing_is_lost_of_ten_thousand_messages(robot, laptop):
-    matched(robot, laptop)
-    robot.do("sending = flood(out, 200, 50, 10_000)")
-    laptop.begin(f"wait_for_each_hundredth(robot, 10_000, {SECONDS})")
-    robot.do(f"sending.join(4 * {SECONDS})")
-    laptop.finish()
-    laptop.until("sum(heard(robot)[0]) >= 10_000")
-    assert laptop.do("heard(robot)[0]") == [10_000, 0, 0]
-    assert laptop.do("seen(robot, 'map', 'f49')") == 9_999
+class TestRobot(RobotFeed):
+    none_lost = 0
+    publishes = latches = HASH
 
 
 @pytest.mark.long("sends for half a minute")
@@ -205,17 +128,11 @@ def test_what_a_robot_drops_for_a_stopped_laptop_is_counted(robot, laptop):
     assert (count + lost, malformed) == (20_010, 0)
 
 
-def test_a_robot_that_is_killed_and_started_again(new_robot, new_laptop):
-    first = new_robot()
-    first.do("latched('mounts', ('base', 'camera', 1))")
-    laptop = new_laptop()
-    laptop.until("robot.topics['/tf_static'].count")
-    first.kill()
-    second = new_robot()
-    second.do("latched('mounts', ('base', 'camera', 2))")
-    laptop.until("seen(robot, 'base', 'camera') == 2")
-    laptop.until("len(robot.publishers()) == 1")
-    assert laptop.do("heard(robot)[1]") == [2, 0, 0]
+def test_the_publishers_of_a_robot_that_is_killed_are_forgotten(robot, laptop):
+    robot.do("latched('mounts', ('base', 'camera', 1))")
+    laptop.until("robot.publishers()")
+    robot.kill()
+    laptop.until("robot.publishers() == []")
 
 
 def test_a_router_that_is_killed_and_started_again(robot, router, new_router, new_laptop):
@@ -240,33 +157,6 @@ def test_a_router_that_is_killed_and_started_again(robot, router, new_router, ne
     assert lost >= 1 and malformed == 0
     # What is latched may arrive once more, and is not counted again.
     assert fixed == [1, 0, 0]
-
-
-def test_what_a_laptop_sends_arrives_also_at_a_late_listener(new_robot, laptop):
-    first = new_robot()
-    first.do("listen()")
-    laptop.do("moving, fixed = robot.broadcaster(), robot.static_broadcaster()")
-    laptop.do("fixed.sendTransform(made('base', 'camera', 1))")
-    laptop.do("fixed.sendTransform([made('base', 'lidar', 2), made('base', 'imu', 3)])")
-    # A publisher sends to those who have found it.
-    laptop.do("moving.sendTransform(made('map', 'first', 0))")
-    while not first.do("('/tf', 'first') in heard"):
-        laptop.do("moving.sendTransform(made('map', 'first', 0)); time.sleep(0.05)")
-    before = first.do("messages['/tf']")
-    laptop.do("for n in range(500): moving.sendTransform([made('map', f'f{n}', n), made('map', 'last', n)])")
-    first.until("heard.get(('/tf', 'last')) == 499")
-    assert first.do("messages['/tf']") - before == 500
-    late = new_robot()
-    late.do("listen()")
-    late.until("('/tf_static', 'imu') in heard")
-    assert late.do("(sorted(heard.items()), messages['/tf_static'])") == [
-        [[["/tf_static", "camera"], 1], [["/tf_static", "imu"], 3], [["/tf_static", "lidar"], 2]],
-        1,
-    ]
-    # The program itself has them, but has not heard them.
-    assert laptop.do("(seen(robot, 'map', 'last'), seen(robot, 'base', 'imu'))") == [499, 3]
-    assert laptop.do("[one.count for one in robot.topics.values()]") == [0, 0]
-    assert laptop.do("[one[:3] for one in robot.publishers()]") == []
 
 
 def test_two_laptops_hear_each_other(router, new_laptop):
@@ -298,13 +188,6 @@ def test_a_laptop_is_a_node_of_the_graph(new_real, laptop):
 
 
 # Why nothing arrives.
-
-
-def why(laptop):
-    """The reason for which nothing was received, after a wait."""
-    with pytest.raises(OrderError) as raised:
-        laptop.do("robot.wait_until_heard(0.5)")
-    return str(raised.value)
 
 
 NOTHING = "TimeoutError: nothing has been received on /tf or /tf_static in 0.5 s: "

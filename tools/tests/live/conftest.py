@@ -1,0 +1,18 @@
+import socket
+
+import pytest
+
+
+@pytest.fixture
+def processes():
+    made = []
+    yield made
+    for one in made:
+        one.end()
+
+
+@pytest.fixture
+def port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]

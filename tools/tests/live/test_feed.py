@@ -782,3 +782,39 @@ def test_a_domain_of_the_environment_must_be_a_number(monkeypatch, domain):
     monkeypatch.setenv("ROS_DOMAIN_ID", domain)
     with pytest.raises(ValueError, match=f"^ROS_DOMAIN_ID: expected a number from 0 to 232, got '{domain}'$"):
         connect("dds://")
+
+
+LACKS_DDS = "; PyPI lacks it for Python 3.14 and for Linux on ARM: use ws:// and foxglove_bridge there"
+
+
+@pytest.mark.parametrize(
+    ("where", "library", "extra", "advice"),
+    [
+        ("dds://", "cyclonedds", "dds", LACKS_DDS),
+        ("zenoh://127.0.0.1", "zenoh", "zenoh", ""),
+        ("zenoh://127.0.0.1", "xxhash", "zenoh", ""),
+        ("ws://127.0.0.1", "websockets", "foxglove", ""),
+    ],
+)
+def test_a_library_is_missing(where, library, extra, advice, monkeypatch):
+    if library == "xxhash":
+        pytest.importorskip("zenoh")
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ModuleNotFoundError) as raised:
+        connect(where)
+    assert str(raised.value) == f"{library} is not installed: pip install 'tf2-ros-tools[{extra}]'{advice}"
+
+
+@pytest.mark.parametrize(
+    ("where", "library", "text"),
+    [
+        ("zenoh://", "zenoh", "expected the host of a router, as in zenoh://robot:7447"),
+        ("zenoh://robot?peers=1", "zenoh", "unknown option 'peers'; zenoh:// accepts none"),
+        ("ws://", "websockets", "expected the host of a bridge, as in ws://robot:8765"),
+        ("ws://robot?peers=1", "websockets", "unknown option 'peers'; ws:// accepts none"),
+    ],
+)
+def test_an_address_lacks_a_host_or_has_an_unknown_option(where, library, text):
+    pytest.importorskip(library)
+    with pytest.raises(ValueError, match=f"{text}$"):
+        connect(where)

@@ -9,7 +9,7 @@ import threading
 from contextlib import contextmanager
 
 import pytest
-from live_feeds import why
+from live_feeds import check_exit, why
 from obeying_processes import Obeying, OrderError
 from rclpy.serialization import serialize_message
 from robot_with_rclpy import made
@@ -198,26 +198,6 @@ def test_it_only_receives(laptop, port, kind):
     )
 
 
-def test_the_library_is_missing(new_laptop):
-    laptop = new_laptop(connects=False)
-    with pytest.raises(OrderError) as raised:
-        laptop.do("import sys; sys.modules['websockets'] = None; connect('ws://127.0.0.1')")
-    text = "MissingLibraryError: websockets is not installed: pip install 'tf2-ros-tools[foxglove]'"
-    assert str(raised.value) == text
-
-
-@pytest.mark.parametrize(
-    ("where", "text"),
-    [
-        ("ws://", "^ws://: expected the host of a bridge, as in ws://robot:8765$"),
-        ("ws://robot?peers=1", "unknown option 'peers'; ws:// accepts none$"),
-    ],
-)
-def test_addresses(where, text):
-    with pytest.raises(ValueError, match=text):
-        connect(where)
-
-
 # Bytes that no bridge sends.
 
 ADVERTISED = {"id": 7, "topic": "/tf", "encoding": "cdr", "schemaName": SCHEMA, "schema": ""}
@@ -342,16 +322,10 @@ def test_a_feed_closes_while_the_bridge_pings_and_never_reads():
         assert not closing.is_alive()
 
 
-def test_a_callback_that_exits_ends_the_feed(bridge, laptop, port):
+def test_a_callback_that_exits_ends_the_feed(bridge, laptop):
     bridge.do("offer('/tf')")
     bridge.until("channels['/tf'].has_sinks()")
-    laptop.do("import sys; watch = robot.buffer.on_change('map', 'base', lambda _: sys.exit('enough'))")
-    bridge.do(f"send('/tf', '{BASE}')")
-    laptop.until("robot.why_ended()")
-    text = f"ws://127.0.0.1:{port} has ended (receiving failed: SystemExit('enough'))"
-    assert laptop.do("robot.why_ended()") == text
-    with pytest.raises(OrderError, match="receiving failed: SystemExit"):
-        laptop.do(f"robot.buffer.lookup_transform('map', 'nowhere', 0, timeout={SECONDS})")
+    check_exit(laptop, lambda: bridge.do(f"send('/tf', '{BASE}')"))
 
 
 def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop, port):

@@ -17,13 +17,11 @@ from obeying_processes import Obeying, OrderError
 from processes import run
 from waiting import DEADLINE_S
 
-from tf2_ros_tools.live.wire import parse
-
 pytestmark = pytest.mark.ours
 
 pytest.importorskip("zenoh")
 
-from tf2_ros_tools.live.zenoh import ATTACHMENT, ZenohWire, _gid, _publisher_of  # noqa: E402
+from tf2_ros_tools.live.zenoh import ATTACHMENT, _gid, _publisher_of  # noqa: E402
 
 DOMAIN = os.environ["ROS_DOMAIN_ID"]
 HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
@@ -287,27 +285,6 @@ def test_simulated_time_is_refused(robot, new_laptop, port):
             one.do(f"robot.wait_until_heard({SECONDS})")
 
 
-@pytest.mark.parametrize("library", ["zenoh", "xxhash"])
-def test_a_library_is_missing(new_laptop, library):
-    laptop = new_laptop(connects=False)
-    with pytest.raises(OrderError) as raised:
-        laptop.do(f"import sys; sys.modules[{library!r}] = None; connect('zenoh://127.0.0.1')")
-    text = f"MissingLibraryError: {library} is not installed: pip install 'tf2-ros-tools[zenoh]'"
-    assert str(raised.value) == text
-
-
-@pytest.mark.parametrize(
-    ("where", "text"),
-    [
-        ("zenoh://", "^zenoh://: expected the host of a router, as in zenoh://robot:7447$"),
-        ("zenoh://robot?peers=1", "unknown option 'peers'; zenoh:// accepts none$"),
-    ],
-)
-def test_addresses(where, text):
-    with pytest.raises(ValueError, match=text):
-        ZenohWire(parse(where, 0, ("/tf", "/tf_static")))
-
-
 # What a stand-in does, and no robot, or none in a hurry.
 
 
@@ -430,18 +407,6 @@ def close():
     for _ in range(10):
         laptop.do("close()")
     assert laptop.until("[one for one in threading.enumerate() if 'zenoh' in one.name] == []")
-
-
-def test_a_callback_that_exits_ends_the_feed(stand_in, laptop, port):
-    matched(stand_in, laptop)
-    laptop.do("import sys; watch = robot.buffer.on_change('map', 'base', lambda _: sys.exit('enough'))")
-    stand_in.do("send(out, ('map', 'base', 1))")
-    laptop.until("robot.why_ended()")
-    text = f"zenoh://127.0.0.1:{port} has ended (receiving failed: SystemExit('enough'))"
-    assert laptop.do("robot.why_ended()") == text
-    with pytest.raises(OrderError, match="receiving failed: SystemExit"):
-        laptop.do("robot.buffer.lookup_transform('map', 'nowhere', 0, timeout=60.0)")
-    laptop.do("robot.close()")
 
 
 def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop, port):

@@ -20,6 +20,17 @@ def why(laptop):
     return str(raised.value)
 
 
+def check_exit(laptop, send):
+    """Check that the feed ends if a callback exits; `send` sends the transform from base to map."""
+    laptop.do("import sys; watch = robot.buffer.on_change('map', 'base', lambda _: sys.exit('enough'))")
+    send()
+    laptop.until("robot.why_ended()")
+    assert laptop.do("robot.why_ended()").endswith(" has ended (receiving failed: SystemExit('enough'))")
+    with pytest.raises(OrderError, match="receiving failed: SystemExit"):
+        laptop.do(f"robot.buffer.lookup_transform('map', 'nowhere', 0, timeout={DEADLINE_S})")
+    laptop.do("robot.close()")
+
+
 class RobotFeed:
     """
     The tests of both, with the fixtures `new_robot`, `robot`, `new_laptop` and `laptop` of their module.
@@ -127,3 +138,7 @@ class RobotFeed:
         assert laptop.do("(seen(robot, 'map', 'last'), seen(robot, 'base', 'imu'))") == [499, 3]
         assert laptop.do("[one.count for one in robot.topics.values()]") == [0, 0]
         assert laptop.do("[one[:3] for one in robot.publishers()]") == []
+
+    def test_a_callback_that_exits_ends_the_feed(self, robot, laptop):
+        matched(robot, laptop)
+        check_exit(laptop, lambda: robot.do("send(out, ('map', 'base', 1))"))

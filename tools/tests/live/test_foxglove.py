@@ -58,7 +58,7 @@ def new_laptop(processes, port):
     def make(options="", connects=True):
         processes.append(Obeying("laptop"))
         laptop = processes[-1]
-        laptop.do("from laptop_helpers import *; from tf2_ros_tools.live import connect")
+        laptop.do("from laptop_helpers import *")
         if connects:
             laptop.do(f"robot = connect('ws://127.0.0.1:{port}', {options})")
         return laptop
@@ -338,27 +338,7 @@ def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop, port):
 @pytest.mark.parametrize("closer", ["a thread", "a callback"])
 def test_a_feed_closes_while_messages_arrive(bridge, new_laptop, port, closer):
     laptop = new_laptop(connects=False)
-    laptop.do("import threading")
     bridge.do(f"offer('/tf'); send('/tf', '{MANY}', 60_000, 1000)")
-    laptop.do(
-        f"""
-def close():
-    robot = connect('ws://127.0.0.1:{port}')
-    closed = threading.Event()
-    if {closer!r} == 'a callback':
-        robot.buffer.on_change('map', 'f49', lambda *_: (robot.close(), closed.set()))
-        assert closed.wait({SECONDS})
-    else:
-        robot.buffer.lookup_transform('map', 'f49', 0, timeout={SECONDS})
-        closing = threading.Thread(target=robot.close)
-        closing.start()
-        closing.join()
-    count = robot.topics['/tf'].count
-    time.sleep(0.01)
-    assert robot.topics['/tf'].count == count
-    robot.close()
-"""
-    )
     for _ in range(10):
-        laptop.do("close()")
+        laptop.do(f"close_while_messages_arrive('ws://127.0.0.1:{port}', {closer!r}, {SECONDS})")
     laptop.until("[one for one in threading.enumerate() if 'ws' in one.name] == []")

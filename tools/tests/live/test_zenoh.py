@@ -87,8 +87,8 @@ def robot(new_robot):
 def new_laptop(new_obeying, port):
     """Start a process without rclpy, whose `robot` is a feed."""
 
-    def make(options="", before="from tf2_ros_tools.live import connect", connects=True):
-        laptop = new_obeying("laptop", before=f"from laptop_helpers import *; {before}")
+    def make(options="", connects=True):
+        laptop = new_obeying("laptop", before="from laptop_helpers import *")
         if connects:
             laptop.do(f"robot = connect('zenoh://127.0.0.1:{port}', {options})")
         return laptop
@@ -379,34 +379,10 @@ def send_damaged(data, attachment):
 @pytest.mark.parametrize("closer", ["a thread", "a callback", "several"])
 def test_a_feed_closes_while_messages_arrive(stand_in, new_laptop, port, closer):
     laptop = new_laptop(connects=False)
-    laptop.do("import threading; out = None")
-    stand_in.do(
-        "latched('fixed', ('base', 'camera', 1)); out = publisher('out'); flood(out, 1000, 50, 60_000)"
-    )
-    laptop.do(
-        f"""
-def close():
-    robot = connect('zenoh://127.0.0.1:{port}')
-    robot.wait_until_heard({SECONDS})
-    if {closer!r} == 'a callback':
-        closed = threading.Event()
-        robot.buffer.on_change('map', 'f49', lambda *_: (robot.close(), closed.set()))
-        assert closed.wait({SECONDS})
-    else:
-        closers = [threading.Thread(target=robot.close) for _ in range(3 if {closer!r} == 'several' else 1)]
-        for one in closers:
-            one.start()
-        for one in closers:
-            one.join()
-    count = robot.topics['/tf'].count
-    time.sleep(0.01)
-    assert robot.topics['/tf'].count == count
-    robot.close()
-"""
-    )
+    stand_in.do("out = publisher('out'); flood(out, 1000, 50, 60_000)")
     for _ in range(10):
-        laptop.do("close()")
-    assert laptop.until("[one for one in threading.enumerate() if 'zenoh' in one.name] == []")
+        laptop.do(f"close_while_messages_arrive('zenoh://127.0.0.1:{port}', {closer!r}, {SECONDS})")
+    laptop.until("[one for one in threading.enumerate() if 'zenoh' in one.name] == []")
 
 
 def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop, port):

@@ -1,9 +1,11 @@
 """What a laptop does in the tests of `tf2_ros_tools.live`; `obeys_orders.py` has taken rclpy from it."""
 
 import ctypes
+import threading
 import time
 
 from tf2_ros import TransformStamped
+from tf2_ros_tools.live import connect
 
 
 def made(parent, child, x):
@@ -31,3 +33,23 @@ def wait_for_each_hundredth(feed, messages, timeout):
         while feed.topics["/tf"].count + (feed.topics["/tf"].lost or 0) <= n:
             time.sleep(0.001)
         feed.buffer.lookup_transform("map", "f49", 0, timeout=timeout)
+
+
+def close_while_messages_arrive(where, closer, timeout):
+    """Connect to what sends f49 all the time, and close the feed; `closer`: a thread, several, a callback."""
+    feed = connect(where)
+    if closer == "a callback":
+        closed = threading.Event()
+        feed.buffer.on_change("map", "f49", lambda *_: (feed.close(), closed.set()))
+        assert closed.wait(timeout)
+    else:
+        feed.buffer.lookup_transform("map", "f49", 0, timeout=timeout)
+        closers = [threading.Thread(target=feed.close) for _ in range(3 if closer == "several" else 1)]
+        for one in closers:
+            one.start()
+        for one in closers:
+            one.join()
+    count = feed.topics["/tf"].count
+    time.sleep(0.01)
+    assert feed.topics["/tf"].count == count
+    feed.close()

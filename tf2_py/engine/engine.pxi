@@ -293,14 +293,12 @@ cdef class Engine:
             unlock_written(&self._lock, &self._tree, &self._waiters)
             if waiter == NULL:
                 break       # this is a child, which a callback has forked
-            # The owner still exists: it removes its waiter, with the GIL, before it is destroyed.
-            call = _deliver_one(<WaiterOwner>waiter.owner, errors)
-            if call is None:
-                continue
-            if hand_over is not None:
-                _hand_over_one(hand_over, call, errors)
-                continue
             try:
+                # The owner still exists: it removes its waiter, with the GIL, before it is destroyed.
+                call = (<WaiterOwner>waiter.owner).deliver()
+                if call is not None and hand_over is not None:
+                    hand_over(call)
+                    continue
                 while call is not None:
                     call = call()
             except BaseException as raised:
@@ -769,31 +767,6 @@ cdef int extend_path(list chain, list frames) except -1:
         if frame in chain:
             del chain[chain.index(frame):]
         chain.append(frame)
-    return 0
-
-
-cdef enum:
-    TRIES = 10      # a second signal during one of these short calls is rare already
-
-
-cdef object _deliver_one(WaiterOwner owner, list errors):
-    # It runs no user code, but a signal handler may raise in it. Nothing else would deliver the answer.
-    for _ in range(TRIES):
-        try:
-            return owner.deliver()
-        except BaseException as raised:
-            errors.append(raised)
-    return None
-
-
-cdef int _hand_over_one(hand_over, call, list errors) except -1:
-    # Likewise. Whoever is given it twice ends it once.
-    for _ in range(TRIES):
-        try:
-            hand_over(call)
-            break
-        except BaseException as raised:
-            errors.append(raised)
     return 0
 
 

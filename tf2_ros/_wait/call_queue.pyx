@@ -107,17 +107,11 @@ cdef class CallQueue:
         self._waits_from_ns = monotonic_ns()
 
     def drop(self, why):
-        """Drop the calls; what waits ends, for this reason, even if a signal handler raises meanwhile."""
-        cdef list interrupts = []
+        """Drop the calls; what waits ends, for this reason."""
         while self.calls:
             call = self.calls.popleft()
             if isinstance(call, Pending):
-                try:
-                    call.drop(why)
-                except BaseException as raised:
-                    interrupts.append(raised)
-        if interrupts:
-            raise interrupts[0]
+                call.drop(why)
 
     def close(self, str why not None):
         """Drop the calls, now and from now on, and leave the node; may be called again."""
@@ -149,6 +143,7 @@ cdef class CallQueue:
         if node is None:
             self.close(f"the node [{self._name}] was collected")
         if self._why_closed or node is None:
+            self.drop(self._why_closed)     # a signal handler may have raised in `close`
             return
         if node_has_ended(node):
             if context_was_shut_down(self._context):
@@ -177,11 +172,11 @@ def call_queue_for(buffer):
 
 
 def end_for(buffer, pending):
-    """Have what runs the node of a buffer's latest listener end something, as `put_or_call`."""
-    put_or_call(call_queue_for(buffer), pending)
+    """Have what runs the node of a buffer's latest listener end something, as `end_by`."""
+    end_by(call_queue_for(buffer), pending)
 
 
-def put_or_call(CallQueue call_queue, pending):
+def end_by(CallQueue call_queue, pending):
     """Have what runs a node end something; if nothing runs it now, or there is no queue, another thread."""
     if pending is None:
         return

@@ -12,7 +12,7 @@ import weakref
 from collections import OrderedDict
 
 from tf2_py import BufferCore, ExtrapolationException
-from tf2_ros._wait.call_queue import put_or_call
+from tf2_ros._wait.call_queue import end_by
 
 PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
 
@@ -79,7 +79,7 @@ cdef class FilterCalls:
                 except BaseException as raised:
                     errors.append(raised)
         for callback, more in list(self.callbacks.values()):
-            call_back(callback, (message, *more), 1, errors)
+            call_back(callback, (message, *more), errors)
         return 0
 
     cdef int _drop(self, message, reason, text, list errors) except -1:
@@ -87,7 +87,7 @@ cdef class FilterCalls:
         self.dropped_in_a_row += 1
         for callback, more, takes_text in list(self.failure_callbacks.values()):
             texts = (text or "",) if takes_text else ()
-            call_back(callback, (message, reason, *texts, *more), 1, errors)
+            call_back(callback, (message, reason, *texts, *more), errors)
         return 0
 
 
@@ -202,7 +202,7 @@ cdef class QueuedMessage(Pending):
 
     def expire(self):
         """At the timeout: drop the message; in the executor that has the node, if one does."""
-        put_or_call(self.call_queue, self.end_or_queue(*self._outcome(self, self._calls._reasons.TIMEOUT)))
+        end_by(self.call_queue, self.end_or_queue(*self._outcome(self, self._calls._reasons.TIMEOUT)))
 
     cdef bint _runs_user_code(self) except -1:
         return bool(self._calls.callbacks) or bool(self._calls.failure_callbacks)
@@ -212,7 +212,7 @@ cdef class QueuedMessage(Pending):
             self._calls._ended[CLEARED] += 1
         elif isinstance(self._result, self._calls._reasons):
             self._calls._drop(self.message, self._result, self._error, errors)
-            call_back(self._warn, (self, self._result), 1, errors)
+            call_back(self._warn, (self, self._result), errors)
         else:
             self._calls._pass_on(self.message, self._result, errors)
         return 0

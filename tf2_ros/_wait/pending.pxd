@@ -24,5 +24,5 @@ cdef class Pending:
     cdef int _call_back(self, list errors) except -1
 
 
-# Calls back. An `Exception` is logged; another one is added to the errors. `tries`: how often, if it raises.
-cdef int call_back(callback, tuple arguments, int tries, list errors) except -1
+# Calls back. An `Exception` is logged; another one is added to the errors.
+cdef int call_back(callback, tuple arguments, list errors) except -1

@@ -17,9 +17,6 @@ from tf2_ros_cython import _ros_presence
 if _ros_presence.HAS_ROS:
     from tf2_ros._rclpy import wakes_executor
 
-cdef enum:
-    WAKER_TRIES = 10      # of a waker that a signal handler cuts short; a second signal is rare already
-
 cdef tuple STATES = ("pending", "queued", "done", "cancelled")
 
 
@@ -114,22 +111,14 @@ def notify(reference, answer, error=None):
     return None if pending is None else pending.end_or_queue(answer, error)
 
 
-cdef int call_back(callback, tuple arguments, int tries, list errors) except -1:
-    error = None
-    while tries > 0:
-        tries -= 1
+cdef int call_back(callback, tuple arguments, list errors) except -1:
+    try:
         try:
             callback(*arguments)
-            break
-        except BaseException as raised:
-            error = raised
-    if isinstance(error, Exception):
-        try:
+        except Exception as error:
             log.raised(error)
-        except BaseException as raised:
-            errors.append(raised)
-    elif error is not None:
-        errors.append(error)
+    except BaseException as raised:
+        errors.append(raised)
     return 0
 
 
@@ -218,14 +207,13 @@ cdef class PendingFuture(Pending):
 
     cdef int _call_back(self, list errors) except -1:
         # Wakers come last, so that whatever awaits the future finds that the program's callbacks have run.
-        # They are called again if a signal handler has cut them short.
         cdef list callbacks = self.done_callbacks
         cdef list wakers = self.wakers
         self.done_callbacks, self.wakers = [], []
         for callback in callbacks:
-            call_back(callback, (self,), 1, errors)
+            call_back(callback, (self,), errors)
         for waker in wakers:
-            call_back(waker, (self,), WAKER_TRIES, errors)
+            call_back(waker, (self,), errors)
         return 0
 
 
@@ -263,10 +251,10 @@ cdef class ChangeSubscription(Pending):
                 self._wait_for_next()
             except BaseException as raised:     # there is no memory
                 errors.append(raised)
-                call_back(self._callback, (result,), 1, errors)
+                call_back(self._callback, (result,), errors)
                 self.cancel()
             if self.life != CANCELLED:          # else the program has cancelled meanwhile
-                call_back(self._callback, (result,), 1, errors)
+                call_back(self._callback, (result,), errors)
             self._is_running = False
             if not errors:
                 break   # else nobody would call this again, because an error is raised

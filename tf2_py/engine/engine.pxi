@@ -286,6 +286,7 @@ cdef class Engine:
     cdef object _deliver(self, Batch* batch, object hand_over):
         # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises.
         cdef Waiter* waiter
+        cdef WaiterOwner owner
         cdef list errors = []
         while not links_empty(&batch.ready):    # whoever else removes one has the GIL, too
             lock_acquire(&self._lock)
@@ -294,8 +295,11 @@ cdef class Engine:
             if waiter == NULL:
                 break       # this is a child, which a callback has forked
             try:
-                # The owner still exists: it removes its waiter, with the GIL, before it is destroyed.
-                call = (<WaiterOwner>waiter.owner).deliver()
+                # The owner still exists: it removes its waiter, with the GIL, before it is destroyed. It must not
+                # be destroyed while it delivers.
+                owner = <WaiterOwner>waiter.owner
+                call = owner.deliver()
+                owner = None
                 if call is not None and hand_over is not None:
                     hand_over(call)
                     continue

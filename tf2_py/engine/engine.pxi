@@ -295,8 +295,8 @@ cdef class Engine:
             if waiter == NULL:
                 break       # this is a child, which a callback has forked
             try:
-                # The owner still exists: it removes its waiter, with the GIL, before it is destroyed. It must not
-                # be destroyed while it delivers.
+                # The owner still exists: it removes its waiter, with the GIL, before it is destroyed. It must
+                # not be destroyed while it delivers.
                 owner = <WaiterOwner>waiter.owner
                 call = owner.deliver()
                 owner = None

@@ -409,6 +409,21 @@ def test_a_clock_of_a_program(tf2_ros):
     assert pending.done()
 
 
+def test_a_clock_of_a_program_may_let_go_of_what_is_being_answered(tf2_ros):
+    class Forgets(Clock):
+        def now(self):
+            waiting.clear()
+            overwriting.extend(b"\xff" * size for size in range(64, 2048))  # what was freed
+            return Time(seconds=10)
+
+    buffer, waiting, overwriting = tf2_ros.Buffer(), [], []
+    buffer.clock = Forgets(clock_type=ClockType.SYSTEM_TIME)
+    waiting.append(buffer.wait_for_transform_async("map", "base", LATEST, max_age=5))
+    insert(buffer, "map", "base", 9)
+    assert not waiting
+    assert buffer.statistics()["waiters"] == 0
+
+
 def test_an_answer_that_was_delivered_is_the_answer(buffer, node):
     pending = buffer.wait_for_transform_async(*ROBOT, max_age=0.5)
     insert(buffer, "map", "odom", 99.75)

@@ -1034,10 +1034,9 @@ cdef class BufferCore(Engine):
         Wait for a lookup, which is at two times if ``fixed_frame`` and ``target_time`` are given.
 
         :param notify: called with the answer by the thread that inserts what was missing, or with None and
-            the error that ends the wait; not called if the answer is available at once. If it raises, it is
-            called again, because a signal handler may have raised in it. It runs no user code, but may
-            return a callable that does. A user's thread calls that at once; a receiver hands it over. None:
-            :meth:`Wait.wait_for` waits.
+            the error that ends the wait; not called if the answer is available at once. It runs no user code,
+            but may return a callable that does. A user's thread calls that at once; a receiver hands it over.
+            None: :meth:`Wait.wait_for` waits.
         :param policy: of ``policy_of``.
         :param after: a previous wait for the same simple lookup at the latest time: wait for an answer
             that differs from its answer.

@@ -22,8 +22,7 @@ cdef class ReadHook:
 cdef class WaiterOwner:
     # The base of what waits with a Waiter. It holds its engine, and removes the waiter before it is
     # destroyed.
-    # Called with the GIL and without the lock, when the waiter has an answer and has been removed; again if
-    # it raises.
+    # Called with the GIL and without the lock, when the waiter has an answer and has been removed.
     # Returns a callable that runs a user's code, to be called later, or None; the callable also returns one.
     cdef object deliver(self)
     # One line: what it waits for, and what it lacks at the moment.

@@ -19,13 +19,18 @@ cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil:
     return <uint64_t>PYTHONS.hash(text, <Py_ssize_t>size)
 
 
+cdef inline bint _is_name_of(const Names* names, uint32_t id, const char* text, size_t size) noexcept nogil:
+    cdef const Name* name = &names.names[id]
+    return name.size == size and memcmp(names.text + name.start, text, size) == 0
+
+
 cdef inline uint32_t _find_hashed(const Names* names, const char* text, size_t size,
                                   uint32_t hash) noexcept nogil:
     cdef uint32_t slot = hash & names.slot_mask
     cdef uint32_t id
     while names.slots[slot]:
         id = names.slots[slot] - 1
-        if names.names[id].hash == hash and is_name_of(names, id, text, size):
+        if names.names[id].hash == hash and _is_name_of(names, id, text, size):
             return id
         slot = (slot + 1) & names.slot_mask
     return NAME_UNKNOWN
@@ -52,7 +57,7 @@ cdef uint32_t names_find(const Names* names, const char* text, size_t size) noex
 
 cdef uint32_t names_find_guessed(const Names* names, const char* text, size_t size,
                                  uint32_t guess) noexcept nogil:
-    if guess < names.count and is_name_of(names, guess, text, size):
+    if guess < names.count and _is_name_of(names, guess, text, size):
         return guess
     return names_find(names, text, size)
 

@@ -38,11 +38,6 @@ cdef inline void name_strip(const char** text, size_t* size) noexcept nogil:
         size[0] -= 1
 
 
-cdef inline bint is_name_of(const Names* names, uint32_t id, const char* text, size_t size) noexcept nogil:
-    cdef const Name* name = &names.names[id]
-    return name.size == size and memcmp(names.text + name.start, text, size) == 0
-
-
 # As Python hashes bytes: with a secret of this process, so that nobody can choose names that collide.
 cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil
 

@@ -145,10 +145,10 @@ def _why_not(name: str, forks: list[str]) -> str:
         return "the version of rclpy is not supported, see precedence below"
     if name in forks:
         return "packages in a workspace or on PYTHONPATH take precedence"
-    return _not_mixed(forks) if forks else _not_arranged()
+    return _about_mixing(forks) if forks else _not_arranged()
 
 
-def _not_mixed(forks: list[str]) -> str:
+def _about_mixing(forks: list[str]) -> str:
     names = " and ".join(forks)
     if _installation.distribution_prefix() is None:
         return f"no ROS 2 is sourced: tf2-ros-cython is mixed with the {names} of PYTHONPATH"
@@ -188,7 +188,7 @@ def _precedence(has_ours: bool, forks: list[str]) -> str:
     if _installation.refused_rclpy() is not None:
         return f"any other tf2 before tf2-ros-cython: {_finder.unknown_rclpy()}"
     if forks:
-        return f"the order of sys.path, because {_not_mixed(forks)}"
+        return f"the order of sys.path, because {_about_mixing(forks)}"
     if not _is_arranged():
         return f"the order of sys.path{'' if has_ours else f'; {_not_arranged()}'}"
     prefix = _installation.distribution_prefix()

@@ -503,10 +503,9 @@ class TestCallbacks:
         assert 'Waited 0.01 s for the transform: "map" passed to' in seen[0]
         assert "The buffer is empty" in seen[0]
 
-    def test_what_ends_a_program_ends_the_insert_after_the_others_were_called(self, make):
+    def test_what_ends_a_program_ends_the_insert_after_the_other_messages_have_passed(self, make):
         script, seen = make(), []
-        script.filter.registerCallback(lambda message: sys.exit("mine"))
-        script.filter.registerCallback(seen.append)
+        script.filter.registerCallback(lambda message: seen.append(message) or sys.exit("mine"))
         script.filter.add(point())
         script.filter.add(point())
         with pytest.raises(SystemExit, match="mine"):

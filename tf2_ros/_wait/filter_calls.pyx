@@ -67,27 +67,24 @@ cdef class FilterCalls:
             "waiting": waiting,
         }
 
-    cdef int _pass_on(self, message, transform, list errors) except -1:
+    cdef int _pass_on(self, message, transform) except -1:
         self._ended[PASSED] += 1
         self.dropped_in_a_row = 0
         for reference in self._streams:
             stream = reference()
             if stream is not None:
                 stream.items.append((message, transform))
-                try:
-                    stream.arrival.end()
-                except BaseException as raised:
-                    errors.append(raised)
+                stream.arrival.end()
         for callback, more in list(self.callbacks.values()):
-            call_back(callback, (message, *more), errors)
+            call_back(callback, (message, *more))
         return 0
 
-    cdef int _drop(self, message, reason, text, list errors) except -1:
+    cdef int _drop(self, message, reason, text) except -1:
         self._ended[reason] += 1
         self.dropped_in_a_row += 1
         for callback, more, takes_text in list(self.failure_callbacks.values()):
             texts = (text or "",) if takes_text else ()
-            call_back(callback, (message, reason, *texts, *more), errors)
+            call_back(callback, (message, reason, *texts, *more))
         return 0
 
 
@@ -207,12 +204,12 @@ cdef class QueuedMessage(Pending):
     cdef bint _runs_user_code(self) except -1:
         return bool(self._calls.callbacks) or bool(self._calls.failure_callbacks)
 
-    cdef int _call_back(self, list errors) except -1:
+    cdef int _call_back(self) except -1:
         if self.life == CANCELLED:
             self._calls._ended[CLEARED] += 1
         elif isinstance(self._result, self._calls._reasons):
-            self._calls._drop(self.message, self._result, self._error, errors)
-            call_back(self._warn, (self, self._result), errors)
+            self._calls._drop(self.message, self._result, self._error)
+            call_back(self._warn, (self, self._result))
         else:
-            self._calls._pass_on(self.message, self._result, errors)
+            self._calls._pass_on(self.message, self._result)
         return 0

@@ -1,7 +1,7 @@
 """What ends once: a future, a message of a filter, a subscription to changes."""
 
 
-# The life of an pending, from the first to one of the last two.
+# The life of a pending one, from the first to one of the last two.
 cdef enum Life:
     PENDING
     QUEUED      # it has an outcome, which is not visible; what runs its callbacks will end it with them
@@ -16,13 +16,12 @@ cdef class Pending:
     cdef public object wait     # for what it lacks, with the buffer; None: for nothing of a buffer
     cdef public object kept     # a dict: the owner's references to what nothing else may refer to
     cdef readonly object call_queue     # that must call it; None: the queue of what received the transform
-    cdef int _end(self, Life life, list errors) except -1
+    cdef int _end(self, Life life) except -1
     # For subclasses. Whether ending it would run code of a program.
     cdef bint _runs_user_code(self) except -1
-    # Calls the callbacks, after the end. What they raise is added to the errors, the first of which is raised
-    # after the last callback.
-    cdef int _call_back(self, list errors) except -1
+    # Calls the callbacks, after the end.
+    cdef int _call_back(self) except -1
 
 
-# Calls back. An `Exception` is logged; another one is added to the errors.
-cdef int call_back(callback, tuple arguments, list errors) except -1
+# Calls back, and logs an `Exception`; what ends a program is raised.
+cdef int call_back(callback, tuple arguments) except -1

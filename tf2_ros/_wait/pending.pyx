@@ -47,7 +47,7 @@ cdef class Pending:
     def end(self, result=None, error=None):
         """End with this outcome, unless it has one, and run the callbacks in this thread."""
         if self.end_or_queue(result, error) is not None or self.life == QUEUED:
-            self._end(DONE, [])
+            self._end(DONE)
 
     def end_or_queue(self, result=None, error=None):
         """
@@ -55,47 +55,41 @@ cdef class Pending:
 
         :return: what has to be called in that case.
         """
-        cdef list errors = []   # now: making it may run another thread, which may add a callback
         if self.life == PENDING:
             self._result, self._error = result, error
             if self._runs_user_code():
                 self.life = QUEUED
                 return self
-            self._end(DONE, errors)
+            self._end(DONE)
         return None
 
     def __call__(self):
         if self.life == QUEUED:
-            self._end(DONE, [])
+            self._end(DONE)
 
     def cancel(self):
         """End the wait, or the calls of a subscription; later calls do nothing."""
         if self.life < DONE:
-            self._end(CANCELLED, [])
+            self._end(CANCELLED)
 
     def drop(self, why):
         """End a queued one without its callbacks, because nothing can run them any more."""
         if self.life == QUEUED:
-            self._end(CANCELLED, [])
+            self._end(CANCELLED)
 
-    cdef int _end(self, Life life, list errors) except -1:
-        # `errors`: new; making it may have ended this.
-        if self.life >= DONE:
-            return 0
+    cdef int _end(self, Life life) except -1:
         self.life = life
         self.kept.pop(self, None)
         if self.wait is not None:
             self.wait.cancel()
-        self._call_back(errors)
+        self._call_back()
         self.wait = None
-        if errors:
-            raise errors[0]
         return 0
 
     cdef bint _runs_user_code(self) except -1:
         return True
 
-    cdef int _call_back(self, list errors) except -1:
+    cdef int _call_back(self) except -1:
         return 0
 
 
@@ -111,14 +105,11 @@ def notify(reference, answer, error=None):
     return None if pending is None else pending.end_or_queue(answer, error)
 
 
-cdef int call_back(callback, tuple arguments, list errors) except -1:
+cdef int call_back(callback, tuple arguments) except -1:
     try:
-        try:
-            callback(*arguments)
-        except Exception as error:
-            log.raised(error)
-    except BaseException as raised:
-        errors.append(raised)
+        callback(*arguments)
+    except Exception as error:
+        log.raised(error)
     return 0
 
 
@@ -200,20 +191,22 @@ cdef class PendingFuture(Pending):
         if self.life == QUEUED:     # only now: making the error may run another thread
             self.done_callbacks = []
             self._result, self._error = None, error
-            self._end(DONE, [])
+            self._end(DONE)
 
     cdef bint _runs_user_code(self) except -1:
         return len(self.done_callbacks) > 0
 
-    cdef int _call_back(self, list errors) except -1:
+    cdef int _call_back(self) except -1:
         # Wakers come last, so that whatever awaits the future finds that the program's callbacks have run.
         cdef list callbacks = self.done_callbacks
         cdef list wakers = self.wakers
         self.done_callbacks, self.wakers = [], []
-        for callback in callbacks:
-            call_back(callback, (self,), errors)
-        for waker in wakers:
-            call_back(waker, (self,), errors)
+        try:
+            for callback in callbacks:
+                call_back(callback, (self,))
+        finally:
+            for waker in wakers:
+                call_back(waker, (self,))
         return 0
 
 
@@ -242,25 +235,21 @@ cdef class ChangeSubscription(Pending):
             raise
 
     def __call__(self):
-        cdef list errors = []
         self._is_due = True
-        while self._is_due and self.life == QUEUED and not self._is_running:
-            self._is_due, self._is_running = False, True
-            result, self._result, self.life = self._result, None, PENDING
-            try:
-                self._wait_for_next()
-            except BaseException as raised:     # there is no memory
-                errors.append(raised)
-                call_back(self._callback, (result,), errors)
-                self.cancel()
-            if self.life != CANCELLED:          # else the program has cancelled meanwhile
-                call_back(self._callback, (result,), errors)
+        if self.life != QUEUED or self._is_running:
+            return None
+        self._is_due, self._is_running = False, True
+        result, self._result, self.life = self._result, None, PENDING
+        try:
+            self._wait_for_next()
+            if self.life != CANCELLED:  # else the program has cancelled meanwhile
+                call_back(self._callback, (result,))
+        except BaseException:
+            self.cancel()   # nobody would make the next call
+            raise
+        finally:
             self._is_running = False
-            if not errors:
-                break   # else nobody would call this again, because an error is raised
-        if errors:
-            raise errors[0]
-        return self if self._is_due and self.life == QUEUED and not self._is_running else None
+        return self if self._is_due and self.life == QUEUED else None
 
     def _answered(self, unsigned long long number, answer):
         # The answer of a former wait, which another thread had begun to deliver, was taken from the wait.

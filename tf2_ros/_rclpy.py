@@ -8,10 +8,10 @@ all was tested. ``tf2_py.engine.times`` reads times from their handles.
 """
 
 import sys
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from inspect import CO_ASYNC_GENERATOR, CO_COROUTINE, CO_GENERATOR, CO_ITERABLE_COROUTINE
-from types import FrameType, FunctionType, coroutine
+from types import FrameType, FunctionType
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 import rclpy
@@ -342,52 +342,16 @@ _COROUTINES = CO_COROUTINE | CO_GENERATOR | CO_ITERABLE_COROUTINE | CO_ASYNC_GEN
 # The code of the methods of Task, one or two of which are on the stack while it steps its coroutine.
 _STEPS = {id(code): code for one in vars(Task).values() if (code := getattr(one, "__code__", None))}
 
-
-class _Recorder:
-    """Takes the place of an executor or a future, and records which of its methods are called."""
-
-    def __init__(self) -> None:
-        self.called: list[str] = []
-
-    def __getattr__(self, name: str) -> Any:
-        return lambda *_, **__: self.called.append(name)
-
-
-def _resumes_tasks() -> bool:
-    executor: Any = _Recorder()
-    future: Future = Future(executor=executor)
-
-    @coroutine
-    def sleep() -> Generator[Any, Any, None]:
-        yield future
-
-    async def work() -> None:
-        await sleep()
-
-    with suppress(Exception):  # another kind of task, which nobody knows yet
-        task = Task(work, executor=executor)
-        task()
-        executor.called.clear()
-        future.set_result(None)
-    return bool(executor.called)
-
-
 # Whether a task that has yielded a future is stepped again when that is done (since rclpy 7.1.9, 9.1.4 and
-# 10.0.3), and in the next round if it has yielded None. Before, executors stepped all tasks in each round.
-RESUMES_TASKS = _resumes_tasks()
-
-
-def _heeds_futures() -> bool:
-    executor: Any = _Recorder()
-    future: Any = _Recorder()
-    with suppress(Exception):  # another kind of executor, which nobody knows yet
-        SingleThreadedExecutor.spin_once_until_future_complete(executor, future, 0)
-    return bool(future.called)
-
-
+# 10.0.3), and in the next round if it has yielded None. Before, executors stepped all tasks in each round. Of
+# a task that resumes in another way, False is right, too: it is stepped in each round, which costs time.
+RESUMES_TASKS = hasattr(Task, "_add_resume_callback")
 # Whether an executor that spins until a future is done looks at it whenever it is woken. Humble's looks only
-# after a callback or a task, and sleeps on if the future ends in another thread.
-HEEDS_FUTURES = _heeds_futures()
+# after a callback or a task, and sleeps on if the future ends in another thread. Assumes that others add a
+# callback to the future; an executor that looks in another way gets a task that does nothing.
+HEEDS_FUTURES = (
+    "add_done_callback" in SingleThreadedExecutor.spin_once_until_future_complete.__code__.co_names
+)
 
 
 def spun_executor(callback: Any) -> Executor | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
-from tf2_ros._background import background
+from tf2_ros._background import NEVER_NS, background
 from tf2_ros._buffer_fillers import Shutdown
 from tf2_ros._forking import FORKED, is_inherited
 from tf2_ros._live_objects import LiveObjects
@@ -85,13 +85,18 @@ class WakingFuture(BaseFuture, Generic[_Result]):
         if not self.has_ended():
             sleeper = _sleeper(self)
             try:
-                self.kept[sleeper] = None
-                self.add_done_callback(sleeper)
-                yield from sleeper.sleep(self)
+                if sleeper is None:  # what drives the coroutine must resume it until it ends
+                    while not self.has_ended():
+                        yield
+                else:
+                    self.kept[sleeper] = None
+                    self.add_done_callback(sleeper)
+                    yield from sleeper.sleep(self)
             finally:
-                sleeper.awake = True
-                self.remove_done_callback(sleeper)
-                self.kept.pop(sleeper, None)
+                if sleeper is not None:
+                    sleeper.awake = True
+                    self.remove_done_callback(sleeper)
+                    self.kept.pop(sleeper, None)
                 if self.has_ended():
                     self.exception()  # of a cancelled coroutine, nobody else fetches it
         return self.result()
@@ -99,20 +104,6 @@ class WakingFuture(BaseFuture, Generic[_Result]):
     def expire(self) -> None:
         """End the wait after a shutdown: with None, unless a subclass does more. Called in any thread."""
         self.end()
-
-
-class _SleepingCoroutine(Waker):
-    """What sleeps where nothing can be woken: the coroutine must be resumed until it ends."""
-
-    awake = False
-
-    def sleep(self, future: WakingFuture[Any]) -> Generator[None, Any, None]:
-        """Sleep until the future has ended."""
-        while not future.has_ended():
-            yield
-
-    def __call__(self, _: object) -> None:
-        """Do nothing."""
 
 
 class _SleepingLoop(Waker):
@@ -196,14 +187,14 @@ class _ShutdownCheck:
 os.register_at_fork(after_in_child=_ShutdownCheck._known.clear)
 
 
-def _sleeper(future: WakingFuture[Any]) -> "SleepingTask | _SleepingLoop | _SleepingCoroutine":
-    """What wakes whatever runs in this thread."""
+def _sleeper(future: WakingFuture[Any]) -> "SleepingTask | _SleepingLoop | None":
+    """What wakes whatever runs in this thread, if that can be woken."""
     loop = running_loop()
     # A callback that an executor runs may run a loop, and a task of a loop may spin an executor.
     task = running_task(is_direct=loop is not None)
     if task is not None:
         return SleepingTask(task)
-    return _SleepingCoroutine() if loop is None else _SleepingLoop(loop, future)
+    return None if loop is None else _SleepingLoop(loop, future)
 
 
 class TransformFuture(WakingFuture[TransformStamped]):
@@ -237,7 +228,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
         super().__init__(self.__shutdown, getattr(core, "_tf2_kept", None))
         self.__core = weakref.ref(core)  # which the wait keeps
         self.__begin_ns = time.monotonic_ns() if begin_ns is None else begin_ns
-        self.__timeout_ns = optional_timeout_ns(timeout)
+        timeout_ns = optional_timeout_ns(timeout)
+        self.__end_ns = NEVER_NS if timeout_ns is None else self.__begin_ns + timeout_ns
         try:
             # The engine refers to what is notified as long as this waits; it must not keep this alive.
             wait = self.wait = begin(core, partial(notify, weakref.ref(self)))
@@ -250,68 +242,37 @@ class TransformFuture(WakingFuture[TransformStamped]):
             self.set_result(answer)
         if self.over():
             self.wait = None
-            return
-        if self.__timeout_ns is not None:
-            background.end_at(self.__begin_ns + self.__timeout_ns, self)
-        if wait.must_be_tried:
-            self.__clock_check = _ClockCheck(self)
-
-    def expire(self) -> None:
-        """
-        End at the timeout, or because the context was shut down: with the answer if it has just arrived, or
-        with a TimeoutException.
-        """
-        self.retry()
-        wait = self.wait
-        if wait is not None and not self.over():
-            self.__end(None, self.__unanswered(wait))
-
-    def retry(self) -> None:
-        """End with an answer that is fresh by the clock, if there is one."""
-        wait = self.wait
-        try:
-            answer = None if wait is None else wait.take()
-        except Exception as error:  # a limit for a frame that is not a child, or a program's clock raises
-            self.__end(None, error)
         else:
-            if answer is not None:
-                self.__end(answer, None)
+            self.__expire_later(wait)
 
-    def __end(self, answer: TransformStamped | None, error: Exception | None) -> None:
-        end_for(self.__core(), self.end_or_queue(answer, error))
-
-    def __unanswered(self, wait: Any) -> TimeoutException:
-        waited_ns = time.monotonic_ns() - self.__begin_ns
-        if self.__timeout_ns is not None:
-            waited_ns = min(waited_ns, self.__timeout_ns)
-        if why := self.__shutdown.why():
-            return TimeoutException(errors.in_vain(why, waited_ns))
-        return TimeoutException(errors.timed_out(wait.reason(), waited_ns))
-
-
-class _ClockCheck:
-    """
-    Regularly retries a future that judges ages by a clock that reports no jumps, as long as something else
-    refers to it.
-    """
-
-    def __init__(self, future: TransformFuture) -> None:
-        self._future = weakref.ref(future)
-        self._check_later()
-
-    def _check_later(self) -> None:
-        background.end_at(time.monotonic_ns() + CLOCK_CHECK_NS, self)
-
-    # The protocol of what is due.
-
-    def over(self) -> bool:
-        """Whether the future needs no check any more."""
-        future = self._future()
-        return future is None or future.over()
+    def __expire_later(self, wait: Any) -> None:
+        # A clock that reports no jumps must be read regularly.
+        due_ns = self.__end_ns
+        if wait.must_be_tried:
+            due_ns = min(due_ns, time.monotonic_ns() + CLOCK_CHECK_NS)
+        if due_ns < NEVER_NS:
+            background.end_at(due_ns, self)
 
     def expire(self) -> None:
-        """Retry, and check again after CLOCK_CHECK_NS."""
-        future = self._future()
-        if future is not None:
-            self._check_later()
-            future.retry()
+        """
+        End with an answer that is there, or at the timeout, or because the context was shut down, with a
+        TimeoutException.
+        """
+        wait = self.wait
+        if wait is None or self.over():
+            return
+        answer, error = None, None
+        try:
+            reason = wait.reason()  # first: what is inserted in between answers
+            answer = wait.take()
+        except Exception as raised:  # a limit for a frame that is not a child, or a program's clock raises
+            error = raised
+        if answer is None and error is None:
+            now_ns, why = time.monotonic_ns(), self.__shutdown.why()
+            if now_ns < self.__end_ns and not why:
+                self.__expire_later(wait)
+                return
+            waited_ns = min(now_ns, self.__end_ns) - self.__begin_ns
+            text = errors.in_vain(why, waited_ns) if why else errors.timed_out(reason, waited_ns)
+            error = TimeoutException(text)
+        end_for(self.__core(), self.end_or_queue(answer, error))

@@ -106,7 +106,7 @@ class Background:
         self._file_added()
         pause_ns = time.monotonic_ns() + SHARE_NS
         while self._heap:
-            due_ns, what, now_ns = self._heap[0][0], _pending(self._heap[0]), time.monotonic_ns()
+            due_ns, what, now_ns = self._heap[0][0], _unless_over(self._heap[0]), time.monotonic_ns()
             if what is not None and (due_ns > now_ns or now_ns > pause_ns):
                 return due_ns
             heappop(self._heap)
@@ -119,12 +119,12 @@ class Background:
             heappush(self._heap, self._added.popleft())
         # Waits usually end well before they are due. Their entries would pile up until then.
         if len(self._heap) > self._sweep_at:
-            self._heap = [entry for entry in self._heap if _pending(entry) is not None]
+            self._heap = [entry for entry in self._heap if _unless_over(entry) is not None]
             heapify(self._heap)
             self._sweep_at = 2 * len(self._heap) + FEW
 
 
-def _pending(entry: _Entry) -> Any:
+def _unless_over(entry: _Entry) -> Any:
     # One that cannot say whether it is over must not keep the others from their ends.
     what = entry[2]()
     try:

@@ -1,4 +1,4 @@
-"""Start threads in the background of a program, and run its code in one of them."""
+"""Start and end the background threads of a process; callbacks that no executor runs wait for one of them."""
 
 import threading
 from _thread import start_new_thread

@@ -38,7 +38,7 @@ FAULTS = {
         "            self._inboxes.wake_reporting()\n",
         "            self._inboxes.wake_reporting()\n        self._added.append(entry)\n",
     ),
-    "removes what is pending": ("if _pending(entry) is not None]", "if _pending(entry) is None]"),
+    "removes what is pending": ("if _unless_over(entry) is not None]", "if _unless_over(entry) is None]"),
     "takes checks for filed when they are due": (
         "        self._is_filed = False  # first: what is added from now on has them filed\n",
         "",
@@ -180,7 +180,7 @@ def source_of(*changes):
         assert text.count(before) == 1, before
         text = text.replace(before, after)
     tree = ast.parse(text)
-    names = "Background", "_Checks", "_pending"
+    names = "Background", "_Checks", "_unless_over"
     tree.body = [one for one in tree.body if getattr(one, "name", "") in names]
     return compile(tree, FILE, "exec")
 

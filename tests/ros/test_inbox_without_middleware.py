@@ -104,8 +104,8 @@ def test_a_read_takes_from_every_inbox_although_one_ends_meanwhile(source, inbox
     source.put(serialised(transform("map", "robot", 1)))
     slow.slow_down()
     slow.put(serialised(transform("map", "person", 1)))
-    draining = threading.Thread(target=inboxes.drain_when_due)
-    draining.start()
+    receiver = threading.Thread(target=inboxes.drain_when_due)
+    receiver.start()
     until(slow.is_taking)
     reads = threading.Event()
     answers = []
@@ -121,7 +121,7 @@ def test_a_read_takes_from_every_inbox_although_one_ends_meanwhile(source, inbox
     assert slow.go_on()
     reader.join()
     inboxes.stop()
-    draining.join()
+    receiver.join()
     assert answers == [True]
     first.close()
 
@@ -283,8 +283,8 @@ def test_an_interrupt_while_answers_are_handed_over_is_raised_after_the_last_one
 def test_one_thread_drains_without_a_reader_and_another_reports_until_they_are_stopped(
     source, inbox, inboxes, buffer, capfd
 ):
-    draining = threading.Thread(target=inboxes.drain_when_due)
-    draining.start()
+    receiver = threading.Thread(target=inboxes.drain_when_due)
+    receiver.start()
     source.put(serialised(transform("map", "map", 1)))
     until(
         lambda: (
@@ -294,7 +294,7 @@ def test_one_thread_drains_without_a_reader_and_another_reports_until_they_are_s
         )
     )
     inboxes.stop()
-    draining.join()
+    receiver.join()
     inboxes.drain_when_due()
     assert not inboxes.await_report(time.monotonic_ns() + S)
 

@@ -52,11 +52,11 @@ cdef struct InformedLink:
 cdef struct Drain:
     # What the inboxes of a process have in common: two threads, of which one drains and one reports.
     Lock lock                   # guards the two lists, and what the InboxState of each inbox says
-    InboxState* first                # of those that the draining thread serves
+    InboxState* first                # of those that the receiver thread serves
     InboxState* first_to_report      # of those that have something to report
     Event work                  # for the thread that drains
     Event reporting             # for the thread that reports
-    uint32_t is_idle            # atomic: the draining thread must be woken by the next message
+    uint32_t is_idle            # atomic: the receiver thread must be woken by the next message
     uint32_t short_rounds       # atomic: so many rounds are still short
     uint32_t is_stopping        # atomic
 
@@ -80,7 +80,7 @@ cdef struct InboxState:
     void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message; NULL: not allocated yet
     Parcels reports             # messages with something to report
-    InboxState* next                 # in the list of those that the draining thread serves
+    InboxState* next                 # in the list of those that the receiver thread serves
     InboxState* next_to_report       # in that of those whose `reports` are not empty
 
 
@@ -102,7 +102,7 @@ cdef class Informed:
     cdef readonly object receivers  # LiveObjects: those that leave their messages to an EventsExecutor
     # Something was inserted. Called without the GIL, in any thread, as the next one.
     cdef void inserted(self) noexcept nogil
-    # It may wake for what was inserted. Called in each round of the draining thread, so not for each message.
+    # It may wake for what was inserted. Called in each round of the receiver thread, so not for each message.
     cdef void wake_if_due(self) noexcept nogil
 
 

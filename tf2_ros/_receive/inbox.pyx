@@ -180,7 +180,7 @@ cdef void _take_reports(InboxState* inbox, Parcels* reports) noexcept nogil:
 # Draining; with the lock held. The state has only the address of the engine: without the GIL, references
 # cannot be counted. Who calls what:
 #   a read of the buffer      catch_up ─► drain ─► _take, then `step` until nothing is left
-#   the draining thread       drain_when_due ─► _serve_all ─► _serve ─► _take
+#   the receiver thread       drain_when_due ─► _serve_all ─► _serve ─► _take
 #   all of them               _take ─► _begin_message ─► `next` of the source; _go_on; _report_later
 # A long message is inserted in slices, and between takes the lock is released: whoever takes next goes on.
 

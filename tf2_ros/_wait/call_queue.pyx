@@ -31,9 +31,9 @@ cdef class CallQueue:
     """
     The calls that run code of a program, of waits of a node that have ended: a queue, usually one for a node.
 
-    What ends a wait puts a `Pending` here: an insert of a listener, a timeout, a shutdown. Only a program's
-    own insert, and its own `cancel`, run the code at once. Server and client also put plain calls, which are
-    dropped without a word. This class promises:
+    What ends a wait puts a `Pending` here: an insert of a listener, a timeout, a shutdown. Only what a
+    program calls itself runs the code at once: an insert, `cancel`, `set_result` or `set_exception`. Server
+    and client also put plain calls, which are dropped without a word. This class promises:
 
     1. **Order.** Calls are made in the order of :meth:`put`, one at a time.
     2. **Threads.** They are made by what runs the node, as callbacks of subscriptions are. While nothing runs
@@ -46,7 +46,7 @@ cdef class CallQueue:
        a call from the queue and making it. One that raises inside :meth:`put` at most delays the call until
        the next regular check.
     5. **The end.** When the node has ended, which is noticed within two seconds, the calls are dropped, and
-       their futures end with a TimeoutException that says why.
+       their futures end with a TimeoutException that says why. Futures that are still pending wait on.
     6. **Forks.** In a forked child it is dead: calls are dropped silently.
 
     :param node: keeps this alive, not the other way round.
@@ -134,7 +134,7 @@ cdef class CallQueue:
         return node is None or node_has_ended(node)
 
     def is_served(self):
-        """Whether something runs the node now."""
+        """Whether calls are made soon: an executor or a loop has the node, though a callback may block it."""
         return not self.has_ended() and self.runner.is_running()
 
     def _tf2_check(self):

@@ -1,4 +1,4 @@
-"""What makes the calls of a CallQueue: the executor or the event loop that runs a node."""
+"""Make the calls that wait in a CallQueue: in the executor or the event loop that runs the node."""
 
 import weakref
 from contextlib import suppress
@@ -46,7 +46,7 @@ class Runner:
         raise NotImplementedError
 
     def is_running(self) -> bool:
-        """Whether it would make calls now."""
+        """Whether an executor or a loop has the node, and makes calls as soon as no callback blocks it."""
         raise NotImplementedError
 
     def leave(self) -> None:

@@ -1,4 +1,4 @@
-"""Iterate over the changes of a transform."""
+"""Wait for each change of a transform, in an iteration."""
 
 from collections.abc import Callable
 from typing import Any

@@ -36,7 +36,7 @@ from tf2_ros._rclpy import wake as wake_executor
 cdef extern from "Python.h":
     unsigned long PyThread_get_thread_ident()
 
-# When a sleeping executor wakes for arrivals: never, or in the next round of the draining thread, or in the
+# When a sleeping executor wakes for arrivals: never, or in the next round of the receiver thread, or in the
 # first one after some steady time.
 cdef uint64_t NEVER = 0
 cdef uint64_t NEXT_ROUND = 1
@@ -49,7 +49,7 @@ cdef int MAX_UNREAD = 50
 
 
 # Atomic: written by executors, with the GIL, and by threads without it. It exists as long as its object.
-#   the executor          wake_at_ns             a round of the draining thread, if `arrived` is set
+#   the executor          wake_at_ns             a round of the receiver thread, if `arrived` is set
 #   runs callbacks        NEVER                  does nothing
 #   sleeps in user code's
 #   call of it            NEXT_ROUND             sets `round_due`, and wakes it

@@ -16,7 +16,7 @@ from tf2_ros._forking import FORKED, is_inherited
 from tf2_ros._live_objects import LiveObjects
 from tf2_ros._message_classes import TransformStamped
 from tf2_ros._running_loop import running_loop
-from tf2_ros._wait.pending import Waker, notify
+from tf2_ros._wait.pending import Waker, end_referred
 from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
@@ -78,7 +78,7 @@ class WakingFuture(BaseFuture, Generic[_Result]):
         Where the awaiting coroutine is cancelled or closed, Python raises at the ``yield``, and what would
         have woken it is removed. The future itself is not cancelled: it waits on as long as something refers
         to it. Usually only the coroutine and the traceback of the cancellation do, and its waiter ends with
-        them, because the engine refers to the future weakly (``notify``).
+        them, because the engine refers to the future weakly (``end_referred``).
         """
         if self.is_dead():
             raise RuntimeError(f"{self!r}: create the future after the fork")
@@ -232,7 +232,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         self.__end_ns = NEVER_NS if timeout_ns is None else self.__begin_ns + timeout_ns
         try:
             # The engine refers to what is notified as long as this waits; it must not keep this alive.
-            wait = self.wait = begin(core, partial(notify, weakref.ref(self)))
+            wait = self.wait = begin(core, partial(end_referred, weakref.ref(self)))
         except InvalidArgumentException as error:
             self.set_exception(error)
             return
@@ -254,14 +254,11 @@ class TransformFuture(WakingFuture[TransformStamped]):
             background.end_at(due_ns, self)
 
     def expire(self) -> None:
-        """
-        End with an answer that is there, or at the timeout, or because the context was shut down, with a
-        TimeoutException.
-        """
+        """End with an answer that is there; at the timeout or after a shutdown, with a TimeoutException."""
         wait = self.wait
         if wait is None or self.over():
             return
-        answer, error = None, None
+        answer = reason = error = None
         try:
             reason = wait.reason()  # first: what is inserted in between answers
             answer = wait.take()

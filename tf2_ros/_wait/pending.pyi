@@ -1,3 +1,5 @@
+"""What ends once: a future, a message of a filter, a subscription to changes."""
+
 import weakref
 from collections.abc import Callable
 from typing import Any
@@ -22,7 +24,7 @@ class Pending:
     def drop(self, why: str) -> None: ...
 
 def call_all(call: Callable[[], Any] | None) -> None: ...
-def notify(
+def end_referred(
     reference: weakref.ref[Pending], answer: Any, error: BaseException | None = None
 ) -> Pending | None: ...
 

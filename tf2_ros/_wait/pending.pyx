@@ -45,7 +45,7 @@ cdef class Pending:
         return self.life >= DONE
 
     def end(self, result=None, error=None):
-        """End with this outcome, unless it has one, and run the callbacks in this thread."""
+        """End with this outcome, or with the one that is queued, and run the callbacks in this thread."""
         if self.end_or_queue(result, error) is not None or self.life == QUEUED:
             self._end(DONE)
 
@@ -99,7 +99,7 @@ def call_all(call):
         call = call()
 
 
-def notify(reference, answer, error=None):
+def end_referred(reference, answer, error=None):
     """End what a weak reference refers to, if it exists, with the answer that it waits for, or an error."""
     pending = reference()
     return None if pending is None else pending.end_or_queue(answer, error)
@@ -157,11 +157,11 @@ cdef class PendingFuture(Pending):
         return self._error if self.life == DONE else None
 
     def set_result(self, result):
-        """End with this result, unless it has an outcome."""
+        """End with this result, or with the outcome that is queued, see `end`."""
         self.end(result)
 
     def set_exception(self, exception):
-        """End with this exception, unless it has an outcome."""
+        """End with this exception, or with the outcome that is queued, see `end`."""
         self.end(None, exception)
 
     def add_done_callback(self, callback):

@@ -2,7 +2,7 @@
 Publishes transforms, and reads each of them at once, in every way; prints what missed how many.
 
 With the middleware's own settings, which deliver within a process before the publisher returns. So nothing,
-or the draining thread at this moment, has inserted the transform that a read must find.
+or the receiver thread at this moment, has inserted the transform that a read must find.
 """
 
 import pickle

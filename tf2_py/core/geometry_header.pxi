@@ -151,10 +151,13 @@ cdef inline double interpolation_weights(double ax, double ay, double az, double
 
 cdef inline void far_interpolation_weights(double distance, double ratio, double sign, double* weight_a,
                                            double* weight_b) noexcept nogil:
-    cdef double angle = acos(1.0 - distance)
-    cdef double scale = 1.0 / sin(angle)
-    weight_a[0] = sin((1.0 - ratio) * angle) * scale
-    weight_b[0] = sign * (sin(ratio * angle) * scale)
+    # The sine of the rest is that of a difference, so that one angle needs its sine and cosine.
+    cdef double cosine = 1.0 - distance
+    cdef double sine = sqrt(distance * (1.0 + cosine))
+    cdef double angle = ratio * acos(cosine)
+    cdef double part = sin(angle) / sine
+    weight_a[0] = cos(angle) - cosine * part
+    weight_b[0] = sign * part
 
 
 cdef inline void quaternion_interpolate(const double* a, const double* b, double ratio,

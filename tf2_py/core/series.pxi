@@ -29,22 +29,44 @@ cdef struct SeriesWork "tf2_work":
     unsigned char missing[BATCH_TIMES]      # 1: some history does not answer for this time
 
 
+cdef enum Step:
+    INTERPOLATE         # hop = the frame's transforms at the times
+    CLIMB_SOURCE        # result = hop result
+    CLIMB_TARGET        # target = hop target
+    BETWEEN             # result = target^-1 result
+    FINISH              # result, of unit length and canonical sign as at the end of a single lookup
+    APPLY               # result = hop result, of canonical sign
+    TURN                # turn = the rotation matrices of the result
+
+
 cdef extern from *:
     """
-    /* The functions below are compiled once for every x86-64 and once for AVX2, and the loader selects one.
-       The numbers are the same: -ffp-contract=off keeps multiply and add apart. Only glibc's loader can. */
-    #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+    /* The steps are compiled for every x86-64, for AVX2 and for AVX-512. The numbers are the same, because
+       -ffp-contract=off keeps multiply and add apart. Processors that have AVX-512 but not its VBMI2 lower
+       their clock for it. */
     struct tf2_work;
-    #define TF2_WIDE __attribute__((target_clones("avx2", "default")))
-    static void tf2_interpolate(struct tf2_work *) TF2_WIDE;
-    static void tf2_climb_source(struct tf2_work *) TF2_WIDE;
-    static void tf2_climb_target(struct tf2_work *) TF2_WIDE;
-    static void tf2_finish(struct tf2_work *) TF2_WIDE;
-    static void tf2_between(struct tf2_work *) TF2_WIDE;
-    static void tf2_apply(struct tf2_work *) TF2_WIDE;
-    static void tf2_turn(struct tf2_work *) TF2_WIDE;
+    #if defined(__x86_64__) && defined(__GNUC__)
+    static inline __attribute__((always_inline)) void tf2_step(struct tf2_work *, int);
+    static __attribute__((target("avx512f"))) void tf2_step_512(struct tf2_work *work, int step) {
+        tf2_step(work, step);
+    }
+    static __attribute__((target("avx2"))) void tf2_step_256(struct tf2_work *work, int step) {
+        tf2_step(work, step);
+    }
+    static void tf2_wide_step(struct tf2_work *work, int step) {
+        if (__builtin_cpu_supports("avx512vbmi2"))
+            tf2_step_512(work, step);
+        else if (__builtin_cpu_supports("avx2"))
+            tf2_step_256(work, step);
+        else
+            tf2_step(work, step);
+    }
+    #else
+    static void tf2_step(struct tf2_work *, int);
+    #define tf2_wide_step tf2_step
     #endif
     """
+    void _do "tf2_wide_step"(SeriesWork* work, int step) noexcept nogil
 
 
 cdef inline void _put(Columns* columns, uint32_t i, const Transform* value) noexcept nogil:
@@ -55,12 +77,10 @@ cdef inline void _put(Columns* columns, uint32_t i, const Transform* value) noex
         columns.q[k][i] = value.rotation[k]
 
 
-cdef void _put_identities(Columns* columns) noexcept nogil:
-    cdef Transform identity
+cdef void _fill(Columns* columns, const Transform* value) noexcept nogil:
     cdef uint32_t i
-    transform_identity(&identity)
     for i in range(BATCH_TIMES):
-        _put(columns, i, &identity)
+        _put(columns, i, value)
 
 
 cdef void _gather(SeriesWork* work, const History* history, const int64_t* times_ns, uint32_t count,
@@ -107,7 +127,7 @@ cdef inline void _weigh(SeriesWork* work, uint32_t i, double weight_a, double we
         work.hop.q[k][i] = weight_a * work.older.q[k][i] + weight_b * work.newer.q[k][i]
 
 
-cdef void _interpolate "tf2_interpolate"(SeriesWork* work) noexcept nogil:
+cdef inline void _interpolate(SeriesWork* work) noexcept nogil:
     # As history_transform_at, whose weights these are.
     cdef uint32_t i
     cdef double ratio, weight_a, weight_b
@@ -125,18 +145,6 @@ cdef void _interpolate "tf2_interpolate"(SeriesWork* work) noexcept nogil:
         if work.distance[i] > FAR_APART:
             far_interpolation_weights(work.distance[i], work.ratio[i], work.sign[i], &weight_a, &weight_b)
             _weigh(work, i, weight_a, weight_b)
-
-
-cdef void work_hop(SeriesWork* work, const History* history, const int64_t* times_ns, uint32_t count,
-                   uint32_t* hint) noexcept nogil:
-    # hop = the frame's transforms at the times. `hint`: as in history_neighbours.
-    cdef uint32_t i
-    if history.kind == HISTORY_STATIC:
-        for i in range(BATCH_TIMES):
-            _put(&work.hop, i, history_newest_transform(history))
-        return
-    _gather(work, history, times_ns, count, hint)
-    _interpolate(work)
 
 
 cdef inline void _compose(const Columns* a, Columns* b, bint inverts) noexcept nogil:
@@ -173,21 +181,6 @@ cdef inline void _compose(const Columns* a, Columns* b, bint inverts) noexcept n
         b.q[3][i] = w * bw - ux * bx - uy * by - uz * bz
 
 
-cdef void _climb_source "tf2_climb_source"(SeriesWork* work) noexcept nogil:
-    # result = hop result
-    _compose(&work.hop, &work.result, False)
-
-
-cdef void _climb_target "tf2_climb_target"(SeriesWork* work) noexcept nogil:
-    # target = hop target
-    _compose(&work.hop, &work.target, False)
-
-
-cdef void _between "tf2_between"(SeriesWork* work) noexcept nogil:
-    # result = target^-1 result
-    _compose(&work.target, &work.result, True)
-
-
 cdef inline void _canonicalise(SeriesWork* work) noexcept nogil:
     # As quaternion_canonicalise; without branches
     cdef uint32_t i
@@ -204,8 +197,7 @@ cdef inline void _canonicalise(SeriesWork* work) noexcept nogil:
             work.result.q[k][i] *= sign
 
 
-cdef void _finish "tf2_finish"(SeriesWork* work) noexcept nogil:
-    # Unit length and canonical sign, as at the end of a single lookup.
+cdef inline void _finish(SeriesWork* work) noexcept nogil:
     cdef uint32_t i
     cdef double squared, scale
     cdef int k
@@ -219,17 +211,36 @@ cdef void _finish "tf2_finish"(SeriesWork* work) noexcept nogil:
     _canonicalise(work)
 
 
-cdef void _apply "tf2_apply"(SeriesWork* work) noexcept nogil:
-    _compose(&work.hop, &work.result, False)
-    _canonicalise(work)
-
-
-cdef void work_apply(SeriesWork* work, const Transform* after) noexcept nogil:
-    # result = after result
+cdef inline void _turn(SeriesWork* work) noexcept nogil:
+    # As matrix_from_quaternion
+    cdef double q[4]
+    cdef double turn[9]
     cdef uint32_t i
+    cdef int k
     for i in range(BATCH_TIMES):
-        _put(&work.hop, i, after)
-    _apply(work)
+        for k in range(4):
+            q[k] = work.result.q[k][i]
+        matrix_from_quaternion(q, turn)
+        for k in range(9):
+            work.turn[k][i] = turn[k]
+
+
+cdef void _step "tf2_step"(SeriesWork* work, int step) noexcept nogil:
+    if step == INTERPOLATE:
+        _interpolate(work)
+    elif step == CLIMB_SOURCE:
+        _compose(&work.hop, &work.result, False)
+    elif step == CLIMB_TARGET:
+        _compose(&work.hop, &work.target, False)
+    elif step == BETWEEN:
+        _compose(&work.target, &work.result, True)
+    elif step == FINISH:
+        _finish(work)
+    elif step == APPLY:
+        _compose(&work.hop, &work.result, False)
+        _canonicalise(work)
+    else:
+        _turn(work)
 
 
 cdef inline void _store_column(const double* column, uint32_t count, double* out, int width) noexcept nogil:
@@ -249,26 +260,12 @@ cdef void work_store(const SeriesWork* work, uint32_t count, double* translation
         _store_column(work.result.q[k], count, rotations + k, 4)
 
 
-cdef void _turn "tf2_turn"(SeriesWork* work) noexcept nogil:
-    # As matrix_from_quaternion
-    cdef double q[4]
-    cdef double turn[9]
-    cdef uint32_t i
-    cdef int k
-    for i in range(BATCH_TIMES):
-        for k in range(4):
-            q[k] = work.result.q[k][i]
-        matrix_from_quaternion(q, turn)
-        for k in range(9):
-            work.turn[k][i] = turn[k]
-
-
 cdef void work_store_matrices(SeriesWork* work, uint32_t count, double* matrices) noexcept nogil:
     # The first `count` results, to rows of sixteen numbers, as matrix_from_transform.
     cdef bint is_nan
     cdef uint32_t i
     cdef int row, k
-    _turn(work)
+    _do(work, TURN)
     for row in range(3):
         for k in range(3):
             _store_column(work.turn[3 * row + k], count, matrices + 4 * row + k, 16)
@@ -372,37 +369,51 @@ cdef void series_unpin(PinnedLookup* pinned) noexcept nogil:
         history_unpin(&pinned.histories[i])
 
 
+cdef void _hop_at_times(SeriesWork* work, const History* history, const int64_t* times_ns, uint32_t count,
+                       uint32_t* hint) noexcept nogil:
+    # hop = the frame's transforms at the times. `hint`: as in history_neighbours.
+    if history.kind == HISTORY_STATIC:
+        _fill(&work.hop, history_newest_transform(history))
+    else:
+        _gather(work, history, times_ns, count, hint)
+        _do(work, INTERPOLATE)
+
+
+cdef void _climb(PinnedLookup* pinned, uint32_t first, uint32_t hops, const int64_t* times_ns,
+                 uint32_t count, SeriesWork* work, Columns* end,
+                 Step step) noexcept nogil:
+    # Composes one side of the path, whose hops begin at `first`, in `end`.
+    cdef uint32_t i
+    cdef Transform identity
+    if not hops:
+        transform_identity(&identity)
+        _fill(end, &identity)
+    for i in range(hops):
+        _hop_at_times(work, &pinned.histories[first + i], times_ns, count, &pinned.hints[first + i])
+        if i == 0:
+            end[0] = work.hop
+        else:
+            _do(work, step)
+
+
 cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t count,
                         SeriesWork* work) noexcept nogil:
     cdef const Path* path = &pinned.path
     cdef int64_t times_ns[BATCH_TIMES]
-    cdef uint32_t i, k
+    cdef uint32_t i
     memset(work.missing, 0, BATCH_TIMES)
     for i in range(count):
         times_ns[i] = asked_ns[i] if asked_ns[i] else pinned.common_ns
-    if path.source_hops == 0 and path.target_hops == 0:
-        _put_identities(&work.result)
-    else:
-        for i in range(path.target_hops):
-            k = path.source_hops + i
-            work_hop(work, &pinned.histories[k], times_ns, count, &pinned.hints[k])
-            if i == 0:
-                work.target = work.hop
-            else:
-                _climb_target(work)
-        for i in range(path.source_hops):
-            work_hop(work, &pinned.histories[i], times_ns, count, &pinned.hints[i])
-            if i == 0:
-                work.result = work.hop
-            else:
-                _climb_source(work)
-        if path.source_hops == 0:
-            _put_identities(&work.result)
-        if path.target_hops:
-            _between(work)
-        _finish(work)
+    _climb(pinned, 0, path.source_hops, times_ns, count, work, &work.result, CLIMB_SOURCE)
+    if path.target_hops:
+        _climb(pinned, path.source_hops, path.target_hops, times_ns, count, work, &work.target,
+               CLIMB_TARGET)
+        _do(work, BETWEEN)
+    if path.source_hops or path.target_hops:
+        _do(work, FINISH)
     if pinned.has_fixed:
-        work_apply(work, &pinned.fixed_to_target)
+        _fill(&work.hop, &pinned.fixed_to_target)
+        _do(work, APPLY)
 
 
 cdef Status _batch_lack(const Query* query, const PinnedLookup* pinned, int64_t asked_ns) noexcept nogil:

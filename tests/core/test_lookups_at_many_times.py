@@ -16,7 +16,7 @@ from tf2_ros.numpy import to_columns
 pytestmark = pytest.mark.ours
 
 NAT = -(2**63)  # as an integer
-FRAMES = ["map", "odom", "base", "arm", "hand", "mast", "camera", "plate"]
+FRAMES = ["map", "odom", "base", "arm", "hand", "mast", "camera", "plate", "lens"]
 POLICIES = [
     {"tolerance": 0.3},
     {"tolerance": 0.3, "extrapolate": True},
@@ -27,7 +27,7 @@ POLICIES = [
 
 @pytest.fixture(scope="module")
 def buffer(tf2_ros):
-    """Moving, still and jerky edges: map > odom > base > (arm > hand), (mast > camera > plate)."""
+    """Moving, still and jerky edges: map > odom > base > (arm > hand), (mast > camera > plate > lens)."""
     random = np.random.default_rng(3)
     buffer = tf2_ros.Buffer(Duration(seconds=1000))
     for parent, child, step in (
@@ -43,7 +43,8 @@ def buffer(tf2_ros):
         rows = zip(stamps.tolist(), places, turns, strict=True)
         buffer.set_transforms([transform(parent, child, ns=t, xyz=p, xyzw=q) for t, p, q in rows], "x")
     buffer.set_transform_static(transform("base", "mast", xyz=(-0.0, 2, 3), xyzw=about_z(2.5)), "x")
-    buffer.set_transform_static(transform("camera", "plate", xyz=(0.1, 0, -0.0)), "x")
+    buffer.set_transform_static(transform("camera", "plate", xyz=(0.1, 0, -0.0), xyzw=about_z(0.7)), "x")
+    buffer.set_transform_static(transform("plate", "lens", xyz=(0.3, -7, 0.2), xyzw=about_z(-1.9)), "x")
     return buffer
 
 

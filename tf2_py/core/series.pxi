@@ -297,6 +297,13 @@ cdef enum:
     LONG_PATH = 64          # hops; the data of a batch along a longer path would not fit into the cache
 
 
+cdef struct Rests:
+    # The first hops of one side of a path, as long as they are static. They are composed once, with the same
+    # numbers as at each time; those behind a moving one are not, because the numbers would differ.
+    uint32_t hops
+    Transform transform     # from the frame in which the path begins; the identity for no hops
+
+
 cdef struct PinnedLookup:
     # A lookup, and pinned copies of what it reads. There are two ways to answer.
     # In batches: one path serves all times.
@@ -305,6 +312,7 @@ cdef struct PinnedLookup:
     History histories[LONG_PATH]    # by hop, pinned: source side first
     uint32_t hints[LONG_PATH]       # by hop: where the last time was found
     uint32_t hops
+    Rests source_rests, target_rests
     int64_t common_ns       # the latest common time, which time 0 means
     bint has_fixed          # a two-time lookup: to be composed with `fixed_to_target`
     Transform fixed_to_target
@@ -330,6 +338,19 @@ cdef bint _find_path(const Tree* tree, const Query* query, PinnedLookup* pinned)
             and pinned.path.source_hops + pinned.path.target_hops <= LONG_PATH)
 
 
+cdef void _compose_rests(const History* histories, uint32_t hops, Rests* out) noexcept nogil:
+    cdef const Transform* hop
+    transform_identity(&out.transform)
+    out.hops = 0
+    while out.hops < hops and histories[out.hops].kind == HISTORY_STATIC:
+        hop = history_newest_transform(&histories[out.hops])
+        if out.hops == 0:
+            out.transform = hop[0]
+        else:
+            transform_compose(hop, &out.transform, &out.transform)
+        out.hops += 1
+
+
 cdef bint series_pin_path(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
     # With the lock held, once the frames are known. Pins the one path that serves all times; False: there is
     # none.
@@ -347,6 +368,8 @@ cdef bint series_pin_path(const Tree* tree, const Query* query, PinnedLookup* pi
     pinned.hops += pinned.path.target_hops
     for i in range(pinned.hops):
         pinned.hints[i] = NEWEST_HINT
+    _compose_rests(pinned.histories, pinned.path.source_hops, &pinned.source_rests)
+    _compose_rests(pinned.histories + pinned.path.source_hops, pinned.path.target_hops, &pinned.target_rests)
     return True
 
 
@@ -370,7 +393,7 @@ cdef void series_unpin(PinnedLookup* pinned) noexcept nogil:
 
 
 cdef void _hop_at_times(SeriesWork* work, const History* history, const int64_t* times_ns, uint32_t count,
-                       uint32_t* hint) noexcept nogil:
+                        uint32_t* hint) noexcept nogil:
     # hop = the frame's transforms at the times. `hint`: as in history_neighbours.
     if history.kind == HISTORY_STATIC:
         _fill(&work.hop, history_newest_transform(history))
@@ -379,16 +402,14 @@ cdef void _hop_at_times(SeriesWork* work, const History* history, const int64_t*
         _do(work, INTERPOLATE)
 
 
-cdef void _climb(PinnedLookup* pinned, uint32_t first, uint32_t hops, const int64_t* times_ns,
-                 uint32_t count, SeriesWork* work, Columns* end,
+cdef void _climb(PinnedLookup* pinned, uint32_t first, uint32_t hops, const Rests* rests,
+                 const int64_t* times_ns, uint32_t count, SeriesWork* work, Columns* end,
                  Step step) noexcept nogil:
     # Composes one side of the path, whose hops begin at `first`, in `end`.
     cdef uint32_t i
-    cdef Transform identity
-    if not hops:
-        transform_identity(&identity)
-        _fill(end, &identity)
-    for i in range(hops):
+    if rests.hops or not hops:
+        _fill(end, &rests.transform)
+    for i in range(rests.hops, hops):
         _hop_at_times(work, &pinned.histories[first + i], times_ns, count, &pinned.hints[first + i])
         if i == 0:
             end[0] = work.hop
@@ -404,10 +425,11 @@ cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t 
     memset(work.missing, 0, BATCH_TIMES)
     for i in range(count):
         times_ns[i] = asked_ns[i] if asked_ns[i] else pinned.common_ns
-    _climb(pinned, 0, path.source_hops, times_ns, count, work, &work.result, CLIMB_SOURCE)
+    _climb(pinned, 0, path.source_hops, &pinned.source_rests, times_ns, count, work, &work.result,
+           CLIMB_SOURCE)
     if path.target_hops:
-        _climb(pinned, path.source_hops, path.target_hops, times_ns, count, work, &work.target,
-               CLIMB_TARGET)
+        _climb(pinned, path.source_hops, path.target_hops, &pinned.target_rests, times_ns, count, work,
+               &work.target, CLIMB_TARGET)
         _do(work, BETWEEN)
     if path.source_hops or path.target_hops:
         _do(work, FINISH)

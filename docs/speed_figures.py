@@ -4,6 +4,7 @@ Print the rows of docs/performance.md that come from bench/results, and draw the
 `make pictures` draws; tests/packaging/test_docs.py compares the rows with the page.
 """
 
+import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -23,11 +24,15 @@ CONTESTANTS = {
 }
 # Only in the table.
 PEER = ("transform-tree", "plan")
-COLORS = ("#1a7f37", "#888888", "#c4c4c4")
+COLORS = ("#1a7f37", "#777777", "#b35900")
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
-def medians() -> dict[str, list[float]]:
-    """Microseconds of one lookup, for each line of LOOKUPS, in the order of CONTESTANTS, and of PEER."""
+def times() -> dict[str, list[list[float]]]:
+    """
+    Microseconds of one lookup, for each line of LOOKUPS, in the order of CONTESTANTS, and of PEER: the
+    median, the 5th and the 95th percentile.
+    """
     lines = [line.split(" | ") for line in RESULTS.read_text(encoding="utf-8").splitlines()]
     head = next(cells for cells in lines if len(cells) > 1)
     columns = [
@@ -36,15 +41,16 @@ def medians() -> dict[str, list[float]]:
     ]
     first = {cells[0].removeprefix("| "): cells for cells in reversed(lines)}
     return {
-        name: [float(first[line][column].split()[0]) for column in columns] for name, line in LOOKUPS.items()
+        name: [[float(value) for value in NUMBER.findall(first[line][column])] for column in columns]
+        for name, line in LOOKUPS.items()
     }
 
 
 def lines() -> list[str]:
     """The rows of the table in docs/performance.md."""
     return [
-        f"| a lookup over 4 hops: {name} | " + " | ".join(f"{value:.3g} µs" for value in values) + " |"
-        for name, values in medians().items()
+        f"| a lookup over 4 hops: {name} | " + " | ".join(f"{median:.3g} µs" for median, *_ in found) + " |"
+        for name, found in times().items()
     ]
 
 
@@ -56,15 +62,21 @@ def draw(path: Path) -> None:
 
     pyplot.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "speed", "font.family": "sans-serif"})
     figure, axis = pyplot.subplots(figsize=(8, 3.2), layout="constrained")
-    found = medians()
+    found = times()
+    # Dots, because the length of a bar means nothing on a logarithmic axis.
     for number, name in enumerate(CONTESTANTS.values()):
-        places = [group + 0.27 * (number - 1) for group in range(len(found))]
-        values = [row[number] for row in found.values()]
-        bars = axis.bar(places, values, 0.25, color=COLORS[number], label=name)
-        axis.bar_label(bars, [f"{value:.2g} µs" for value in values], padding=2, fontsize=9)
+        places = [group + 0.2 * (number - 1) for group in range(len(found))]
+        medians, lows, highs = zip(*(row[number] for row in found.values()), strict=True)
+        axis.vlines(places, lows, highs, color=COLORS[number])
+        axis.plot(places, medians, "o", color=COLORS[number], label=name)
+        for place, median in zip(places, medians, strict=True):
+            axis.annotate(
+                f"{median:.2g} µs", (place, median), (7, -3), textcoords="offset points", fontsize=9
+            )
     axis.set_yscale("log")
-    axis.set_ylim(0.3, 200)
-    axis.set_ylabel("time of one lookup, µs (log)")
+    axis.set_xlim(-0.35, len(found) - 0.5)
+    axis.set_ylim(0.2, 300)
+    axis.set_ylabel("time of one lookup, µs (log):\nmedian, 5th to 95th percentile")
     axis.set_xticks(range(len(found)), found)
     axis.spines[["top", "right"]].set_visible(False)
     axis.legend(frameon=False, loc="upper left")

@@ -63,7 +63,7 @@ def test_how_much_faster_lookups_are_is_in_the_results(page, pattern, hops):
     lines = {line.replace("4 hops", number): line for line in speed["LOOKUPS"].values() for number in hops}
     speed["LOOKUPS"].clear()
     speed["LOOKUPS"].update({line: line for line in lines})
-    ratios = [jazzy / ours for ours, jazzy, *_ in speed["medians"]().values()]
+    ratios = [jazzy / ours for (ours, *_), (jazzy, *_), *_ in speed["times"]().values()]
     found = re.search(pattern, text_of(page))
     assert [int(found[1]), int(found[2])] == [int(min(ratios)), int(max(ratios))]
 

@@ -5,6 +5,7 @@ from trees_and_queries import bushy, chain
 HOPS = (1, 4, 10)
 DEEP_HOPS = 4
 MOVING_SAMPLES = 1000  # per frame
+MOVING, MOUNTED = 2, 6  # odometry and localisation; the frames from the base to a camera's optics
 
 
 def lookups(rows, sizes, library):
@@ -40,10 +41,13 @@ def _cases(sizes, library, count):
         library.load(tree)
         for hops in HOPS:
             yield tree, hops, tree.pairs(hops, count)
-    chains = [("moving chain", HOPS, MOVING_SAMPLES)]
-    chains += [(f"chain of {depth:,} samples", (DEEP_HOPS,), depth) for depth in sizes.depths]
-    for name, several_hops, depth in chains:
-        tree = chain(name, several_hops[-1], depth)
+    chains = [
+        ("moving chain", HOPS, MOVING_SAMPLES, None),
+        (f"robot with {MOVING} moving frames", (MOVING + MOUNTED,), MOVING_SAMPLES, MOVING),
+        *((f"chain of {depth:,} samples", (DEEP_HOPS,), depth, None) for depth in sizes.depths),
+    ]
+    for name, several_hops, depth, moving in chains:
+        tree = chain(name, several_hops[-1], depth, moving)
         library.load(tree)
         for hops in several_hops:
             yield tree, hops, [(0, hops)]

@@ -157,7 +157,9 @@ def bushy(name, frames, dynamic_share, samples, cache_s=CACHE_S):
     return Tree(name, parents, [frame in moving for frame in range(frames)], samples, cache_s)
 
 
-def chain(name, links, samples):
-    """A chain of dynamic frames below the root."""
+def chain(name, links, samples, moving=None):
+    """A chain below the root, whose first frames (None: all) are dynamic."""
     parents = [0, *range(links)]
-    return Tree(name, parents, [frame > 0 for frame in range(links + 1)], samples, samples / 100 + CACHE_S)
+    last = links if moving is None else moving
+    dynamic = [0 < frame <= last for frame in range(links + 1)]
+    return Tree(name, parents, dynamic, samples, samples / 100 + CACHE_S)

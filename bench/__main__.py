@@ -56,6 +56,7 @@ SECTIONS = {
         ["overridden"],
     ),
     "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"]),
+    "online": Section("online.online", ROS2, rounds=5),
     "nodes": Section("many_nodes.many", (OURS,), ["apart", "together"], rounds=3),
     "frozen": Section("frozen_files.frozen", (OURS,), rounds=3),
 }

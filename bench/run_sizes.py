@@ -20,6 +20,8 @@ FULL: dict[str, Any] = {
     "filling": 700,
     "receive_s": 5.0,  # of publishing, for each load in each round
     "wakes": 200,  # lookups of each kind in each round
+    "online_frames": 300,
+    "online_s": 8.0,  # of lookups, for each number of hops in each round
     "nodes": 10,
     "frozen_samples": 5_000_000,
     "frozen_frames": 50,
@@ -38,6 +40,7 @@ QUICK = FULL | {
     "filling": 200,
     "receive_s": 0.6,
     "wakes": 60,
+    "online_s": 1.0,
     "nodes": 4,
     "frozen_samples": 500_000,
 }

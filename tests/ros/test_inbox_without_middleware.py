@@ -1,4 +1,4 @@
-"""What an inbox does with the parcels of a source: here, of one that needs no middleware."""
+"""What an inbox does with the messages of a source: here, of one that needs no middleware."""
 
 import gc
 import random
@@ -57,7 +57,7 @@ def inbox(source, buffer, inboxes):
     inbox.close()
 
 
-def test_a_read_finds_all_parcels_in_their_order(source, inbox, buffer):
+def test_a_read_finds_all_messages_in_their_order(source, inbox, buffer):
     for second in (1, 2):
         source.put(serialised(transform("map", "robot", second, (second, 0, 0))))
     source.put(serialised(transform("robot", "arm")), is_static=True)

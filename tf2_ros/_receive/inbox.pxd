@@ -21,7 +21,7 @@ cdef enum:
     SENDER_BYTES = 16
 
 
-cdef struct Parcel:
+cdef struct ReceivedMessage:
     # One message. It does not move: waiters refer to its batch.
     # What a source fills in; everything is reset before, except for memory and sender.
     unsigned char* data         # a serialized TFMessage, of malloc
@@ -35,12 +35,12 @@ cdef struct Parcel:
     # What the inbox needs.
     Batch batch
     bint is_begun               # `batch` was parsed, and not all of it is inserted
-    Parcel* next
+    ReceivedMessage* next
 
 
-cdef struct Parcels:
-    Parcel* first
-    Parcel* last
+cdef struct ReceivedMessages:
+    ReceivedMessage* first
+    ReceivedMessage* last
     size_t count
 
 
@@ -49,7 +49,7 @@ cdef struct InformedLink:
     InformedLink* next
 
 
-cdef struct Drain:
+cdef struct SharedByInboxes:
     # What the inboxes of a process have in common: two threads, of which one drains and one reports.
     Lock lock                   # guards the two lists, and what the InboxState of each inbox says
     InboxState* first                # of those that the receiver thread serves
@@ -70,7 +70,7 @@ cdef struct InboxState:
     uint32_t wants_each         # atomic: each message must be taken when it arrives
     InformedLink* informed      # who is informed; grows at the front
     # Set once.
-    Drain* drain
+    SharedByInboxes* shared
     void* inbox                 # the Inbox
     void* source                # the Source
     Records* records            # NULL: nothing is recorded
@@ -78,22 +78,22 @@ cdef struct InboxState:
     size_t prefix_size
     # Guarded by the lock of all inboxes.
     void* engine                # NULL: there is none, and nothing is taken
-    Parcel* parcel              # for the next message; NULL: not allocated yet
-    Parcels reports             # messages with something to report
+    ReceivedMessage* received              # for the next message; NULL: not allocated yet
+    ReceivedMessages reports             # messages with something to report
     InboxState* next                 # in the list of those that the receiver thread serves
     InboxState* next_to_report       # in that of those whose `reports` are not empty
 
 
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
 cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil
-# Bytes for the parcel's message; NULL: no memory.
-cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
+# Makes room for the bytes of a message; NULL: no memory.
+cdef unsigned char* received_reserve(ReceivedMessage* received, size_t size) noexcept nogil
 
 
 cdef class Inboxes:
     # A thread that holds the lock of all inboxes takes at most one of an engine, of records, or of the
     # middleware.
-    cdef Drain drain
+    cdef SharedByInboxes shared
 
 
 cdef class Informed:
@@ -108,9 +108,9 @@ cdef class Informed:
 
 cdef class Source:
     # Where the messages of one inbox come from. A subclass has three duties:
-    # 1. `next` fills a parcel with the next message; False: there is none, or no memory for it. If others may
+    # 1. `next` fills in the next message; False: there is none, or no memory for it. If others may
     #    wait in the latter case, it sets `pending` of the inbox. It calls nothing of the inbox but
-    #    `parcel_reserve`. It runs under the lock of all inboxes, in any thread that drains or reads the
+    #    `received_reserve`. It runs under the lock of all inboxes, in any thread that drains or reads the
     #    buffer. Some of these hold the GIL and others do not: so it uses no Python object, and reads no file
     #    that may be slow. What was filled before has been inserted when it is called again.
     # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there.
@@ -120,14 +120,14 @@ cdef class Source:
     # In a forked child, none of them is called any more.
     cdef InboxState* inbox           # that inbox, which sets this
     cdef list names             # of the topics, for errors
-    cdef bint next(self, Parcel* parcel) noexcept nogil
+    cdef bint next(self, ReceivedMessage* received) noexcept nogil
     cdef void silence(self) noexcept
 
 
 cdef class Inbox(ReadHook):
     cdef InboxState state
     cdef Source _source
-    cdef Inboxes _inboxes           # keeps the drain
+    cdef Inboxes _inboxes           # keeps what they share
     cdef bint _is_closed            # in a forked child, one that was closed before must not take the lock
     cdef object _hand_over
     cdef Recording _recording       # keeps the records
@@ -141,5 +141,5 @@ cdef class Inbox(ReadHook):
 
     cdef void _discharge(self) noexcept
     cdef object _engine(self)
-    cdef int _report(self, Engine engine, Parcels* parcels) except -1
-    cdef int _report_one(self, Engine engine, Parcel* parcel) except -1
+    cdef int _report(self, Engine engine, ReceivedMessages* messages) except -1
+    cdef int _report_one(self, Engine engine, ReceivedMessage* received) except -1

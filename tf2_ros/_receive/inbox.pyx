@@ -3,7 +3,7 @@ Keep what has arrived for a buffer until somebody reads it.
 
 An inbox takes messages from its `Source`, such as the subscriptions of a listener (`subscriptions`); the
 declaration of `Source` says what a source has to do. Its owner decides when it begins and ends. Everything
-goes one way: the source fills a `Parcel`, and the inbox parses, prefixes, records and inserts it.
+goes one way: the source fills a `ReceivedMessage`, and the inbox parses, prefixes, records and inserts it.
 Every read of the buffer takes the messages (`drain`). So does one thread of the process: as soon as many
 messages wait, at most ROUND_NS after the first one, and at once while something waits for a transform, or
 while the buffer is read more often than the thread has rounds, so that such a reader finds everything
@@ -93,88 +93,88 @@ cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil:
     store_seq_cst(&inbox.pending, 1)
     if is_full:
         store_seq_cst(&inbox.is_full, 1)
-    if is_full or _wants_each(inbox) or load_seq_cst(&inbox.drain.is_idle):
-        event_set(&inbox.drain.work)
+    if is_full or _wants_each(inbox) or load_seq_cst(&inbox.shared.is_idle):
+        event_set(&inbox.shared.work)
 
 
-# Parcels.
+# ReceivedMessages.
 
-cdef void _shrink_parcel(Parcel* parcel) noexcept nogil:
-    batch_free(&parcel.batch)
-    free(parcel.data)
-    parcel.data, parcel.capacity = NULL, 0
-
-
-cdef void _free_parcel(Parcel* parcel) noexcept nogil:
-    if parcel != NULL:
-        _shrink_parcel(parcel)
-        free(parcel)
+cdef void _shrink_received(ReceivedMessage* received) noexcept nogil:
+    batch_free(&received.batch)
+    free(received.data)
+    received.data, received.capacity = NULL, 0
 
 
-cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil:
+cdef void _free_received(ReceivedMessage* received) noexcept nogil:
+    if received != NULL:
+        _shrink_received(received)
+        free(received)
+
+
+cdef unsigned char* received_reserve(ReceivedMessage* received, size_t size) noexcept nogil:
     cdef void* memory
-    if size > parcel.capacity or parcel.data == NULL:
-        memory = realloc(parcel.data, size + 1)
+    if size > received.capacity or received.data == NULL:
+        memory = realloc(received.data, size + 1)
         if memory == NULL:
             return NULL
-        parcel.data = <unsigned char*>memory
-        parcel.capacity = size + 1
-    parcel.size = size
-    return parcel.data
+        received.data = <unsigned char*>memory
+        received.capacity = size + 1
+    received.size = size
+    return received.data
 
 
-cdef void _free_parcels(Parcels* parcels) noexcept:
-    cdef Parcel* parcel = parcels.first
-    cdef Parcel* next_parcel
+cdef void _free_all_received(ReceivedMessages* messages) noexcept:
+    cdef ReceivedMessage* received = messages.first
+    cdef ReceivedMessage* next_received
     cdef Link* link
-    while parcel != NULL:
-        next_parcel = parcel.next
+    while received != NULL:
+        next_received = received.next
         # Waiters that are ready were not reported, so all of this is garbage, and the collector frees waiters
         # and inbox in any order. The GIL is held, as by everything that removes such a waiter.
-        link = parcel.batch.ready.next
+        link = received.batch.ready.next
         while link != NULL and link.waiter != NULL:
             link.waiter.is_listed = False
             link = link.next
-        _free_parcel(parcel)
-        parcel = next_parcel
+        _free_received(received)
+        received = next_received
 
 
-cdef bint _begin_parcel(InboxState* inbox) noexcept nogil:
-    # Has an empty parcel for the next message; False: there is no memory.
-    cdef Parcel* parcel = inbox.parcel
-    if parcel == NULL:
-        parcel = inbox.parcel = <Parcel*>calloc(1, sizeof(Parcel))
-        if parcel == NULL:
+cdef bint _begin_received(InboxState* inbox) noexcept nogil:
+    # Has an empty struct for the next message; False: there is no memory.
+    cdef ReceivedMessage* received = inbox.received
+    if received == NULL:
+        received = inbox.received = <ReceivedMessage*>calloc(1, sizeof(ReceivedMessage))
+        if received == NULL:
             return False
-    parcel.size = parcel.topic = 0
-    parcel.is_static = parcel.is_begun = False
-    parcel.received_ns = 0
-    batch_begin(&parcel.batch)
+    received.size = received.topic = 0
+    received.is_static = received.is_begun = False
+    received.received_ns = 0
+    batch_begin(&received.batch)
     return True
 
 
 # What is to be reported; with the lock held.
 
 cdef void _begin_to_report(InboxState* inbox) noexcept nogil:
-    cdef InboxState** link = &inbox.drain.first_to_report
+    cdef InboxState** link = &inbox.shared.first_to_report
     while link[0] != NULL:
         link = &link[0].next_to_report
     link[0], inbox.next_to_report = inbox, NULL
-    event_set(&inbox.drain.reporting)
+    event_set(&inbox.shared.reporting)
 
 
 cdef void _end_to_report(InboxState* inbox) noexcept nogil:
-    cdef InboxState** link = &inbox.drain.first_to_report
+    cdef InboxState** link = &inbox.shared.first_to_report
     while link[0] != NULL and link[0] != inbox:
         link = &link[0].next_to_report
     if link[0] != NULL:
         link[0] = inbox.next_to_report
 
 
-cdef void _take_reports(InboxState* inbox, Parcels* reports) noexcept nogil:
+cdef void _take_reports(InboxState* inbox, ReceivedMessages* reports) noexcept nogil:
     _end_to_report(inbox)
     reports[0] = inbox.reports
-    memset(&inbox.reports, 0, sizeof(Parcels))
+    memset(&inbox.reports, 0, sizeof(ReceivedMessages))
 
 
 # Draining; with the lock held. The state has only the address of the engine: without the GIL, references
@@ -186,33 +186,33 @@ cdef void _take_reports(InboxState* inbox, Parcels* reports) noexcept nogil:
 
 cdef void _report_later(InboxState* inbox) noexcept nogil:
     # A flood of faults must not fill the memory: they are counted, not logged. Answers are never lost.
-    cdef Parcels* reports = &inbox.reports
-    if reports.count >= MAX_REPORTS and links_empty(&inbox.parcel.batch.ready):
+    cdef ReceivedMessages* reports = &inbox.reports
+    if reports.count >= MAX_REPORTS and links_empty(&inbox.received.batch.ready):
         return
     if reports.last != NULL:
-        reports.last.next = inbox.parcel
+        reports.last.next = inbox.received
     else:
-        reports.first = inbox.parcel
-    reports.last = inbox.parcel
+        reports.first = inbox.received
+    reports.last = inbox.received
     reports.count += 1
-    inbox.parcel = NULL
+    inbox.received = NULL
     if reports.count == 1:
         _begin_to_report(inbox)
 
 
 cdef bint _parse(InboxState* inbox) noexcept nogil:
-    # Reads the message of the parcel; False: it is malformed.
-    cdef Parcel* parcel = inbox.parcel
-    cdef Batch* batch = &parcel.batch
+    # Reads the message that was taken; False: it is malformed.
+    cdef ReceivedMessage* received = inbox.received
+    cdef Batch* batch = &received.batch
     cdef bint is_readable
-    batch.is_static = parcel.is_static
+    batch.is_static = received.is_static
     batch.authority, batch.authority_size = DEFAULT_AUTHORITY, strlen(DEFAULT_AUTHORITY)
-    is_readable = batch_read_cdr(batch, parcel.data, parcel.size)
+    is_readable = batch_read_cdr(batch, received.data, received.size)
     if is_readable and inbox.prefix != NULL:
         batch_prefix(batch, inbox.prefix, inbox.prefix_size)
     if inbox.records != NULL:
         if is_readable:
-            records_add(inbox.records, batch, parcel.received_ns, parcel.sender, SENDER_BYTES)
+            records_add(inbox.records, batch, received.received_ns, received.sender, SENDER_BYTES)
         else:
             records_add_malformed(inbox.records)
     return is_readable
@@ -221,11 +221,11 @@ cdef bint _parse(InboxState* inbox) noexcept nogil:
 cdef size_t _begin_message(InboxState* inbox) noexcept nogil:
     # Takes the next message. Returns how much work that was; 0: there is none, or no memory for it.
     cdef size_t work
-    if not _begin_parcel(inbox) or not (<Source>inbox.source).next(inbox.parcel):
+    if not _begin_received(inbox) or not (<Source>inbox.source).next(inbox.received):
         return 0
-    work = 1 + inbox.parcel.size // WORK_BYTES
-    inbox.parcel.is_begun = _parse(inbox)
-    if not inbox.parcel.is_begun:
+    work = 1 + inbox.received.size // WORK_BYTES
+    inbox.received.is_begun = _parse(inbox)
+    if not inbox.received.is_begun:
         (<Engine>inbox.engine).count_malformed()
         _report_later(inbox)
     return work
@@ -233,22 +233,22 @@ cdef size_t _begin_message(InboxState* inbox) noexcept nogil:
 
 cdef size_t _go_on(InboxState* inbox, size_t most) noexcept nogil:
     # Inserts the message that is begun, or about as much of it. Returns how much work that was.
-    cdef Parcel* parcel = inbox.parcel
+    cdef ReceivedMessage* received = inbox.received
     cdef size_t work = 0
-    while (<Engine>inbox.engine).insert_some(&parcel.batch):
+    while (<Engine>inbox.engine).insert_some(&received.batch):
         work += SLICE_WORK
         if work >= most:
             return work
-    parcel.is_begun = False
-    if parcel.batch.needs_report:
+    received.is_begun = False
+    if received.batch.needs_report:
         _report_later(inbox)
-    elif parcel.size > LARGE_BYTES:
-        _shrink_parcel(parcel)
+    elif received.size > LARGE_BYTES:
+        _shrink_received(received)
     return work
 
 
 cdef inline bint _is_begun(const InboxState* inbox) noexcept nogil:
-    return inbox.parcel != NULL and inbox.parcel.is_begun
+    return inbox.received != NULL and inbox.received.is_begun
 
 
 cdef void _finish_message(InboxState* inbox) noexcept nogil:
@@ -260,8 +260,8 @@ cdef void _finish_message(InboxState* inbox) noexcept nogil:
 
 cdef void _forget_message(InboxState* inbox) noexcept nogil:
     # The rest of it has no buffer any more; or a thread of the parent was inserting it.
-    if inbox.parcel != NULL:
-        inbox.parcel.is_begun = False
+    if inbox.received != NULL:
+        inbox.received.is_begun = False
 
 
 cdef bint _take(InboxState* inbox, size_t most) noexcept nogil:
@@ -285,7 +285,7 @@ cdef bint _take(InboxState* inbox, size_t most) noexcept nogil:
     if work:
         _inform(inbox)
     more = inbox.engine != NULL and work >= most
-    if more or (inbox.engine != NULL and inbox.parcel == NULL):
+    if more or (inbox.engine != NULL and inbox.received == NULL):
         store_seq_cst(&inbox.pending, 1)   # without memory, the next round tries again
     else:
         replace_seq_cst(&inbox.pending, BEING_INSERTED, 0)
@@ -308,7 +308,7 @@ cdef bint _serve(InboxState* inbox) noexcept nogil:
     return False
 
 
-cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
+cdef bint _serve_all(SharedByInboxes* shared, bint is_round) noexcept nogil:
     # In a round all inboxes, otherwise those whose messages must not wait. Returns whether messages waited.
     cdef InboxState* inbox
     cdef bint found = False
@@ -318,8 +318,8 @@ cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
     while is_behind:
         # Between two slices other threads may read, and change the list.
         is_behind = False
-        lock_acquire(&drain.lock)
-        inbox = drain.first
+        lock_acquire(&shared.lock)
+        inbox = shared.first
         while inbox != NULL:
             found = found or load_seq_cst(&inbox.pending)
             read = load_seq_cst(&inbox.read)
@@ -328,23 +328,23 @@ cdef bint _serve_all(Drain* drain, bint is_round) noexcept nogil:
             if is_round or is_rest or _wants_each(inbox) or load_seq_cst(&inbox.is_full):
                 is_behind = _serve(inbox) or is_behind
             inbox = inbox.next
-        lock_release(&drain.lock)
+        lock_release(&shared.lock)
         is_rest = True
     return found
 
 
-cdef void _wake_executors(Drain* drain) noexcept nogil:
+cdef void _wake_executors(SharedByInboxes* shared) noexcept nogil:
     cdef InboxState* inbox
     cdef InformedLink* link
-    lock_acquire(&drain.lock)
-    inbox = drain.first
+    lock_acquire(&shared.lock)
+    inbox = shared.first
     while inbox != NULL:
         link = inbox.informed
         while link != NULL:
             (<Informed>link.informed).wake_if_due()
             link = link.next
         inbox = inbox.next
-    lock_release(&drain.lock)
+    lock_release(&shared.lock)
 
 
 @cython.final
@@ -356,77 +356,77 @@ cdef class Inboxes:
 
     def begin_anew(self):
         """Have no inboxes; in a forked child, also forget what threads of the parent held."""
-        memset(&self.drain, 0, sizeof(Drain))
-        if event_init(&self.drain.work) != 0 or event_init(&self.drain.reporting) != 0:
+        memset(&self.shared, 0, sizeof(SharedByInboxes))
+        if event_init(&self.shared.work) != 0 or event_init(&self.shared.reporting) != 0:
             raise MemoryError
-        if lock_init(&self.drain.lock) != 0:
+        if lock_init(&self.shared.lock) != 0:
             raise MemoryError
 
     def __dealloc__(self):
-        lock_free(&self.drain.lock)
+        lock_free(&self.shared.lock)
 
     def drain_when_due(self):
-        """Drain them when that is due, without the GIL, until :meth:`stop`; for one thread."""
-        cdef Drain* drain = &self.drain
+        """SharedByInboxes them when that is due, without the GIL, until :meth:`stop`; for one thread."""
+        cdef SharedByInboxes* shared = &self.shared
         cdef int64_t now_ns
         cdef int64_t round_ns = 0           # when the next round is due
         cdef bint is_round
         cdef uint32_t short_rounds
         with nogil:
-            while not load_seq_cst(&drain.is_stopping):
+            while not load_seq_cst(&shared.is_stopping):
                 now_ns = monotonic_ns()
                 is_round = now_ns >= round_ns
                 if is_round:
                     round_ns = now_ns + ROUND_NS
-                short_rounds = load_seq_cst(&drain.short_rounds)
+                short_rounds = load_seq_cst(&shared.short_rounds)
                 if short_rounds:
                     round_ns = min(round_ns, now_ns + SHORT_ROUND_NS)
                     if is_round:
-                        replace_seq_cst(&drain.short_rounds, short_rounds, short_rounds - 1)
+                        replace_seq_cst(&shared.short_rounds, short_rounds, short_rounds - 1)
                 # First idle, then a look at what waits; an arrival does this in the opposite order.
-                store_seq_cst(&drain.is_idle, is_round)
-                if _serve_all(drain, is_round):
-                    store_seq_cst(&drain.is_idle, 0)
+                store_seq_cst(&shared.is_idle, is_round)
+                if _serve_all(shared, is_round):
+                    store_seq_cst(&shared.is_idle, 0)
                 if is_round:
-                    _wake_executors(drain)
-                _sleep(&drain.work, IDLE_NS if load_seq_cst(&drain.is_idle) else round_ns - monotonic_ns())
+                    _wake_executors(shared)
+                _sleep(&shared.work, IDLE_NS if load_seq_cst(&shared.is_idle) else round_ns - monotonic_ns())
 
     def await_report(self, int64_t until_ns):
         """
         Wait until there is something to report, or until this steady time. Return False after :meth:`stop`.
         """
         with nogil:
-            if not load_seq_cst(&self.drain.is_stopping):
-                _sleep(&self.drain.reporting, until_ns - monotonic_ns())
-        return not load_seq_cst(&self.drain.is_stopping)
+            if not load_seq_cst(&self.shared.is_stopping):
+                _sleep(&self.shared.reporting, until_ns - monotonic_ns())
+        return not load_seq_cst(&self.shared.is_stopping)
 
     def wake_reporting(self):
         """End the wait for something to report."""
-        event_set(&self.drain.reporting)
+        event_set(&self.shared.reporting)
 
     def report_next(self):
         """Do what follows from what one of them has inserted: complete waits, and log what was refused."""
-        cdef Parcels parcels
+        cdef ReceivedMessages messages
         cdef Inbox inbox = None
         cdef InboxState* first
-        lock_acquire(&self.drain.lock)
-        first = self.drain.first_to_report
+        lock_acquire(&self.shared.lock)
+        first = self.shared.first_to_report
         if first != NULL:
             # It exists: it leaves the list, with the GIL, before it is destroyed.
             inbox = <Inbox>first.inbox
-            _take_reports(first, &parcels)
-            if self.drain.first_to_report != NULL:
-                event_set(&self.drain.reporting)
-        lock_release(&self.drain.lock)
+            _take_reports(first, &messages)
+            if self.shared.first_to_report != NULL:
+                event_set(&self.shared.reporting)
+        lock_release(&self.shared.lock)
         if inbox is not None:
             # No code in Python has run since, so the engine is that of the reports.
-            inbox._report(inbox._engine(), &parcels)
+            inbox._report(inbox._engine(), &messages)
 
     def stop(self):
         """End the threads."""
-        store_seq_cst(&self.drain.is_stopping, 1)
-        event_set(&self.drain.work)
-        event_set(&self.drain.reporting)
+        store_seq_cst(&self.shared.is_stopping, 1)
+        event_set(&self.shared.work)
+        event_set(&self.shared.reporting)
 
 
 INBOXES = Inboxes()
@@ -448,7 +448,7 @@ cdef class Informed:
 cdef class Source:
     """Where the messages of one inbox come from. An inbox keeps it, and ends before it does."""
 
-    cdef bint next(self, Parcel* parcel) noexcept nogil:
+    cdef bint next(self, ReceivedMessage* received) noexcept nogil:
         return False
 
     cdef void silence(self) noexcept:
@@ -473,10 +473,10 @@ cdef class Inbox(ReadHook):
 
     def __cinit__(self, Source source not None, hand_over, Recording recording=None, str prefix="",
                   Inboxes inboxes not None=INBOXES):
-        cdef Drain* drain = &inboxes.drain
+        cdef SharedByInboxes* shared = &inboxes.shared
         self._source, self._hand_over, self._informed, self._inboxes = source, hand_over, set(), inboxes
         self._recording, self._prefix = recording, prefix.encode()
-        self.state.inbox, self.state.source, self.state.drain = <void*>self, <void*>source, drain
+        self.state.inbox, self.state.source, self.state.shared = <void*>self, <void*>source, shared
         self.pending, self.read, self.armed = &self.state.pending, &self.state.read, &self.state.armed
         if recording is not None:
             self.state.records = &recording._records
@@ -486,10 +486,10 @@ cdef class Inbox(ReadHook):
         if prefix:
             self.state.prefix, self.state.prefix_size = self._prefix, len(self._prefix)
         source.inbox = &self.state
-        lock_acquire(&drain.lock)
-        self.state.next = drain.first
-        drain.first = &self.state
-        lock_release(&drain.lock)
+        lock_acquire(&shared.lock)
+        self.state.next = shared.first
+        shared.first = &self.state
+        lock_release(&shared.lock)
 
     def __del__(self):
         if self._source is not None and not self._is_closed:
@@ -502,8 +502,8 @@ cdef class Inbox(ReadHook):
             link = self.state.informed
             self.state.informed = link.next
             free(link)
-        _free_parcel(self.state.parcel)
-        _free_parcels(&self.state.reports)
+        _free_received(self.state.received)
+        _free_all_received(&self.state.reports)
 
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
@@ -511,23 +511,23 @@ cdef class Inbox(ReadHook):
         if self._source is None or self._is_closed:
             return
         self._is_closed = True
-        lock_acquire(&self.state.drain.lock)
+        lock_acquire(&self.state.shared.lock)
         _finish_message(&self.state)
-        link = &self.state.drain.first
+        link = &self.state.shared.first
         while link[0] != NULL and link[0] != &self.state:
             link = &link[0].next
         if link[0] != NULL:
             link[0] = self.state.next
         _end_to_report(&self.state)
-        lock_release(&self.state.drain.lock)
+        lock_release(&self.state.shared.lock)
         # Only now: it may run code in Python, and meanwhile another thread may report.
         self._source.silence()
 
     cdef void engine_ended(self) noexcept:
-        lock_acquire(&self.state.drain.lock)
+        lock_acquire(&self.state.shared.lock)
         _forget_message(&self.state)
         self.state.engine = NULL
-        lock_release(&self.state.drain.lock)
+        lock_release(&self.state.shared.lock)
 
     def close(self):
         """Receive nothing more. What has arrived is dropped; what was inserted is reported."""
@@ -546,16 +546,16 @@ cdef class Inbox(ReadHook):
             self._informed.discard(informed)
             raise MemoryError
         link.informed, link.next = <void*>informed, self.state.informed
-        lock_acquire(&self.state.drain.lock)
+        lock_acquire(&self.state.shared.lock)
         self.state.informed = link
-        lock_release(&self.state.drain.lock)
+        lock_release(&self.state.shared.lock)
 
     cdef object _engine(self):
         return None if self._reference is None else self._reference()
 
     def fill(self, Engine buffer):
         """Insert from now on into this buffer, which is not kept alive. None, or once closed: into none."""
-        cdef Parcels parcels
+        cdef ReceivedMessages messages
         if buffer is not None and self.state.engine == <void*>buffer:
             return
         reference = None if buffer is None else weakref.ref(buffer)
@@ -567,28 +567,28 @@ cdef class Inbox(ReadHook):
         if engine is not None:
             (<Engine>engine).remove_inbox(self)
         self._reference = reference
-        lock_acquire(&self.state.drain.lock)
+        lock_acquire(&self.state.shared.lock)
         _finish_message(&self.state)
-        _take_reports(&self.state, &parcels)
+        _take_reports(&self.state, &messages)
         self.state.engine = <void*>buffer if buffer is not None else NULL
-        lock_release(&self.state.drain.lock)
+        lock_release(&self.state.shared.lock)
         if buffer is not None:
             buffer.add_inbox(self)
             inbox_arrived(&self.state, True)    # perhaps while there was no buffer
-        self._report(engine, &parcels)
+        self._report(engine, &messages)
 
     cdef bint step(self) noexcept nogil:
         cdef InboxState* state = &self.state
         cdef bint more
-        lock_acquire(&state.drain.lock)
+        lock_acquire(&state.shared.lock)
         more = _take(state, DRAIN_SLICE)
         if not more:
             _disarm(state)
-        lock_release(&state.drain.lock)
+        lock_release(&state.shared.lock)
         return more
 
     cdef int drain(self) except -1:
-        cdef Lock* lock = &self.state.drain.lock
+        cdef Lock* lock = &self.state.shared.lock
         cdef uint32_t number = lock_ask(lock)
         cdef int64_t until_ns
         cdef bint more
@@ -619,10 +619,10 @@ cdef class Inbox(ReadHook):
 
     def await_round(self, bint is_short, bint has_arrived):
         """Have a round after what has arrived and what arrives next: an executor sleeps until then."""
-        cdef Drain* drain = self.state.drain
+        cdef SharedByInboxes* shared = self.state.shared
         # Without this, the thread may sleep until the next message, or until the end of a long round.
-        if (is_short and exchange_seq_cst(&drain.short_rounds, SHORT_ROUNDS) == 0) or has_arrived:
-            event_set(&drain.work)
+        if (is_short and exchange_seq_cst(&shared.short_rounds, SHORT_ROUNDS) == 0) or has_arrived:
+            event_set(&shared.work)
 
     def leave_to_parent(self):
         """
@@ -637,28 +637,28 @@ cdef class Inbox(ReadHook):
         store_seq_cst(self.pending, 0)
         return has_received
 
-    cdef int _report(self, Engine engine, Parcels* parcels) except -1:
+    cdef int _report(self, Engine engine, ReceivedMessages* messages) except -1:
         # All are reported, even if a signal handler raises meanwhile in a thread of the program. `engine`:
-        # that of these parcels; without it nothing in them is ready, because what waits holds its engine.
-        cdef Parcel* parcel = NULL if engine is None else parcels.first
+        # that of these messages; without it nothing in them is ready, because what waits holds its engine.
+        cdef ReceivedMessage* received = NULL if engine is None else messages.first
         cdef list interrupts = []
-        while parcel != NULL:
+        while received != NULL:
             try:
-                self._report_one(engine, parcel)
+                self._report_one(engine, received)
             except BaseException as raised:
                 interrupts.append(raised)
-            parcel = parcel.next
-        _free_parcels(parcels)
+            received = received.next
+        _free_all_received(messages)
         if interrupts:
             raise interrupts[0]
         return 0
 
-    cdef int _report_one(self, Engine engine, Parcel* parcel) except -1:
+    cdef int _report_one(self, Engine engine, ReceivedMessage* received) except -1:
         try:
-            if parcel.batch.problem != NULL:
-                engine.malformed(&parcel.batch, parcel.size, self._source.names[parcel.topic])
+            if received.batch.problem != NULL:
+                engine.malformed(&received.batch, received.size, self._source.names[received.topic])
             else:
-                engine.report(&parcel.batch, self._hand_over)
+                engine.report(&received.batch, self._hand_over)
         except Exception:
             # Usually for lack of memory; the next message may succeed.
             if engine._throttle.passes("receiver"):

@@ -41,7 +41,7 @@ from tf2_ros._rcl cimport (
 from tf2_ros._receive.inbox cimport (
     SENDER_BYTES,
     Inboxes,
-    Parcel,
+    ReceivedMessage,
     Source,
     InboxState,
     inbox_arrived,
@@ -115,36 +115,39 @@ cdef void _found_empty(Arrivals* topic) noexcept nogil:
 
 
 cdef void _note_reception(
-    const Subscribed* source, const rmw_message_info_t* info, Parcel* parcel
+    const Subscribed* source, const rmw_message_info_t* info, ReceivedMessage* received
 ) noexcept nogil:
     cdef c_bool is_simulated = False
-    memcpy(parcel.sender, info.publisher_gid.data, SENDER_BYTES)
+    memcpy(received.sender, info.publisher_gid.data, SENDER_BYTES)
     if (source.clock != NULL
             and rcl_is_enabled_ros_time_override(source.clock, &is_simulated) == RCL_RET_OK and is_simulated
-            and rcl_clock_get_now(source.clock, &parcel.received_ns) == RCL_RET_OK):
+            and rcl_clock_get_now(source.clock, &received.received_ns) == RCL_RET_OK):
         return
-    parcel.received_ns = info.received_timestamp if info.received_timestamp > 0 else system_ns()
+    received.received_ns = info.received_timestamp if info.received_timestamp > 0 else system_ns()
 
 
-cdef rcl_ret_t _take_message(const Subscribed* source, Arrivals* topic, Parcel* parcel) noexcept nogil:
+cdef rcl_ret_t _take_message(
+    const Subscribed* source, Arrivals* topic, ReceivedMessage* received
+) noexcept nogil:
     cdef MessageInfo information
     cdef rcl_serialized_message_t message
     cdef rcl_ret_t result
-    message.buffer, message.buffer_length, message.buffer_capacity = parcel.data, 0, parcel.capacity
+    message.buffer, message.buffer_length, message.buffer_capacity = received.data, 0, received.capacity
     message.allocator = source.allocator
     result = rcl_take_serialized_message(
         topic.subscription, &message, &information.known if source.is_recorded else NULL, NULL)
     # rcl may have allocated more.
-    parcel.data, parcel.size, parcel.capacity = message.buffer, message.buffer_length, message.buffer_capacity
+    received.data, received.size = message.buffer, message.buffer_length
+    received.capacity = message.buffer_capacity
     if result != RCL_RET_OK:
         rcutils_reset_error()
         return result
     topic.taken += 1
     topic.untaken -= 1
     topic.taken_at_ns = monotonic_ns()
-    parcel.topic, parcel.is_static = topic.number, topic.is_static
+    received.topic, received.is_static = topic.number, topic.is_static
     if source.is_recorded:
-        _note_reception(source, &information.known, parcel)
+        _note_reception(source, &information.known, received)
     return RCL_RET_OK
 
 
@@ -165,18 +168,18 @@ cdef class TopicArrivals:
     cdef Arrivals _now(self):
         cdef Arrivals now
         with nogil:
-            lock_acquire(&self._inboxes.drain.lock)
+            lock_acquire(&self._inboxes.shared.lock)
             now = self._arrivals
-            lock_release(&self._inboxes.drain.lock)
+            lock_release(&self._inboxes.shared.lock)
         return now
 
     def count(self):
         """Count a message with which an executor has called the listener."""
         with nogil:
-            lock_acquire(&self._inboxes.drain.lock)
+            lock_acquire(&self._inboxes.shared.lock)
             self._arrivals.taken += 1
             self._arrivals.taken_at_ns = monotonic_ns()
-            lock_release(&self._inboxes.drain.lock)
+            lock_release(&self._inboxes.shared.lock)
 
     def taken(self):
         """Return how many messages there were, and the steady time of the last one in nanoseconds."""
@@ -231,7 +234,7 @@ cdef class Subscriptions(Source):
         topic._handle = handle
         self._topics.append(topic)
         self.names.append(name)
-        lock_acquire(&topic._inboxes.drain.lock)
+        lock_acquire(&topic._inboxes.shared.lock)
         arrivals.number = len(self.names) - 1
         arrivals.is_static, arrivals.depth = is_static, depth
         arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1) if depth else THRESHOLD
@@ -239,7 +242,7 @@ cdef class Subscriptions(Source):
         arrivals.subscription = <const rcl_subscription_t*>address
         arrivals.following = self._subscribed.first
         self._subscribed.first = arrivals
-        lock_release(&topic._inboxes.drain.lock)
+        lock_release(&topic._inboxes.shared.lock)
         # Without the lock: what has arrived is reported at once.
         if rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, _arrived, arrivals) != RCL_RET_OK:
@@ -257,20 +260,20 @@ cdef class Subscriptions(Source):
         if self.has_reports and rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, NULL, NULL) != RCL_RET_OK:
             rcutils_reset_error()
-        lock_acquire(&topic._inboxes.drain.lock)
+        lock_acquire(&topic._inboxes.shared.lock)
         arrivals.subscription = NULL
         arrivals.inbox = NULL
-        lock_release(&topic._inboxes.drain.lock)
+        lock_release(&topic._inboxes.shared.lock)
         handle.__exit__(None, None, None)
 
-    cdef bint next(self, Parcel* parcel) noexcept nogil:
+    cdef bint next(self, ReceivedMessage* received) noexcept nogil:
         # Of the first topic that has one, so static messages come first.
         cdef Arrivals* topic = self._subscribed.first
         cdef rcl_ret_t result
         while topic != NULL:
             # First the count, then the message: `_arrived` is called after its message has arrived.
             if topic.subscription != NULL and (topic.has_more or _count_arrived(topic)):
-                result = _take_message(&self._subscribed, topic, parcel)
+                result = _take_message(&self._subscribed, topic, received)
                 topic.has_more = result != RCL_RET_SUBSCRIPTION_TAKE_FAILED
                 if result == RCL_RET_OK:
                     return True

@@ -165,7 +165,7 @@ cdef class QueuedMessage(Pending):
             several = self.wait = Waits(len(needed))
         for frame, ns in needed:
             wait = BufferCore._wait(buffer, frame, self.frame, ns, notify=self.answered, until_refused=True)
-            if self.life >= DONE:
+            if self._state >= DONE:
                 wait.cancel()   # another thread has ended it meanwhile
             elif several is not None:
                 several.add(wait)
@@ -205,7 +205,7 @@ cdef class QueuedMessage(Pending):
         return bool(self._calls.callbacks) or bool(self._calls.failure_callbacks)
 
     cdef int _call_back(self) except -1:
-        if self.life == CANCELLED:
+        if self._state == CANCELLED:
             self._calls._ended[CLEARED] += 1
         elif isinstance(self._result, self._calls._reasons):
             self._calls._drop(self.message, self._result, self._error)

@@ -1,8 +1,8 @@
 """What ends once: a future, a message of a filter, a subscription to changes."""
 
 
-# The life of a pending one, from the first to one of the last two.
-cdef enum Life:
+# From the first to one of the last two.
+cdef enum State:
     PENDING
     QUEUED      # it has an outcome, which is not visible; what runs its callbacks will end it with them
     DONE
@@ -11,12 +11,12 @@ cdef enum Life:
 
 cdef class Pending:
     cdef object __weakref__
-    cdef Life life
+    cdef State _state
     cdef object _result, _error
     cdef public object wait     # for what it lacks, with the buffer; None: for nothing of a buffer
     cdef public object kept     # a dict: the owner's references to what nothing else may refer to
     cdef readonly object call_queue     # that must call it; None: the queue of what received the transform
-    cdef int _end(self, Life life) except -1
+    cdef int _end(self, State state) except -1
     # For subclasses. Whether ending it would run code of a program.
     cdef bint _runs_user_code(self) except -1
     # Calls the callbacks, after the end.

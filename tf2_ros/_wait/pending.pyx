@@ -34,19 +34,19 @@ cdef class Pending:
     @property
     def state(self):
         """A word for its state."""
-        return STATES[self.life]
+        return STATES[self._state]
 
     def over(self):
         """Whether it has an outcome, so that no timeout ends it."""
-        return self.life != PENDING
+        return self._state != PENDING
 
     def has_ended(self):
         """Whether it has an outcome that is visible."""
-        return self.life >= DONE
+        return self._state >= DONE
 
     def end(self, result=None, error=None):
         """End with this outcome, or with the one that is queued, and run the callbacks in this thread."""
-        if self.end_or_queue(result, error) is not None or self.life == QUEUED:
+        if self.end_or_queue(result, error) is not None or self._state == QUEUED:
             self._end(DONE)
 
     def end_or_queue(self, result=None, error=None):
@@ -55,30 +55,30 @@ cdef class Pending:
 
         :return: what has to be called in that case.
         """
-        if self.life == PENDING:
+        if self._state == PENDING:
             self._result, self._error = result, error
             if self._runs_user_code():
-                self.life = QUEUED
+                self._state = QUEUED
                 return self
             self._end(DONE)
         return None
 
     def __call__(self):
-        if self.life == QUEUED:
+        if self._state == QUEUED:
             self._end(DONE)
 
     def cancel(self):
         """End the wait, or the calls of a subscription; later calls do nothing."""
-        if self.life < DONE:
+        if self._state < DONE:
             self._end(CANCELLED)
 
     def drop(self, why):
         """End a queued one without its callbacks, because nothing can run them any more."""
-        if self.life == QUEUED:
+        if self._state == QUEUED:
             self._end(CANCELLED)
 
-    cdef int _end(self, Life life) except -1:
-        self.life = life
+    cdef int _end(self, State state) except -1:
+        self._state = state
         self.kept.pop(self, None)
         if self.wait is not None:
             self.wait.cancel()
@@ -133,28 +133,28 @@ cdef class PendingFuture(Pending):
         self.done_callbacks, self.wakers = [], []
 
     def __del__(self):
-        if self.life == DONE and self._error is not None and not self._is_fetched:
+        if self._state == DONE and self._error is not None and not self._is_fetched:
             print(f"The following exception was never retrieved: {self._error}", file=sys.stderr)
 
     def done(self):
         """Whether it has a result or an exception."""
-        return self.life == DONE
+        return self._state == DONE
 
     def cancelled(self):
         """Whether it was cancelled."""
-        return self.life == CANCELLED
+        return self._state == CANCELLED
 
     def result(self):
         """The result, or raise the exception. None while there is neither, as rclpy's."""
         error = self.exception()
         if error is not None:
             raise error
-        return self._result if self.life == DONE else None
+        return self._result if self._state == DONE else None
 
     def exception(self):
         """The exception, or None."""
         self._is_fetched = True
-        return self._error if self.life == DONE else None
+        return self._error if self._state == DONE else None
 
     def set_result(self, result):
         """End with this result, or with the outcome that is queued, see `end`."""
@@ -167,7 +167,7 @@ cdef class PendingFuture(Pending):
     def add_done_callback(self, callback):
         """Add a callback, which keeps the future alive unless it only wakes; after the end, call it."""
         cdef bint only_wakes = _only_wakes(callback)    # this may run other threads
-        if self.life >= DONE:
+        if self._state >= DONE:
             callback(self)
         elif only_wakes:
             self.wakers.append(callback)
@@ -188,7 +188,7 @@ cdef class PendingFuture(Pending):
 
     def drop(self, why):
         error = TimeoutException(f"The callbacks of this wait were dropped, because {why}")
-        if self.life == QUEUED:     # only now: making the error may run another thread
+        if self._state == QUEUED:     # only now: making the error may run another thread
             self.done_callbacks = []
             self._result, self._error = None, error
             self._end(DONE)
@@ -236,20 +236,20 @@ cdef class ChangeSubscription(Pending):
 
     def __call__(self):
         self._is_due = True
-        if self.life != QUEUED or self._is_running:
+        if self._state != QUEUED or self._is_running:
             return None
         self._is_due, self._is_running = False, True
-        result, self._result, self.life = self._result, None, PENDING
+        result, self._result, self._state = self._result, None, PENDING
         try:
             self._wait_for_next()
-            if self.life != CANCELLED:  # else the program has cancelled meanwhile
+            if self._state != CANCELLED:  # else the program has cancelled meanwhile
                 call_back(self._callback, (result,))
         except BaseException:
             self.cancel()   # nobody would make the next call
             raise
         finally:
             self._is_running = False
-        return self if self._is_due and self.life == QUEUED else None
+        return self if self._is_due and self._state == QUEUED else None
 
     def _answered(self, unsigned long long number, answer):
         # The answer of a former wait, which another thread had begun to deliver, was taken from the wait.
@@ -260,7 +260,7 @@ cdef class ChangeSubscription(Pending):
         notify = partial(self._answered, self._number)
         self.wait = BufferCore._wait(self._buffer, *self._frames, 0, notify=notify, after=self.wait)
         answer = self.wait.take()
-        if self.life >= DONE:
+        if self._state >= DONE:
             self.wait = None    # another thread has cancelled this meanwhile
         elif answer is not None:
             self.end_or_queue(answer)

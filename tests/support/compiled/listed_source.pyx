@@ -7,11 +7,11 @@ from libc.string cimport memcpy
 from tf2_py._internal cimport load_seq_cst, lock_acquire, lock_release, monotonic_ns, store_seq_cst
 from tf2_ros._receive.inbox cimport (
     SENDER_BYTES,
-    Parcel,
+    ReceivedMessage,
     Source,
     InboxState,
     inbox_arrived,
-    parcel_reserve,
+    received_reserve,
 )
 
 cdef int64_t HELD_NS = 60000000000
@@ -19,7 +19,7 @@ cdef int64_t HELD_NS = 60000000000
 
 cdef struct Listed:
     Listed* following
-    Parcel facts                # its `data` is owned
+    ReceivedMessage facts                # its `data` is owned
 
 
 cdef struct List:
@@ -37,16 +37,16 @@ cdef void take_long(List* source) noexcept nogil:
         source.gave_up = monotonic_ns() > until_ns
 
 
-cdef bint take_first(List* source, Parcel* parcel) noexcept nogil:
+cdef bint take_first(List* source, ReceivedMessage* received) noexcept nogil:
     cdef Listed** first = &source.first
     cdef Listed* taken = first[0]
     if taken != NULL and load_seq_cst(&source.is_slow):
         take_long(source)
-    if taken == NULL or parcel_reserve(parcel, taken.facts.size) == NULL:
+    if taken == NULL or received_reserve(received, taken.facts.size) == NULL:
         return False
-    memcpy(parcel.data, taken.facts.data, taken.facts.size)
-    parcel.is_static, parcel.received_ns = taken.facts.is_static, taken.facts.received_ns
-    memcpy(parcel.sender, b"0123456789abcdef", SENDER_BYTES)
+    memcpy(received.data, taken.facts.data, taken.facts.size)
+    received.is_static, received.received_ns = taken.facts.is_static, taken.facts.received_ns
+    memcpy(received.sender, b"0123456789abcdef", SENDER_BYTES)
     first[0] = taken.following
     free(taken.facts.data)
     free(taken)
@@ -60,8 +60,8 @@ cdef class ListedSource(Source):
     def __cinit__(self):
         self.names = ["the list"]
 
-    cdef bint next(self, Parcel* parcel) noexcept nogil:
-        return take_first(&self._list, parcel)
+    cdef bint next(self, ReceivedMessage* received) noexcept nogil:
+        return take_first(&self._list, received)
 
     cdef void silence(self) noexcept:
         self.inbox = NULL
@@ -81,7 +81,7 @@ cdef class ListedSource(Source):
         return not self._list.gave_up
 
     def put(self, bytes data, bint is_static=False, int64_t received_ns=0):
-        """Append a parcel, and tell the inbox."""
+        """Append a message, and tell the inbox."""
         cdef Listed** link = &self._list.first
         cdef Listed* made = <Listed*>malloc(sizeof(Listed))
         made.following, made.facts.size = NULL, len(data)
@@ -90,9 +90,9 @@ cdef class ListedSource(Source):
         made.facts.is_static, made.facts.received_ns = is_static, received_ns
         if self.inbox == NULL:
             raise RuntimeError("the inbox has ended")
-        lock_acquire(&self.inbox.drain.lock)
+        lock_acquire(&self.inbox.shared.lock)
         while link[0] != NULL:
             link = &link[0].following
         link[0] = made
-        lock_release(&self.inbox.drain.lock)
+        lock_release(&self.inbox.shared.lock)
         inbox_arrived(self.inbox, False)

@@ -34,6 +34,7 @@ from posix.mman cimport (
 )
 from posix.unistd cimport pread
 
+import copyreg
 import datetime
 import operator
 import os
@@ -79,6 +80,7 @@ include "engine/frozen_buffers.pxi"
 include "engine/engine_hooks.pxi"
 include "engine/engine.pxi"
 include "engine/wait.pxi"
+include "engine/shortcuts.pxi"
 
 
 # The limits of a buffer, so that no sender can fill the memory.

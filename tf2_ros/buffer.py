@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import tf2_py as tf2
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import duration_ns, log, policy_of, time_ns
+from tf2_py._internal import duration_ns, log, policy_of, shortcut, time_ns
 from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
 from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, is_filled, note_filler, silence_of
@@ -190,6 +190,7 @@ class Buffer(BufferCore, BufferInterface):
     def __del__(self) -> None:
         """Do nothing: what follows the clock ends by itself. Subclasses call this, as in tf2."""
 
+    @shortcut("lookup_transform_core")
     def lookup_transform(
         self,
         target_frame: str,
@@ -203,6 +204,22 @@ class Buffer(BufferCore, BufferInterface):
         accepted = policy_of("lookup_transform", True, **policy)
         lookup = Lookup(target_frame, source_frame, time, policy=accepted)
         return lookup.block(self, duration_ns(timeout, "timeout"))
+
+    if not TYPE_CHECKING:  # a checker knows the overloads of the base
+
+        @shortcut("can_transform_core", is_pair=True)
+        def can_transform(
+            self,
+            target_frame: str,
+            source_frame: str,
+            time: TimeLike,
+            timeout: DurationLike = NO_TIMEOUT,
+            return_debug_tuple: bool = False,
+            **policy: "Unpack[LookupPolicy]",
+        ) -> bool | tuple[bool, str]:
+            return BufferInterface.can_transform(
+                self, target_frame, source_frame, time, timeout, return_debug_tuple, **policy
+            )
 
     def lookup_transform_full(
         self,

@@ -16,7 +16,7 @@ from cpython.long cimport PyLong_AsLongLong, PyLong_CheckExact
 from cpython.mem cimport PyMem_Free, PyMem_Malloc
 from cpython.memoryview cimport PyMemoryView_FromMemory
 from cpython.object cimport PyTypeObject
-from cpython.ref cimport Py_DECREF, Py_INCREF
+from cpython.ref cimport Py_DECREF, Py_INCREF, Py_XDECREF
 from cpython.unicode cimport PyUnicode_Check
 from libc.errno cimport EINTR, ENOMEM, errno
 from libc.float cimport DBL_EPSILON
@@ -72,6 +72,7 @@ __all__ = [
 include "engine/message_layouts.pxi"
 include "engine/times.pxi"
 include "engine/messages.pxi"
+include "engine/kept_messages.pxi"
 include "engine/arrays.pxi"
 include "engine/advice.pxi"
 include "engine/queries_and_errors.pxi"

@@ -164,19 +164,6 @@ cdef object new_header(int64_t stamp_ns, object frame_id):
     return header
 
 
-cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id,
-                                  object child_frame_id):
-    load_layouts()
-    inner = transform_layout.new()
-    transform_layout.put(inner, TRANSFORM_TRANSLATION, vector3_layout.new_doubles(transform.translation, 3))
-    transform_layout.put(inner, TRANSFORM_ROTATION, quaternion_layout.new_doubles(transform.rotation, 4))
-    message = transform_stamped_layout.new()
-    transform_stamped_layout.put(message, STAMPED_HEADER, new_header(stamp_ns, frame_id))
-    transform_stamped_layout.put(message, STAMPED_CHILD_FRAME_ID, child_frame_id)
-    transform_stamped_layout.put(message, STAMPED_TRANSFORM, inner)
-    return message
-
-
 # Whether every buffer refuses a transform, and why.
 
 cdef str refusal_text(Incoming* incoming):

@@ -26,5 +26,3 @@ cdef bint is_exact_transform_stamped(object message) except -1
 cdef int read_transform(object message, Transform* out) except -1
 cdef int read_any_rotation(object message, Transform* out) except -1   # the same, not normalized
 cdef object new_header(int64_t stamp_ns, object frame_id)
-cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id,
-                                  object child_frame_id)

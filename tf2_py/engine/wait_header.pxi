@@ -1,6 +1,6 @@
 """The wait for one lookup."""
 
-# Uses: messages, queries_and_errors, engine_hooks, engine.
+# Uses: kept_messages, queries_and_errors, engine_hooks, engine.
 
 
 @cython.final

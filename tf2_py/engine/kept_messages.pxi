@@ -36,6 +36,8 @@ cdef extern from *:
     const bint KEEPS_MESSAGES "TF2_KEEPS_MESSAGES"
     bint is_only_reference "TF2_IS_ONLY_REFERENCE"(PyObject* object) noexcept
     PyTypeObject* type_of "Py_TYPE"(PyObject* object) noexcept
+    PyObject* new_float "PyFloat_FromDouble"(double value) except NULL
+    PyObject* new_int "PyLong_FromLongLong"(long long value) except NULL
     PyTypeObject FLOAT "PyFloat_Type"
     PyTypeObject INT "PyLong_Type"
     PyTypeObject STR "PyUnicode_Type"
@@ -50,6 +52,16 @@ cdef bint _is_keeping = False
 cdef bint _is_begun = False
 
 
+cdef struct Shape:
+    # A Layout in C, because passing a global object counts a reference to it each time.
+    PyTypeObject* cls
+    const Py_ssize_t* offsets
+    Py_ssize_t check_offset
+    PyObject* check_fields
+
+cdef Shape _stamped_shape, _header_shape, _stamp_shape
+cdef Shape _transform_shape, _translation_shape, _rotation_shape
+
 cdef struct Parts:
     PyObject* message
     PyObject* header
@@ -59,25 +71,25 @@ cdef struct Parts:
     PyObject* rotation
 
 
-cdef inline PyObject* _in_slot(Layout layout, PyObject* part, int index) noexcept:
-    return slot_at(<object>part, layout.offsets[index])[0]
+cdef inline PyObject** _slot(const Shape* shape, PyObject* part, int index) noexcept:
+    return slot_at(<object>part, shape.offsets[index])
 
 
-cdef inline bint _is_ours(Layout layout, PyObject* part) noexcept:
+cdef inline bint _is_ours(const Shape* shape, PyObject* part) noexcept:
     # Apart from its fields. A deleted one is NULL.
     return (part != NULL
             and is_only_reference(part)
-            and type_of(part) == <PyTypeObject*>layout.message_class
-            and type_of(part).tp_finalize == NULL
-            and (not layout.check_offset
-                 or slot_at(<object>part, layout.check_offset)[0] == <PyObject*>layout.check_fields))
+            and type_of(part) == shape.cls
+            and shape.cls.tp_finalize == NULL
+            and (not shape.check_offset
+                 or slot_at(<object>part, shape.check_offset)[0] == shape.check_fields))
 
 
-cdef inline bint _are(PyTypeObject* cls, Layout layout, PyObject* part, int first, int end) noexcept:
+cdef inline bint _are(PyTypeObject* cls, const Shape* shape, PyObject* part, int first, int end) noexcept:
     cdef int i
     cdef PyObject* value
     for i in range(first, end):
-        value = _in_slot(layout, part, i)
+        value = _slot(shape, part, i)[0]
         if value == NULL or type_of(value) != cls:
             return False
     return True
@@ -85,32 +97,30 @@ cdef inline bint _are(PyTypeObject* cls, Layout layout, PyObject* part, int firs
 
 cdef bint _find_parts(PyObject* message, Parts* parts) noexcept:
     # Whether the message can be used again; then, its parts.
-    if not _is_ours(transform_stamped_layout, message):
+    if not _is_ours(&_stamped_shape, message):
         return False
     parts.message = message
-    parts.header = _in_slot(transform_stamped_layout, message, STAMPED_HEADER)
-    parts.transform = _in_slot(transform_stamped_layout, message, STAMPED_TRANSFORM)
-    if not (_is_ours(header_layout, parts.header) and _is_ours(transform_layout, parts.transform)):
+    parts.header = _slot(&_stamped_shape, message, STAMPED_HEADER)[0]
+    parts.transform = _slot(&_stamped_shape, message, STAMPED_TRANSFORM)[0]
+    if not (_is_ours(&_header_shape, parts.header) and _is_ours(&_transform_shape, parts.transform)):
         return False
-    parts.stamp = _in_slot(header_layout, parts.header, HEADER_STAMP)
-    parts.translation = _in_slot(transform_layout, parts.transform, TRANSFORM_TRANSLATION)
-    parts.rotation = _in_slot(transform_layout, parts.transform, TRANSFORM_ROTATION)
-    return (_is_ours(time_layout, parts.stamp)
-            and _is_ours(vector3_layout, parts.translation)
-            and _is_ours(quaternion_layout, parts.rotation)
-            and _are(&FLOAT, vector3_layout, parts.translation, 0, 3)
-            and _are(&FLOAT, quaternion_layout, parts.rotation, 0, 4)
-            and _are(&INT, time_layout, parts.stamp, TIME_SEC, TIME_NANOSEC + 1)
-            and _are(&STR, header_layout, parts.header, HEADER_FRAME_ID, HEADER_FRAME_ID + 1)
-            and _are(&STR, transform_stamped_layout, message,
-                     STAMPED_CHILD_FRAME_ID, STAMPED_CHILD_FRAME_ID + 1))
+    parts.stamp = _slot(&_header_shape, parts.header, HEADER_STAMP)[0]
+    parts.translation = _slot(&_transform_shape, parts.transform, TRANSFORM_TRANSLATION)[0]
+    parts.rotation = _slot(&_transform_shape, parts.transform, TRANSFORM_ROTATION)[0]
+    return (_is_ours(&_stamp_shape, parts.stamp)
+            and _is_ours(&_translation_shape, parts.translation)
+            and _is_ours(&_rotation_shape, parts.rotation)
+            and _are(&FLOAT, &_translation_shape, parts.translation, 0, 3)
+            and _are(&FLOAT, &_rotation_shape, parts.rotation, 0, 4)
+            and _are(&INT, &_stamp_shape, parts.stamp, TIME_SEC, TIME_NANOSEC + 1)
+            and _are(&STR, &_header_shape, parts.header, HEADER_FRAME_ID, HEADER_FRAME_ID + 1)
+            and _are(&STR, &_stamped_shape, message, STAMPED_CHILD_FRAME_ID, STAMPED_CHILD_FRAME_ID + 1))
 
 
-cdef inline void _replace(Layout layout, PyObject* part, int index, object value) noexcept:
-    cdef PyObject** slot = slot_at(<object>part, layout.offsets[index])
+cdef inline void _replace(PyObject** slot, PyObject* value) noexcept:
+    # The slot receives the reference to the value.
     cdef PyObject* old = slot[0]
-    Py_INCREF(value)
-    slot[0] = <PyObject*>value
+    slot[0] = value
     Py_DECREF(<object>old)
 
 
@@ -120,14 +130,16 @@ cdef int _fill(const Parts* parts, const Transform* transform, int64_t stamp_ns,
     cdef int64_t sec
     cdef uint32_t nanosec
     for i in range(3):
-        _replace(vector3_layout, parts.translation, i, PyFloat_FromDouble(transform.translation[i]))
+        _replace(_slot(&_translation_shape, parts.translation, i), new_float(transform.translation[i]))
     for i in range(4):
-        _replace(quaternion_layout, parts.rotation, i, PyFloat_FromDouble(transform.rotation[i]))
+        _replace(_slot(&_rotation_shape, parts.rotation, i), new_float(transform.rotation[i]))
     stamp_split(stamp_ns, &sec, &nanosec)
-    _replace(time_layout, parts.stamp, TIME_SEC, sec)
-    _replace(time_layout, parts.stamp, TIME_NANOSEC, nanosec)
-    _replace(header_layout, parts.header, HEADER_FRAME_ID, frame_id)
-    _replace(transform_stamped_layout, parts.message, STAMPED_CHILD_FRAME_ID, child_frame_id)
+    _replace(_slot(&_stamp_shape, parts.stamp, TIME_SEC), new_int(sec))
+    _replace(_slot(&_stamp_shape, parts.stamp, TIME_NANOSEC), new_int(nanosec))
+    Py_INCREF(frame_id)
+    _replace(_slot(&_header_shape, parts.header, HEADER_FRAME_ID), <PyObject*>frame_id)
+    Py_INCREF(child_frame_id)
+    _replace(_slot(&_stamped_shape, parts.message, STAMPED_CHILD_FRAME_ID), <PyObject*>child_frame_id)
     return 0
 
 
@@ -154,12 +166,26 @@ def _keep_no_more():
         Py_XDECREF(message)
 
 
+cdef Shape _shape_of(Layout layout) noexcept:
+    # The layouts are never destroyed.
+    cdef Shape shape
+    shape.cls = <PyTypeObject*>layout.message_class
+    shape.offsets = layout.offsets
+    shape.check_offset, shape.check_fields = layout.check_offset, <PyObject*>layout.check_fields
+    return shape
+
+
 cdef int _begin() except -1:
     global _is_begun, _is_keeping
+    global _stamped_shape, _header_shape, _stamp_shape
+    global _transform_shape, _translation_shape, _rotation_shape
     load_layouts()
     layouts = (transform_stamped_layout, header_layout, time_layout, transform_layout, vector3_layout,
                quaternion_layout)
     if KEEPS_MESSAGES and all([(<Layout>layout).by_slot for layout in layouts]):
+        _stamped_shape, _header_shape = _shape_of(transform_stamped_layout), _shape_of(header_layout)
+        _stamp_shape, _transform_shape = _shape_of(time_layout), _shape_of(transform_layout)
+        _translation_shape, _rotation_shape = _shape_of(vector3_layout), _shape_of(quaternion_layout)
         import atexit
         atexit.register(_keep_no_more)
         _is_keeping = True

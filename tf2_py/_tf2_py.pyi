@@ -65,10 +65,17 @@ class BufferCore:
         max_frames: int | None = None,
         max_bytes: int | None = None,
     ) -> None: ...
-    def set_transform(self, transform: TransformStamped, authority: str) -> None: ...
+    def set_transform(
+        self, transform: TransformStamped, authority: str, *, replace: bool = False
+    ) -> None: ...
     def set_transform_static(self, transform: TransformStamped, authority: str) -> None: ...
     def set_transforms(
-        self, transforms: Iterable[TransformStamped], authority: str, static: bool = False
+        self,
+        transforms: Iterable[TransformStamped],
+        authority: str,
+        static: bool = False,
+        *,
+        replace: bool = False,
     ) -> int: ...
     def set_transforms_cdr(
         self, data: bytes | bytearray | memoryview, authority: str, static: bool = False

@@ -192,7 +192,36 @@ cdef class BufferCore(Engine):
         self.insert(&batch)
         return self.report(&batch, None) if batch.needs_report else 0
 
-    def set_transform(self, transform: TransformStamped, authority: str = None) -> None:
+    cdef size_t _set_many(self, list messages, object authority, bint is_static, bint replace) except? 0:
+        # Returns how many were accepted.
+        cdef list keep = []
+        cdef Batch batch
+        cdef Py_ssize_t size, i
+        memset(&batch, 0, sizeof(Batch))
+        if batch_reserve(&batch, len(messages)) != 0:
+            raise MemoryError
+        try:
+            batch.count = len(messages)
+            batch.is_static = is_static
+            for i in range(len(messages)):
+                read_transform_stamped(messages[i], &batch.entries[i].incoming, keep)
+            batch.authority = authority_utf8(authority, &size)
+            batch.authority_size = size
+            if replace and batch.count:
+                catch_up(self)      # what has arrived is part of the past, too
+                with nogil:
+                    self.replace(&batch)
+            else:
+                self.insert(&batch)
+            if batch.needs_report:
+                self.report(&batch, None)
+            return batch.taken
+        finally:
+            batch_free(&batch)
+
+    def set_transform(
+        self, transform: TransformStamped, authority: str = None, *, replace: bool = False
+    ) -> None:
         """
         Add one dynamic transform.
 
@@ -200,6 +229,8 @@ cdef class BufferCore(Engine):
             The translation is in meters, the rotation a quaternion x y z w. The stamp 0 has no special
             meaning. A frame name ends at a NUL character, as it does when ROS sends the message.
         :param str authority: the publisher; listings and log lines show it.
+        :param bool replace: whether to remove what the frame already has at this stamp, whatever its parent,
+            as in :meth:`set_transforms`.
         :raises TypeError: an object lacks a field, or a value has the wrong type.
         :raises ValueError: a name contains a lone surrogate, or the authority a NUL character.
         :raises OverflowError: the stamp does not fit into 64-bit nanoseconds.
@@ -207,7 +238,10 @@ cdef class BufferCore(Engine):
         Invalid transforms, such as those with NaN, without names, or older than the history, are dropped
         without an exception: they are logged, and counted in ``statistics()["refused"]``.
         """
-        self._set_one(transform, authority, False)
+        if replace:
+            self._set_many([transform], authority, False, True)
+        else:
+            self._set_one(transform, authority, False)
 
     def set_transform_static(self, transform: TransformStamped, authority: str = None) -> None:
         """
@@ -221,7 +255,12 @@ cdef class BufferCore(Engine):
         self._set_one(transform, authority, True)
 
     def set_transforms(
-        self, transforms: Iterable[TransformStamped], authority: str = None, static: bool = False
+        self,
+        transforms: Iterable[TransformStamped],
+        authority: str = None,
+        static: bool = False,
+        *,
+        replace: bool = False,
     ) -> int:
         """
         Add many transforms. Other threads may see the first ones before the last ones are added.
@@ -229,30 +268,21 @@ cdef class BufferCore(Engine):
         :param transforms: an iterable of objects that :meth:`set_transform` accepts.
         :param str authority: the publisher; listings and log lines show it.
         :param bool static: whether they are valid at all times.
+        :param bool replace: whether to rewrite the past. Of each frame in ``transforms``, everything from its
+            first to its last stamp in there is removed, both included, whatever its parent, and these
+            transforms take its place; of those with equal stamps, the last one counts. Other threads see all
+            of the call or nothing, and waits are judged after it. A frame of which one transform is refused
+            remains as it is. ``cache_time`` counts from the newest stamp that the frame then has. A frame
+            does not change from dynamic to static, or back.
         :return: how many were added; the others are logged and counted.
         :raises TypeError, ValueError, OverflowError: an object is invalid, as in :meth:`set_transform`; no
             transform has been added.
+        :raises MemoryError: there is no memory. With ``replace``, nothing has changed.
+
+        With ``replace``, lookups of other threads wait meanwhile, for about 10 ms if there are 100,000
+        transforms; the history of each frame is copied once.
         """
-        cdef list messages = list(transforms)
-        cdef list keep = []
-        cdef Batch batch
-        cdef Py_ssize_t size, i
-        memset(&batch, 0, sizeof(Batch))
-        if batch_reserve(&batch, len(messages)) != 0:
-            raise MemoryError
-        try:
-            batch.count = len(messages)
-            batch.is_static = static
-            for i in range(len(messages)):
-                read_transform_stamped(messages[i], &batch.entries[i].incoming, keep)
-            batch.authority = authority_utf8(authority, &size)
-            batch.authority_size = size
-            self.insert(&batch)
-            if batch.needs_report:
-                self.report(&batch, None)
-            return batch.taken
-        finally:
-            batch_free(&batch)
+        return self._set_many(list(transforms), authority, static, replace)
 
     def set_transforms_cdr(
         self, data: bytes | bytearray | memoryview, authority: str = None, static: bool = False

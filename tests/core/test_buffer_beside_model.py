@@ -127,6 +127,16 @@ class Machine(RuleBasedStateMachine):
         self.last = links[-1]
         self.pair.insert(way, tuple(links), "many")
 
+    @rule(links=st.lists(good_links | links, min_size=1, max_size=6), static=st.integers(0, 4))
+    def replace(self, links, static):
+        self.pair.replace(links, "replacer", static == 4)
+
+    @rule(child=frames, given=st.lists(st.tuples(frames, st.integers(0, 9)), min_size=1), ns=stamps)
+    def replace_in_one_frame(self, child, given, ns):
+        stamps = [min(max(0, ns + i), STAMPS_END - 1) for _, i in given]
+        links = [(one, child, at, i % GOOD_PLACES, i) for (one, i), at in zip(given, stamps, strict=True)]
+        self.pair.replace(links, "replacer")
+
     @precondition(lambda self: self.last is not None)
     @rule(later_ns=st.integers(-12, 12), parent=st.none() | frames)
     def insert_next(self, later_ns, parent):

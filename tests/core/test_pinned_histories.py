@@ -53,6 +53,11 @@ def insert_static(parent, child):
     return lambda buffer: buffer.set_transform_static(transform(parent, child, xyz=(2, 0, 0)), "x")
 
 
+def replace(parent, child, *stamps, static=False):
+    links = [transform(parent, child, ns=ns, xyz=(-ns, 0, 0)) for ns in stamps]
+    return lambda buffer: buffer.set_transforms(links, "x", static, replace=True)
+
+
 WRITES = {
     "a sample": insert("map", "odom", 180),
     "many samples": insert("map", "odom", *range(180, 1000)),
@@ -66,6 +71,9 @@ WRITES = {
     "another static transform": insert_static("odom", "camera"),
     "a static transform of a dynamic frame": insert_static("map", "odom"),
     "a dynamic transform of a static frame": insert("base", "camera", 100, 110),
+    "samples that replace some": replace("map", "odom", 110, 120, 130),
+    "samples that replace all": replace("map", "odom", *range(100, 181)),
+    "a static transform that replaces another": replace("odom", "camera", 1, static=True),
     "clear": BufferCore.clear,
     "samples after a clear": lambda buffer: (buffer.clear(), insert("map", "odom", *range(180, 190))(buffer)),
     "init": BufferCore.__init__,

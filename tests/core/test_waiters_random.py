@@ -152,6 +152,20 @@ class Machine(RuleBasedStateMachine):
         assert all(one.answers[0] != one.present for one in answered if one.present is not None)
         self.settle()
 
+    def rewrite(self, links, static=False):
+        """All waits are judged once, after the whole call."""
+        known = self.newest.copy()
+        self.buffer.set_transforms(links, "random", static, replace=True)
+        for name, info in self.buffer.frames().items():
+            if info.newest_ns is not None:
+                self.newest[name] = max(info.newest_ns, known.get(name, 0))
+                self.now = max(self.now, info.newest_ns)
+        answered = [one for one in self.pending if one.answers]
+        assert [id(answers) for answers in self.told] == [id(one.answers) for one in answered]
+        for one in answered:
+            assert one.answers[0] == one.now() and one.answers[0] != (one.present or 0), one.lookup
+        self.settle()
+
     def settle(self):
         assert all(len(one.answers) <= 1 for one in self.pending)
         answered = [one for one in self.pending if one.answers]
@@ -172,6 +186,14 @@ class Machine(RuleBasedStateMachine):
     @rule(links=st.lists(st.tuples(frames, frames, times), min_size=2, max_size=4), static=st.integers(0, 9))
     def move_several(self, links, static):
         self.put([self.link(*link) for link in links], self.statics and static == 9)
+
+    @rule(links=st.lists(st.tuples(frames, frames, times), min_size=1, max_size=5), static=st.integers(0, 9))
+    def replace(self, links, static):
+        self.rewrite([self.link(*link) for link in links], self.statics and static == 9)
+
+    @rule(child=frames, others=st.lists(frames, min_size=1, max_size=4), x=st.integers(1, 2))
+    def replace_the_newest(self, child, others, x):
+        self.rewrite([self.link(child, other, ("frame", -i), x) for i, other in enumerate(others)])
 
     @rule(child=frames, other=frames, steps=st.lists(st.integers(0, 25), min_size=2, max_size=5))
     def move_far(self, child, other, steps):

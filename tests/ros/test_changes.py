@@ -41,6 +41,27 @@ class TestIterator:
         until(task.done, executor)
         assert task.result() == [1, 2, 3]
 
+    def test_replacing_samples_is_a_change_if_the_latest_one_differs(self, buffer):
+        seen = []
+        insert(buffer, 1, 2, 3)
+        with_x = [transform("map", "base", one, (9, 0, 0)) for one in (2, 3)]
+        subscription = buffer.on_change("map", "base", lambda one: seen.append(one.transform.translation.x))
+
+        async def follow():
+            changes = buffer.changes("map", "base")
+            await changes.__anext__()
+            buffer.set_transform(with_x[0], "slam", replace=True)
+            step = asyncio.ensure_future(changes.__anext__())
+            await asyncio.sleep(0)
+            assert not step.done()
+            buffer.set_transforms(with_x, "slam", replace=True)
+            buffer.set_transforms(with_x, "slam", replace=True)
+            return (await step).transform.translation.x
+
+        assert asyncio.run(follow()) == 9.0
+        assert seen == [0.0, 9.0]
+        subscription.cancel()
+
     @pytest.mark.parametrize("is_available", [False, True])
     def test_a_cancelled_step_leaves_nothing_behind_and_loses_nothing(self, buffer, is_available):
         insert(buffer, 1)

@@ -201,6 +201,16 @@ class Pair:
             return
         assert counted == sum(taken)
 
+    def replace(self, links, authority, static=False):
+        """In one call; a single dynamic link by set_transform."""
+        messages = list(map(message, links))
+        given = [(parent, child, ns, place(x), TURNS[turn]) for parent, child, ns, x, turn in links]
+        taken = self.model.replace(given, authority, static)
+        if len(links) == 1 and not static:
+            assert self.buffer.set_transform(messages[0], authority, replace=True) is None
+        else:
+            assert self.buffer.set_transforms(messages, authority, static, replace=True) == taken
+
     def clear(self):
         self.buffer.clear()
         self.model.clear()

@@ -39,6 +39,8 @@ REASONS = (
     "reserved_frame_id",
     "old_data",
     "stamp_too_late",
+    "other_kind",
+    "replaced_together",
 )
 
 
@@ -162,6 +164,80 @@ class Model(Listings, Policies):
         """Whether it is taken."""
         self._found.clear()
         parent, child = parent.removeprefix("/"), child.removeprefix("/")
+        wrong = self._wrong(parent, child, ns, xyz, xyzw)
+        if wrong:
+            self._refuse(wrong)
+            return False
+        self._name(child)
+        frame = self.frames.get(child)
+        if frame is None or frame.static != static:
+            frame = self.frames[child] = Frame(static)
+        self._name(parent)
+        sample = self._sample(parent, ns, xyz, xyzw)
+        if static:
+            frame.samples = [sample]
+        elif not self._insert_dynamic(frame, sample):
+            self._refuse(["old_data"])
+            return False
+        self.authorities[child] = authority
+        self.taken += 1
+        return True
+
+    def replace(self, links, authority, static=False):
+        """How many are taken of some (parent, child, ns, xyz, xyzw), which replace what lies between them."""
+        self._found.clear()
+        by_child = {}
+        for parent, child, *rest in links:
+            by_child.setdefault(child.removeprefix("/"), []).append((parent.removeprefix("/"), *rest))
+        return sum(self._replace(child, given, authority, static) for child, given in by_child.items())
+
+    def _replace(self, child, given, authority, static):
+        wrong = [self._wrong(parent, child, *rest) for parent, *rest in given]
+        if not any(wrong):
+            given = given if static else sorted(given, key=lambda one: one[1])
+            for name in (child, *[one[0] for one in given]):
+                self._name(name)
+            wrong = self._wrong_beside(self.frames.get(child), given, static)
+        if any(wrong):
+            for reasons in wrong:
+                self._refuse(reasons or ["replaced_together"])
+            return 0
+        samples = {0 if static else one[1]: self._sample(*one) for one in given}  # of equal stamps, the last
+        frame = self.frames.get(child)
+        if frame is None or not frame.samples:
+            frame = self.frames[child] = Frame(static)
+        if static:
+            frame.samples = [*samples.values()]
+        else:
+            first, last = given[0][1], given[-1][1]
+            kept = [one for one in frame.samples if not first <= one[0] <= last]
+            frame.samples = sorted(kept + [*samples.values()], key=lambda one: one[0])
+            oldest_kept = frame.newest_ns() - self.cache_ns
+            frame.samples = [one for one in frame.samples if one[0] >= oldest_kept]
+        self.authorities[child] = authority
+        self.taken += len(given)
+        return len(given)
+
+    def _wrong_beside(self, frame, given, static):
+        """What is wrong with each of them, because of what the frame has."""
+        has_some = frame is not None and frame.samples
+        if has_some and frame.static != static:
+            return [["other_kind"]] * len(given)
+        if static:
+            return []
+        newest_ns = max(given[-1][1], frame.newest_ns() if has_some else 0)
+        return [["old_data"] if one[1] < newest_ns - self.cache_ns else [] for one in given]
+
+    def _refuse(self, reasons):
+        for reason in reasons:
+            self.refused[reason] += 1
+
+    def _sample(self, parent, ns, xyz, xyzw):
+        length = math.sqrt(sum(a * a for a in xyzw))
+        return (ns, parent, tuple(xyz), canonical(tuple(a / length for a in xyzw)))
+
+    def _wrong(self, parent, child, ns, xyz, xyzw):
+        """Why every buffer refuses it."""
         squared = sum(a * a for a in xyzw)
         numbers = (*xyz, *xyzw)
         wrong = {
@@ -175,25 +251,7 @@ class Model(Listings, Policies):
             "reserved_frame_id": RESERVED in (parent, child),
             "stamp_too_late": ns >= STAMPS_END,
         }
-        if any(wrong.values()):
-            for reason, applies in wrong.items():
-                self.refused[reason] += applies
-            return False
-        self._name(child)
-        frame = self.frames.get(child)
-        if frame is None or frame.static != static:
-            frame = self.frames[child] = Frame(static)
-        self._name(parent)
-        length = math.sqrt(squared)
-        sample = (ns, parent, tuple(xyz), canonical(tuple(a / length for a in xyzw)))
-        if static:
-            frame.samples = [sample]
-        elif not self._insert_dynamic(frame, sample):
-            self.refused["old_data"] += 1
-            return False
-        self.authorities[child] = authority
-        self.taken += 1
-        return True
+        return [reason for reason, applies in wrong.items() if applies]
 
     @property
     def names(self):

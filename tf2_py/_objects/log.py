@@ -28,6 +28,16 @@ REFUSALS = (
     ("TF_STAMP_TOO_LATE", "stamp_too_late", "the stamp does not fit into a message"),
     ("TF_TOO_MANY_FRAMES", "too_many_frames", "the buffer already has max_frames frames"),
     ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would exceed max_bytes"),
+    (
+        "TF_OTHER_KIND",
+        "other_kind",
+        "replacing does not change a frame from static to dynamic, or from dynamic to static",
+    ),
+    (
+        "TF_REPLACED_TOGETHER",
+        "replaced_together",
+        "another transform that was to replace samples of this frame was refused",
+    ),
 )
 OLD_DATA = 1 << 8
 

@@ -7,8 +7,6 @@ cdef extern from "<stdlib.h>" nogil:
 
 
 cdef enum:
-    FIRST_CAPACITY = 8              # samples, of a dynamic history
-    LAST_CAPACITY = 0x7FFFFFFF      # samples
     SHRINK_ABOVE = 64               # samples; smaller rings are not worth shrinking
 
 
@@ -413,18 +411,32 @@ cdef inline void _clear_change(HistoryChange* change) noexcept nogil:
     change.moved = 0
 
 
+cdef HistoryInsert history_begin(const History* old, HistoryKind kind, uint32_t capacity, size_t growth_limit,
+                                 History* fresh) noexcept nogil:
+    memset(fresh, 0, sizeof(History))
+    fresh.kind = kind
+    fresh.authority = old.authority
+    fresh.is_parent = old.is_parent
+    fresh.is_hidden = old.is_hidden
+    fresh.was_unnormalised = old.was_unnormalised
+    return _move(fresh, capacity, history_allocated(old) + growth_limit)
+
+
+cdef void history_append(History* history, int64_t stamp_ns, const Sample* sample) noexcept nogil:
+    cdef uint32_t slot = _history_slot(history, history.count)
+    history.parent_changes += history.count > 0 and history_newest_parent(history) != sample.parent
+    history.stamps[slot] = stamp_ns
+    history.samples[slot] = sample[0]
+    history.count += 1
+    history.newest_ns = stamp_ns
+    history.oldest_ns = history.stamps[history.head]
+
+
 cdef HistoryInsert _change_kind(History* history, HistoryKind kind, uint32_t capacity,
                                 size_t growth_limit) noexcept nogil:
     # A frame that changes from dynamic to static or back loses its history, but only when there is memory.
     cdef History fresh
-    cdef HistoryInsert outcome
-    memset(&fresh, 0, sizeof(History))
-    fresh.kind = kind
-    fresh.authority = history.authority
-    fresh.is_parent = history.is_parent
-    fresh.is_hidden = history.is_hidden
-    fresh.was_unnormalised = history.was_unnormalised
-    outcome = _move(&fresh, capacity, history_allocated(history) + growth_limit)
+    cdef HistoryInsert outcome = history_begin(history, kind, capacity, growth_limit, &fresh)
     if outcome == HISTORY_INSERTED:
         history_free(history)
         history[0] = fresh

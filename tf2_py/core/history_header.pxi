@@ -73,6 +73,10 @@ cdef inline int64_t history_stamp_of(const History* history, uint32_t index) noe
     return history.stamps[_history_slot(history, index)]
 
 
+cdef inline const Sample* history_sample_of(const History* history, uint32_t index) noexcept nogil:
+    return &history.samples[_history_slot(history, index)]
+
+
 cdef inline const Transform* history_transform_of(const History* history, uint32_t index) noexcept nogil:
     return &history.samples[_history_slot(history, index)].transform
 
@@ -106,6 +110,10 @@ cdef inline int64_t history_age(const History* history, int64_t now_ns) noexcept
 # A lookup may read samples without the lock if it pins the ring first. Then no sample that the copy refers to
 # is overwritten: a write that would overwrite one first moves the samples to other memory, and the last owner
 # of the old memory frees it.
+
+cdef enum:
+    FIRST_CAPACITY = 8              # samples, of a dynamic history
+    LAST_CAPACITY = 0x7FFFFFFF      # samples
 
 cdef enum HistoryInsert:
     HISTORY_INSERTED
@@ -225,15 +233,20 @@ cdef struct HistoryChange:
 
 
 cdef struct Retention:
-    # How much a dynamic history keeps. All of it is read by history_horizon only.
+    # How much a dynamic history keeps. All of it is read by retention_horizon only.
     int64_t cache_time_ns   # how far it reaches back from its newest stamp; >= 0
+
+
+cdef inline int64_t retention_horizon(const Retention* retention, int64_t newest_ns) noexcept nogil:
+    # The one rule of what is lost, if `newest_ns` is the newest stamp: a sample with an earlier stamp than
+    # this is pruned by the next insert, and refused when it arrives.
+    return newest_ns - retention.cache_time_ns
 
 
 cdef inline int64_t history_horizon(const History* history, const Retention* retention,
                                     int64_t newest_ns) noexcept nogil:
-    # The one rule of what is lost, if `newest_ns` is the newest stamp: a sample with an earlier stamp than
-    # this is pruned by the next insert, and refused when it arrives.
-    return newest_ns - retention.cache_time_ns if history.count else INT64_MIN
+    # The same; without samples, nothing is refused.
+    return retention_horizon(retention, newest_ns) if history.count else INT64_MIN
 
 
 # `growth_limit`: by how many bytes the memory may grow. `change` is always filled.
@@ -243,6 +256,16 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
                                   HistoryChange* change) noexcept nogil
 cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const Sample* sample,
                                       size_t growth_limit, HistoryChange* change) noexcept nogil
+
+# To build what takes the place of a history: `fresh` becomes an empty one of the same frame, with memory for
+# `capacity` samples, at least FIRST_CAPACITY of a dynamic one. HISTORY_INSERTED; or HISTORY_FULL or
+# HISTORY_NO_MEMORY. `growth_limit`: by how many bytes it may exceed `old`, which remains.
+cdef HistoryInsert history_begin(const History* old, HistoryKind kind, uint32_t capacity, size_t growth_limit,
+                                 History* fresh) noexcept nogil
+# Behind the newest sample of a dynamic history, whose memory nobody else has, and has a free slot.
+cdef void history_append(History* history, int64_t stamp_ns, const Sample* sample) noexcept nogil
+# The index of the first sample with a later stamp; `count`: there is none. Not for static histories.
+cdef uint32_t history_first_after(const History* history, int64_t time_ns) noexcept nogil
 
 # NULL, or which invariant does not hold; `where` is then the index of the sample, or `count`: of none.
 cdef const char* history_check(const History* history, uint32_t* where) noexcept nogil

@@ -28,7 +28,7 @@ cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept
     cdef uint32_t id = names_find(&tree.authorities, name, size)
     if id != NAME_UNKNOWN:
         return id
-    if tree.authorities.count > tree.limits.frames or size > _bytes_left(tree):
+    if tree.authorities.count > tree.limits.frames or size > tree_bytes_left(tree):
         return 0
     return names_intern(&tree.authorities, name, size)
 
@@ -46,12 +46,6 @@ cdef void tree_free(Tree* tree) noexcept nogil:
 cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcept nogil:
     cdef uint32_t id = names_find(&tree.names, name, size)
     return NO_FRAME if id == NAME_UNKNOWN or tree.histories[id].is_hidden else id
-
-
-cdef inline size_t _bytes_left(const Tree* tree) noexcept nogil:
-    # That may still be allocated.
-    cdef size_t used = tree_bytes(tree)
-    return tree.limits.bytes - used if used < tree.limits.bytes else 0
 
 
 cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* change,
@@ -96,28 +90,19 @@ cdef void tree_put_history(Tree* tree, FrameId frame, const History* history, Fr
     tree.history_bytes += history_allocated(history)
 
 
-cdef FrameId _intern_frame(Tree* tree, const char* name, size_t size, FrameId guess, Change* change,
-                           uint32_t* refused) noexcept nogil:
-    # The id of the frame, a new one if the name is unknown; NO_FRAME: it failed, see `refused`.
+cdef FrameId tree_intern_frame(Tree* tree, const char* name, size_t size, FrameId guess, Change* change,
+                               uint32_t* refused) noexcept nogil:
     cdef uint32_t id = names_find_guessed(&tree.names, name, size, guess)
     if id != NAME_UNKNOWN:
         return id
     # The reserved name is not counted.
     if tree.names.count > tree.limits.frames:
         refused[0] = REFUSED_FRAMES
-    elif size + sizeof(History) > _bytes_left(tree):
+    elif size + sizeof(History) > tree_bytes_left(tree):
         refused[0] = REFUSED_BYTES
     else:
         return _add_frame(tree, name, size, change, refused)
     return NO_FRAME
-
-
-cdef inline void _unhide(Tree* tree, FrameId frame, Change* change) noexcept nogil:
-    if tree.histories[frame].is_hidden:
-        tree.histories[frame].is_hidden = False
-        tree.hidden -= 1
-        if change != NULL:
-            change.shape = True
 
 
 cdef inline bint _is_reserved(const char* name, size_t size) noexcept nogil:
@@ -168,11 +153,11 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
     # As in tf2: the child gets its id first, and both keep theirs even if the sample is too old. A message
     # names its children in the same order as the first time, and nearly every child keeps its parent.
     if refused == 0:
-        child = _intern_frame(tree, incoming.child, incoming.child_size, tree.last_child + 1, change,
-                              &refused)
+        child = tree_intern_frame(tree, incoming.child, incoming.child_size, tree.last_child + 1, change,
+                                  &refused)
     if refused == 0:
-        parent = _intern_frame(tree, incoming.parent, incoming.parent_size, tree_newest_parent(tree, child),
-                               change, &refused)
+        parent = tree_intern_frame(tree, incoming.parent, incoming.parent_size,
+                                   tree_newest_parent(tree, child), change, &refused)
     if refused == 0:
         tree.last_child = child
         refused = _insert(tree, child, parent, incoming, authority, is_static, change)
@@ -180,8 +165,8 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
         # No other thread has seen them.
         names_drop(&tree.names, known)
         return refused
-    _unhide(tree, child, change)
-    _unhide(tree, parent, change)
+    tree_unhide(tree, child, change)
+    tree_unhide(tree, parent, change)
     for bit in range(<uint32_t>REFUSAL_KINDS if refused else 0):
         tree.refused[bit] += (refused >> bit) & 1
     return refused
@@ -197,7 +182,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     cdef uint32_t before = tree.parents[child]
     cdef uint32_t count = history.count
     cdef size_t bytes_before = history_allocated(history)
-    cdef size_t growth_limit = _bytes_left(tree)
+    cdef size_t growth_limit = tree_bytes_left(tree)
     tree.is_frozen = False      # a repeated sample, too, has another authority, and prunes
     sample.transform = incoming.transform
     sample.parent = parent
@@ -368,11 +353,6 @@ cdef void tree_unpin(PinnedTree* pinned) noexcept nogil:
     free(pinned.view.parents)
     names_free(&pinned.view.names)
     free(pinned.frames)
-
-
-cdef size_t tree_bytes(const Tree* tree) noexcept nogil:
-    return (tree.names.bytes + tree.authorities.bytes + tree.history_bytes
-            + tree.capacity * (sizeof(History) + sizeof(uint32_t)))
 
 
 cdef const char* _check_parents(const Tree* tree, FrameId frame, uint32_t* where) noexcept nogil:

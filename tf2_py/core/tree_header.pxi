@@ -65,12 +65,37 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
 # that is too old adds its names; NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil
+# The id of a frame, a new one if its name is unknown. NO_FRAME: it failed, see `refused`, as of tree_insert.
+# `guess`: as in names_find_guessed. `change` may be NULL.
+cdef FrameId tree_intern_frame(Tree* tree, const char* name, size_t size, FrameId guess, Change* change,
+                               uint32_t* refused) noexcept nogil
 # Adds a frame whose name is unknown, regardless of the limits. NO_FRAME: there is no memory, or no free id.
 cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size) noexcept nogil
 # Gives a frame without samples a history, and takes that over. `parent`: of its newest sample.
 cdef void tree_put_history(Tree* tree, FrameId frame, const History* history, FrameId parent) noexcept nogil
 # Marks the frame of the transform just inserted as one whose rotation was unnormalised. Whether it is new.
 cdef bint tree_mark_unnormalised(Tree* tree) noexcept nogil
+
+
+cdef inline size_t tree_bytes(const Tree* tree) noexcept nogil:
+    # Allocated for names and histories.
+    return (tree.names.bytes + tree.authorities.bytes + tree.history_bytes
+            + tree.capacity * (sizeof(History) + sizeof(uint32_t)))
+
+
+cdef inline size_t tree_bytes_left(const Tree* tree) noexcept nogil:
+    # That may still be allocated.
+    cdef size_t used = tree_bytes(tree)
+    return tree.limits.bytes - used if used < tree.limits.bytes else 0
+
+
+cdef inline void tree_unhide(Tree* tree, FrameId frame, Change* change) noexcept nogil:
+    # Its name counts as known, because a transform uses it. `change` may be NULL.
+    if tree.histories[frame].is_hidden:
+        tree.histories[frame].is_hidden = False
+        tree.hidden -= 1
+        if change != NULL:
+            change.shape = True
 
 
 cdef inline FrameId tree_newest_parent(const Tree* tree, FrameId frame) noexcept nogil:
@@ -106,8 +131,6 @@ cdef int tree_pin_above(const Tree* tree, const FrameId* frames, uint32_t count,
 cdef void tree_unpin(PinnedTree* pinned) noexcept nogil
 
 
-# Allocated for names and histories.
-cdef size_t tree_bytes(const Tree* tree) noexcept nogil
 # NULL, or which invariant does not hold.
 cdef const char* tree_check(const Tree* tree) noexcept nogil
 # The same for one frame; `where`: as in history_check.

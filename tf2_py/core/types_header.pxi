@@ -149,7 +149,10 @@ cdef enum:
     REFUSED_STAMP_TOO_LATE = 512    # later than MAX_STAMP_NS
     REFUSED_FRAMES = 1024           # the buffer's limit of frames
     REFUSED_BYTES = 2048            # the buffer's limit of bytes
-    REFUSAL_KINDS = 12              # how many bits there are
+    # Of transforms that were to replace others:
+    REFUSED_KIND = 4096             # the frame is static, and they are not, or the reverse
+    REFUSED_TOGETHER = 8192         # another one of the same frame was refused
+    REFUSAL_KINDS = 14              # how many bits there are
 
 
 # A stamp as one count of nanoseconds, and as the seconds and nanoseconds of a message.

@@ -218,6 +218,25 @@ cdef class Engine:
         if change != NULL:
             wake_begin(&self._waiters, &batch.ready)
 
+    cdef void replace(self, Batch* batch) noexcept nogil:
+        cdef Replacing replacing
+        cdef uint32_t authority
+        batch_begin(batch)
+        batch.no_memory = replacing_begin(&replacing, batch) != 0
+        if not batch.no_memory:
+            self._lock_when_none_is_due()
+            authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
+            batch.no_memory = (authority == NAME_NO_MEMORY
+                               or not replacing_apply(&replacing, &self._tree, batch, authority))
+            if not batch.no_memory:
+                change_begin(&self._waiters.change, True)
+                wake_begin(&self._waiters, &batch.ready)
+            unlock_written(&self._lock, &self._tree, &self._waiters)
+        replacing_free(&replacing)
+        batch.done = batch.count
+        while self.insert_some(batch):      # only wakes
+            pass
+
     cdef int report(self, Batch* batch, object hand_over) except -1:
         error = self._deliver(batch, hand_over)
         self._log_refused(batch)

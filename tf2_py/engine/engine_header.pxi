@@ -45,6 +45,9 @@ cdef class Engine:
     # lets other threads run.
     cdef bint insert_some(self, Batch* batch) noexcept nogil
     cdef void insert(self, Batch* batch)
+    # Inserts the whole batch, which is not empty, in place of what its frames have from the first to the last
+    # of its stamps, under one lock. Memory is either there for all of it, or nothing changes.
+    cdef void replace(self, Batch* batch) noexcept nogil
     # `hand_over` is called with each callable that runs a user's code; None: these are called here.
     cdef int report(self, Batch* batch, object hand_over) except -1
     # Counts a message that could not be read, and returns the ValueError that states why. `size`: its bytes.

@@ -57,6 +57,8 @@ def core(message: TransformStamped, data: bytes, when: TimeLike, interval: Durat
     """A BufferCore, filled and asked."""
     buffer = BufferCore(Duration(seconds=10), max_frames=10, max_bytes=1 << 20)
     assert_type(buffer.set_transforms([message], "somebody", static=True), int)
+    assert_type(buffer.set_transforms([message], "somebody", replace=True), int)
+    buffer.set_transform(message, "somebody", replace=True)
     assert_type(buffer.set_transforms_cdr(data, "somebody"), int)
     assert_type(buffer.can_transform_core("a", "b", when), tuple[int, str])
     assert_type(buffer.get_latest_common_time("a", "b").nanoseconds, int)

@@ -1,0 +1,267 @@
+"""`replace=True`: transforms take the place of what their frames had from the first to the last of them."""
+
+import math
+import random
+import threading
+
+import numpy as np
+import pytest
+import repetitions
+from making_objects import S, at, transform, translation
+from messages_with_or_without_ros import Duration
+
+from tf2_py import BufferCore
+
+pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
+
+
+def samples(buffer, child="odom"):
+    """The seconds, parent and x of each sample of a frame."""
+    buffer._self_check()
+    held = buffer.histories()[child]
+    xs = held.translations[:, 0].tolist()
+    return [(ns / S, *rest) for ns, *rest in zip(held.stamps_ns.tolist(), held.parents, xs, strict=True)]
+
+
+def odom(x, *seconds, parent="map"):
+    return [transform(parent, "odom", one, (x, 0, 0)) for one in seconds]
+
+
+def filled(*seconds, **more):
+    buffer = BufferCore(Duration(seconds=100.0), **more)
+    buffer.set_transforms(odom(0, *(seconds or range(1, 7))), "odometry")
+    return buffer
+
+
+def replace(buffer, transforms, static=False):
+    return buffer.set_transforms(transforms, "slam", static, replace=True)
+
+
+# The rule.
+
+
+def test_what_lies_from_the_first_to_the_last_stamp_goes_whatever_its_parent():
+    buffer = filled(1, 2, 2.5, 3, 5, 6)
+    buffer.set_transforms(odom(0, 4, parent="world"), "other")
+    assert replace(buffer, odom(9, 2, 4.5)) == 2
+    assert samples(buffer) == [(1, "map", 0), (2, "map", 9), (4.5, "map", 9), (5, "map", 0), (6, "map", 0)]
+    assert "slam" in buffer.all_frames_as_yaml()
+
+
+def test_transforms_need_no_order_and_of_equal_stamps_the_last_counts():
+    buffer = filled()
+    assert replace(buffer, [*odom(7, 4), *odom(8, 2), *odom(9, 4, parent="world"), *odom(10, 3)]) == 4
+    assert samples(buffer)[1:5] == [(2, "map", 8), (3, "map", 10), (4, "world", 9), (5, "map", 0)]
+    assert buffer.statistics()["taken"] == 6 + 4
+
+
+def test_one_transform_replaces_all_of_its_stamp():
+    buffer = filled(1, 2, 3)
+    buffer.set_transforms([*odom(1, 2), *odom(2, 2)], "odometry")
+    assert buffer.set_transform(odom(9, 2)[0], "slam", replace=True) is None
+    assert samples(buffer) == [(1, "map", 0), (2, "map", 9), (3, "map", 0)]
+
+
+def test_without_it_samples_of_one_stamp_stay_beside_each_other_as_in_tf2():
+    buffer = filled(1, 2, 3)
+    buffer.set_transform(odom(9, 2)[0], "slam")
+    assert samples(buffer)[1:3] == [(2, "map", 0), (2, "map", 9)]
+
+
+def test_the_stamp_0_is_a_stamp_like_any_other():
+    buffer = filled(0, 1, 2)
+    replace(buffer, odom(9, 0, 1))
+    assert samples(buffer) == [(0, "map", 9), (1, "map", 9), (2, "map", 0)]
+
+
+def test_it_may_precede_or_follow_all_that_there_is():
+    buffer = filled(3, 4)
+    replace(buffer, odom(9, 1, 2))
+    replace(buffer, odom(8, 5))
+    assert [one[::2] for one in samples(buffer)] == [(1, 9), (2, 9), (3, 0), (4, 0), (5, 8)]
+
+
+def test_a_frame_may_be_new():
+    buffer = BufferCore()
+    assert replace(buffer, odom(9, 2, 1)) == 2
+    assert samples(buffer) == [(1, "map", 9), (2, "map", 9)]
+
+
+def test_each_frame_is_replaced_between_its_own_stamps():
+    buffer = filled()
+    buffer.set_transforms([transform("odom", "base", one) for one in range(1, 7)], "odometry")
+    replace(buffer, [transform("odom", "base", 5, (9, 0, 0)), *odom(9, 2), *odom(9, 3)])
+    assert [one[2] for one in samples(buffer)] == [0, 9, 9, 0, 0, 0]
+    assert [one[2] for one in samples(buffer, "base")] == [0, 0, 0, 0, 9, 0]
+
+
+def test_nothing_is_nothing():
+    assert replace(filled(), []) == 0
+
+
+def test_pruning_counts_from_the_newest_stamp_that_there_is_then():
+    buffer = BufferCore(Duration(seconds=10.0))
+    buffer.set_transforms(odom(0, *range(1, 7)), "odometry")
+    replace(buffer, odom(9, 4, 13))
+    assert samples(buffer) == [(3, "map", 0), (4, "map", 9), (13, "map", 9)]
+
+
+# Refusals.
+
+REFUSED = {
+    "nan_input": transform("map", "odom", 3, (math.nan, 0, 0)),
+    "self_transform": transform("odom", "odom", 3),
+    "denormalized_quaternion": transform("map", "odom", 3, xyzw=(0, 0, 0, 0)),
+    "reserved_frame_id": transform("NO_PARENT", "odom", 3),
+}
+
+
+@pytest.mark.parametrize("reason", REFUSED)
+def test_a_refused_transform_refuses_the_replacement_of_its_frame_only(reason):
+    buffer = filled()
+    before = samples(buffer)
+    other = transform("odom", "base", 3, (9, 0, 0))
+    assert replace(buffer, [*odom(9, 2), REFUSED[reason], other, *odom(9, 5)]) == 1
+    assert samples(buffer) == before
+    assert samples(buffer, "base") == [(3, "odom", 9)]
+    refused = buffer.statistics()["refused"]
+    assert {why: count for why, count in refused.items() if count} == {reason: 1, "replaced_together": 2}
+
+
+def test_a_transform_that_is_too_old_refuses_it_too():
+    buffer = BufferCore(Duration(seconds=10.0))
+    buffer.set_transforms(odom(0, 20), "odometry")
+    assert replace(buffer, odom(9, 9, 11)) == 0
+    assert replace(buffer, odom(9, 1, 2)) == 0
+    assert replace(buffer, odom(9, 11, 22)) == 0
+    assert samples(buffer) == [(20, "map", 0)]
+    assert buffer.statistics()["refused"]["old_data"] == 1 + 2 + 1
+    assert replace(buffer, odom(9, 12, 22)) == 2
+    assert samples(buffer) == [(12, "map", 9), (22, "map", 9)]
+
+
+def in_ms(x, child, milliseconds):
+    return [transform("map", child, one / 1000, (x, 0, 0)) for one in milliseconds]
+
+
+def test_a_limit_of_bytes_refuses_it_but_not_what_needs_no_more_memory():
+    buffer = BufferCore(max_bytes=60_000)
+    buffer.set_transforms(in_ms(0, "odom", range(500)), "odometry")
+    before = samples(buffer)
+    assert replace(buffer, in_ms(9, "odom", range(600, 1000))) == 0
+    assert samples(buffer) == before
+    assert replace(buffer, in_ms(9, "odom", range(500))) == 500
+    assert [one[2] for one in samples(buffer)] == [9] * 500
+    assert buffer.statistics()["bytes"] <= 60_000
+
+
+def test_a_limit_of_bytes_counts_all_frames_of_a_call():
+    buffer = BufferCore(max_bytes=50_000)
+    given = [*in_ms(1, "first", range(400)), *in_ms(1, "second", range(400)), *in_ms(1, "third", range(20))]
+    assert replace(buffer, given) == 420
+    assert buffer.statistics()["bytes"] <= 50_000
+    assert set(buffer.histories()) == {"first", "third"}
+    buffer._self_check()
+
+
+def test_a_limit_of_frames_refuses_it():
+    buffer = filled(max_frames=2)
+    before = samples(buffer)
+    assert replace(buffer, [*odom(9, 2), *odom(9, 3, parent="new"), *odom(9, 4)]) == 0
+    assert samples(buffer) == before
+    assert buffer.statistics()["refused"]["too_many_frames"] == 3
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_no_frame_changes_its_kind(static):
+    buffer = filled()
+    buffer.set_transform_static(transform("odom", "camera"), "urdf")
+    before = buffer.histories().keys(), samples(buffer), samples(buffer, "camera")
+    wrong = odom(9, 1, 9) if static else [transform("odom", "camera", 1), transform("odom", "camera", 2)]
+    assert replace(buffer, wrong, static) == 0
+    assert (buffer.histories().keys(), samples(buffer), samples(buffer, "camera")) == before
+    assert buffer.statistics()["refused"]["other_kind"] == 2
+
+
+def test_a_static_frame_is_replaced_by_the_last_one_as_without_it():
+    buffer = BufferCore()
+    buffer.set_transform_static(transform("base", "camera", 5), "urdf")
+    given = [transform("base", "camera", 7, (1, 0, 0)), transform("base", "camera", 3, (2, 0, 0))]
+    assert replace(buffer, given, static=True) == 2
+    assert samples(buffer, "camera") == [(3, "base", 2)]
+
+
+# What is beside it.
+
+
+def test_who_reads_beside_it_sees_all_of_a_call_or_nothing():
+    rounds, stamps = repetitions.times(1500, 10_000), [S + i * 10**7 for i in range(40)]
+    buffer, ended = BufferCore(), threading.Event()
+
+    def both(x):
+        there = [transform("map", "odom", ns=ns, xyz=(x, 0, 0)) for ns in stamps]
+        back = [transform("odom", "base", ns=ns, xyz=(-x, 0, 0)) for ns in stamps]
+        return [*there, *back]
+
+    calls = [both(x) for x in range(20)]
+    replace(buffer, calls[0])
+    read, problems = [], []
+
+    def reader(ask):
+        try:
+            while not ended.is_set():
+                ask()
+                read.append(1)
+        except BaseException as error:
+            problems.append(error)
+
+    def one():
+        ns = random.choice(stamps[:-1])
+        assert translation(buffer.lookup_transform_core("map", "base", ns + 3))[0] == 0.0
+
+    def many():
+        places, _ = buffer.lookup_transforms("map", "base", stamps[:-1])
+        assert np.all(places == 0.0)
+        places, _ = buffer.lookup_transforms("map", "odom", stamps)
+        assert np.ptp(places[:, 0]) == 0.0
+
+    def whole():
+        held = buffer.__getstate__()["transforms"][:, 0]
+        assert held.sum() == 0.0 and len(np.unique(np.abs(held))) == 1
+
+    threads = [threading.Thread(target=reader, args=(ask,)) for ask in (one, many, whole)]
+    for thread in threads:
+        thread.start()
+    try:
+        for i in range(rounds):
+            assert replace(buffer, calls[i % len(calls)]) == 80
+    finally:
+        ended.set()
+        for thread in threads:
+            thread.join()
+    assert not problems
+    assert read
+    buffer._self_check()
+
+
+def test_a_mapped_history_moves_into_memory_and_its_file_keeps_the_old(tmp_path):
+    buffer = filled()
+    buffer.freeze(tmp_path / "buffer.tf2")
+    opened, other = BufferCore.open(tmp_path / "buffer.tf2"), BufferCore.open(tmp_path / "buffer.tf2")
+    replace(opened, odom(9, 2, 3))
+    assert [one[2] for one in samples(opened)] == [0, 9, 9, 0, 0, 0]
+    assert samples(other) == samples(BufferCore.open(tmp_path / "buffer.tf2")) == samples(buffer)
+    assert "frozen" not in opened.__getstate__()
+
+
+def test_waits_are_judged_once_after_the_whole_call():
+    buffer, told = BufferCore(Duration(seconds=10.0)), []
+    buffer.set_transforms(odom(1, 1), "odometry")
+    wait = buffer._wait("map", "base", at(3), notify=lambda answer, error=None: told.append(answer))
+    lost = buffer._wait("map", "odom", at(2), notify=lambda answer, error=None: told.append(answer))
+    # One after the other, the first two would answer what the third one prunes.
+    given = [*odom(5, 1, 3, 15), *[transform("odom", "base", one) for one in (3, 4)]]
+    assert buffer.set_transforms(given, "slam", replace=True) == 2
+    assert [wait.take(), lost.take()] == [None, None] and told == []
+    assert replace(buffer, [*odom(5, 1, 3)]) == 2
+    assert [translation(one)[0] for one in told] == [5.0, 5.0]

@@ -129,6 +129,8 @@ class Round:
         elif way == 1:
             data = bytes(serialize_message(TFMessage(transforms=messages)))
             self.buffer.set_transforms_cdr(data, authority, static)
+        elif way == 3:
+            self.buffer.set_transforms(messages, authority, static, replace=True)
         else:
             insert = self.buffer.set_transform_static if static else self.buffer.set_transform
             for message in messages:
@@ -143,12 +145,12 @@ class Round:
         time_ns = START_NS
         while not self.ending.is_set():
             time_ns += STEP_NS if rng.random() < 0.995 else 2 * round(CACHE_S * S)
-            self._write([sample(frame, time_ns) for frame in ("a0", "a1", "a2")], way=rng.randrange(3))
+            self._write([sample(frame, time_ns) for frame in ("a0", "a1", "a2")], way=rng.randrange(4))
             if rng.random() < 0.3:
                 late_ns = max(1, time_ns - rng.randrange(round(1.1 * CACHE_S * S)))
-                self._write([sample(rng.choice(("a0", "a1", "a2")), late_ns)], way=rng.randrange(3))
+                self._write([sample(rng.choice(("a0", "a1", "a2")), late_ns)], way=rng.randrange(4))
             if rng.random() < 0.02:
-                self._write([rng.choice(STATIC)], static=True, way=rng.randrange(3))
+                self._write([rng.choice(STATIC)], static=True, way=rng.randrange(4))
 
     def write_bursts(self, rng):
         """Histories that grow to thousands of samples, and shrink to a few."""
@@ -168,7 +170,7 @@ class Round:
         time_ns = START_NS
         while not self.ending.is_set():
             time_ns += STEP_NS
-            self._write([sample(EXACT, time_ns)] * rng.choice((1, 1, 2)), way=rng.randrange(3))
+            self._write([sample(EXACT, time_ns)] * rng.choice((1, 1, 2)), way=rng.randrange(4))
 
     def write_cup(self, rng):
         time_ns = START_NS

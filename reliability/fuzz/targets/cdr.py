@@ -48,6 +48,8 @@ def run(data: bytes) -> None:
     other.set_transforms(theirs.transforms, "/tf", static)
     if not holds_the_same(core, other):
         raise Fault(f"a buffer holds {core.__getstate__()}, of ROS's messages {other.__getstate__()}")
+    other.set_transforms(theirs.transforms, "/tf", static, replace=True)
+    other._self_check()
     refused = sum(core.statistics()["refused"].values())
     if taken > len(ours) or (taken < len(ours)) != (refused > 0):
         raise Fault(f"{taken} of {len(ours)} transforms taken, {core.statistics()}")

@@ -5,6 +5,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from geometry_msgs.msg import TransformStamped
+
 from reliability.fuzz.buffer_checks import answers
 from reliability.fuzz.targets import ROOT, cdr
 from tf2_py import BufferCore
@@ -38,6 +40,12 @@ def _open(data: bytes) -> None:
         buffer._self_check()
         answers(buffer)
         buffer.set_transforms_cdr(cdr.TWO_TRANSFORMS, "after")
+        buffer._self_check()
+        answers(buffer)
+        for frame in buffer.frames():
+            link = TransformStamped(child_frame_id=frame)
+            link.header.frame_id, link.header.stamp.sec = "replacing", 1
+            buffer.set_transform(link, "after", replace=True)
         buffer._self_check()
         answers(buffer)
         buffer.clear()

@@ -74,6 +74,11 @@ def insert_many(dice):
     return lambda buffer, waits: buffer.set_transforms(links, "many")
 
 
+def replace(dice):
+    links, static = [random_link(dice) for _ in range(dice.randrange(1, 40))], dice.random() < 0.2
+    return lambda buffer, waits: buffer.set_transforms(links, "many", static, replace=True)
+
+
 def remove(dice):
     frame = dice.choice((*FRAMES, None, None))
 
@@ -151,7 +156,7 @@ def restore(dice):
 
 
 STEPS = (insert,) * 6 + (insert_many, insert_many, remove, look_up, look_up, look_up, wait, wait)
-STEPS += (end_waits, travel, restore)
+STEPS += (end_waits, travel, restore, replace, replace)
 
 
 # Another kind of buffer after every FRESH steps, so that memory grows anew.

@@ -1,0 +1,258 @@
+"""Poses at keyframes, as a SLAM exports them, correct what a buffer says of the past."""
+
+import copy
+import functools
+import math
+import random
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from buffer_beside_model import GOOD_PLACES, GOOD_TURNS, Pair, place, same_rotation
+from making_objects import S, about_z, transform
+from messages_with_or_without_ros import Duration
+from model_math import composed, inverse
+from model_terms import ModelError
+from numpy.testing import assert_allclose
+
+from tf2_py import BufferCore, ExtrapolationException, LookupException
+from tf2_ros.correction import AUTHORITY, correct
+from tf2_ros.numpy import from_matrix, to_matrix
+
+pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
+
+EDGE = ("map", "odom", "base")
+
+
+def planar(x, y, angle):
+    return to_matrix(transform("", "", 0, (x, y, 0.3), about_z(angle)))
+
+
+# A drive of 30 s: the truth, and the odometry, whose frame drifts and turns in the map.
+
+ODOMETRY_NS = np.arange(S, 31 * S, S // 50)
+KEYFRAMES_NS = np.arange(3 * S, 28 * S, S // 2)
+
+
+def truth(ns):
+    s = ns / S
+    return planar(10 * math.sin(s / 7), 8 * math.cos(s / 5), 0.9 * math.sin(s))
+
+
+def drift(ns):
+    s = ns / S
+    return planar(0.1 * s + 0.2 * math.sin(s / 3), -0.05 * s, 0.02 * math.sin(s / 4) + 0.004 * s)
+
+
+def drive(cache_s=100.0):
+    """A buffer in which the odometry is taken for the truth."""
+    return copy.copy(_drive(cache_s))
+
+
+@functools.cache
+def _drive(cache_s):
+    buffer = BufferCore(Duration(seconds=cache_s))
+    for ns in ODOMETRY_NS.tolist():
+        measured = np.linalg.inv(drift(ns)) @ truth(ns)
+        one = from_matrix(measured, child_frame_id="base")
+        one.header.frame_id, one.header.stamp = "odom", transform("", "", ns=ns).header.stamp
+        buffer.set_transform(one, "wheels")
+        if ns % S == 0:
+            buffer.set_transform(transform("map", "odom", ns=ns), "slam")
+    return buffer
+
+
+def poses_at(times):
+    return np.array([truth(ns) for ns in times.tolist()])
+
+
+def errors(buffer, times):
+    """How far the robot is from the truth, in meters; and how far its rotation."""
+    difference = np.abs(buffer.lookup_matrices("map", "base", times) - poses_at(times))
+    return difference[:, :3, 3].max(), difference[:, :3, :3].max()
+
+
+def between(first_ns, last_ns):
+    return ODOMETRY_NS[(ODOMETRY_NS >= first_ns) & (ODOMETRY_NS <= last_ns)]
+
+
+def test_the_robot_was_where_the_slam_says_with_the_rate_of_the_odometry():
+    buffer = drive()
+    corrected = between(KEYFRAMES_NS[0], KEYFRAMES_NS[-1])
+    assert errors(buffer, corrected)[0] > 1.0
+    assert correct(buffer, *EDGE, KEYFRAMES_NS, poses_at(KEYFRAMES_NS)) == len(KEYFRAMES_NS)
+    # Linear interpolation over h is off by at most h² / 8 times the second derivative of the drift: of its
+    # place, below 0.023 m/s²; of its angle, below 0.0013 rad/s², up to 15 m from the origin of odom.
+    place, turn = errors(buffer, corrected)
+    assert place < 0.5**2 / 8 * (0.023 + 15 * 0.0013) + 15 * 0.01**2 / 8
+    assert turn < 0.5**2 / 8 * 0.0013 + 1e-9
+    at_keyframes = errors(buffer, KEYFRAMES_NS)
+    assert max(at_keyframes) < 1e-12
+    # Poses that are interpolated themselves would be further off.
+    alone = BufferCore(Duration(seconds=100.0))
+    for pose, ns in zip(poses_at(KEYFRAMES_NS), KEYFRAMES_NS.tolist(), strict=True):
+        one = from_matrix(pose, child_frame_id="base")
+        one.header.frame_id, one.header.stamp = "map", transform("", "", ns=ns).header.stamp
+        alone.set_transform(one, "slam")
+    assert errors(alone, corrected)[0] > 10 * place
+
+
+@pytest.mark.parametrize("before", ["keep", "hold"])
+@pytest.mark.parametrize("after", ["keep", "hold"])
+def test_what_happens_before_the_first_and_after_the_last_keyframe(before, after):
+    buffer, old = drive(), drive()
+    correct(buffer, *EDGE, KEYFRAMES_NS, poses_at(KEYFRAMES_NS), before=before, after=after)
+    first, last = KEYFRAMES_NS[[0, -1]]
+    for how, edge, times in (
+        (before, first, between(0, first - S)),
+        (after, last, between(last + S, 31 * S)),
+    ):
+        if how == "hold":
+            got = buffer.lookup_matrices("map", "odom", times)
+            assert_allclose(got, np.broadcast_to(drift(edge), got.shape), atol=1e-12)
+        else:  # up to the last odometry only as far as the map reached
+            got, wanted = (
+                one.lookup_matrices("map", "odom", times, on_missing="nan") for one in (buffer, old)
+            )
+            np.testing.assert_array_equal(got, wanted)
+    stamps = buffer.histories()["odom"].stamps_ns
+    assert stamps[0] == ODOMETRY_NS[0]
+    assert stamps[-1] == (ODOMETRY_NS[-1] if after == "hold" else 30 * S)
+    assert AUTHORITY in buffer.all_frames_as_yaml()
+
+
+def test_its_own_poses_change_nothing():
+    buffer = drive()
+    correct(buffer, *EDGE, KEYFRAMES_NS, poses_at(KEYFRAMES_NS), before="hold", after="hold")
+    every = ODOMETRY_NS + 7
+    old = buffer.lookup_matrices("map", "base", every[:-1])
+    stamps = buffer.histories()["odom"].stamps_ns.tolist()
+    own = buffer.lookup_matrices("map", "base", stamps)
+    for before, after in (("keep", "keep"), ("hold", "hold")):
+        for poses in (own, buffer.lookup_transforms("map", "base", stamps)):
+            assert correct(buffer, *EDGE, stamps, poses, before=before, after=after) == len(stamps)
+            assert_allclose(buffer.lookup_matrices("map", "base", every[:-1]), old, rtol=0, atol=1e-12)
+            assert buffer.histories()["odom"].stamps_ns.tolist() == stamps
+
+
+def test_two_corrections_end_where_the_second_one_does():
+    buffer, once = drive(), drive()
+    wrong = poses_at(KEYFRAMES_NS) @ planar(1, 2, 0.5)
+    correct(buffer, *EDGE, KEYFRAMES_NS, wrong)
+    for one in (buffer, once):
+        correct(one, *EDGE, KEYFRAMES_NS, poses_at(KEYFRAMES_NS))
+    got, wanted = (one.lookup_matrices("map", "base", ODOMETRY_NS) for one in (buffer, once))
+    assert_allclose(got, wanted, rtol=0, atol=1e-12)
+
+
+def test_there_need_not_be_a_map_before():
+    buffer = drive()
+    buffer.forget("odom")
+    correct(buffer, *EDGE, KEYFRAMES_NS, poses_at(KEYFRAMES_NS))
+    assert buffer.time_range("map", "base") == (KEYFRAMES_NS[0], ODOMETRY_NS[-1])
+    assert errors(buffer, KEYFRAMES_NS)[0] < 1e-12
+
+
+def test_the_corrected_frame_may_be_the_moving_one():
+    buffer = drive()
+    buffer.forget("odom")
+    assert correct(buffer, "map", "odom", "odom", [S, 2 * S], poses_at(np.array([S, 2 * S]))) == 2
+    assert_allclose(
+        buffer.lookup_matrices("map", "odom", [S, 2 * S]), poses_at(np.array([S, 2 * S])), atol=1e-12
+    )
+
+
+# Keyframes that cannot be used.
+
+
+def test_a_keyframe_without_odometry_raises_with_its_index_or_is_skipped():
+    buffer, times = drive(), np.array([3 * S, 40 * S, 5 * S, S // 2])
+    before = buffer.__getstate__()["transforms"]
+    with pytest.raises(ExtrapolationException, match=r"^times\[1\]: .*future"):
+        correct(buffer, *EDGE, times, poses_at(times))
+    assert np.array_equal(buffer.__getstate__()["transforms"], before)
+    assert correct(buffer, *EDGE, times, poses_at(times), on_missing="skip") == 2
+    assert errors(buffer, times[[0, 2]])[0] < 1e-12
+    assert correct(buffer, *EDGE, times[[1, 3]], poses_at(times[[1, 3]]), on_missing="skip") == 0
+
+
+def test_a_keyframe_that_the_buffer_would_not_keep_does_so_too():
+    buffer = drive(cache_s=10.0)
+    buffer.set_transform(transform("map", "odom", 32), "slam")  # dated ahead, as localizers do
+    times = np.array([21 * S + 1, 25 * S])
+    with pytest.raises(ValueError, match=r"times\[0\]: 21.000000001 s is more than cache_time, 10.0"):
+        correct(buffer, *EDGE, times, poses_at(times))
+    assert correct(buffer, *EDGE, times, poses_at(times), on_missing="skip", before="hold") == 1
+    assert buffer.histories()["odom"].stamps_ns.tolist() == [22 * S, 25 * S, 32 * S]
+
+
+def test_a_keyframe_at_0_has_no_odometry_because_that_means_the_latest():
+    buffer, times = drive(), np.array([S, 0])
+    with pytest.raises(ValueError, match=r"times\[1\]: expected a time above 0"):
+        correct(buffer, *EDGE, times, poses_at(times))
+    assert correct(buffer, *EDGE, times, poses_at(times), on_missing="skip") == 1
+
+
+def test_no_keyframes_change_nothing():
+    assert correct(drive(), *EDGE, [], np.empty((0, 4, 4))) == 0
+
+
+WRONG = {
+    "expected a Buffer or BufferCore, got int": (TypeError, {"buffer": 3}),
+    "before: expected 'keep' or 'hold', got 'drop'": (ValueError, {"before": "drop"}),
+    "after: expected 'keep' or 'hold', got None": (ValueError, {"after": None}),
+    "on_missing: expected 'raise' or 'skip', got 'nan'": (ValueError, {"on_missing": "nan"}),
+    "poses: expected one for each of the 1 times": (ValueError, {"times": [S]}),
+    r"poses\[1\]: expected finite numbers": (ValueError, {"poses": np.full((2, 4, 4), np.nan)}),
+    "child: 'lidar' is static": (ValueError, {"child": "lidar", "moving": "lidar"}),
+    "below 'base', and not over 'map', got 'odom'; the path": (
+        ValueError,
+        {"child": "base", "moving": "odom"},
+    ),
+    "not over 'base', got 'base'": (ValueError, {"parent": "base"}),
+    "does not exist": (LookupException, {"moving": "nobody"}),
+    "the buffer refused the samples of 'odom' in ''": (ValueError, {"parent": ""}),
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_wrong_arguments_are_refused_and_change_nothing(text):
+    buffer, (kind, wrong) = drive(), WRONG[text]
+    buffer.set_transform_static(transform("base", "lidar"), "urdf")
+    before = buffer.__getstate__()["transforms"]
+    poses = poses_at(np.array([S, 2 * S]))
+    if np.isnan(wrong.get("poses", poses)).any():
+        wrong = {"poses": np.array([poses[0], wrong["poses"][0]])}
+    given = {"buffer": buffer, "parent": "map", "child": "odom", "moving": "base", "times": [S, 2 * S]}
+    with pytest.raises(kind, match=text):
+        correct(**given | {"poses": poses} | wrong)
+    assert np.array_equal(buffer.__getstate__()["transforms"], before)
+
+
+# Beside the model.
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_random_buffers_hold_what_the_definition_says(seed):
+    """Of small trees with gaps, several parents, one sample and none; the lookups are those of the model."""
+    dice, pair = random.Random(seed), Pair()
+    pair.init(2**40)
+    for child, parents, count in (("b", "a", 12), ("c", "bbbx", 20), ("d", "c", dice.choice((1, 3, 15)))):
+        for ns in sorted(dice.sample(range(1, 60), count)):
+            link = dice.choice(parents), child, ns, dice.randrange(GOOD_PLACES), dice.randrange(GOOD_TURNS)
+            pair.insert("set", (link,), "x")
+    times = dice.choices(range(1, 64), k=6)
+    poses = [(place(dice.randrange(GOOD_PLACES)), about_z(dice.random())) for _ in times]
+    samples = {}
+    for ns, pose in zip(times, poses, strict=True):
+        with suppress(ModelError):
+            odometry = pair.model.lookup("b", "d", ns)[3:]
+            samples[ns] = composed(pose, inverse(odometry))
+    messages = [transform("", "", 0, *pose) for pose in poses]
+    used = correct(pair.buffer, "a", "b", "d", times, messages, on_missing="skip", after="keep")
+    assert used == sum(ns in samples for ns in times)
+    pair.model.replace([("a", "b", ns, *one) for ns, one in sorted(samples.items())], AUTHORITY)
+    held, wanted = pair.buffer.histories()["b"], pair.model.frames["b"].samples
+    assert held.stamps_ns.tolist() == [one[0] for one in wanted]
+    assert_allclose(held.translations, [one[2] for one in wanted], rtol=0, atol=1e-9)
+    assert all(map(same_rotation, held.rotations.tolist(), [one[3] for one in wanted]))

@@ -1,0 +1,206 @@
+"""Correct the past of a buffer by poses at keyframes, as a SLAM exports them after a loop closure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+from tf2_py import BufferCore, TransformException
+from tf2_py._internal import as_times_ns, seconds, stamp_parts
+from tf2_ros._arguments import kind_of
+from tf2_ros._message_classes import TransformStamped
+from tf2_ros.numpy import to_arrays, to_matrix
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from tf2_py.typing import TimesLike
+    from tf2_ros.numpy import Array, Message, Pair
+
+__all__ = ["correct"]
+
+AUTHORITY = "tf2_ros.correction"
+LATEST_NS = 2**31 * 10**9 - 1  # the latest stamp, at which the time range of static frames ends
+TRIES = 3  # the buffer may prune a keyframe between reading and writing, when later transforms arrive
+
+
+class _Edge(NamedTuple):
+    """The transform that is corrected, and the frame whose poses are known."""
+
+    buffer: BufferCore
+    parent: str
+    child: str
+    moving: str
+
+
+def correct(
+    buffer: BufferCore,
+    parent: str,
+    child: str,
+    moving: str,
+    times: TimesLike,
+    poses: Iterable[Message] | Pair | npt.NDArray[Any],
+    *,
+    before: Literal["keep", "hold"] = "keep",
+    after: Literal["keep", "hold"] = "hold",
+    on_missing: Literal["raise", "skip"] = "raise",
+) -> int:
+    """
+    Replace the past of one transform, so that a frame was where a SLAM says it was.
+
+    :param buffer: a :class:`tf2_ros.Buffer` or :class:`tf2_py.BufferCore`.
+    :param parent: the frame in which the poses are given, such as ``map``.
+    :param child: the frame whose transform from ``parent`` is replaced, such as ``odom``.
+    :param moving: the frame whose poses are given, such as ``base_link``; at or below ``child``.
+    :param times: N times of keyframes above 0, in any order, as for ``Buffer.lookup_transforms``. Of equal
+        ones, the last one counts.
+    :param poses: the pose of ``moving`` in ``parent`` at each of these times: N messages, a tuple
+        ``(translations, rotations)``, or matrices of shape (N, 4, 4), as for
+        :func:`tf2_ros.numpy.to_arrays` and :func:`tf2_ros.numpy.to_matrix`. In meters.
+    :param before: what happens to the time before the first keyframe. ``"keep"``: its samples remain.
+        ``"hold"``: it gets the correction of the first keyframe, back to the oldest data.
+    :param after: the same after the last keyframe, on to the newest data. Transforms that arrive later are
+        not corrected.
+    :param on_missing: what happens to a keyframe at which ``moving`` in ``child`` is not known, or which is
+        older than the buffer would keep. ``"raise"``: an exception. ``"skip"``: it is not used.
+    :return: how many keyframes were used. If it is 0, nothing has changed.
+    :raises TypeError: ``buffer`` is not a buffer, or the type of an argument is wrong.
+    :raises ValueError: a shape, a number or an option is wrong; ``moving`` is not below ``child``; ``child``
+        is static; a keyframe is at time 0, or older than ``cache_time`` allows; or the buffer refuses the
+        samples.
+    :raises TransformException: ``moving`` in ``child`` is not known at a keyframe; the text has its index.
+
+    Each keyframe becomes a sample of ``child`` in ``parent``: its pose, multiplied by the inverse of the pose
+    of ``moving`` in ``child`` at that time. Between keyframes, this correction is interpolated, not the pose,
+    so ``moving`` keeps the details that the odometry knows. Other threads see all of it or nothing.
+
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> from tf2_ros import Buffer
+    >>> from tf2_ros.correction import correct
+    >>> robot = TransformStamped(child_frame_id="base_link")
+    >>> robot.header.frame_id = "odom"
+    >>> buffer = Buffer()
+    >>> for second in (1, 2, 3):
+    ...     robot.header.stamp.sec, robot.transform.translation.x = second, 1.1 * second  # it slips
+    ...     buffer.set_transform(robot, "wheels")
+    >>> keyframes = [[1.0, 0.0, 0.0], [3.0, 0.0, 0.0]], [[0.0, 0.0, 0.0, 1.0]] * 2
+    >>> correct(buffer, "map", "odom", "base_link", [1_000_000_000, 3_000_000_000], keyframes)
+    2
+    >>> round(buffer.lookup_transform("map", "base_link", 2_000_000_000).transform.translation.x, 9)
+    2.0
+    """
+    if not isinstance(buffer, BufferCore):
+        raise TypeError(f"buffer: expected a Buffer or BufferCore, got {kind_of(buffer)}")
+    _check_option("before", before, ("keep", "hold"))
+    _check_option("after", after, ("keep", "hold"))
+    _check_option("on_missing", on_missing, ("raise", "skip"))
+    edge = _Edge(buffer, parent, child, moving)
+    times_ns = as_times_ns(times)
+    matrices = _matrices(poses, len(times_ns))
+    for _ in range(TRIES):
+        used, samples = _samples(edge, times_ns, matrices, before, after, on_missing == "skip")
+        if BufferCore.set_transforms(buffer, samples, AUTHORITY, replace=True) == len(samples):
+            return used
+    raise ValueError(
+        f"the buffer refused the samples of {child!r} in {parent!r}; its log line has the reason"
+    )
+
+
+def _check_option(name: str, given: str, accepted: tuple[str, str]) -> None:
+    if given not in accepted:
+        raise ValueError(f"{name}: expected {accepted[0]!r} or {accepted[1]!r}, got {given!r}")
+
+
+def _matrices(poses: Any, count: int) -> Array:
+    matrices = to_matrix(poses if isinstance(poses, tuple) else to_arrays(poses))
+    if matrices.shape != (count, 4, 4):
+        given = matrices.shape[:-2]
+        raise ValueError(f"poses: expected one for each of the {count} times, got the shape {given} of poses")
+    bad = np.flatnonzero(~np.isfinite(matrices).all(axis=(1, 2)))
+    if bad.size:
+        raise ValueError(f"poses[{bad[0]}]: expected finite numbers")
+    return matrices
+
+
+def _samples(
+    edge: _Edge, times_ns: npt.NDArray[np.int64], matrices: Array, before: str, after: str, skips: bool
+) -> tuple[int, list[TransformStamped]]:
+    """How many keyframes are used, and what is to be inserted."""
+    buffer, _, child, moving = edge
+    if not skips and (times_ns == 0).any():
+        bad = np.flatnonzero(times_ns == 0)[0]
+        raise ValueError(f"times[{bad}]: expected a time above 0, which means the latest in lookups")
+    on_missing: Literal["nan", "raise"] = "nan" if skips else "raise"
+    inverses = BufferCore.lookup_matrices(buffer, moving, child, times_ns, on_missing=on_missing)
+    is_used = ~np.isnan(inverses[:, 0, 0]) & (times_ns != 0)
+    if not is_used.any():
+        return 0, []
+    _check_path(edge, int(times_ns[is_used][0]))
+    oldest_ns, newest_ns = _range_of_data(edge, times_ns[is_used], after)
+    kept_from_ns = newest_ns - buffer.cache_time_ns
+    old = np.flatnonzero(is_used & (times_ns < kept_from_ns))
+    if old.size and not skips:
+        raise ValueError(
+            f"times[{old[0]}]: {seconds(int(times_ns[old[0]]))} s is more than cache_time, "
+            f"{seconds(buffer.cache_time_ns)} s, before {seconds(newest_ns)} s, the newest stamp of {child!r}"
+        )
+    is_used[old] = False
+    index = np.flatnonzero(is_used)
+    index = index[np.argsort(times_ns[index], kind="stable")]
+    if len(index) == 0:
+        return 0, []
+    stamps_ns = times_ns[index].tolist()
+    corrections = [*(matrices[index] @ inverses[index])]
+    if before == "hold" and max(oldest_ns, kept_from_ns) < stamps_ns[0]:
+        stamps_ns.insert(0, max(oldest_ns, kept_from_ns))
+        corrections.insert(0, corrections[0])
+    if after == "hold" and newest_ns > stamps_ns[-1]:
+        stamps_ns.append(newest_ns)
+        corrections.append(corrections[-1])
+    return len(index), _messages(edge, stamps_ns, np.array(corrections))
+
+
+def _check_path(edge: _Edge, time_ns: int) -> None:
+    """Raise a ValueError unless one climbs from the moving frame to the child, and not over the parent."""
+    buffer, parent, child, moving = edge
+    info = BufferCore.frames(buffer)[child]
+    if info.static:
+        raise ValueError(f"child: {child!r} is static, so it has no past that could be corrected")
+    path = BufferCore.path(buffer, moving, child, time_ns)
+    is_below = len(path) == 1 or BufferCore.parent(buffer, path[1], time_ns) == child
+    if parent in path or not is_below:
+        raise ValueError(
+            f"moving: expected a frame at or below {child!r}, and not over {parent!r}, got {moving!r}; the "
+            f"path between them is {' → '.join(path)}"
+        )
+
+
+def _range_of_data(edge: _Edge, times_ns: npt.NDArray[np.int64], after: str) -> tuple[int, int]:
+    """The oldest stamp to which a correction may be held, and the newest that the child will have."""
+    buffer, _, child, moving = edge
+    info = BufferCore.frames(buffer)[child]
+    first_ns, last_ns = int(times_ns.min()), int(times_ns.max())
+    if info.oldest_ns is not None and info.newest_ns is not None:
+        first_ns, last_ns = min(first_ns, info.oldest_ns), max(last_ns, info.newest_ns)
+    with suppress(TransformException):  # the data of one frame begins after that of another one ends
+        begin_ns, end_ns = BufferCore.time_range(buffer, child, moving)
+        if end_ns != LATEST_NS:
+            first_ns = min(first_ns, begin_ns)
+            last_ns = max(last_ns, end_ns) if after == "hold" else last_ns
+    return first_ns, last_ns
+
+
+def _messages(edge: _Edge, stamps_ns: list[int], matrices: Array) -> list[TransformStamped]:
+    messages = []
+    for stamp_ns, xyz, xyzw in zip(stamps_ns, *(part.tolist() for part in to_arrays(matrices)), strict=True):
+        message = TransformStamped(child_frame_id=edge.child)
+        message.header.frame_id = edge.parent
+        message.header.stamp.sec, message.header.stamp.nanosec = stamp_parts(stamp_ns, "times")
+        v, q = message.transform.translation, message.transform.rotation
+        v.x, v.y, v.z = xyz
+        q.x, q.y, q.z, q.w = xyzw
+        messages.append(message)
+    return messages

@@ -55,7 +55,8 @@ broadcasters | publishers of transforms: tf2_ros's classes
 types of messages | users of tf2_geometry_msgs: do_transform_* and transform for every type, registered types
     tf2_geometry_msgs/* tests/core/test_tf2_geometry_msgs.py tests/core/test_every_message_type.py
     tests/core/test_type_table.py tests/core/test_transforming_messages.py *quaternions* docs/types.md
-    docs/adding-a-type.md *registered_types* *new-message-type* *new_message_type* *rotations*
+    tests/core/test_roll_pitch_yaw.py docs/adding-a-type.md *registered_types* *new-message-type*
+    *new_message_type* *rotations*
 without ROS | laptops without ROS: the same imports, with stand-ins for messages
     *without_ros* *message_standins* *messages_with_or_without* tf2_ros/_message_classes.py
 installation beside other tf2 | users of a sourced ROS 2: the right tf2 is imported, and a command says which

@@ -13,6 +13,8 @@ from geometry_msgs.msg import WrenchStamped as WrenchStamped
 
 from tf2_geometry_msgs import tf2_geometry_msgs
 from tf2_geometry_msgs._geometry import *  # noqa: F403  with what tf2 lacks, which stays outside __all__
+from tf2_geometry_msgs._roll_pitch_yaw import quaternion_from_rpy as quaternion_from_rpy
+from tf2_geometry_msgs._roll_pitch_yaw import rpy_from_quaternion as rpy_from_quaternion
 from tf2_geometry_msgs.tf2_geometry_msgs import *  # noqa: F403
 
 with suppress(ModuleNotFoundError):  # of nav_msgs

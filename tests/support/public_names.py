@@ -59,6 +59,8 @@ GEOMETRY = {
     "do_transform_velocity_stamped",
     "do_transform_wrench",
     "do_transform_wrench_stamped",
+    "quaternion_from_rpy",
+    "rpy_from_quaternion",
 }
 SENSORS = {"do_transform_imu", "do_transform_magnetic_field", "from_msg_msg", "to_msg_msg", "PointCloud2"}
 OURS = {

@@ -106,7 +106,8 @@ def chapters(module: str) -> list[str]:
 
 
 _DEFINED = re.compile(
-    r'^(?:cdef|cpdef|ctypedef|def|class)\b(?! extern)(?:[^\n(=:"]*[ *])?(?P<name>\w+)(?=\(|[ \t]*[=:\n"])'
+    r"^(?:cdef|cpdef|ctypedef|def|class)\b(?! extern| enum:)"
+    r'(?:[^\n(=:"]*[ *])?(?P<name>\w+)(?=\(|[ \t]*[=:\n"])'
     r"|^(?P<constant>\w+) = ",
     re.MULTILINE,
 )

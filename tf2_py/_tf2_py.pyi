@@ -16,6 +16,7 @@ from tf2_py._objects.errors import (
     TimeoutException,
     TransformException,
 )
+from tf2_py._objects.explanations import Explanation, FullExplanation
 from tf2_py._objects.listings import FrameInfo, History
 from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, TimesLike
 
@@ -179,6 +180,18 @@ class BufferCore:
         fixed_frame: str,
     ) -> tuple[int, str]: ...
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time: ...
+    def explain(
+        self, target_frame: str, source_frame: str, time: TimeLike, **policy: Unpack[LookupPolicy]
+    ) -> Explanation: ...
+    def explain_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        **policy: Unpack[LookupPolicy],
+    ) -> FullExplanation: ...
     def time_range(self, target_frame: str, source_frame: str) -> tuple[int, int]: ...
     def _tf2_follow_clock(self, show_time: Callable[[Any], tuple[int, bool, bool] | None]) -> None: ...
     def _tf2_clock_jumped(self) -> None: ...

@@ -46,7 +46,7 @@ from numbers import Integral, Real
 from stat import S_ISREG
 from threading import get_ident, main_thread
 
-from tf2_py._objects import errors, frozen_origin, listings, log
+from tf2_py._objects import errors, explanations, frozen_origin, listings, log
 # Programs also import them from tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,
@@ -77,6 +77,7 @@ include "engine/arrays.pxi"
 include "engine/advice.pxi"
 include "engine/queries_and_errors.pxi"
 include "engine/tree_as_objects.pxi"
+include "engine/explained.pxi"
 include "engine/frozen_buffers.pxi"
 include "engine/engine_hooks.pxi"
 include "engine/engine.pxi"
@@ -781,6 +782,60 @@ cdef class BufferCore(Engine):
         if method != "lookupTransform" and status.code in (STATUS_UNCONNECTED, STATUS_LOOP):
             raise errors.TransformException(str(error))  # as in tf2
         raise error
+
+    def explain(
+        self, target_frame: str, source_frame: str, time: Time, **policy: Unpack[LookupPolicy]
+    ) -> Explanation:
+        """
+        Get why a lookup has its answer: each hop, with the samples that have answered. It does not wait.
+
+        :param target_frame: the frame to transform data into.
+        :param source_frame: the frame of the data.
+        :param time: the time of the transform; 0: the latest common time.
+        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
+        :return: an :class:`Explanation`; ``print`` shows it.
+        :raises TransformException: the lookup fails; see :meth:`lookup_transform_core`.
+        :raises TypeError, ValueError, OverflowError: an argument has a wrong type, or is not a valid name,
+            time or limit.
+
+        Everything is of one moment, except for the clock of the buffer, which is read before.
+
+        >>> from tf2_py import BufferCore
+        >>> from geometry_msgs.msg import TransformStamped
+        >>> robot = TransformStamped(child_frame_id="base_link")
+        >>> robot.header.frame_id = "odom"
+        >>> buffer = BufferCore()
+        >>> for robot.header.stamp.sec in (2, 3):
+        ...     buffer.set_transform(robot, "wheels")
+        >>> print(buffer.explain("odom", "base_link", 2_400_000_000))
+        odom ← base_link at 2.400000000
+          odom ← base_link  interpolated 40 % between 2.000 and 3.000 s (gap 1.000 s), last from wheels
+        weakest: odom ← base_link
+        """
+        cdef Query query
+        accepted = policy_of("explain", False, **policy)       # whose memory the query refers to
+        query_fill_any(&query, target_frame, source_frame, time, None, None, accepted)
+        return self.explanation(&query)
+
+    def explain_full(
+        self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str,
+        **policy: Unpack[LookupPolicy],
+    ) -> FullExplanation:
+        """
+        Get why a lookup at two times has its answer. It does not wait.
+
+        :param target_time: the time of the target frame; 0: the latest common time of it and the fixed frame.
+        :param source_time: the time of the source frame; 0: the latest common time of it and the fixed frame.
+        :param str fixed_frame: the frame that is assumed not to move between the two times.
+        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
+        :return: a :class:`FullExplanation`, which has one :class:`Explanation` for each time.
+
+        It raises what :meth:`explain` raises.
+        """
+        cdef Query query
+        accepted = policy_of("explain_full", False, **policy)
+        query_fill_any(&query, target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
+        return self.explanation(&query)
 
     def time_range(self, target_frame: str, source_frame: str) -> tuple[int, int]:
         """

@@ -16,8 +16,11 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
+from tf2_py import Explanation as Explanation
 from tf2_py import FrameInfo as FrameInfo
+from tf2_py import FullExplanation as FullExplanation
 from tf2_py import History as History
+from tf2_py import Hop as Hop
 from tf2_py import __version__ as __version__
 from tf2_py import stored_name as stored_name
 from tf2_ros import buffer, buffer_interface

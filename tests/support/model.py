@@ -10,6 +10,7 @@ import math
 import sys
 
 from model_ages_and_limits import Policies
+from model_explanations import Explanations
 from model_listings import Listings
 from model_math import (
     IDENTITY,
@@ -147,7 +148,7 @@ class Frame:
         return {sample[1] for sample in self.samples}
 
 
-class Model(Listings, Policies):
+class Model(Listings, Policies, Explanations):
     def __init__(self, cache_ns=10 * S):
         self.cache_ns = cache_ns
         self.order = []  # names, by first use

@@ -22,9 +22,10 @@ from buffer_beside_model import (
     same_kind,
     same_velocity,
 )
+from exact_composition import composed_halves, composed_hops
 from geometry_msgs.msg import PointStamped
 from making_objects import S, stamp_ns
-from model_math import added, turned
+from model_math import added, canonical, turned
 from model_terms import STAMPS_END, TF2, Policy
 from rclpy.duration import Duration
 
@@ -233,6 +234,74 @@ def begun(coroutine):
         return as_error(error)
     coroutine.close()
     return PENDING
+
+
+# Explanations.
+
+
+@asks("explain")
+def explained(pair, dice):
+    compare_explained(pair, *some_lookup(pair, dice))
+
+
+def compare_explained(pair, *query_and_policy):
+    *query, policy = query_and_policy
+    wanted = of_model(pair.model.explain, policy, *query)
+    got = of_buffer(pair.buffer.explain, *query, **arguments_of(policy))
+    compare_with_lookup(pair, pair.buffer.lookup_transform, query, policy, got, wanted, same_explanation)
+    if got[0] == "answer":
+        assert composed_hops(got[1].hops) == as_model_tells(got[1].transform)[3:], (query, policy)
+
+
+@asks("explain_full")
+def explained_full(pair, dice):
+    compare_explained_full(pair, *some_full_lookup(pair, dice))
+
+
+def compare_explained_full(pair, *query_and_policy):
+    *query, policy = query_and_policy
+    wanted = of_model(pair.model.explain_full, policy, *query)
+    got = of_buffer(pair.buffer.explain_full, *query, **arguments_of(policy))
+    compare_with_lookup(pair, pair.buffer.lookup_transform_full, query, policy, got, wanted, same_halves)
+    if got[0] == "answer":
+        assert composed_halves(got[1]) == as_model_tells(got[1].transform)[3:], (query, policy)
+        for half in (got[1].source, got[1].target):
+            assert composed_hops(half.hops) == as_model_tells(half.transform)[3:], (query, policy)
+
+
+def compare_with_lookup(pair, look_up, query, policy, got, wanted, same):
+    """An explanation has the answer of the lookup, or its error."""
+    about = ("explain", *query, policy)
+    pair.compare(about, got, wanted, same, same_kind)
+    answer = of_buffer(look_up, *query, **arguments_of(policy))
+    assert (("answer", got[1].transform) if got[0] == "answer" else got) == answer, about
+
+
+def same_halves(got, wanted):
+    answer, *halves = wanted
+    return same_answer(as_model_tells(got.transform), answer) and all(
+        map(same_explanation, (got.source, got.target), halves)
+    )
+
+
+def same_explanation(got, wanted):
+    answer, time_ns, hops = wanted
+    return (
+        same_answer(as_model_tells(got.transform), answer)
+        and got.time_ns == time_ns
+        and len(got.hops) == len(hops)
+        and all(map(same_hop, got.hops, hops))
+    )
+
+
+def same_hop(got, wanted):
+    stamp, *transform = wanted.transform
+    told = as_model_tells(got.transform)
+    facts = got._replace(transform=None, weight=0) == wanted._replace(transform=None, weight=0)
+    # Only the answer has the sign that tf2 chooses.
+    told, transform = ((*one[:-1], canonical(one[-1])) for one in (told, transform))
+    expected = (stamp, wanted.parent, wanted.frame, *transform)
+    return facts and math.isclose(got.weight, wanted.weight) and same_answer(told, expected)
 
 
 # Many times.

@@ -66,13 +66,19 @@ SENSORS = {"do_transform_imu", "do_transform_magnetic_field", "from_msg_msg", "t
 OURS = {
     "tf2_geometry_msgs": GEOMETRY
     | {"Quaternion", "QuaternionStamped", "Transform", "Vector3", "WrenchStamped"},
-    "tf2_py": {"FrameInfo", "History", "__version__", "stored_name"},
+    "tf2_py": {
+        *("Explanation", "FrameInfo", "FullExplanation", "History", "Hop"),
+        *("__version__", "stored_name"),
+    },
     "tf2_ros": {
         "BufferServer",
         "BufferSource",
+        "Explanation",
         "FilterFailureReason",
         "FrameInfo",
+        "FullExplanation",
         "History",
+        "Hop",
         "MessageFilter",
         "StaticTransformListener",
         "__version__",

@@ -1,1 +1,1 @@
-"""What the engine leaves to Python: classes of messages, errors, listings, log lines, parts of pickles."""
+"""What the engine leaves to Python: messages, errors, listings, explanations, log lines, parts of pickles."""

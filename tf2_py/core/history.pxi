@@ -308,23 +308,19 @@ cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t 
 
 
 cdef void _extrapolate(const History* history, int64_t time_ns, Transform* out) noexcept nogil:
-    # After the newest sample, at the velocity between it and the one before. It stays where there is none, or
-    # one of the same stamp or of another parent.
+    # After the newest sample, at the velocity between it and the one before. Without a velocity, it stays.
     cdef const Transform* newest = history_newest_transform(history)
     cdef const Transform* before
     cdef double ratio
     cdef double turned[3]
-    cdef uint32_t older
+    cdef int64_t before_ns
     cdef int i
     out[0] = newest[0]
-    if history.count < 2:
+    if not history_has_velocity(history):
         return
-    older = _history_slot(history, history.count - 2)
-    if (history.stamps[older] == history.newest_ns
-            or history.samples[older].parent != history_newest_parent(history)):
-        return
-    before = &history.samples[older].transform
-    ratio = <double>(time_ns - history.newest_ns) / <double>(history.newest_ns - history.stamps[older])
+    before = history_transform_of(history, history.count - 2)
+    before_ns = history_stamp_of(history, history.count - 2)
+    ratio = <double>(time_ns - history.newest_ns) / <double>(history.newest_ns - before_ns)
     for i in range(3):
         out.translation[i] += ratio * (newest.translation[i] - before.translation[i])
     rotation_vector_between(before.rotation, newest.rotation, turned)

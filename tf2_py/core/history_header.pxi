@@ -100,9 +100,9 @@ cdef inline const Transform* history_newest_transform(const History* history) no
     return history_transform_of(history, history.count - 1)
 
 
-cdef inline int64_t history_age(const History* history, int64_t now_ns) noexcept nogil:
-    # Of the newest sample, in ns; INT64_MAX: the clock has not begun.
-    return INT64_MAX if now_ns <= 0 else now_ns - history.newest_ns
+cdef inline int64_t age_at(int64_t newest_ns, int64_t now_ns) noexcept nogil:
+    # Of the sample with this stamp, in ns; INT64_MAX: the clock has not begun.
+    return INT64_MAX if now_ns <= 0 else now_ns - newest_ns
 
 
 # Memory: growing, shrinking, pinning.
@@ -209,6 +209,13 @@ cdef inline int64_t history_time_within(const History* history, int64_t time_ns,
         if time_ns - history.newest_ns <= tolerance_ns:
             return history.newest_ns
     return time_ns
+
+
+cdef inline bint history_has_velocity(const History* history) noexcept nogil:
+    # Whether an extrapolation moves: the last two samples have different stamps and one parent.
+    cdef uint32_t last = history.count - 1
+    return (history.count > 1 and history_stamp_of(history, last - 1) != history.newest_ns
+            and history_parent_of(history, last - 1) == history_parent_of(history, last))
 
 
 # The earliest time from which on, until `time_ns`, it answers with the same parent, or has no answer.

@@ -109,7 +109,7 @@ cdef int64_t _limit_ns(const Tree* tree, const FrameLimits* limits, FrameId fram
     return limit_of_name(limits, tree.names.text + name.start, name.size, index)
 
 
-cdef inline int64_t _tolerance_ns(const Tree* tree, FrameId frame, const Policy* policy) noexcept nogil:
+cdef inline int64_t policy_tolerance(const Tree* tree, FrameId frame, const Policy* policy) noexcept nogil:
     cdef uint32_t index
     return _limit_ns(tree, &policy.tolerance, frame, &index) if policy.is_given else 0
 
@@ -122,7 +122,7 @@ cdef inline void _check_side(const Tree* tree, const FrameId* frames, uint32_t h
     cdef uint32_t i
     lack_init(lack)
     for i in range(hops):
-        tolerance_ns = _tolerance_ns(tree, frames[i], policy)
+        tolerance_ns = policy_tolerance(tree, frames[i], policy)
         lack_check(lack, &tree.histories[frames[i]], frames[i], time_ns, policy, tolerance_ns)
 
 
@@ -150,7 +150,7 @@ cdef inline bint _hop(const Tree* tree, FrameId frame, int64_t time_ns, uint32_t
     if policy == NULL:
         return history_transform_at(history, time_ns, hint, out) == GAP_NONE
     if history_transform_under(
-            history, time_ns, policy, _tolerance_ns(tree, frame, policy), out, &used_ns) != GAP_NONE:
+            history, time_ns, policy, policy_tolerance(tree, frame, policy), out, &used_ns) != GAP_NONE:
         return False
     stamp_ns[0] = min(stamp_ns[0], used_ns)
     return True
@@ -208,7 +208,7 @@ cdef FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time_ns,
     # NO_FRAME: it has no answer, neither at the time nor within its tolerance before it.
     cdef const History* history = &tree.histories[frame]
     return history_parent_at(
-        history, history_time_within(history, time_ns, _tolerance_ns(tree, frame, policy)))
+        history, history_time_within(history, time_ns, policy_tolerance(tree, frame, policy)))
 
 
 cdef inline FrameId _parent_by_link(const Tree* tree, FrameId frame, int64_t time_ns, const Policy* policy,
@@ -354,7 +354,7 @@ cdef bint _is_stale(const Tree* tree, FrameId frame, int64_t now_ns, const Polic
             status.child = frame
             status.parent = policy.tolerance.count + index
         return False
-    age_ns = history_age(history, now_ns)
+    age_ns = age_at(history.newest_ns, now_ns)
     if age_ns - limit_ns <= excess_ns[0]:
         return False
     excess_ns[0] = age_ns - limit_ns

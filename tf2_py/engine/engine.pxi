@@ -71,6 +71,8 @@ cdef inline void unlock_written(Lock* lock, const Tree* tree, const Waiters* wai
 
 # The engine.
 
+cdef str NO_CLOCK = ("ages need a clock, which this buffer does not have: a BufferCore and the buffer of a "
+                     "recording have none")
 cdef Retention DEFAULT_RETENTION
 DEFAULT_RETENTION.cache_time_ns = 10 * <int64_t>NS_PER_S    # as tf2's
 
@@ -436,11 +438,40 @@ cdef class Engine:
         lock_release(&self._lock)
         return status
 
+    cdef object explanation(self, Query* query):
+        cdef ClockReading reading
+        cdef Explained explained
+        cdef Status status
+        cdef int problem
+        cdef bint has_clock = self.has_read_clock(query, &reading)
+        if query.policy.is_given and query.policy.judges_age and not has_clock:
+            raise ValueError(NO_CLOCK)
+        catch_up(self)
+        lock_acquire(&self._lock)
+        problem = query_explain(&self._tree, query, &explained, &status)
+        lock_release(&self._lock)
+        try:
+            if problem != 0:
+                raise MemoryError
+            if status.code != STATUS_OK:
+                raise self.error(query, status)
+            # The GIL was held since, so that they are those of the same tree.
+            learn_names(&self._tree.names, &self._lock, self._names)
+            learn_names(&self._tree.authorities, &self._lock, self._authorities)
+            return new_explanation(query, &explained, &reading if has_clock else NULL, self._names,
+                                   self._authorities)
+        finally:
+            explained_free(&explained)
+
     cdef int read_clock(self, Query* query, ClockReading* reading) except -1:
+        if not self.has_read_clock(query, reading):
+            raise ValueError(NO_CLOCK)
+        return 0
+
+    cdef bint has_read_clock(self, Query* query, ClockReading* reading) except -1:
         shown = None if self._show_time is None else self._show_time(self)
         if shown is None:
-            raise ValueError("ages need a clock, which this buffer does not have: a BufferCore and the "
-                             "buffer of a recording have none")
+            return False
         reading.now_ns, reading.is_system, is_silent = shown
         self._must_look = is_silent or reading.now_ns <= NOT_BEGUN_NS   # nothing reports that it begins
         query.policy.clock = reading
@@ -450,7 +481,7 @@ cdef class Engine:
         self._clock.now_ns = max(reading.now_ns, NOT_BEGUN_NS)
         lock_release(&self._lock)
         self._reads_clock = True
-        return 0
+        return True
 
     def _tf2_now_ns(self):
         """The time of the buffer's clock, for errors; 0: it has none, or simulated time has not begun."""
@@ -570,7 +601,9 @@ cdef class Engine:
                 frames[count] = (path.source[i] if i < path.source_hops
                                  else path.target[path.source_hops + path.target_hops - 1 - i])
                 history = &self._tree.histories[frames[count]]
-                times_ns[count] = history.newest_ns if clock == NULL else history_age(history, clock.now_ns)
+                times_ns[count] = history.newest_ns
+                if clock != NULL:
+                    times_ns[count] = age_at(history.newest_ns, clock.now_ns)
                 count += history.kind == HISTORY_DYNAMIC
         lock_release(&self._lock)
         return count

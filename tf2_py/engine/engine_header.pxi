@@ -1,6 +1,6 @@
 """The tree behind its lock, with the waiters for it."""
 
-# Uses: times, messages, advice, queries_and_errors, tree_as_objects, frozen_buffers, engine_hooks.
+# Uses: times, messages, advice, queries_and_errors, tree_as_objects, explained, frozen_buffers, engine_hooks.
 
 cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds
@@ -92,8 +92,13 @@ cdef class Engine:
     # Logs the time of a query that asks_for_1970 and whose error nobody may see. Waits log theirs themselves.
     cdef int log_1970(self, int64_t time_ns) except -1
 
-    # Reads the clock for a query that judges ages, which refers to the reading; ValueError: there is none.
+    # Its answer and its hops, as an object of new_explanation. Raises what the lookup raises.
+    cdef object explanation(self, Query* query)
+
+    # Reads the clock for a query that judges ages, which refers to the reading. `read_clock` raises a
+    # ValueError if there is none; `has_read_clock` returns whether there is one.
     cdef int read_clock(self, Query* query, ClockReading* reading) except -1
+    cdef bint has_read_clock(self, Query* query, ClockReading* reading) except -1
 
     # Waiting. The status is that of the first attempt.
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1

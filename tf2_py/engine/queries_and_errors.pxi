@@ -155,8 +155,7 @@ def frame_name(name, str argument):
 cdef dict GAP_NAMES = {GAP_EMPTY: "empty", GAP_SINGLE: "single", GAP_FUTURE: "future", GAP_PAST: "past"}
 
 
-cdef tuple _query_names(const Query* query):
-    # Target, source, fixed frame or None.
+cdef tuple query_names(const Query* query):
     return (
         query.target[:query.target_size].decode("utf-8"),
         query.source[:query.source_size].decode("utf-8"),
@@ -166,7 +165,7 @@ cdef tuple _query_names(const Query* query):
 
 cdef tuple _ends(const Query* query, Status status):
     # As in tf2, which does a two-time lookup in halves, the text names the ends of the half that failed.
-    target, source, fixed = _query_names(query)
+    target, source, fixed = query_names(query)
     if status.half == HALF_SOURCE:
         target = fixed
     elif status.half == HALF_TARGET:
@@ -199,7 +198,7 @@ cdef object query_error(const Query* query, Status status, str child, str parent
                         str limiting, str call, Advice advice, object buffer):
     cdef uint32_t index
     cdef bytes name
-    target, source, fixed = _query_names(query)
+    target, source, fixed = query_names(query)
     if status.code == STATUS_BAD_TARGET:
         return name_error(target, "target_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_SOURCE:
@@ -239,6 +238,6 @@ cdef object query_error(const Query* query, Status status, str child, str parent
 
 
 cdef str query_wait(const Query* query, str lack):
-    target, source, fixed = _query_names(query)
+    target, source, fixed = query_names(query)
     target_ns = query.source_ns if query.fixed == NULL else query.target_ns
     return errors.waits_for(target, target_ns, source, query.source_ns, fixed, lack)

@@ -11,6 +11,10 @@ cdef int query_fill(Query* query, object target_frame, object source_frame, obje
 cdef int query_fix(Query* query, object fixed_frame, object target_time) except -1
 
 
+# Its target, source, and fixed frame or None.
+cdef tuple query_names(const Query* query)
+
+
 cdef class PolicyObject:
     # What one call of a program accepts beyond tf2's. A query with its policy refers to its memory. The call
     # is that of one buffer, whose lock guards what `found` of the limits points to.

@@ -24,9 +24,12 @@ from tf2_ros import (
     BufferCore,
     BufferInterface,
     ConvertRegistration,
+    Explanation,
     FilterFailureReason,
     FrameInfo,
+    FullExplanation,
     History,
+    Hop,
     MessageFilter,
     Stamped,
     TransformRegistration,
@@ -68,6 +71,12 @@ def core(message: TransformStamped, data: bytes, when: TimeLike, interval: Durat
     assert_type(buffer.ages("a", "b"), dict[str, float])
     facts: FrameInfo = buffer.frames()["a"]
     assert_type(facts.oldest_ns or facts.newest_ns, int | None)
+    explained: Explanation = buffer.explain("a", "b", when, tolerance=0.5)
+    assert_type(explained.hops, list[Hop])
+    assert_type(explained.hops[0].older_ns, int | None)
+    assert_type(explained.weakest, Hop | None)
+    both: FullExplanation = buffer.explain_full("a", when, "b", when, "c")
+    assert_type(both.source, Explanation)
     history: History = buffer.histories()["a"]
     assert_type(history.stamps_ns, npt.NDArray[np.int64])
 

@@ -1,0 +1,190 @@
+"""Explained lookups: the hops between two frames, and the samples that each has answered with."""
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from tf2_py._objects.errors import NS_PER_S, seconds
+from tf2_py.printable import printable
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import TransformStamped
+
+
+class Hop(NamedTuple):
+    """
+    One hop of an explained lookup: a frame, its parent, and the samples that have answered.
+
+    ``frame`` and ``parent``: their names. ``direction``: ``"up"``, from the frame to its parent, or
+    ``"down"``, from the parent to the frame, by the inverse of the transform.
+
+    ``how`` the frame has answered:
+
+    - ``"static"``: it has one transform, for all times.
+    - ``"sample"``: a sample has the time of the lookup.
+    - ``"interpolated"``: between the samples on both sides of the time.
+    - ``"kept"``: the sample before the time, because the sample after it has another parent.
+    - ``"held"``: the newest sample, because of a ``tolerance``.
+    - ``"extrapolated"``: from the last two samples, because of a ``tolerance`` with ``extrapolate``.
+
+    ``older_ns`` and ``newer_ns``: the stamps of the samples before and after the time, in nanoseconds, or of
+    the last two if extrapolated; equal if a single sample has answered; None for a static frame. ``weight``:
+    the weight of the newer sample, from 0 to 1, or above 1 if extrapolated; 0 if one sample has answered.
+
+    ``gap``: how far the samples around the time are apart, in seconds, or for a held or extrapolated frame,
+    how far the time is after its newest sample; otherwise 0. ``age``: how old the newest sample of the frame
+    is on the clock of the buffer, in seconds, as from :meth:`tf2_py.BufferCore.ages`; None for a static frame
+    or without a clock. ``last_authority``: the authority of the last transform that was inserted for this
+    frame, which need not be that of these samples.
+
+    ``transform``: a ``geometry_msgs/TransformStamped``, the pose of the frame in its parent; meters, unit
+    quaternion. Its stamp is the time of the lookup, or the stamp of a held sample.
+
+    >>> from tf2_py import BufferCore
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> robot = TransformStamped(child_frame_id="base_link")
+    >>> robot.header.frame_id = "odom"
+    >>> buffer = BufferCore()
+    >>> for robot.header.stamp.sec in (2, 3):
+    ...     buffer.set_transform(robot, "wheels")
+    >>> [hop] = buffer.explain("odom", "base_link", 2_400_000_000).hops
+    >>> hop.how, hop.older_ns, hop.newer_ns, hop.weight, hop.gap
+    ('interpolated', 2000000000, 3000000000, 0.4, 1.0)
+    """
+
+    frame: str
+    parent: str
+    direction: Literal["up", "down"]
+    how: Literal["static", "sample", "interpolated", "kept", "held", "extrapolated"]
+    older_ns: int | None
+    newer_ns: int | None
+    weight: float
+    gap: float
+    age: float | None
+    last_authority: str
+    transform: "TransformStamped"
+
+    @property
+    def static(self) -> bool:
+        """Whether its transform is valid at all times."""
+        return self.how == "static"
+
+    def __str__(self) -> str:
+        return f"{self._arrow()}  {self._samples()}{self._age()}, last from {printable(self.last_authority)}"
+
+    def _arrow(self) -> str:
+        begin, end = (self.frame, self.parent) if self.direction == "up" else (self.parent, self.frame)
+        return f"{printable(end)} ← {printable(begin)}"
+
+    def _samples(self) -> str:
+        if self.older_ns is None or self.newer_ns is None:
+            return "static"
+        older, newer = (f"{ns / NS_PER_S:.3f}" for ns in (self.older_ns, self.newer_ns))
+        weight, gap = f"{100 * self.weight:.0f} %", f"{self.gap:.3f} s"
+        if self.how == "interpolated":
+            return f"interpolated {weight} between {older} and {newer} s (gap {gap})"
+        if self.how == "kept":
+            return f"kept from {older} s, because the sample at {newer} s has another parent (gap {gap})"
+        if self.how == "held":
+            return f"held from its newest sample at {newer} s (gap {gap})"
+        if self.how == "extrapolated":
+            return f"extrapolated {weight} of {older} to {newer} s (gap {gap})"
+        return f"sample at {newer} s"
+
+    def _age(self) -> str:
+        if self.age is None:
+            return ""
+        return f", newest {self.age:.3f} s old" if math.isfinite(self.age) else ", newest of unknown age"
+
+
+class Explanation(NamedTuple):
+    """
+    Why a lookup has its answer. See :meth:`tf2_py.BufferCore.explain`; ``print`` shows one line for each hop.
+
+    ``transform``: the answer, a ``geometry_msgs/TransformStamped``. ``time_ns``: the time of the lookup in
+    nanoseconds; for the time 0, the latest common time. ``hops``: a list of :class:`Hop`, from the source
+    frame up to the common ancestor, then down to the target frame. Their transforms, composed in this order,
+    are the answer to the last bit.
+
+    >>> from tf2_py import BufferCore
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> robot = TransformStamped(child_frame_id="base_link")
+    >>> robot.header.frame_id = "odom"
+    >>> buffer = BufferCore()
+    >>> for robot.header.stamp.sec in (2, 3):
+    ...     buffer.set_transform(robot, "wheels")
+    >>> found = buffer.explain("odom", "base_link", 0)
+    >>> found.time_ns, [(hop.frame, hop.how) for hop in found.hops]
+    (3000000000, [('base_link', 'sample')])
+    """
+
+    transform: "TransformStamped"
+    time_ns: int
+    hops: list[Hop]
+
+    @property
+    def weakest(self) -> Hop | None:
+        """The hop with the largest gap or age, the first of equal ones; None if no frame moves."""
+        return _weakest(self.hops)
+
+    def __str__(self) -> str:
+        return "\n".join([_question(self), *_indented(self.hops), *_weakest_line(self.hops)])
+
+
+class FullExplanation(NamedTuple):
+    """
+    Why a lookup at two times has its answer. See :meth:`tf2_py.BufferCore.explain_full`.
+
+    ``transform``: the answer, a ``geometry_msgs/TransformStamped``. ``source``: the :class:`Explanation` of
+    the source frame in the fixed frame, at the source's time. ``target``: that of the fixed frame in the
+    target frame, at the target's time. The answer is that of ``source``, followed by that of ``target``.
+
+    >>> from tf2_py import BufferCore
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> robot = TransformStamped(child_frame_id="base_link")
+    >>> robot.header.frame_id = "odom"
+    >>> buffer = BufferCore()
+    >>> for robot.header.stamp.sec in (2, 3):
+    ...     buffer.set_transform(robot, "wheels")
+    >>> found = buffer.explain_full("base_link", 2_000_000_000, "base_link", 2_400_000_000, "odom")
+    >>> found.source.hops[0].how, found.target.hops[0].how
+    ('interpolated', 'sample')
+    """
+
+    transform: "TransformStamped"
+    source: Explanation
+    target: Explanation
+
+    @property
+    def weakest(self) -> Hop | None:
+        """The hop with the largest gap or age in both halves, the first of equal ones; None: none moves."""
+        return _weakest([*self.source.hops, *self.target.hops])
+
+    def __str__(self) -> str:
+        lines = []
+        for half in (self.source, self.target):
+            lines += [_question(half), *_indented(half.hops)]
+        return "\n".join([*lines, *_weakest_line([*self.source.hops, *self.target.hops])])
+
+
+for _public in (Hop, Explanation, FullExplanation):
+    _public.__module__ = "tf2_py"
+
+
+def _weakest(hops: list[Hop]) -> Hop | None:
+    moving = [hop for hop in hops if not hop.static]
+    return max(moving, key=lambda hop: max(hop.gap, hop.age or 0.0), default=None)
+
+
+def _question(explanation: Explanation) -> str:
+    header, child = explanation.transform.header, explanation.transform.child_frame_id
+    return f"{printable(header.frame_id)} ← {printable(child)} at {seconds(explanation.time_ns)}"
+
+
+def _indented(hops: Iterable[Hop]) -> list[str]:
+    return [f"  {hop}" for hop in hops]
+
+
+def _weakest_line(hops: list[Hop]) -> list[str]:
+    weakest = _weakest(hops)
+    return [] if weakest is None else [f"weakest: {weakest._arrow()}"]

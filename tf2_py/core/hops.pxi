@@ -1,0 +1,81 @@
+"""Record the hops of a lookup, with the samples that have answered it."""
+
+cdef void _describe_samples(const History* history, int64_t time_ns, const Policy* policy,
+                            int64_t tolerance_ns, Hop* hop) noexcept nogil:
+    # Of a history that answers for the time.
+    cdef Neighbours around
+    cdef uint32_t hint = NEWEST_HINT
+    cdef int64_t found_ns = history_time_within(history, time_ns, tolerance_ns)
+    hop.weight = 0.0
+    hop.parent = history_parent_at(history, found_ns)
+    hop.older_ns = hop.newer_ns = history.newest_ns
+    if history.kind == HISTORY_STATIC:
+        hop.data = HOP_STATIC
+    elif found_ns != time_ns and policy.extrapolates and history_has_velocity(history):
+        hop.data = HOP_EXTRAPOLATED
+        hop.older_ns = history_stamp_of(history, history.count - 2)
+        hop.weight = <double>(time_ns - hop.older_ns) / <double>(hop.newer_ns - hop.older_ns)
+    elif found_ns != time_ns:
+        hop.data = HOP_HELD
+    elif history_stamps_around(history, time_ns, &hop.older_ns, &hop.newer_ns):
+        history_neighbours(history, time_ns, &hint, &around)
+        hop.data = HOP_KEPT if around.older == around.newer else HOP_INTERPOLATED
+        hop.weight = neighbours_ratio(&around, time_ns)
+    else:
+        hop.data = HOP_SAMPLE
+        hop.older_ns = hop.newer_ns = time_ns
+
+
+cdef void _describe_hop(const Tree* tree, FrameId frame, bint is_down, int64_t time_ns, const Policy* policy,
+                        Hop* hop) noexcept nogil:
+    cdef const History* history = &tree.histories[frame]
+    cdef int64_t tolerance_ns = policy_tolerance(tree, frame, policy)
+    hop.frame = frame
+    hop.is_down = is_down
+    hop.newest_ns = history.newest_ns
+    hop.authority = history.authority
+    _describe_samples(history, time_ns, policy, tolerance_ns, hop)
+    hop.used_ns = time_ns
+    # As the lookup answers it, so that the hops are what it is composed of.
+    if policy.is_given:
+        history_transform_under(history, time_ns, policy, tolerance_ns, &hop.transform, &hop.used_ns)
+    else:
+        history_transform_at(history, time_ns, NEWEST_HINT, &hop.transform)
+
+
+cdef int _walk_explained(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
+                         const Policy* policy, Walked* out) noexcept nogil:
+    # A lookup that has an answer. 0, or -1 without memory.
+    cdef Path path
+    cdef uint32_t i
+    out.time_ns = time_ns
+    if time_ns == 0:
+        walk_common_time(tree, target, source, &path, &out.time_ns)
+    walk_lookup(tree, target, source, time_ns, policy, &path, &out.transform, &out.stamp_ns)
+    out.count = path.source_hops + path.target_hops
+    out.hops = <Hop*>malloc((out.count + 1) * sizeof(Hop))
+    if out.hops == NULL:
+        return -1
+    for i in range(path.source_hops):
+        _describe_hop(tree, path.source[i], False, out.time_ns, policy, &out.hops[i])
+    for i in range(path.target_hops):
+        _describe_hop(tree, path.target[i], True, out.time_ns, policy, &out.hops[out.count - 1 - i])
+    return 0
+
+
+cdef int query_explain(const Tree* tree, const Query* query, Explained* out, Status* status) noexcept nogil:
+    cdef QueryFrames frames
+    cdef Policy policy = query.policy
+    cdef FrameId end
+    memset(out, 0, sizeof(Explained))
+    status[0] = query_answer(tree, query, &out.transform, &out.stamp_ns)
+    if status.code != STATUS_OK:
+        return 0
+    policy.judges_age = False       # it was judged, and must not be again at a later moment
+    query_find_frames(tree, query, &frames)
+    end = frames.target if query.fixed == NULL else frames.fixed
+    if _walk_explained(tree, end, frames.source, query.source_ns, &policy, &out.source) != 0:
+        return -1
+    if query.fixed == NULL:
+        return 0
+    return _walk_explained(tree, frames.target, frames.fixed, query.target_ns, &policy, &out.target)

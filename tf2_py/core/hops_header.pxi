@@ -1,0 +1,53 @@
+"""The hops of a lookup: which samples of which frames have answered it."""
+
+# Uses: types, history, tree, lookup.
+
+cdef enum HopData:
+    # What the history of a frame has answered with.
+    HOP_STATIC          # its one sample, for every time
+    HOP_SAMPLE          # a sample with this stamp
+    HOP_INTERPOLATED    # the samples on both sides of the time
+    HOP_KEPT            # the sample before the time: the one after it has another parent
+    HOP_HELD            # its newest sample, within its tolerance
+    HOP_EXTRAPOLATED    # its last two samples, within its tolerance
+
+
+cdef struct Hop:
+    FrameId frame
+    FrameId parent          # in these samples
+    bint is_down            # the walk goes from the parent to the frame, by the inverse of `transform`
+    HopData data
+    # Their stamps, the same of a single one. Of HOP_KEPT, those on both sides of the time; of HOP_STATIC, 0.
+    int64_t older_ns
+    int64_t newer_ns
+    int64_t used_ns         # the time; of HOP_HELD without extrapolation, the stamp of the sample
+    double weight           # of the newer one; above 1: extrapolated; 0: a single sample has answered
+    int64_t newest_ns       # the newest stamp of the frame; 0 in a static one
+    uint32_t authority      # who sent the last sample that was inserted, which may be another one
+    Transform transform     # frame to parent
+
+
+cdef struct Walked:
+    # A simple lookup, or half of one at two times.
+    Hop* hops               # up from the source, then down to the target
+    uint32_t count          # of `hops`
+    int64_t time_ns         # looked up; if that is 0, the latest common time
+    int64_t stamp_ns        # as walk_lookup
+    Transform transform     # source to target
+
+
+cdef struct Explained:
+    Walked source           # from the source to the target, or to the fixed frame if there is one
+    Walked target           # from the fixed frame to the target; without hops if there is none
+    Transform transform     # the answer of query_answer, and its stamp
+    int64_t stamp_ns
+
+
+# Answers a query, and explains the answer, from one state of the tree. 0, or -1 without memory. Call
+# explained_free in any case.
+cdef int query_explain(const Tree* tree, const Query* query, Explained* out, Status* status) noexcept nogil
+
+
+cdef inline void explained_free(Explained* explained) noexcept nogil:
+    free(explained.source.hops)
+    free(explained.target.hops)

@@ -1,6 +1,6 @@
 """Explained lookups as Python objects."""
 
-# Uses: times, messages, queries_and_errors, tree_as_objects.
+# Uses: times, kept_messages, queries_and_errors, tree_as_objects.
 
 # The object of an explained query. `clock`: for the ages; NULL: there is none. `names` and `authorities`:
 # those of the tree.

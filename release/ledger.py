@@ -21,7 +21,7 @@ deskew | users of lidars: each point of a cloud at its own time
 clouds, IMU, magnetometer | users of tf2_sensor_msgs: its functions, for every layout of a cloud
     tf2_sensor_msgs/* *cloud* tests/core/test_tf2_sensor_msgs.py
 rewriting the past | users of SLAM and of filters: new samples replace old ones at once
-    *replacing* *rewriting* *correction*
+    *replacing* *rewriting* *correction* *trajector*
 frozen files | trainers on many processes: one copy of a recording's transforms in memory
     *frozen* tools/*/map_recordings.py tools/*/test_map_recordings.py *maps_recordings* *measures_workers*
     *dying_worker*

@@ -6,6 +6,7 @@ from tf2_ros_tools.datasets import Dataset, dataset
 from tf2_ros_tools.map_recordings import MappedRecordings, map_recordings
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.saved_buffers import load_saved, save
+from tf2_ros_tools.trajectories import Trajectory
 
 # Now, because a program may need them only when it saves what it has recorded for an hour.
 require("rosbags", "bag")
@@ -16,6 +17,7 @@ __all__ = [
     "BagError",
     "Dataset",
     "MappedRecordings",
+    "Trajectory",
     "dataset",
     "load",
     "load_saved",

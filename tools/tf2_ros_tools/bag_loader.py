@@ -36,6 +36,7 @@ from tf2_ros_tools.bag_reader import (
 from tf2_ros_tools.joints_and_poses import JOINT_STATE, NAMED, POSES, Frames, Joints, Poses, Source, converted
 from tf2_ros_tools.optional_libraries import require
 from tf2_ros_tools.output import counted, first_names
+from tf2_ros_tools.trajectories import Keyframes, Trajectory
 from tf2_ros_tools.urdf import Robot, fixed, parse, unmatched
 from tf2_ros_tools.urdf import load as load_urdf
 
@@ -146,6 +147,7 @@ def load(
     end: TimeLike | None = None,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
+    trajectory: Trajectory | None = None,
     cache: "str | PathLike[str] | None" = None,
     progress: bool | None = None,
 ) -> "Buffer":
@@ -172,17 +174,20 @@ def load(
         ``/robot_description`` in the recording. To read other topics, pass a mapping from topics to such
         values; True then means the ``robot_description`` in the namespace of the topic. Frames that have
         transforms on ``topics`` keep them. The authority of fixed joints is ``urdf``.
+    :param trajectory: corrects the buffer by the poses in a file, as :func:`tf2_ros.correction.correct` does.
+        None: what was recorded remains as it is.
     :param cache: a folder, which is created if it does not exist. The first call freezes the buffer to a file
-        in this folder, and the next ones, in any process, map this file, unless the recording, its path or
-        another argument has changed; see :meth:`tf2_py.BufferCore.open`. It may be the folder of the
-        recording. None: no file is kept.
+        in this folder, and the next ones, in any process, map this file, unless the recording, its path, the
+        content of the trajectory or another argument has changed; see :meth:`tf2_py.BufferCore.open`. It may
+        be the folder of the recording. None: no file is kept.
     :param progress: show a bar, which needs tqdm. None: only if standard error is a terminal, after a second.
     :return: a buffer without a node and without a limit of memory. The authority of a transform is the name
         of its topic.
     :raises FileNotFoundError: the file does not exist.
     :raises BagError: the file is not a recording, is broken, or has none of the topics, or a topic has
         messages of another type; or its joint states have no joint of the robot, or no message was
-        recorded between ``start`` and ``end``.
+        recorded between ``start`` and ``end``; or the file of the trajectory is broken, or does not fit the
+        recording.
     :raises UrdfError: see :func:`tf2_ros_tools.urdf.load`.
     :raises OSError: the file in ``cache`` cannot be written.
     :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
@@ -197,15 +202,19 @@ def load(
     folder have fewer messages than its ``metadata.yaml`` counts.
     """
     what = wanted(topics, start, end, poses, urdf)
+    keyframes = None if trajectory is None else Keyframes(trajectory)
     buffer = new_buffer(cache_time)
     cached = None
     if cache is not None:
         path = resolved(path)  # a link may lead to another recording while this one is read
-        cached = Cached(cache, path, asdict(what), buffer.cache_time_ns)
+        key = asdict(what) | ({} if keyframes is None else {"trajectory": keyframes.key})
+        cached = Cached(cache, path, key, buffer.cache_time_ns)
     opened = None if cached is None else cached.open()
     if opened is None:
         with open_recording(path) as recorded:
             for text in fill_buffer(buffer, recorded, what, progress=progress):
+                warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
+            for text in () if keyframes is None else keyframes.correct(buffer):
                 warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
         if cached is not None:
             cached.write(buffer)

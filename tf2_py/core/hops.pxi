@@ -47,6 +47,8 @@ cdef int _walk_explained(const Tree* tree, FrameId target, FrameId source, int64
                          const Policy* policy, Walked* out) noexcept nogil:
     # A lookup that has an answer. 0, or -1 without memory.
     cdef Path path
+    cdef FrameId frame
+    cdef bint is_down
     cdef uint32_t i
     out.time_ns = time_ns
     if time_ns == 0:
@@ -56,10 +58,10 @@ cdef int _walk_explained(const Tree* tree, FrameId target, FrameId source, int64
     out.hops = <Hop*>malloc((out.count + 1) * sizeof(Hop))
     if out.hops == NULL:
         return -1
-    for i in range(path.source_hops):
-        _describe_hop(tree, path.source[i], False, out.time_ns, policy, &out.hops[i])
-    for i in range(path.target_hops):
-        _describe_hop(tree, path.target[i], True, out.time_ns, policy, &out.hops[out.count - 1 - i])
+    for i in range(out.count):
+        is_down = i >= path.source_hops
+        frame = path.target[out.count - 1 - i] if is_down else path.source[i]
+        _describe_hop(tree, frame, is_down, out.time_ns, policy, &out.hops[i])
     return 0
 
 

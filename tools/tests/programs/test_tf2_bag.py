@@ -18,7 +18,7 @@ from starting_programs import needs_dot, running
 from test_tree_and_heard_pictures import texts_of
 from waiting import DEADLINE_S, until
 
-from tf2_ros_tools.bag import save
+from tf2_ros_tools.bag import load, save
 from tf2_ros_tools.optional_libraries import MissingLibraryError
 from tf2_ros_tools.program import RunError
 from tf2_ros_tools.programs.tf2_bag import PARSER, bag
@@ -78,6 +78,42 @@ def test_all_formats_of_a_lookup_hold_the_same(run, drive_mcap, tmp_path):
     assert table["valid"] == [False, True, True]
     assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses, equal_nan=True)
     assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.parquet", "a.tum"]
+
+
+def test_explain_shows_the_samples_of_each_hop(run, drive_mcap):
+    status, out, err = run("explain", drive_mcap, "map", "camera", "--at", "104.25")
+    assert (status, err) == (0, "")
+    wanted = str(load(drive_mcap).explain("map", "camera", 104_250_000_000))
+    assert out == f"{wanted}\n"
+    assert "interpolated 50 % between" in out
+    assert "last from /tf_static" in out
+    latest = load(drive_mcap).explain("map", "camera", 0)
+    assert run("explain", drive_mcap, "map", "camera")[:2] == (0, f"{latest}\n")
+
+
+def test_explain_names_the_publishers_of_the_samples(run, tmp_path):
+    sent = [Sent(ns, "/tf", [Tf("map", "odom", ns)]) for ns in (S, 3 * S)]
+    sent += [Sent(2 * S, "/gps/tf", [Tf("map", "odom", 2 * S)])]
+    sent += [Sent(S, topic, [Tf("odom", "base", S)]) for topic in ("/tf_static", "/a/tf_static")]
+    sent.sort(key=lambda one: one.log_ns)
+    path = write_mcap(tmp_path / "two.mcap", sent)
+    topics = [f"--topic={topic}" for topic in ("/tf", "/gps/tf", "/tf_static", "/a/tf_static")]
+    _, out, _ = run("explain", path, "map", "base", "--at", "2.5", *topics)
+    assert out.splitlines()[-2:] == [
+        "base has 2 publishers, /a/tf_static, /tf_static; these samples are from /a/tf_static",
+        "odom has 2 publishers, /gps/tf, /tf; these samples are from /gps/tf, /tf",
+    ]
+    _, out, _ = run("explain", path, "map", "odom", "--at", "2", *topics)
+    assert out.splitlines()[-1].endswith("these samples are from /gps/tf")
+
+
+def test_explain_fails_as_the_lookup_does(run, drive_mcap):
+    with pytest.raises(RunError, match=r"camra.* does not exist\. Did you mean \[camera\]\?"):
+        run("explain", drive_mcap, "map", "camra")
+    with pytest.raises(RunError, match="extrapolation into the past"):
+        run("explain", drive_mcap, "map", "camera", "--at", "1")
+    with pytest.raises(SystemExit, match="2"):
+        run("explain", drive_mcap, "map", "camera", "--at", "0")
 
 
 class TestGaps:

@@ -13,8 +13,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tf2_py.printable import printable
 from tf2_ros_tools.optional_libraries import require
-from tf2_ros_tools.output import counted, show, show_json, three_digits, write_whole
+from tf2_ros_tools.output import counted, first_names, show, show_json, three_digits, write_whole
 from tf2_ros_tools.program import (
     FAILURE,
     SUCCESS,
@@ -35,6 +36,7 @@ from tf2_ros_tools.program import (
 if TYPE_CHECKING:
     from argparse import _MutuallyExclusiveGroup
 
+    from tf2_py import Hop
     from tf2_ros_tools.bag_loader import Heard, Topics, Urdf
     from tf2_ros_tools.bag_reader import RecordedTopic
     from tf2_ros_tools.recording_report import Report
@@ -52,6 +54,7 @@ Exit status: 0 on success; 1 if the command failed, or if check found problems; 
 EXAMPLE = """\
   tf2_bag info drive.mcap
   tf2_bag lookup drive.mcap map base_link -o path.tum
+  tf2_bag explain drive.mcap map base_link
   tf2_bag check drive.mcap --expect robot.yaml
   tf2_bag batch recordings/ --lookup map base_link --rate 10 --out tables
   tf2_bag freeze drive.mcap -o drive.tf2"""
@@ -231,6 +234,41 @@ def lookup(options: Namespace) -> int:
     return SUCCESS
 
 
+def explain(options: Namespace) -> int:
+    """Print which samples the answer of a lookup is made of; return the exit status."""
+    from tf2_py import TransformException
+    from tf2_ros_tools import pose_tables
+
+    heard = _heard_of(options)
+    target, source = options.target, options.source
+    try:
+        found = heard.buffer.explain(target, source, options.at)
+    except TransformException as failure:
+        raise RunError(pose_tables.why_unconnected(heard, target, source, failure)) from None
+    show(*str(found).splitlines(), *_publishers(heard, found.hops))
+    return SUCCESS
+
+
+def _publishers(heard: Heard, hops: Sequence[Hop]) -> Iterator[str]:
+    """Say who has sent the samples of each frame with several publishers."""
+    import numpy as np
+
+    from tf2_ros_tools.stream_statistics import taken
+
+    records = taken(heard.records)
+    for hop in hops:
+        own = records[records["child"] == heard.frames.index(hop.frame)]
+        every = {heard.publishers[one] for one in own["publisher"]}
+        if len(every) > 1:
+            # Of static samples, only the last one is kept.
+            stamps = () if hop.static else (hop.older_ns, hop.newer_ns if hop.weight else hop.older_ns)
+            used = own[np.isin(own["stamp_ns"], np.array(stamps, np.int64))]
+            senders = {heard.publishers[one] for one in used["publisher"]} or {hop.last_authority}
+            publishers = f"{len(every)} publishers, {first_names(sorted(every))}"
+            samples = f"these samples are from {first_names(sorted(senders))}"
+            yield f"{printable(hop.frame)} has {publishers}; {samples}"
+
+
 def batch(options: Namespace) -> int:
     """Make the tables of many recordings; return the exit status."""
     from tf2_ros_tools.map_recordings import map_recordings
@@ -393,6 +431,18 @@ def _parser() -> Parser:
     )
     add_output(command, "csv", "tum", "parquet", more=", instead of printing CSV")
     command = add(
+        "explain",
+        explain,
+        "print which samples the pose of the frame SOURCE in the frame TARGET is made of, hop by hop: their "
+        "stamps, the gap between them, and who sent them",
+        "drive.mcap map lidar --at 1795210034.5",
+    )
+    _add_recording(command)
+    command.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
+    command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is explained")
+    summary = "the time, in seconds since 1970; by default, the latest time for which all frames have data"
+    command.add_argument("--at", type=_time, default=0, metavar="S", help=summary)
+    command = add(
         "tree",
         tree,
         "print the tree of frames, or draw it with topics, rates, delays and problems",
@@ -514,6 +564,13 @@ def _add_when(made: Parser) -> _MutuallyExclusiveGroup:
     summary = "look up at this rate, while all frames on the path have data"
     group.add_argument("--rate", type=positive_number, metavar="HZ", help=summary)
     return group
+
+
+def _time(text: str) -> int:
+    time_ns = nanoseconds(text)
+    if time_ns == 0:
+        raise ArgumentTypeError("0 is not the time of a transform; without --at, the time is the latest one")
+    return time_ns
 
 
 def _frame(name: str) -> str:

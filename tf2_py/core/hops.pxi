@@ -58,6 +58,7 @@ cdef int _walk_explained(const Tree* tree, FrameId target, FrameId source, int64
     out.hops = <Hop*>malloc((out.count + 1) * sizeof(Hop))
     if out.hops == NULL:
         return -1
+    # One loop: with more copies of what is inlined here, gcc no longer inlines it into lookups.
     for i in range(out.count):
         is_down = i >= path.source_hops
         frame = path.target[out.count - 1 - i] if is_down else path.source[i]

@@ -24,7 +24,10 @@ __all__ = ["correct"]
 
 AUTHORITY = "tf2_ros.correction"
 LATEST_NS = 2**31 * 10**9 - 1  # the latest stamp, at which the time range of static frames ends
-TRIES = 3  # the buffer may prune a keyframe between reading and writing, when later transforms arrive
+# Transforms that arrive between reading and writing may make a sample too old. Then everything is tried again
+# without the oldest part of the cache time: first this fraction, then twice as much each time.
+FRACTION = 100
+TRIES = 7
 
 
 class _Edge(NamedTuple):
@@ -100,8 +103,9 @@ def correct(
     edge = _Edge(buffer, parent, child, moving)
     times_ns = as_times_ns(times)
     matrices = _matrices(poses, len(times_ns))
-    for _ in range(TRIES):
-        used, samples = _samples(edge, times_ns, matrices, before, after, on_missing == "skip")
+    for tried in range(TRIES):
+        margin_ns = (1 << tried >> 1) * (buffer.cache_time_ns // FRACTION)
+        used, samples = _samples(edge, times_ns, matrices, before, after, on_missing == "skip", margin_ns)
         if BufferCore.set_transforms(buffer, samples, AUTHORITY, replace=True) == len(samples):
             return used
     raise ValueError(
@@ -126,7 +130,13 @@ def _matrices(poses: Any, count: int) -> Array:
 
 
 def _samples(
-    edge: _Edge, times_ns: npt.NDArray[np.int64], matrices: Array, before: str, after: str, skips: bool
+    edge: _Edge,
+    times_ns: npt.NDArray[np.int64],
+    matrices: Array,
+    before: str,
+    after: str,
+    skips: bool,
+    margin_ns: int,
 ) -> tuple[int, list[TransformStamped]]:
     """How many keyframes are used, and what is to be inserted."""
     buffer, _, child, moving = edge
@@ -138,10 +148,11 @@ def _samples(
     is_used = ~np.isnan(inverses[:, 0, 0]) & (times_ns != 0)
     if not is_used.any():
         return 0, []
-    _check_path(edge, int(times_ns[is_used][0]))
+    _check_path(edge, int(times_ns[is_used].max()))
     oldest_ns, newest_ns = _range_of_data(edge, times_ns[is_used], after)
     kept_from_ns = newest_ns - buffer.cache_time_ns
-    old = np.flatnonzero(is_used & (times_ns < kept_from_ns))
+    begin_ns = kept_from_ns + margin_ns
+    old = np.flatnonzero(is_used & (times_ns < (begin_ns if skips else kept_from_ns)))
     if old.size and not skips:
         raise ValueError(
             f"times[{old[0]}]: {seconds(int(times_ns[old[0]]))} s is more than cache_time, "
@@ -154,8 +165,8 @@ def _samples(
         return 0, []
     stamps_ns = times_ns[index].tolist()
     corrections = [*(matrices[index] @ inverses[index])]
-    if before == "hold" and max(oldest_ns, kept_from_ns) < stamps_ns[0]:
-        stamps_ns.insert(0, max(oldest_ns, kept_from_ns))
+    if before == "hold" and max(oldest_ns, begin_ns) < stamps_ns[0]:
+        stamps_ns.insert(0, max(oldest_ns, begin_ns))
         corrections.insert(0, corrections[0])
     if after == "hold" and newest_ns > stamps_ns[-1]:
         stamps_ns.append(newest_ns)

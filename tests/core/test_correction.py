@@ -4,10 +4,13 @@ import copy
 import functools
 import math
 import random
+import threading
+import time
 from contextlib import suppress
 
 import numpy as np
 import pytest
+import repetitions
 from buffer_beside_model import GOOD_PLACES, GOOD_TURNS, Pair, place, same_rotation
 from making_objects import S, about_z, transform
 from messages_with_or_without_ros import Duration
@@ -256,3 +259,31 @@ def test_random_buffers_hold_what_the_definition_says(seed):
     assert held.stamps_ns.tolist() == [one[0] for one in wanted]
     assert_allclose(held.translations, [one[2] for one in wanted], rtol=0, atol=1e-9)
     assert all(map(same_rotation, held.rotations.tolist(), [one[3] for one in wanted]))
+
+
+@pytest.mark.repeated
+def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old():
+    """A thread inserts between reading and writing, so that the first try is refused now and then."""
+    buffer, begun, ended = BufferCore(Duration(seconds=0.3)), threading.Event(), threading.Event()
+
+    def drive_on():
+        start_ns = time.monotonic_ns()
+        while not ended.is_set():
+            ns = time.monotonic_ns()
+            buffer.set_transform(transform("odom", "base", ns=ns), "wheels")
+            buffer.set_transform(transform("map", "odom", ns=ns), "slam")
+            if ns - start_ns > 0.3 * S:
+                begun.set()
+
+    thread = threading.Thread(target=drive_on)
+    thread.start()
+    try:
+        assert begun.wait(60)
+        for _ in range(repetitions.times(100, 1000)):
+            times = np.arange(time.monotonic_ns() - S, time.monotonic_ns(), S // 200)
+            poses = np.tile(planar(1, 2, 0.5), (len(times), 1, 1))
+            assert correct(buffer, *EDGE, times, poses, before="hold", on_missing="skip") > 0
+    finally:
+        ended.set()
+        thread.join()
+    buffer._self_check()

@@ -194,6 +194,7 @@ def test_a_static_frame_is_replaced_by_the_last_one_as_without_it():
 # What is beside it.
 
 
+@pytest.mark.repeated
 def test_who_reads_beside_it_sees_all_of_a_call_or_nothing():
     rounds, stamps = repetitions.times(1500, 10_000), [S + i * 10**7 for i in range(40)]
     buffer, ended = BufferCore(), threading.Event()

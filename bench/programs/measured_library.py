@@ -5,6 +5,7 @@ The processes run under the interpreters of the libraries, so everything in this
 standard library and NumPy, unless only ours imports it.
 """
 
+import collections
 import itertools
 from time import perf_counter_ns
 
@@ -12,10 +13,11 @@ import numpy as np
 
 AUTHORITY = "bench"
 STEP_NS = 10_000_000  # from insert to insert
+KEPT = 64
 
 # A text for every number of arguments, as timeit has one: a call with `*arguments` would cost extra.
 LOOP = """
-def loop(function, calls, stop_ns, clock, add):
+def loop(function, calls, stop_ns, clock, add, keep):
     failed = 0
     for {names} in calls:
         start = clock()
@@ -59,6 +61,7 @@ class Library:
     ways = ("core",)  # of a single lookup, the usual one first
     vector_ways = ()  # of lookups at many times, the usual one first
     insert_ways = ("set_transform",)
+    call = "function({})"  # "keep(function({}))": with the last KEPT results
 
     def time(self, function, calls, count, budget_s):
         """
@@ -68,7 +71,8 @@ class Library:
         """
         arity, stop_ns = len(calls[0]), perf_counter_ns() + round(budget_s * 1e9)
         empty, times = [], []
-        for call, most, found in ("pass", min(count, 1000), empty), ("function({})", count, times):
-            round_and_round = itertools.islice(itertools.cycle(calls), most)
-            failed = make_loop(arity, call)(function, round_and_round, stop_ns, perf_counter_ns, found.append)
+        keep = collections.deque(maxlen=KEPT).append
+        for call, most, found in ("pass", min(count, 1000), empty), (self.call, count, times):
+            turns = itertools.islice(itertools.cycle(calls), most)
+            failed = make_loop(arity, call)(function, turns, stop_ns, perf_counter_ns, found.append, keep)
         return np.array(times) - np.median(empty), failed

@@ -12,11 +12,13 @@ BATCH = 50
 
 
 class Ours(Tf2):
-    ways = (*Tf2.ways, "matrix", "matrix out")
+    ways = (*Tf2.ways, "buffer, kept", "matrix", "matrix out")
     vector_ways = ("vector", "vector matrices")
     insert_ways = ("set_transform", "set_transforms", "set_transforms_cdr", "set_transforms_cdr of 1")
 
     def calls(self, way, queries):
+        way, *kept = way.split(", ")
+        self.call = "keep(function({}))" if kept else Tf2.call
         if way == "vector":
             return self.buffer.lookup_transforms, list(by_pair(queries))
         if way == "vector matrices":

@@ -16,6 +16,8 @@ cdef extern from "Python.h":
     unsigned long Py_TPFLAGS_HAVE_VECTORCALL
     unsigned long Py_TPFLAGS_METHOD_DESCRIPTOR
     void PyType_Modified(PyTypeObject* cls)
+    int Py_EnterRecursiveCall(const char* where) except -1
+    void Py_LeaveRecursiveCall()
     object PyMethod_New(object function, object instance)
     object PyVectorcall_Call(object callable, object args, object kwargs)
     Py_ssize_t PyVectorcall_NARGS(size_t count)
@@ -24,6 +26,9 @@ cdef extern from "Python.h":
 
 cdef enum:
     USUAL = 4       # self, target_frame, source_frame, time
+
+# What a Shortcut must answer itself: as that of the function, it would be another object.
+cdef frozenset OWN = frozenset("__call__ __eq__ __ge__ __get__ __gt__ __hash__ __le__ __lt__ __ne__".split())
 
 
 @cython.final
@@ -36,8 +41,20 @@ cdef class Shortcut:
     def __get__(self, instance, owner):
         return self if instance is None else PyMethod_New(self, instance)
 
+    def __call__(self, *arguments, **options):
+        # Not by CPython, see _make_callable, but by those who look for the attribute.
+        return self.function(*arguments, **options)
+
     def __getattribute__(self, name):
-        return _signature(self.function) if name == "__signature__" else getattr(self.function, name)
+        if name == "__signature__":
+            return _signature(self.function)
+        return object.__getattribute__(self, name) if name in OWN else getattr(self.function, name)
+
+    def __setattr__(self, name, value):
+        setattr(self.function, name, value)
+
+    def __delattr__(self, name):
+        delattr(self.function, name)
 
     def __repr__(self):
         return repr(self.function)
@@ -48,7 +65,12 @@ cdef object _call(PyObject* called, PyObject* const* args, size_t count, PyObjec
     cdef Py_ssize_t given = PyVectorcall_NARGS(count)
     if names != NULL or not (given == USUAL or given == USUAL + 1 and args[USUAL] == <PyObject*>self.default):
         return PyObject_Vectorcall(self.function, args, count, names)
-    answer = PyObject_VectorcallMethod(self.core, args, USUAL, NULL)
+    # The core may be this again.
+    Py_EnterRecursiveCall(" while calling a method that looks up")
+    try:
+        answer = PyObject_VectorcallMethod(self.core, args, USUAL, NULL)
+    finally:
+        Py_LeaveRecursiveCall()
     if self.is_pair:
         can, _ = answer
         return bool(can)

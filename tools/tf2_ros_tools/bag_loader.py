@@ -4,7 +4,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import inf
 from os import PathLike
@@ -457,6 +457,37 @@ def transforms(
                     yield log_ns, is_static(topic), transform
         for text in recorded.shortfalls(sources):
             warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
+
+
+def static_transforms(
+    path: "str | PathLike[str]", topics: Topics = TOPICS
+) -> "tuple[list[TransformStamped], list[str]]":
+    """
+    Read only the static transforms of a recording: the last one of each frame, as a buffer keeps it.
+
+    :param path: see :func:`load`.
+    :param topics: see :func:`load`; only those with static transforms are read.
+    :return: the transforms, and what :func:`fill_buffer` returns. Frames with names that lookups refuse are
+        left out.
+    :raises BagError: see :func:`load`; or there are no such transforms.
+    """
+    buffer, what = new_buffer(None), wanted(topics)
+    with open_recording(path) as recorded:
+        static = [topic for topic, one in recorded.topics.items() if is_static(topic) and one.count]
+        own = {topic: prefix for topic, prefix in what.prefixes.items() if topic in static}
+        left_out = fill_buffer(buffer, recorded, replace(what, prefixes=own), progress=None) if own else []
+    found = [
+        buffer.lookup_transform(one.parent, name, 0)
+        for name, one in buffer.frames().items()
+        if one.parent is not None and "/" not in (name[0], one.parent[0])
+    ]
+    if not found:
+        advice = "they are sent once, often before a recording; tf2_state_publisher sends those of a URDF"
+        if others := [topic for topic in static if topic not in own]:
+            advice = f"`tf2_bag statics --topic` reads those on {listed(others)}"
+        names = " or ".join(map(printable, what.prefixes))
+        raise BagError(f"{printable(recorded.path)} has no static transforms on {names}: {advice}")
+    return found, left_out
 
 
 def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:

@@ -298,6 +298,7 @@ def test_wrong_arguments_are_shown_without_control_characters(name):
     "line",
     [
         ["tf2_bag", "info", HOSTILE],
+        ["tf2_bag", "statics", "drive.mcap", "--topic", HOSTILE],
         ["tf2_bag", "plot", "drive.mcap", "-o", f"{HOSTILE}.png"],
         ["tf2_bag", "plot", "drive.mcap", HOSTILE, "-o", "x.png"],
         ["tf2_bag", "lookup", "drive.mcap", "map", HOSTILE],

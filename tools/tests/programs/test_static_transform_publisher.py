@@ -1,17 +1,21 @@
 """The program static_transform_publisher: what it publishes, and what it refuses."""
 
+import json
 import re
 import signal
 
 import pytest
-from making_objects import rotation, translation
+from making_bags import Sent, Tf, drive, write_mcap
+from making_objects import S, about_z, rotation, translation
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from starting_programs import running
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
+from tf2_ros_tools.bag_loader import static_transforms
 from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.programs import tf2_bag
 from tf2_ros_tools.programs.static_transform_publisher import PARSER, read_file, transforms_of
 
 pytestmark = pytest.mark.ours
@@ -101,3 +105,53 @@ def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, second, said):
     path.write_text(f"- {{frame_id: a, child_frame_id: b}}\n- {second}")
     with pytest.raises(ValueError, match=re.escape(said)):
         read_file(path)
+
+
+# Of recordings.
+
+
+def facts(one):
+    return one.header.frame_id, one.child_frame_id, translation(one), rotation(one)
+
+
+def test_the_last_static_transform_of_a_frame_counts(tmp_path):
+    moved = [Tf("base", "camera", S, (1.0, 0, 0)), Tf("map", "camera", S, (2.0, 0, 0))]
+    # No lookup accepts the name //arm, so nobody misses it.
+    sent = [Sent(S + i, "/tf_static", [one]) for i, one in enumerate([*moved, Tf("base", "//arm", S)])]
+    sent.append(Sent(2 * S, "/tf", b"not read"))
+    path = write_mcap(tmp_path / "a.mcap", sent)
+    [one] = static_transforms(path)[0]
+    assert facts(one)[:3] == ("map", "camera", (2.0, 0.0, 0.0))
+
+
+def test_statics_of_tf2_bag_prints_a_file_that_can_be_published(tmp_path, capsys):
+    names = [
+        "base",
+        "1",
+        "no",
+        "~",
+        "a: b, {c}",
+        "#",
+        'it\'s "b"',
+        r"\x41",
+        "x\x1b[2J\x7f\u202e\n- y",
+        "süß",
+        "\U0001f916",
+    ]
+    pairs = zip(["/base_link", *names], names, strict=False)
+    sent = [Tf(*pair, S, (1e-7, -0.1, 1 / 3), about_z(i)) for i, pair in enumerate(pairs)]
+    recording = write_mcap(tmp_path / "a.mcap", [Sent(S, "/tf_static", sent)])
+    assert tf2_bag.bag(tf2_bag.PARSER.read(["tf2_bag", "statics", str(recording)])) == 0
+    (path := tmp_path / "transforms.yaml").write_text(printed := capsys.readouterr().out, encoding="utf-8")
+    assert len(printed.splitlines()) == len(names) and all(map(str.isprintable, printed.splitlines()))
+    recorded = [facts(one) for one in static_transforms(recording)[0]]
+    assert [facts(one) for one in read_file(path)] == recorded
+    assert [child for _, child, *_ in recorded] == names
+
+
+def test_a_recorded_topic_gets_its_prefix(tmp_path, capsys):
+    recording = write_mcap(tmp_path / "a.mcap", drive(prefix="/robot1"))
+    line = ["tf2_bag", "statics", str(recording), "--topic", "/robot1/tf_static=robot1/"]
+    assert tf2_bag.bag(tf2_bag.PARSER.read(line)) == 0
+    frames = re.findall('frame_id: ("[^"]*")', capsys.readouterr().out)
+    assert [*map(json.loads, frames)] == [f"robot1/{name}" for name in ("base", "camera", "base", "lidar")]

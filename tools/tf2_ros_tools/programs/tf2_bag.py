@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import warnings
@@ -269,6 +270,27 @@ def _publishers(heard: Heard, hops: Sequence[Hop]) -> Iterator[str]:
             yield f"{printable(hop.frame)} has {publishers}; {samples}"
 
 
+def statics(options: Namespace) -> int:
+    """Print the static transforms as a file for static_transform_publisher; return the exit status."""
+    from tf2_ros_tools.bag_loader import static_transforms
+
+    transforms, left_out = static_transforms(options.file, _topics_of(options))
+    for text in left_out:
+        options.parser.warn(text)
+    for one in transforms:
+        t, q = one.transform.translation, one.transform.rotation
+        keys = {
+            "frame_id": one.header.frame_id,
+            "child_frame_id": one.child_frame_id,
+            **{axis: getattr(t, axis) for axis in "xyz"},
+            **{f"q{axis}": getattr(q, axis) for axis in "xyzw"},
+        }
+        # JSON's quotes keep YAML from reading the name `1` or `no` as something else.
+        entry = ", ".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in keys.items())
+        show(f"- {{{entry}}}")
+    return SUCCESS
+
+
 def batch(options: Namespace) -> int:
     """Make the tables of many recordings; return the exit status."""
     from tf2_ros_tools.map_recordings import map_recordings
@@ -443,6 +465,14 @@ def _parser() -> Parser:
     summary = "the time, in seconds since 1970; by default, the latest time for which all frames have data"
     command.add_argument("--at", type=_time, default=0, metavar="S", help=summary)
     command = add(
+        "statics",
+        statics,
+        "print the last static transform of each frame, as YAML for static_transform_publisher --file",
+        "drive.mcap > transforms.yaml",
+    )
+    _add_file(command)
+    _add_topic(command)
+    command = add(
         "tree",
         tree,
         "print the tree of frames, or draw it with topics, rates, delays and problems",
@@ -494,7 +524,7 @@ def _parser() -> Parser:
 
 def _add_recording(made: Parser) -> None:
     """Add the arguments for the recording, and for which of its transforms are read."""
-    made.add_argument("file", metavar="FILE", help="the recording")
+    _add_file(made)
     _add_topics(made)
     for name, summary in (
         ("--start", "omit dynamic transforms recorded before this log time, in seconds since 1970"),
@@ -503,17 +533,13 @@ def _add_recording(made: Parser) -> None:
         made.add_argument(name, type=nanoseconds, metavar="S", help=summary)
 
 
+def _add_file(made: Parser) -> None:
+    made.add_argument("file", metavar="FILE", help="the recording")
+
+
 def _add_topics(made: Parser) -> None:
-    """Add the option for the topics to read."""
-    made.add_argument(
-        "--topic",
-        action="append",
-        type=_topic,
-        metavar="NAME[=PREFIX]",
-        dest="topics",
-        help="read transforms from this topic instead of /tf and /tf_static, and put PREFIX in front of its "
-        "frame names; may be given several times",
-    )
+    """Add the options for the topics to read."""
+    _add_topic(made)
     made.add_argument(
         "--poses",
         action="append",
@@ -532,6 +558,18 @@ def _add_topics(made: Parser) -> None:
         default=[],
         help="also compute joint transforms from this URDF and TOPIC (default: /joint_states); the FILE "
         f"{RECORDED!r} is the recording's robot_description; may be given several times",
+    )
+
+
+def _add_topic(made: Parser) -> None:
+    made.add_argument(
+        "--topic",
+        action="append",
+        type=_topic,
+        metavar="NAME[=PREFIX]",
+        dest="topics",
+        help="read transforms from this topic instead of /tf and /tf_static, and put PREFIX in front of its "
+        "frame names; may be given several times",
     )
 
 

@@ -313,6 +313,7 @@ def test_wrong_arguments_are_shown_without_control_characters(name):
         ["tf2_state_publisher", f"{HOSTILE}.yaml"],
         ["view_frames", "-t", "0.1", "--tf_topic", HOSTILE],
         ["static_transform_publisher", "--file", f"{HOSTILE}.yaml"],
+        ["static_transform_publisher", "--recording", f"{HOSTILE}.mcap"],
         ["static_transform_publisher", "0", "0", "0", "0", "0", HOSTILE, "a", "b"],
         ["static_transform_publisher", *(f"--{end}frame-id={HOSTILE}" for end in ("", "child-"))],
     ],

@@ -5,7 +5,7 @@ import re
 import signal
 
 import pytest
-from making_bags import Sent, Tf, drive, write_mcap
+from making_bags import Sent, Tf, drive, write_folder, write_mcap, write_ros1
 from making_objects import S, about_z, rotation, translation
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
@@ -112,6 +112,29 @@ def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, second, said):
 
 def facts(one):
     return one.header.frame_id, one.child_frame_id, translation(one), rotation(one)
+
+
+def in_sqlite3(path, messages):
+    return write_folder(path, messages, "sqlite3")
+
+
+@pytest.mark.parametrize(
+    ("name", "write"), [("a.mcap", write_mcap), ("folder", in_sqlite3), ("old.bag", write_ros1)]
+)
+def test_all_static_transforms_of_a_recording_are_latched(name, write, node, executor, tmp_path):
+    path = write(tmp_path / name, drive())  # one at its beginning, one at its end
+    messages = []
+    with running(NAME, "--recording", str(path)) as process:
+        log = next(line for line in process.stderr if "Spinning" in line)
+        node.create_subscription(TFMessage, "/tf_static", messages.append, EVEN_LATE)
+        until(lambda: messages, executor)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(DEADLINE_S) == 0
+    assert log.endswith(f"publishing 2 transforms of {path}\n")
+    assert [facts(one) for one in messages[0].transforms] == [
+        ("base", "camera", (0.3, 0.0, 0.5), pytest.approx(about_z(0.1))),
+        ("base", "lidar", (0.0, 0.1, 0.7), (0.0, 0.0, 0.0, 1.0)),
+    ]
 
 
 def test_the_last_static_transform_of_a_frame_counts(tmp_path):

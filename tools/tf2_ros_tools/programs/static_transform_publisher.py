@@ -1,4 +1,4 @@
-"""Publish static transforms from options or from a file."""
+"""Publish static transforms from options, from a file, or of a recording."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from tf2_py.printable import printable
 from tf2_ros_tools.output import counted
-from tf2_ros_tools.program import SUCCESS, Parser, UsageError, finite_number, run
+from tf2_ros_tools.program import SUCCESS, Parser, RunError, UsageError, finite_number, run
 from tf2_ros_tools.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
 if TYPE_CHECKING:
@@ -36,13 +36,18 @@ default to the identity. Lengths are in meters, angles in radians. Give the rota
 The old form, X Y Z YAW PITCH ROLL FRAME_ID CHILD_FRAME_ID or X Y Z QX QY QZ QW FRAME_ID CHILD_FRAME_ID, \
 also works, with a warning.
 
-Exit status: 0 when interrupted; 1 if publishing failed; 2 after wrong usage."""
+--recording publishes all static transforms of a recording, also those that 'ros2 bag play' omits because \
+it starts later.
+
+Exit status: 0 when interrupted; 1 if publishing failed, or if the recording cannot be read or has no static \
+transforms; 2 after wrong usage."""
 
 ENTRY = "{frame_id: base_link, child_frame_id: camera, x: 0.3, yaw: -1.57}"  # of a file
 
 EXAMPLE = f"""\
   static_transform_publisher --x 0.3 --yaw -1.57 --frame-id base_link --child-frame-id camera
   static_transform_publisher --file transforms.yaml
+  static_transform_publisher --recording drive.mcap
 
 where transforms.yaml has the options as keys, with _ for -:
   - {ENTRY}
@@ -52,10 +57,9 @@ where transforms.yaml has the options as keys, with _ for -:
 OLD_FORMS = {8: (*TRANSLATION, *reversed(EULER), *FRAMES), 9: (*TRANSLATION, *QUATERNION, *FRAMES)}
 
 PARSER = Parser("static_transform_publisher", DESCRIPTION, EXAMPLE)
-PARSER.add_argument("--frame-id", metavar="FRAME_ID", help="the parent frame; required without --file")
-PARSER.add_argument(
-    "--child-frame-id", metavar="CHILD_FRAME_ID", help="the child frame; required without --file"
-)
+WITHOUT = "required without --file and --recording"
+PARSER.add_argument("--frame-id", metavar="FRAME_ID", help=f"the parent frame; {WITHOUT}")
+PARSER.add_argument("--child-frame-id", metavar="CHILD_FRAME_ID", help=f"the child frame; {WITHOUT}")
 meanings = {
     **{name: f"{name} of the translation" for name in TRANSLATION},
     **{name: f"{name[1]} of the rotation, a quaternion" for name in QUATERNION},
@@ -69,6 +73,13 @@ PARSER.add_argument(
     type=Path,
     help="publish the transforms in this file, instead of the options above",
 )
+PARSER.add_argument(
+    "--recording",
+    metavar="RECORDING",
+    type=Path,
+    help="publish the static transforms of this recording (a rosbag2 folder, .mcap, .db3 or .bag) instead: "
+    "of each frame, the last one on /tf_static",
+)
 PARSER.add_argument("old", metavar="VALUE", nargs="*", help="the old form; see above")
 
 
@@ -77,17 +88,21 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
     Get the transforms that the command line asks to publish.
 
     :raises UsageError: it contradicts itself, or lacks something.
+    :raises RunError, OSError: the recording cannot be read, or has no static transforms.
     """
     given = {name: value for name in (*FRAMES, *NUMBERS) if (value := getattr(options, name)) is not None}
-    if sum(map(bool, (given, options.old, options.file))) > 1:
-        raise UsageError("expected options, values of the old form, or --file, got several of these")
+    if sum(map(bool, (given, options.old, options.file, options.recording))) > 1:
+        expected = "options, values of the old form, --file, or --recording"
+        raise UsageError(f"expected {expected}, got several of these")
+    if options.recording is not None:
+        return _recorded(options)
     try:
         if options.file is not None:
             return read_file(options.file)
         if not options.old:
             for name in FRAMES:
                 if name not in given:
-                    raise UsageError(f"--{name.replace('_', '-')} is required without --file")
+                    raise UsageError(f"--{name.replace('_', '-')} is {WITHOUT}")
             return [transform_of("the options", given)]
         names = OLD_FORMS.get(len(options.old))
         if names is None:
@@ -95,6 +110,19 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
         return [transform_of("the old form", dict(zip(names, options.old, strict=True)))]
     except ValueError as refusal:
         raise UsageError(str(refusal)) from None
+
+
+def _recorded(options: Namespace) -> list[TransformStamped]:
+    from tf2_ros_tools.bag_loader import static_transforms
+    from tf2_ros_tools.bag_reader import BagError
+
+    try:
+        transforms, left_out = static_transforms(options.recording)
+    except BagError as failure:
+        raise RunError(str(failure)) from None
+    for text in left_out:
+        options.parser.warn(text)
+    return transforms
 
 
 def publish(options: Namespace) -> NoReturn:
@@ -124,9 +152,9 @@ def publish(options: Namespace) -> NoReturn:
 
 
 def _summary(options: Namespace, transforms: list[TransformStamped]) -> str:
-    if options.file is not None:
+    if (origin := options.file or options.recording) is not None:
         return printable(
-            f"Spinning until stopped - publishing {counted(len(transforms), 'transform')} of {options.file}"
+            f"Spinning until stopped - publishing {counted(len(transforms), 'transform')} of {origin}"
         )
     [one] = transforms
     t, q = one.transform.translation, one.transform.rotation

@@ -164,6 +164,21 @@ def test_a_limit_of_bytes_counts_all_frames_of_a_call():
     buffer._self_check()
 
 
+def test_names_and_samples_of_a_call_share_the_limit_of_bytes():
+    buffer = BufferCore(Duration(seconds=1e9), max_bytes=60_000)
+    long = [transform("p", f"n{i}_" + "x" * 1500, ns=1) for i in range(30)]
+    buffer.set_transforms([*(transform("p", "a", ns=i) for i in range(600)), *long], "x", replace=True)
+    assert buffer.statistics()["bytes"] <= 60_000
+
+
+def test_a_frame_of_the_other_kind_is_refused_without_names():
+    buffer = BufferCore(max_frames=6)
+    buffer.set_transform_static(transform("a", "s"), "x")
+    buffer.set_transforms([transform(f"p{i}", "s", 1) for i in range(9)], "x", replace=True)
+    assert buffer.statistics()["refused"]["other_kind"] == 9
+    assert "p0" not in buffer.frames()
+
+
 def test_a_limit_of_frames_refuses_it():
     buffer = filled(max_frames=2)
     before = samples(buffer)

@@ -85,9 +85,13 @@ cdef uint32_t _intern_names(Replacing* replacing, Replacement* one, Tree* tree,
                             const Batch* batch) noexcept nogil:
     # Gives ids to the frame and its parents. 0, or why not, as of tree_insert.
     cdef const Incoming* incoming = &batch.entries[replacing.given[one.first].entry].incoming
+    cdef uint32_t known = names_find(&tree.names, incoming.child, incoming.child_size)
     cdef FrameId parent
     cdef uint32_t refused = 0
     cdef size_t i
+    if (known != NAME_UNKNOWN and tree.histories[known].count
+            and (tree.histories[known].kind == HISTORY_STATIC) != batch.is_static):
+        return REFUSED_KIND
     one.frame = tree_intern_frame(tree, incoming.child, incoming.child_size, tree.last_child + 1, NULL,
                                   &refused)
     parent = tree_newest_parent(tree, one.frame)
@@ -172,16 +176,10 @@ cdef uint32_t _build(Replacing* replacing, Replacement* one, Tree* tree, Batch* 
     cdef uint32_t refused = _intern_names(replacing, one, tree, batch)
     cdef const History* old = &tree.histories[one.frame]
     cdef size_t growth_limit = tree_bytes_left(tree)
-    cdef int64_t newest_ns, horizon_ns
+    cdef int64_t newest_ns, horizon_ns, growth
     cdef HistoryInsert outcome
     if refused:
         return refused
-    if old.count and (old.kind == HISTORY_STATIC) != batch.is_static:
-        return REFUSED_KIND
-    if replacing.growth > 0 and <size_t>replacing.growth > growth_limit:
-        growth_limit = 0
-    else:
-        growth_limit -= <size_t>replacing.growth
     if batch.is_static:
         outcome = _build_static(replacing, one, old, batch, growth_limit)
     else:
@@ -196,7 +194,10 @@ cdef uint32_t _build(Replacing* replacing, Replacement* one, Tree* tree, Batch* 
     if outcome == HISTORY_FULL:
         return REFUSED_BYTES
     one.is_built = True
-    replacing.growth += <int64_t>history_allocated(&one.history) - <int64_t>history_allocated(old)
+    # At once, so that the names and histories of the other frames share what is left of the limit.
+    growth = <int64_t>history_allocated(&one.history) - <int64_t>history_allocated(old)
+    tree.history_bytes += growth
+    replacing.growth += growth
     return 0
 
 
@@ -209,7 +210,6 @@ cdef void _exchange(Replacement* one, Tree* tree, uint32_t authority) noexcept n
     one.history = old
     history.authority = authority
     tree.samples += history.count - <uint64_t>old.count
-    tree.history_bytes += history_allocated(history) - history_allocated(&old)
     tree.parents[one.frame] = history_newest_parent(history)
     if history.parent_changes:
         tree.parents[one.frame] |= MIXED_PARENTS
@@ -254,6 +254,7 @@ cdef bint replacing_apply(Replacing* replacing, Tree* tree, Batch* batch, uint32
         refused = _build(replacing, one, tree, batch)
         if refused == TREE_NO_MEMORY:
             names_drop(&tree.names, known)
+            tree.history_bytes -= replacing.growth
             return False
         one.is_refused = refused != 0
         for k in range(one.first, one.end if refused else one.first):

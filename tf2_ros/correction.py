@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from tf2_py import BufferCore, TransformException
+from tf2_py import BufferCore, LookupException, TransformException
 from tf2_py._internal import as_times_ns, seconds, stamp_parts
 from tf2_ros._arguments import kind_of
 from tf2_ros._message_classes import TransformStamped
@@ -24,6 +25,7 @@ __all__ = ["correct"]
 
 AUTHORITY = "tf2_ros.correction"
 LATEST_NS = 2**31 * 10**9 - 1  # the latest stamp, at which the time range of static frames ends
+NAT = -(2**63)  # a time that is missing, as of numpy.datetime64
 # Transforms that arrive between reading and writing may make a sample too old. Then everything is tried again
 # without the oldest part of the cache time: first this fraction, then twice as much each time.
 FRACTION = 100
@@ -71,9 +73,9 @@ def correct(
         older than the buffer would keep. ``"raise"``: an exception. ``"skip"``: it is not used.
     :return: how many keyframes were used. If it is 0, nothing has changed.
     :raises TypeError: ``buffer`` is not a buffer, or the type of an argument is wrong.
-    :raises ValueError: a shape, a number or an option is wrong; ``moving`` is not below ``child``; ``child``
-        is static; a keyframe is at time 0, or older than ``cache_time`` allows; or the buffer refuses the
-        samples.
+    :raises ValueError: a shape, a number or an option is wrong; ``moving`` is not at or below ``child`` at a
+        keyframe, or ``parent`` is; ``child`` is static; a keyframe is at time 0, outside what a stamp can
+        hold, or older than ``cache_time`` allows; or the buffer refuses the samples.
     :raises TransformException: ``moving`` in ``child`` is not known at a keyframe; the text has its index.
 
     Each keyframe becomes a sample of ``child`` in ``parent``: its pose, multiplied by the inverse of the pose
@@ -100,8 +102,11 @@ def correct(
     _check_option("before", before, ("keep", "hold"))
     _check_option("after", after, ("keep", "hold"))
     _check_option("on_missing", on_missing, ("raise", "skip"))
-    edge = _Edge(buffer, parent, child, moving)
+    edge = _Edge(buffer, parent.removeprefix("/"), child, moving)  # as of transforms that are inserted
     times_ns = as_times_ns(times)
+    bad = np.flatnonzero((times_ns != NAT) & ((times_ns < 0) | (times_ns > LATEST_NS)))
+    if bad.size:
+        raise ValueError(f"times[{bad[0]}]: a stamp cannot hold {int(times_ns[bad[0]])} ns")
     matrices = _matrices(poses, len(times_ns))
     for tried in range(TRIES):
         margin_ns = (1 << tried >> 1) * (buffer.cache_time_ns // FRACTION)
@@ -148,7 +153,7 @@ def _samples(
     is_used = ~np.isnan(inverses[:, 0, 0]) & (times_ns != 0)
     if not is_used.any():
         return 0, []
-    _check_path(edge, int(times_ns[is_used].max()))
+    _check_frames(edge, times_ns, np.flatnonzero(is_used))
     oldest_ns, newest_ns = _range_of_data(edge, times_ns[is_used], after)
     kept_from_ns = newest_ns - buffer.cache_time_ns
     begin_ns = kept_from_ns + margin_ns
@@ -166,27 +171,40 @@ def _samples(
     stamps_ns = times_ns[index].tolist()
     corrections = [*(matrices[index] @ inverses[index])]
     if before == "hold" and max(oldest_ns, begin_ns) < stamps_ns[0]:
+        corrections.insert(0, corrections[bisect_right(stamps_ns, stamps_ns[0]) - 1])
         stamps_ns.insert(0, max(oldest_ns, begin_ns))
-        corrections.insert(0, corrections[0])
     if after == "hold" and newest_ns > stamps_ns[-1]:
         stamps_ns.append(newest_ns)
         corrections.append(corrections[-1])
     return len(index), _messages(edge, stamps_ns, np.array(corrections))
 
 
-def _check_path(edge: _Edge, time_ns: int) -> None:
-    """Raise a ValueError unless one climbs from the moving frame to the child, and not over the parent."""
+def _check_frames(edge: _Edge, times_ns: npt.NDArray[np.int64], index: npt.NDArray[np.intp]) -> None:
+    """Raise unless one climbs, at each of these keyframes, from the moving frame to the child alone."""
     buffer, parent, child, moving = edge
-    info = BufferCore.frames(buffer)[child]
+    info = BufferCore.frames(buffer).get(child)
+    if info is None:
+        raise LookupException(f"child: {child!r} does not exist")
     if info.static:
         raise ValueError(f"child: {child!r} is static, so it has no past that could be corrected")
-    path = BufferCore.path(buffer, moving, child, time_ns)
-    is_below = len(path) == 1 or BufferCore.parent(buffer, path[1], time_ns) == child
-    if parent in path or not is_below:
-        raise ValueError(
-            f"moving: expected a frame at or below {child!r}, and not over {parent!r}, got {moving!r}; the "
-            f"path between them is {' → '.join(path)}"
-        )
+    for i in index.tolist():
+        time_ns = int(times_ns[i])
+        with suppress(TransformException):  # later arrivals may have pruned what is needed
+            path, is_below = _path_up(edge, moving, time_ns)
+            if parent in path or not is_below:
+                raise ValueError(
+                    f"moving: expected a frame at or below {child!r}, and not over {parent!r}, got "
+                    f"{moving!r}; the path between them at times[{i}] is {' → '.join(path)}"
+                )
+        with suppress(TransformException):  # mostly, nothing connects them yet
+            if _path_up(edge, parent, time_ns)[1]:
+                raise ValueError(f"parent: expected a frame that is not below {child!r}, got {parent!r}")
+
+
+def _path_up(edge: _Edge, frame: str, time_ns: int) -> tuple[list[str], bool]:
+    """The path between a frame and the child, and whether one climbs from the frame to the child."""
+    path = BufferCore.path(edge.buffer, frame, edge.child, time_ns)
+    return path, len(path) == 1 or BufferCore.parent(edge.buffer, path[1], time_ns) == edge.child
 
 
 def _range_of_data(edge: _Edge, times_ns: npt.NDArray[np.int64], after: str) -> tuple[int, int]:

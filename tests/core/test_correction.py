@@ -208,14 +208,40 @@ WRONG = {
     "poses: expected one for each of the 1 times": (ValueError, {"times": [S]}),
     r"poses\[1\]: expected finite numbers": (ValueError, {"poses": np.full((2, 4, 4), np.nan)}),
     "child: 'lidar' is static": (ValueError, {"child": "lidar", "moving": "lidar"}),
-    "below 'base', and not over 'map', got 'odom'; the path": (
+    "below 'base', and not over 'map', got 'odom'; the path between them at times": (
         ValueError,
         {"child": "base", "moving": "odom"},
     ),
     "not over 'base', got 'base'": (ValueError, {"parent": "base"}),
     "does not exist": (LookupException, {"moving": "nobody"}),
+    "child: 'nobody' does not exist": (LookupException, {"child": "nobody", "moving": "nobody"}),
+    "parent: expected a frame that is not below 'odom', got 'lidar'": (ValueError, {"parent": "lidar"}),
+    "not over 'base', got 'lidar'": (ValueError, {"parent": "/base", "moving": "lidar"}),
+    r"times\[1\]: a stamp cannot hold -1 ns": (ValueError, {"times": [S, -1]}),
+    r"times\[0\]: a stamp cannot hold 9000000000000000000 ns": (ValueError, {"times": [9 * 10**18, S]}),
     "the buffer refused the samples of 'odom' in ''": (ValueError, {"parent": ""}),
 }
+
+
+def test_of_equal_first_keyframes_the_last_one_is_held_before():
+    buffer, times = drive(), np.array([3 * S, 3 * S, 5 * S])
+    poses = poses_at(times)
+    poses[0, :3, 3] += 1000
+    assert correct(buffer, *EDGE, times, poses, before="hold") == 3
+    assert errors(buffer, times)[0] < 1e-12
+    assert abs(buffer.lookup_transform_core("map", "odom", 2 * S).transform.translation.x) < 10
+
+
+def test_a_moving_frame_that_hung_elsewhere_at_a_keyframe_is_refused():
+    buffer, before = BufferCore(Duration(seconds=100)), BufferCore(Duration(seconds=100))
+    for one in buffer, before:
+        for s in range(1, 7):
+            one.set_transform(transform("map", "odom", s, (100, 0, 0)), "x")
+            one.set_transform(transform("map" if s < 3 else "odom", "base", s, (s, 0, 0)), "x")
+    times = np.array([S, 2 * S, 4 * S])
+    with pytest.raises(ValueError, match=r"not over 'map', got 'base'; the path between them at times\[0\]"):
+        correct(buffer, *EDGE, times, poses_at(times))
+    assert buffer.histories()["odom"].stamps_ns.tolist() == before.histories()["odom"].stamps_ns.tolist()
 
 
 @pytest.mark.parametrize("text", WRONG)

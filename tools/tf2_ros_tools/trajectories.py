@@ -88,7 +88,7 @@ class Keyframes:
         left_out, count = len(self._times_ns) - used, counted(len(self._times_ns), "pose")
         if left_out:
             are = "is" if left_out == 1 else "are"
-            why = f"{printable(one.moving)} in {printable(one.child)} is not known then"
+            why = f"{printable(one.moving)} in {printable(one.child)} is not known then or no longer kept"
             yield f"{left_out} of the {count} in {self._name} {are} left out, because {why}"
 
 
@@ -96,7 +96,7 @@ def _read_tum(content: bytes, name: str) -> tuple[NDArray[np.int64], NDArray[np.
     """Read the stamps, shape (N,), and the poses, shape (N, 7), of a file in the format of TUM."""
     times_ns: list[int] = []
     poses: list[list[float]] = []
-    for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), 1):
+    for number, line in enumerate(content.decode("utf-8-sig", "replace").splitlines(), 1):
         fields = line.split()
         if not fields or fields[0].startswith("#"):
             continue
@@ -116,7 +116,7 @@ def _read_tum(content: bytes, name: str) -> tuple[NDArray[np.int64], NDArray[np.
 
 def _nanoseconds(seconds: str) -> int:
     # A float cannot represent all digits.
-    nanoseconds = int(Decimal(seconds).scaleb(DIGITS).to_integral_value())
-    if not 0 <= nanoseconds < 1 << 63:
+    nanoseconds = Decimal(seconds).scaleb(DIGITS)
+    if not 0 <= nanoseconds < 1 << 63:  # before `int`, which may need a million digits
         raise ValueError
-    return nanoseconds
+    return int(nanoseconds.to_integral_value())

@@ -308,7 +308,9 @@ def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old():
         for _ in range(repetitions.times(100, 1000)):
             times = np.arange(time.monotonic_ns() - S, time.monotonic_ns(), S // 200)
             poses = np.tile(planar(1, 2, 0.5), (len(times), 1, 1))
-            assert correct(buffer, *EDGE, times, poses, before="hold", on_missing="skip") > 0
+            used = correct(buffer, *EDGE, times, poses, before="hold", on_missing="skip")
+            # On a busy machine, this thread may rest for as long as the buffer keeps anything.
+            assert used > 0 or time.monotonic_ns() - times[-1] > 0.2 * S
     finally:
         ended.set()
         thread.join()

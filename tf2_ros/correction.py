@@ -18,6 +18,7 @@ from tf2_ros.numpy import to_arrays, to_matrix
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from tf2_py import FrameInfo
     from tf2_py.typing import TimesLike
     from tf2_ros.numpy import Array, Message, Pair
 
@@ -153,8 +154,8 @@ def _samples(
     is_used = ~np.isnan(inverses[:, 0, 0]) & (times_ns != 0)
     if not is_used.any():
         return 0, []
-    _check_frames(edge, times_ns, np.flatnonzero(is_used))
-    oldest_ns, newest_ns = _range_of_data(edge, times_ns[is_used], after)
+    info = _checked_child(edge, times_ns, np.flatnonzero(is_used))
+    oldest_ns, newest_ns = _range_of_data(edge, info, times_ns[is_used], after)
     kept_from_ns = newest_ns - buffer.cache_time_ns
     begin_ns = kept_from_ns + margin_ns
     old = np.flatnonzero(is_used & (times_ns < (begin_ns if skips else kept_from_ns)))
@@ -179,8 +180,8 @@ def _samples(
     return len(index), _messages(edge, stamps_ns, np.array(corrections))
 
 
-def _check_frames(edge: _Edge, times_ns: npt.NDArray[np.int64], index: npt.NDArray[np.intp]) -> None:
-    """Raise unless one climbs, at each of these keyframes, from the moving frame to the child alone."""
+def _checked_child(edge: _Edge, times_ns: npt.NDArray[np.int64], index: npt.NDArray[np.intp]) -> FrameInfo:
+    """The child; raises unless one climbs, at each of these keyframes, from the moving frame to it alone."""
     buffer, parent, child, moving = edge
     info = BufferCore.frames(buffer).get(child)
     if info is None:
@@ -199,6 +200,7 @@ def _check_frames(edge: _Edge, times_ns: npt.NDArray[np.int64], index: npt.NDArr
         with suppress(TransformException):  # mostly, nothing connects them yet
             if _path_up(edge, parent, time_ns)[1]:
                 raise ValueError(f"parent: expected a frame that is not below {child!r}, got {parent!r}")
+    return info
 
 
 def _path_up(edge: _Edge, frame: str, time_ns: int) -> tuple[list[str], bool]:
@@ -207,10 +209,11 @@ def _path_up(edge: _Edge, frame: str, time_ns: int) -> tuple[list[str], bool]:
     return path, len(path) == 1 or BufferCore.parent(edge.buffer, path[1], time_ns) == edge.child
 
 
-def _range_of_data(edge: _Edge, times_ns: npt.NDArray[np.int64], after: str) -> tuple[int, int]:
+def _range_of_data(
+    edge: _Edge, info: FrameInfo, times_ns: npt.NDArray[np.int64], after: str
+) -> tuple[int, int]:
     """The oldest stamp to which a correction may be held, and the newest that the child will have."""
     buffer, _, child, moving = edge
-    info = BufferCore.frames(buffer)[child]
     first_ns, last_ns = int(times_ns.min()), int(times_ns.max())
     if info.oldest_ns is not None and info.newest_ns is not None:
         first_ns, last_ns = min(first_ns, info.oldest_ns), max(last_ns, info.newest_ns)

@@ -76,10 +76,15 @@ def publish(listeners):
         print("published", flush=True)
 
 
-if __name__ == "__main__":
+def run(publish):
+    """Publish, with the number in the command line, until the process is terminated."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     try:
         publish(int(sys.argv[1]))
     finally:
         rclpy.shutdown()
+
+
+if __name__ == "__main__":
+    run(publish)

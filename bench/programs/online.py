@@ -5,7 +5,6 @@ Measure lookups while another process publishes the tree: the scenario "dynamic 
 """
 
 import itertools
-import signal
 import subprocess
 import sys
 import time
@@ -14,8 +13,8 @@ from time import perf_counter_ns
 import numpy as np
 import rclpy
 from geometry_msgs.msg import TransformStamped
+from load_publisher import DISCOVERY_S, run
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 from tf2_python import S, fill
 from trees_and_queries import bushy
@@ -27,7 +26,6 @@ HOPS, PAIRS = (1, 4, 10), 100
 PERIOD_S = 0.02
 AGE_S, HISTORY_S = 0.5, 0.8  # of the times that are looked up; of what must have arrived before
 BATCH, PAUSE_S = 25, 0.025  # 1,000 lookups a second
-DISCOVERY_S = 60
 
 
 def tree_of(frames):
@@ -101,9 +99,4 @@ def publish(frames):
 
 
 if __name__ == "__main__":
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
-    try:
-        publish(int(sys.argv[1]))
-    finally:
-        rclpy.shutdown()
+    run(publish)

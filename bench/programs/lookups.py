@@ -5,6 +5,7 @@ from trees_and_queries import bushy, chain
 HOPS = (1, 4, 10)
 DEEP_HOPS = 4
 MOVING_SAMPLES = 1000  # per frame
+TURNING = "chain with random rotations"  # slerp takes its branch for samples that are far apart
 MOVING, MOUNTED = 2, 6  # odometry and localisation; the frames from the base to a camera's optics
 
 
@@ -43,11 +44,12 @@ def _cases(sizes, library, count):
             yield tree, hops, tree.pairs(hops, count)
     chains = [
         ("moving chain", HOPS, MOVING_SAMPLES, None),
+        (TURNING, HOPS, MOVING_SAMPLES, None),
         (f"robot with {MOVING} moving frames", (MOVING + MOUNTED,), MOVING_SAMPLES, MOVING),
         *((f"chain of {depth:,} samples", (DEEP_HOPS,), depth, None) for depth in sizes.depths),
     ]
     for name, several_hops, depth, moving in chains:
-        tree = chain(name, several_hops[-1], depth, moving)
+        tree = chain(name, several_hops[-1], depth, moving, turns_at_random=name == TURNING)
         library.load(tree)
         for hops in several_hops:
             yield tree, hops, [(0, hops)]

@@ -30,10 +30,12 @@ class Tree:
     Frames by index. A frame that is its own parent is a root; frame 0 is one.
 
     :param samples: of every dynamic frame.
+    :param turns_at_random: each sample has a random rotation; otherwise frames turn smoothly.
     """
 
-    def __init__(self, name, parents, dynamic, samples, cache_s=CACHE_S):
+    def __init__(self, name, parents, dynamic, samples, cache_s=CACHE_S, turns_at_random=False):
         self.name, self.parents, self.dynamic, self.samples = name, parents, dynamic, samples
+        self.turns_at_random = turns_at_random
         self.cache_ns = round(cache_s * 1e9)
         self.names = ["world"] + [f"frame_{i:05}" for i in range(1, len(parents))]
         self.links = [(child, parent) for child, parent in enumerate(parents) if child != parent]
@@ -46,6 +48,8 @@ class Tree:
         moving = np.array(self.dynamic)[links[:, 0]]
         static = _static_records(links[~moving], numbers)
         samples = _histories(links[moving], self.samples, numbers).reshape(-1)
+        if self.turns_at_random:
+            samples["pose"][:, 3:] = _normalized(numbers.normal(size=(len(samples), 4)))
         return np.concatenate([static, samples[np.argsort(samples["stamp_ns"], kind="stable")]])
 
     @functools.cached_property
@@ -157,9 +161,9 @@ def bushy(name, frames, dynamic_share, samples, cache_s=CACHE_S):
     return Tree(name, parents, [frame in moving for frame in range(frames)], samples, cache_s)
 
 
-def chain(name, links, samples, moving=None):
+def chain(name, links, samples, moving=None, turns_at_random=False):
     """A chain below the root, whose first frames (None: all) are dynamic."""
     parents = [0, *range(links)]
     last = links if moving is None else moving
     dynamic = [0 < frame <= last for frame in range(links + 1)]
-    return Tree(name, parents, dynamic, samples, samples / 100 + CACHE_S)
+    return Tree(name, parents, dynamic, samples, samples / 100 + CACHE_S, turns_at_random)

@@ -118,7 +118,7 @@ cdef class Engine:
         self._inboxes = inbox
         lock_acquire(&self._lock)
         if self._waiters.count:
-            store_seq_cst(inbox.armed, 1)
+            store_seq_cst(inbox.has_waiters, 1)
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return 0
 
@@ -148,17 +148,17 @@ cdef class Engine:
             inbox = inbox.following if self._removals == removals else self._inboxes
         return 0
 
-    cdef void arm(self) noexcept:
+    cdef void set_has_waiters(self) noexcept:
         cdef ReadHook inbox = self._inboxes
         while inbox is not None:
-            store_seq_cst(inbox.armed, 1)
+            store_seq_cst(inbox.has_waiters, 1)
             inbox = inbox.following
 
-    cdef void disarm(self, uint32_t* armed) noexcept nogil:
-        # Under the lock: a waiter is added under it, and arms the inboxes there.
+    cdef void clear_has_waiters(self, uint32_t* has_waiters) noexcept nogil:
+        # Under the lock: a waiter is added under it, and the inboxes are marked there.
         lock_acquire(&self._lock)
         if self._waiters.count == 0:
-            store_seq_cst(armed, 0)
+            store_seq_cst(has_waiters, 0)
         unlock_written(&self._lock, &self._tree, &self._waiters)
 
     cdef void insert(self, Batch* batch):
@@ -682,7 +682,7 @@ cdef class Engine:
         if in_1970_ns:
             self.log_1970(in_1970_ns)
         if not waiter.answered:
-            catch_up(self)      # with what arrived before the inboxes were armed
+            catch_up(self)      # with what arrived before the inboxes were marked
         return 0
 
     cdef Status _file_waiter(self, Waiter* waiter) noexcept:
@@ -690,7 +690,7 @@ cdef class Engine:
         cdef Status status = waiters_add(&self._waiters, &self._tree, waiter)
         waiter.query.policy.clock = &self._clock
         if not waiter.answered:
-            self.arm()
+            self.set_has_waiters()
         return status
 
     cdef bint judge_waiter(self, Waiter* waiter, const ClockReading* reading) except -1:

@@ -35,9 +35,9 @@ cdef class Engine:
     cdef int add_inbox(self, ReadHook inbox) except -1
     cdef int remove_inbox(self, ReadHook inbox) except -1
     cdef int drain_inboxes(self) except -1
-    # Arms the inboxes; `disarm` undoes that for one of them, unless something waits.
-    cdef void arm(self) noexcept
-    cdef void disarm(self, uint32_t* armed) noexcept nogil
+    # In all inboxes, so that what arrives is inserted at once; cleared in one of them, if nothing waits.
+    cdef void set_has_waiters(self) noexcept
+    cdef void clear_has_waiters(self, uint32_t* has_waiters) noexcept nogil
 
     # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left. Where
     # `batch.needs_report` is set after the last one, `report` is due, with the GIL and while the batch and

@@ -65,7 +65,7 @@ cdef struct InboxState:
     # What is used without the GIL.
     uint32_t pending            # atomic; 0: no message waits; BEING_INSERTED: none but those being taken
     uint32_t is_full            # atomic: so many messages wait that they must be taken
-    uint32_t armed              # atomic: the engine wants each message at once
+    uint32_t has_waiters        # atomic: the engine has some, and wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
     uint32_t wants_each         # atomic: each message must be taken when it arrives
     InformedLink* informed      # who is informed; grows at the front

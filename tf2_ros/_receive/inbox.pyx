@@ -79,7 +79,7 @@ cdef void _sleep(Event* event, int64_t ns) noexcept nogil:
 
 
 cdef bint _wants_each(InboxState* inbox) noexcept nogil:
-    return load_seq_cst(&inbox.read) or load_seq_cst(&inbox.armed) or load_seq_cst(&inbox.wants_each)
+    return load_seq_cst(&inbox.read) or load_seq_cst(&inbox.has_waiters) or load_seq_cst(&inbox.wants_each)
 
 
 cdef void _inform(InboxState* inbox) noexcept nogil:
@@ -292,10 +292,10 @@ cdef bint _take(InboxState* inbox, size_t most) noexcept nogil:
     return more
 
 
-cdef void _disarm(InboxState* inbox) noexcept nogil:
+cdef void _clear_has_waiters(InboxState* inbox) noexcept nogil:
     # All that has arrived is inserted.
-    if load_seq_cst(&inbox.armed) and inbox.engine != NULL:
-        (<Engine>inbox.engine).disarm(&inbox.armed)
+    if load_seq_cst(&inbox.has_waiters) and inbox.engine != NULL:
+        (<Engine>inbox.engine).clear_has_waiters(&inbox.has_waiters)
 
 
 # The thread that drains.
@@ -304,7 +304,7 @@ cdef bint _serve(InboxState* inbox) noexcept nogil:
     # A reader may have taken the rest since the last slice.
     if load_seq_cst(&inbox.pending) and _take(inbox, DRAIN_SLICE):
         return True
-    _disarm(inbox)
+    _clear_has_waiters(inbox)
     return False
 
 
@@ -477,7 +477,8 @@ cdef class Inbox(ReadHook):
         self._source, self._hand_over, self._informed, self._inboxes = source, hand_over, set(), inboxes
         self._recording, self._prefix = recording, prefix.encode()
         self.state.inbox, self.state.source, self.state.shared = <void*>self, <void*>source, shared
-        self.pending, self.read, self.armed = &self.state.pending, &self.state.read, &self.state.armed
+        self.pending, self.read = &self.state.pending, &self.state.read
+        self.has_waiters = &self.state.has_waiters
         if recording is not None:
             self.state.records = &recording._records
             # A simulated clock must be read when a message arrives, and some middlewares read a clock only
@@ -583,7 +584,7 @@ cdef class Inbox(ReadHook):
         lock_acquire(&state.shared.lock)
         more = _take(state, DRAIN_SLICE)
         if not more:
-            _disarm(state)
+            _clear_has_waiters(state)
         lock_release(&state.shared.lock)
         return more
 
@@ -615,7 +616,7 @@ cdef class Inbox(ReadHook):
 
     def was_read(self):
         """Whether the buffer was read in the last rounds, or something waits for its transforms."""
-        return load_seq_cst(self.read) != 0 or load_seq_cst(self.armed) != 0
+        return load_seq_cst(self.read) != 0 or load_seq_cst(self.has_waiters) != 0
 
     def await_round(self, bint is_short, bint has_arrived):
         """Have a round after what has arrived and what arrives next: an executor sleeps until then."""

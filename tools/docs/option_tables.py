@@ -19,7 +19,8 @@ import source_tables  # noqa: E402
 
 from tf2_ros_tools.program import STATUSES  # noqa: E402
 
-PAGES = [DOCS / "programs.md", *sorted((DOCS / "programs").glob("*.md"))]
+PAGES = [*DOCS.glob("*.md"), *(DOCS / "programs").glob("*.md")]
+COMMANDS = [path.stem for path in (DOCS.parent / "tf2_ros_tools" / "programs").glob("[!_]*.py")]
 # Explained once, on the page about all commands.
 COMMON = {"help", "namespace", "live"}
 
@@ -46,8 +47,8 @@ def statuses() -> source_tables.Table:
 
 def renewed(page: Path) -> str:
     """The text of a page with its tables as the commands have them now."""
-    made = {"options": partial(options_of, page.stem), "statuses": statuses}
-    return source_tables.with_tables(page.read_text(encoding="utf-8"), made)
+    made = {f"{command}_options": partial(options_of, command) for command in COMMANDS}
+    return source_tables.with_tables(page.read_text(encoding="utf-8"), made | {"statuses": statuses})
 
 
 if __name__ == "__main__":

@@ -193,4 +193,4 @@ def test_the_site_builds_without_warnings(tmp_path):
     done = run(*command, ROOT, site)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     [start] = re.findall(r'url=([^"]+)', (site / "index.html").read_text(encoding="utf-8"))
-    assert "tools/docs/programs/tf2_echo.html" in (site / start).read_text(encoding="utf-8")
+    assert "tools/docs/programs/tf2_check.html" in (site / start).read_text(encoding="utf-8")

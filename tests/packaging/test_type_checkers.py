@@ -1,4 +1,4 @@
-"""Type checkers: what they say of a user's programs, in processes of their own, as docs/types.md has it."""
+"""Type checkers: what they say of a user's programs, in processes of their own, as docs/testing.md has it."""
 
 import importlib.util
 import shutil

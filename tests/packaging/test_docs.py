@@ -126,7 +126,7 @@ print("status", ending.result().status)
 
 
 def test_a_client_cancels_a_goal_of_the_action_server_of_callbacks():
-    server = program(ROOT / "docs" / "callbacks.md")
+    server = named_programs(ROOT / "docs" / "callbacks.md")["action_server.py"]
     assert "status 5" in output_of("-c", server + CANCELING_CLIENT)  # STATUS_CANCELED
 
 

@@ -153,7 +153,7 @@ def test_the_releases_that_users_read_of_are_those_that_were_tested():
         releases = ("Humble", "Jazzy", "Kilted", "Lyrical", "Rolling")
         return "\n".join(line for line in lines if re.match(rf"\| (\S+ \| )?({'|'.join(releases)}) \|", line))
 
-    assert versions("limits.md") == versions("development/tested-releases.md") != set()
+    assert versions("limits.md") == versions("development/reliability.md") != set()
 
 
 PYTHONS = [one.rpartition(" ")[2] for one in CORE["classifiers"] if re.search(r":: 3\.\d+$", one)]

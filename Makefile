@@ -43,7 +43,7 @@ endif
 define HELP
 Try it
   make demo        watch a robot being broadcast and looked up
-  make test        run the tests: 4 minutes on 2 cores
+  make test        run the tests: 4 to 9 minutes on 2 cores
   make test-core TESTS=tests/ros/test_buffer.py
                    run some of them
 Develop
@@ -175,7 +175,7 @@ $(VENV)/messages.stamp: $(MESSAGES_SOURCES) | $(VENV_STAMP)
 	@touch $@
 
 $(VENV)/installed.stamp: $(SOURCES) $(MESSAGES) | $(VENV_STAMP)
-	$(call step,Compiling the project: 1 to 3 minutes on two cores,$(PY) -m pip install --editable $(PROJECT))
+	$(call step,Compiling the project: up to 3 minutes on two cores,$(PY) -m pip install --editable $(PROJECT))
 	@touch $@
 
 $(VENV)/test.stamp: pyproject.toml

@@ -4,6 +4,7 @@ import re
 import runpy
 import subprocess
 import sys
+from contextlib import ExitStack
 
 import pytest
 from documentation_pages import (
@@ -90,6 +91,16 @@ def test_the_node_of_the_readme_waits_in_its_callback(tmp_path, node):
         until(is_logged)
 
 
+def test_the_node_of_the_readme_logs_the_scans_of_the_example(tmp_path):
+    node = named_programs(ROOT / "README.md")["scan_pose.py"]
+    commands = [sys.executable, ROOT / "examples" / "scanning_robot.py"], [sys.executable, "-c", node]
+    log = tmp_path / "log"
+    with log.open("w") as stderr, ExitStack() as started:
+        for command in commands:
+            started.enter_context(killed(subprocess.Popen(command, stderr=stderr)))
+        until(lambda: "[scan_pose]: scanned at x = " in log.read_text())
+
+
 def test_the_nodes_of_callbacks_look_up_in_one_buffer(tmp_path, node):
     command = [sys.executable, "-c", named_programs(ROOT / "docs" / "callbacks.md")["robot_nodes.py"]]
     broadcaster = TransformBroadcaster(node)
@@ -132,7 +143,7 @@ def test_a_client_cancels_a_goal_of_the_action_server_of_callbacks():
 
 def test_the_demonstration_prints_what_the_readme_shows():
     page = (ROOT / "README.md").read_text(encoding="utf-8")
-    [shown] = re.findall(r"make demo\n.*?```.*?```text\n(.*?)```", page, re.DOTALL)
+    [shown] = re.findall(r"\nmake demo .*?```.*?```text\n(.*?)```", page, re.DOTALL)
     # The robot is anywhere on its circle: coordinates have other signs and widths.
     numbers = re.compile(r" *-?\d+\.\d+")
     printed = numbers.sub(" #", output_of(ROOT / "examples" / "demo.py"))

@@ -65,7 +65,7 @@ installation beside other tf2 | users of a sourced ROS 2: the right tf2 is impor
     tf2_ros_cython/* *which* *sourced* docs/installing.md docs/package.md docs/switching.md
     *installing* *unknown_rclpy* *example_ros_package* *unbuilt*
 buffer | everybody: tf2's tree, lookups and errors, with the reason
-    tf2_py/* tf2_ros/* docs/debugging.md docs/differences.md docs/limits.md docs/faq.md docs/cheat-sheet.md
+    tf2_py/* tf2_ros/* docs/debugging.md docs/differences.md docs/limits.md docs/cheat-sheet.md
     docs/getting-started.md docs/index.md
 robot models | users of a URDF: frames of joints, live and in recordings
     tools/*urdf* tools/*joint* tools/*state_publisher*

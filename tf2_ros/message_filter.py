@@ -6,7 +6,7 @@ import itertools
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeAlias, TypedDict, overload
 
@@ -14,19 +14,19 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tf2_py import ExtrapolationException, TransformException, stored_name
+from tf2_py import TransformException, stored_name
 from tf2_py._internal import (
     FOR_EVER_NS,
-    bad_name,
     class_name,
     duration_ns,
     errors,
     frame_name,
     is_invalid_name,
+    policy_of,
     time_ns,
 )
 from tf2_py.printable import counted, printable
-from tf2_py.typing import DurationLike
+from tf2_py.typing import DurationLike, LookupPolicy
 from tf2_ros._arguments import frame_of, kind_of, optional_timeout_ns, require_callable, valid_prefix
 from tf2_ros._background import background, check_regularly
 from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
@@ -76,9 +76,10 @@ class FilterFailureReason(str, Enum):
 
     ``OUT_THE_BACK``: its transform is not available, and the buffer refuses data of its time as too old.
     ``EMPTY_FRAME_ID``: its header has no frame_id. ``NO_TRANSFORM_FOUND``: the name of its frame is invalid,
-    its time with ``tolerance`` is later than a stamp can be, or the transform was not available and
-    ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest message when the queue overflowed.
-    ``TIMEOUT``: its transform was not available in time.
+    its time with ``tolerance`` is later than a stamp can be, the transform was not available and
+    ``buffer_timeout`` is zero, or a limit of ``policy`` is for a frame that is unknown or not a child.
+    ``QUEUE_FULL``: it was the oldest message when the queue overflowed. ``TIMEOUT``: its transform was not
+    available in time.
 
     >>> from geometry_msgs.msg import PointStamped
     >>> from tf2_ros import Buffer, FilterFailureReason, MessageFilter
@@ -120,10 +121,15 @@ class MessageFilter(Generic[_Message]):
         it accepts an older transform.)
     :param prefix: put before the frames of the messages, as in
         :meth:`~tf2_ros.BufferInterface.transform`; not before ``target_frames``.
-    :raises TypeError: ``buffer`` is not a Buffer, ``input`` is none of these, its messages have no header, or
-        a duration is not a duration or a number.
-    :raises ValueError: ``target_frames`` is empty, a name or ``prefix`` is invalid, ``queue_size`` or
-        ``tolerance`` is negative, or ``tolerance`` is infinite.
+    :param policy: what the lookups of the messages accept: a :class:`tf2_py.typing.LookupPolicy`, such as
+        ``{"tolerance": 0.5}``. Its ``max_age`` limits only messages whose stamp is 0; all their transforms
+        are fresh when they pass. A message between two samples that are further apart than ``max_gap`` waits
+        until a sample between them arrives, until ``buffer_timeout``, or until the buffer would refuse such
+        a sample (``OUT_THE_BACK``).
+    :raises TypeError: ``buffer`` is not a Buffer, ``input`` is none of these, its messages have no header, a
+        duration is not a duration or a number, or ``policy`` has a key that a LookupPolicy lacks.
+    :raises ValueError: ``target_frames`` is empty, a name or ``prefix`` is invalid, ``queue_size``,
+        ``tolerance`` or a limit of ``policy`` is negative, or ``tolerance`` is infinite.
 
     A message whose stamp is 0 needs the latest time for which its transforms are available; ``tolerance``
     then has no effect. Each message passes once or is dropped once, in the order in which its transforms
@@ -170,6 +176,7 @@ class MessageFilter(Generic[_Message]):
         buffer_timeout: DurationLike | None = None,
         tolerance: DurationLike | None = None,
         prefix: str = "",
+        policy: LookupPolicy | None = None,
     ) -> None:
         if not isinstance(buffer, Buffer):
             raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
@@ -191,6 +198,7 @@ class MessageFilter(Generic[_Message]):
             raise ValueError(f"queue_size: expected 0 or more, got {queue_size}")
         self._queue_size = queue_size
         self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
+        self._policy_of_latest, self._policy = _policies(policy)
         self._warn_again_at = 0.0
         self._connect(input)
 
@@ -361,7 +369,7 @@ class MessageFilter(Generic[_Message]):
         outcome: _Outcome | None
         text: str | None
         try:
-            queued.begin(self._buffer, needed)
+            queued.begin(self._buffer, needed, self._policy if stamp_ns else self._policy_of_latest)
         except (TransformException, OverflowError, ValueError) as error:
             outcome, text = missing if queued.frame else FilterFailureReason.EMPTY_FRAME_ID, str(error)
         else:
@@ -390,8 +398,9 @@ class MessageFilter(Generic[_Message]):
         """
         try:
             outcome: _Outcome | None = queued.take() or otherwise
-        except ExtrapolationException as error:
-            return FilterFailureReason.OUT_THE_BACK, str(error)
+        except Exception as error:
+            refused: tuple[_Outcome, str] = self._calls.refused(error)
+            return refused
         return outcome, self._text(queued, outcome)
 
     def _text(self, queued: QueuedMessage, outcome: _Outcome | None) -> str | None:
@@ -405,14 +414,12 @@ class MessageFilter(Generic[_Message]):
             return errors.timed_out(lack, self._timeout_ns or 0)
         return lack
 
-    def _warn_of_drops(self, queued: QueuedMessage, reason: FilterFailureReason) -> None:
+    def _warn_of_drops(self, queued: QueuedMessage, reason: FilterFailureReason, text: str | None) -> None:
         dropped_in_a_row = self._calls.dropped_in_a_row
         if dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
-        frames, lack = printable(" ".join(self._frames)), queued.lack()
-        if is_invalid_name(queued.frame):
-            lack = str(bad_name(queued.frame, "source_frame"))
+        frames, lack = printable(" ".join(self._frames)), text or queued.lack()
         self._node.get_logger().warning(
             f"MessageFilter [target={frames}]: the last {dropped_in_a_row} messages were dropped; the "
             f"newest, from frame [{printable(queued.frame)}], because of {reason.value}. {lack}".rstrip()
@@ -477,3 +484,14 @@ def _tolerance_ns(tolerance: DurationLike | None) -> int:
     if tolerance_ns < 0:
         raise ValueError(f"tolerance: expected a finite duration of 0 or more, got {tolerance_ns / 1e9} s")
     return tolerance_ns
+
+
+def _policies(policy: LookupPolicy | None) -> tuple[Any, Any]:
+    """The policy for messages whose stamp is 0, and that for all others."""
+    given: LookupPolicy = {} if policy is None else policy
+    if not isinstance(given, Mapping):
+        raise TypeError(f"policy: expected a LookupPolicy, which is a dict, got {kind_of(given)}")
+    if "timeout" in given:
+        raise TypeError("policy: a LookupPolicy has no timeout; pass buffer_timeout to the MessageFilter")
+    at_times: LookupPolicy = {**given, "max_age": None}
+    return policy_of("MessageFilter", True, **given), policy_of("MessageFilter", True, **at_times)

@@ -11,14 +11,16 @@ import random
 import pytest
 import repetitions
 from buffer_beside_model import as_model_tells, of_buffer, of_model, same_answer, same_kind
+from geometry_msgs.msg import PointStamped
 from making_objects import S, transform
 from model import Model
-from model_questions import arguments_of
+from model_questions import arguments_of, begun
 from model_terms import Policy
 from rclpy.duration import Duration
 from simulated_clock import simulate
 
 from tf2_py import BufferCore
+from tf2_ros import MessageFilter
 
 pytestmark = pytest.mark.ours
 
@@ -76,6 +78,32 @@ class Question:
     def __repr__(self):
         between = f"{self.source} in {self.target}" + (f" by way of {self.fixed}" if self.is_full else "")
         return f"<{between}, limits {self.limits}>"
+
+
+class Filtered:
+    """A message of a filter, with the methods of the future of its transform."""
+
+    def __init__(self, run, question):
+        self.dropped = []  # the text, once it was
+        self.filter = MessageFilter(
+            None, run.buffer, question.target, 0, node=run.node, policy=question.policy
+        )
+        self.filter.registerFailureCallback(lambda *given: self.dropped.append(given[2]), with_text=True)
+        self.passed = self.filter.__aiter__()
+        message = PointStamped()
+        message.header.frame_id = question.source
+        self.filter.add(message)
+
+    def done(self):
+        return self.filter.statistics()["waiting"] == 0
+
+    def result(self):
+        if self.dropped:
+            raise ValueError(*self.dropped)
+        return begun(anext(self.passed))[1][1]
+
+    def cancel(self):
+        self.filter.close()
 
 
 class Run:
@@ -167,6 +195,16 @@ class Run:
         else:
             assert same_answer(as_model_tells(got[1]), wanted[1]), (question, got, wanted)
 
+    def filter(self):
+        question = Question(self.dice)
+        if question.is_full:
+            return
+        message = Filtered(self, question)
+        if question.outcome(self.model)[1] == "ValueError":
+            self.compare(question, of_buffer(message.result))
+        else:
+            self.add(message, question)
+
     def wait(self):
         question = Question(self.dice)
         begin = self.buffer.wait_for_transform_async
@@ -179,6 +217,9 @@ class Run:
             assert kind == "ValueError", question
             return
         assert kind != "ValueError", question
+        self.add(future, question)
+
+    def add(self, future, question):
         self.pending.append((future, question))
         self.settle()
         if len(self.pending) > MOST_PENDING:
@@ -196,7 +237,7 @@ class Run:
         assert self.buffer.statistics()["waiters"] == len(self.pending)
 
     def run(self):
-        steps = [self.insert] * 12 + [self.go_on] * 4 + [self.ask] * 3 + [self.wait] * 3
+        steps = [self.insert] * 12 + [self.go_on] * 4 + [self.ask] * 3 + [self.wait] * 3 + [self.filter]
         steps += [self.step_back, self.jump_back, self.empty]
         for _ in range(STEPS):
             self.dice.choice(steps)()

@@ -54,6 +54,7 @@ class Script:
     | ``M2``, ``M2@camera`` | a message of second 2 arrives, from ``lidar`` or from another frame |
     | ``T1.5``, ``T1:odom>map`` | a transform of second 1.5 is inserted: ``lidar`` in ``map``, or others |
     | ``T1,2``, ``T1,2:odom>map`` | transforms of these seconds are inserted by one call |
+    | ``C100`` | the buffer's clock shows second 100 |
     | ``forget`` | the buffer is cleared |
     | ``clear``, ``close`` | the filter is cleared, or closed |
     | ``=1,2@camera`` | these messages have passed since the last such word, in this order; ``=``: none |
@@ -80,6 +81,8 @@ class Script:
             self.filter.add(point(word[1:]))
         elif word[0] == "T":
             self.buffer.set_transforms(links(word), "me")
+        elif word[0] == "C":
+            self.buffer.clock = SimpleNamespace(now=lambda: at(float(word[1:])))
         elif word[0] == "=":
             assert list(map(word_of, taken(self.passed))) == list(filter(None, word[1:].split(",")))
         elif word[0] == "!":
@@ -173,6 +176,26 @@ def adds_up(counts):
         # The path may lack data of another frame, too.
         ({}, "T5:map>odom T29:odom>lidar M11 !OUT_THE_BACK:11"),
         ({}, "T1:map>odom T29:map>odom T12:odom>lidar M11 = T30:odom>lidar !OUT_THE_BACK:11"),
+        # A policy accepts other transforms, and a limit that could never apply drops what would pass.
+        ({"policy": {"tolerance": 0.5}}, "T1 M1.4 =1.4 M1.6 = T1.2 =1.6"),
+        ({"policy": {"tolerance": {"odom": 1}}}, "T1:map>odom T1:odom>lidar M1.5 = T1.6:odom>lidar =1.5"),
+        ({"policy": {"tolerance": 0.2}, "tolerance": 0.5}, "T1 M1 = T1.3 =1"),
+        ({"policy": {"tolerance": 0.5}}, "T5 M1 = T29 !OUT_THE_BACK:1"),
+        ({"policy": {"tolerance": {"ladar": 1}}}, "T1 M1 !NO_TRANSFORM_FOUND:1"),
+        ({"policy": {"tolerance": {"ladar": 1}}}, "M1 T1 !NO_TRANSFORM_FOUND:1"),
+        ({"policy": {"tolerance": {"ladar": 1}}, "tolerance": 1}, "M1 T1,2 !NO_TRANSFORM_FOUND:1"),
+        # A gap ends when it is filled, or can no longer be.
+        ({"policy": {"max_gap": 2}}, "T1 T5 M3 = T3.5 = T2.5 =3"),
+        ({"policy": {"max_gap": 2}}, "M3 T1 T5 = T13 = T13.1 !OUT_THE_BACK:3"),
+        ({"policy": {"max_gap": 2}, "tolerance": 1}, "T1 T2 T5 M2 = T4 =2"),
+        ({"policy": {"max_gap": 2}, "buffer_timeout": 0.05}, "T1 T5 M3 !TIMEOUT:3"),
+        ({"policy": {"max_gap": 2}}, "T2:map>odom T5:map>odom T4:odom>lidar M0 = T5:odom>lidar =0"),
+        # Only the latest transform has an age, which is that of the moment when the message passes.
+        ({"policy": {"max_age": 0.5}}, "C100 T99 M99 =99 M0 = T99.5 =0 C100.1 M0 = C100 M0 =0 T100 =0"),
+        ({"policy": {"max_age": 1}, "buffer_timeout": 0.05}, "C100 T9 M0 !TIMEOUT:0"),
+        ({"policy": {"max_age": 1}, "frames": "map mirror"}, "C9 T9 M0 T9:lidar>mirror =0"),
+        ({"policy": {"max_age": 1}, "frames": "map mirror"}, "C5 T5 M0 C9 T9:lidar>mirror = T9 =0"),
+        ({"policy": {"max_age": {"ladar": 1}}}, "C1 M0 M1 T1 !NO_TRANSFORM_FOUND:0 =1"),
     ],
     ids=str,
 )
@@ -199,8 +222,9 @@ class OneByOne:
     message needs is tried.
     """
 
-    def __init__(self, buffer, frames, tolerance):
+    def __init__(self, buffer, frames, tolerance, policy):
         self.buffer, self.frames, self.tolerance = buffer, frames.split(), Duration(seconds=tolerance)
+        self.policy = policy
         self.lacking = {}  # by the id of a message: what it lacks
         self.may_end = set()  # ids of those that lack data which the buffer has refused
 
@@ -221,7 +245,7 @@ class OneByOne:
         histories = self.buffer.histories().values()
         horizons = [int(one.stamps_ns[-1]) - 10 * S for one in histories]
         for key, lacking in self.lacking.items():
-            lacking[:] = [query for query in lacking if not self.buffer.can_transform(*query)]
+            lacking[:] = [query for query in lacking if not self.buffer.can_transform(*query, **self.policy)]
             if any(0 < stamp.nanoseconds < ns for *_, stamp in lacking for ns in horizons):
                 self.may_end.add(key)
         passed = {key for key, lacking in self.lacking.items() if not lacking}
@@ -234,13 +258,14 @@ class OneByOne:
     st.sampled_from(["map", "odom", "map odom"]),
     st.sampled_from([0.0, 2.0]),
     st.sampled_from([0, 1, 3]),
+    st.sampled_from([{}, {}, {"tolerance": 2.5}, {"max_gap": 4}, {"tolerance": 1, "max_gap": 2}]),
     st.lists(WORDS, max_size=60),
 )
 def test_in_any_script_each_message_has_one_outcome_as_soon_as_it_can(
-    tf2_ros, node, frames, tolerance, size, words
+    tf2_ros, node, frames, tolerance, size, policy, words
 ):
-    script = Script(tf2_ros, node, None, frames, size, tolerance=Duration(seconds=tolerance))
-    one_by_one = OneByOne(tf2_ros.Buffer(Duration(seconds=10)), frames, tolerance)
+    script = Script(tf2_ros, node, None, frames, size, tolerance=Duration(seconds=tolerance), policy=policy)
+    one_by_one = OneByOne(tf2_ros.Buffer(Duration(seconds=10)), frames, tolerance, policy)
     kept = []  # so that ids are unique
     for word in words:
         passes = set()
@@ -323,6 +348,23 @@ class TestArguments:
         with pytest.raises(error, match=full):
             tf2_ros.MessageFilter(*whole.values(), node=node, **others)
 
+    @pytest.mark.parametrize(
+        ("policy", "error", "text"),
+        [
+            ({"maxage": 1}, TypeError, "'maxage'. Did you mean 'max_age'"),
+            ({"timeout": 1}, TypeError, "has no timeout; pass buffer_timeout"),
+            ({"extrapolate": True}, TypeError, "extrapolate needs a tolerance"),
+            ({"tolerance": "1"}, TypeError, "tolerance: expected a duration"),
+            ({"max_gap": -1}, ValueError, r"max_gap must not be negative, got -1\.0"),
+            ({"max_age": {"odom": float("nan")}}, ValueError, r"max_age\['odom'\]: expected .* NaN"),
+            (0.5, TypeError, "policy: expected a LookupPolicy, which is a dict, got float"),
+        ],
+        ids=str,
+    )
+    def test_a_policy_that_no_lookup_accepts_is_refused(self, make, policy, error, text):
+        with pytest.raises(error, match=text):
+            make(policy=policy)
+
     def test_messages_without_header_are_refused_and_not_counted(self, make, tf2_ros):
         filter = make().filter
         wrong = None, SimpleNamespace(frame_id="a", stamp=None), SimpleNamespace(frame_id=7, stamp=3)
@@ -350,6 +392,19 @@ def test_one_warning_where_a_message_needs_several_transforms(make, capfd, optio
     (warning,) = [line for line in capfd.readouterr().err.splitlines() if "MessageFilter" in line]
     assert "the last 20 messages were dropped" in warning
     assert "Lookup would require extrapolation" in warning
+
+
+def test_one_warning_names_the_limit_that_could_never_apply(make, capfd):
+    make(policy={"tolerance": {"ladar": 1}}).run("T1" + " M1 !NO_TRANSFORM_FOUND:1" * 20)
+    (warning,) = [line for line in capfd.readouterr().err.splitlines() if "MessageFilter" in line]
+    assert "tolerance has a limit for [ladar], which does not exist. Did you mean [lidar]?" in warning
+
+
+def test_a_clock_that_raises_drops_what_waits_and_fails_no_insert(make):
+    script = make(policy={"max_age": 1})
+    script.run("C9 M0")
+    script.buffer.clock = SimpleNamespace(now=lambda: 1 / 0)
+    script.run("T9 !NO_TRANSFORM_FOUND:0")
 
 
 class Subscriber:
@@ -429,6 +484,19 @@ class TestCallbacks:
         assert re.search(r"past\.  Requested time 35", found[0])
         listener.unregister()
 
+    def test_what_a_listener_receives_passes_under_the_policy(self, tf2_ros, make, executor, peer, node):
+        script, sender = make(policy={"tolerance": {"odom": 1}, "max_age": 1000}), peer()
+        listener = tf2_ros.TransformListener(script.buffer, node)
+        script.run("M1.5 M0")
+        sender.send(("map", "odom", S, 1), ("odom", "lidar", S, 1), ("odom", "lidar", 2 * S, 1))
+        until(lambda: script.passed, executor)
+        script.run("=1.5")
+        now_ns = node.get_clock().now().nanoseconds
+        sender.send(("map", "odom", now_ns, 1), ("odom", "lidar", now_ns, 1))
+        until(lambda: script.passed, executor)
+        script.run("=0")
+        listener.unregister()
+
     @pytest.mark.parametrize("how", ["clear", "destroy_node"])
     def test_what_is_received_does_not_pass_after(self, tf2_ros, make, node, peer, executor, how):
         script, sender = make(), peer()
@@ -467,6 +535,8 @@ class TestCallbacks:
             ),
             ({"frames": "map odom", "buffer_timeout": 0}, "T1 M1", '"odom" .* target_frame does not exist'),
             ({"buffer_timeout": 0, "tolerance": 1.0}, "T1 M1", r"time 2\.0*, but only time 1\.0* is in"),
+            ({"buffer_timeout": 0, "policy": {"max_gap": 1}}, "T1 T5 M3", "apart than max_gap, 1"),
+            ({"policy": {"tolerance": {"ladar": 1}}}, "M1 T1", r"\[ladar\], which does not .* \[lidar\]"),
             (
                 {"queue_size": 2},
                 "T1 M5 M6 M7",
@@ -478,7 +548,10 @@ class TestCallbacks:
                 r"past\.  Requested time 1\.0*",
             ),
         ],
-        ids=["empty name", "misspelt", "late", "two targets", "tolerance", "full queue", "too old"],
+        ids=[
+            *("empty name", "misspelt", "late", "two targets", "tolerance", "gap", "limit"),
+            *("full queue", "too old"),
+        ],
     )
     def test_a_text_says_what_a_dropped_message_lacked(self, make, options, script, text):
         one, seen = make(**options), []

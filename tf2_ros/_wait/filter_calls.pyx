@@ -41,6 +41,12 @@ cdef class FilterCalls:
         """Whether a callback takes a text about why a message is dropped."""
         return any([takes_text for _, _, takes_text in self.failure_callbacks.values()])
 
+    def refused(self, error):
+        """The reason to drop a message whose wait has ended with this error, and a text."""
+        # Else a limit is of a frame that is not a child, or a program's clock raises.
+        is_too_old = isinstance(error, ExtrapolationException)
+        return self._reasons.OUT_THE_BACK if is_too_old else self._reasons.NO_TRANSFORM_FOUND, str(error)
+
     def oldest(self):
         """The oldest message that waits, or None, in one step; a dict would pass over all removed ones."""
         for queued in self.waiting:
@@ -106,8 +112,11 @@ cdef class Waits:
         self._waits.append(wait)
 
     def take(self):
-        """The first answer, if all are available; a wait keeps its answer. Raises as ``Wait.take``."""
-        cdef list answers = [wait.take() for wait in self._waits]
+        """
+        The first answer, if all are available. A wait keeps its answer, unless it has become too old
+        meanwhile. Raises as ``Wait.take``.
+        """
+        cdef list answers = [wait.take(anew=True) for wait in self._waits]
         is_complete = len(answers) == self._count and all([answer is not None for answer in answers])
         return answers[0] if is_complete else None
 
@@ -117,8 +126,8 @@ cdef class Waits:
             try:
                 if wait.take() is None:
                     return wait.reason()
-            except ExtrapolationException as refused:
-                return refused
+            except Exception as ended:
+                return ended
         return None
 
     def cancel(self):
@@ -138,7 +147,7 @@ cdef class QueuedMessage(Pending):
     :param frame: of its header, without a leading slash.
     :param outcome: called with this, and a reason to drop it if it lacks a transform, or None: returns its
         result and error. Without a reason the result may be None, and it waits on.
-    :param warn: called with this and the reason after it was dropped.
+    :param warn: called with this, the reason and the text after it was dropped.
     """
 
     cdef readonly object message
@@ -153,18 +162,20 @@ cdef class QueuedMessage(Pending):
         self._calls, self._outcome, self._warn = calls, outcome, warn
         self.call_queue, self.kept = call_queue, calls.waiting
 
-    def begin(self, buffer, list needed):
+    def begin(self, buffer, list needed, policy):
         """
         Begin to wait.
 
         :param needed: of each transform that it needs, the target frame and the time in nanoseconds. The
             first one is its result.
+        :param policy: of ``policy_of``.
         """
         cdef Waits several = None
         if len(needed) > 1:
             several = self.wait = Waits(len(needed))
         for frame, ns in needed:
-            wait = BufferCore._wait(buffer, frame, self.frame, ns, notify=self.answered, until_refused=True)
+            wait = BufferCore._wait(
+                buffer, frame, self.frame, ns, notify=self.answered, policy=policy, until_refused=True)
             if self._state >= DONE:
                 wait.cancel()   # another thread has ended it meanwhile
             elif several is not None:
@@ -174,15 +185,11 @@ cdef class QueuedMessage(Pending):
 
     def answered(self, answer, error=None):
         """Pass, unless the message lacks another transform; with an error, drop it."""
-        if error is None and isinstance(self.wait, Waits):
-            try:
-                answer = self.take()
-            except ExtrapolationException as refused:
-                error = refused
         if error is not None:
-            return self.end_or_queue(
-                self._calls._reasons.OUT_THE_BACK, str(error) if self._calls.wants_text() else None)
-        return None if answer is None else self.end_or_queue(answer)
+            answer, error = self._calls.refused(error)
+        elif isinstance(self.wait, Waits):
+            answer, error = self._outcome(self, None)
+        return None if answer is None else self.end_or_queue(answer, error)
 
     def take(self):
         """
@@ -209,7 +216,7 @@ cdef class QueuedMessage(Pending):
             self._calls._ended[CLEARED] += 1
         elif isinstance(self._result, self._calls._reasons):
             self._calls._drop(self.message, self._result, self._error)
-            call_back(self._warn, (self, self._result))
+            call_back(self._warn, (self, self._result, self._error))
         else:
             self._calls._pass_on(self.message, self._result)
         return 0

@@ -89,6 +89,7 @@ async def filters(buffer: Buffer, node: Node) -> None:
         print(message.pose, transform)  # wrong for pyright
     MessageFilter((PointStamped, "points"), buffer, "map", 10, node=node)  # wrong
     MessageFilter(None, BufferCore(), "map", 10, node=node)  # wrong
+    MessageFilter(None, buffer, "map", 10, node=node, policy={"timeout": 1.0})  # wrong
 
 
 def nodes(buffer: Buffer, node: Node, pose: PoseStamped) -> None:

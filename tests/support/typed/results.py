@@ -172,7 +172,8 @@ async def filters(node: Node, buffer: Buffer) -> None:
         assert_type(message, PointStamped)
         assert_type(transform, TransformStamped)
     assert_type(MessageFilter(topic, buffer, "map", 10, node=node), MessageFilter[PointStamped])
-    MessageFilter[Imu](None, buffer, "map", 10, node=node).add(Imu())
+    policy = LookupPolicy(tolerance={"odom": 1.0}, max_age=0.5)
+    MessageFilter[Imu](None, buffer, "map", 10, node=node, policy=policy).add(Imu())
     with MessageFilter((Imu, "imu", 10), buffer, "map", 10, node=node) as entered:
         assert_type(entered, MessageFilter[Imu])
 

@@ -65,7 +65,8 @@ def correct(
         ones, the last one counts.
     :param poses: the pose of ``moving`` in ``parent`` at each of these times: N messages, a tuple
         ``(translations, rotations)``, or matrices of shape (N, 4, 4), as for
-        :func:`tf2_ros.numpy.to_arrays` and :func:`tf2_ros.numpy.to_matrix`. In meters.
+        :func:`tf2_ros.numpy.to_arrays` and :func:`tf2_ros.numpy.to_matrix`. In meters. The frames of stamped
+        messages are ``parent`` or empty.
     :param before: what happens to the time before the first keyframe. ``"keep"``: its samples remain.
         ``"hold"``: it gets the correction of the first keyframe, back to the oldest data.
     :param after: the same after the last keyframe, on to the newest data. Transforms that arrive later are
@@ -74,9 +75,10 @@ def correct(
         older than the buffer would keep. ``"raise"``: an exception. ``"skip"``: it is not used.
     :return: how many keyframes were used. If it is 0, nothing has changed.
     :raises TypeError: ``buffer`` is not a buffer, or the type of an argument is wrong.
-    :raises ValueError: a shape, a number or an option is wrong; ``moving`` is not at or below ``child`` at a
-        keyframe, or ``parent`` is; ``child`` is static; a keyframe is at time 0, outside what a stamp can
-        hold, or older than ``cache_time`` allows; or the buffer refuses the samples.
+    :raises ValueError: a shape, a number or an option is wrong; a pose is given in another frame than
+        ``parent``; ``moving`` is not at or below ``child`` at a keyframe, or ``parent`` is; ``child`` is
+        static; a keyframe is at time 0, outside what a stamp can hold, or older than ``cache_time`` allows;
+        or the buffer refuses the samples.
     :raises TransformException: ``moving`` in ``child`` is not known at a keyframe; the text has its index.
 
     Each keyframe becomes a sample of ``child`` in ``parent``: its pose, multiplied by the inverse of the pose
@@ -103,12 +105,15 @@ def correct(
     _check_option("before", before, ("keep", "hold"))
     _check_option("after", after, ("keep", "hold"))
     _check_option("on_missing", on_missing, ("raise", "skip"))
+    for name, frame in (("parent", parent), ("child", child), ("moving", moving)):
+        if not isinstance(frame, str):
+            raise TypeError(f"{name}: expected a str, the name of a frame, got {kind_of(frame)}")
     edge = _Edge(buffer, parent.removeprefix("/"), child, moving)  # as of transforms that are inserted
     times_ns = as_times_ns(times)
     bad = np.flatnonzero((times_ns != NAT) & ((times_ns < 0) | (times_ns > LATEST_NS)))
     if bad.size:
         raise ValueError(f"times[{bad[0]}]: a stamp cannot hold {int(times_ns[bad[0]])} ns")
-    matrices = _matrices(poses, len(times_ns))
+    matrices = _matrices(poses, len(times_ns), edge.parent)
     for tried in range(TRIES):
         margin_ns = (1 << tried >> 1) * (buffer.cache_time_ns // FRACTION)
         used, samples = _samples(edge, times_ns, matrices, before, after, on_missing == "skip", margin_ns)
@@ -124,7 +129,12 @@ def _check_option(name: str, given: str, accepted: tuple[str, str]) -> None:
         raise ValueError(f"{name}: expected {accepted[0]!r} or {accepted[1]!r}, got {given!r}")
 
 
-def _matrices(poses: Any, count: int) -> Array:
+def _matrices(poses: Any, count: int, parent: str) -> Array:
+    poses = poses if isinstance(poses, tuple | np.ndarray) else [*poses]
+    for i, one in enumerate(() if isinstance(poses, tuple) else poses):
+        frame = getattr(getattr(one, "header", None), "frame_id", "")
+        if frame.removeprefix("/") not in ("", parent):
+            raise ValueError(f"poses[{i}]: expected a pose in {parent!r}, got one in {frame!r}")
     matrices = to_matrix(poses if isinstance(poses, tuple) else to_arrays(poses))
     if matrices.shape != (count, 4, 4):
         given = matrices.shape[:-2]

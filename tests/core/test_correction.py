@@ -7,6 +7,7 @@ import random
 import threading
 import time
 from contextlib import suppress
+from pathlib import PosixPath
 
 import numpy as np
 import pytest
@@ -202,6 +203,9 @@ def test_no_keyframes_change_nothing():
 
 WRONG = {
     "expected a Buffer or BufferCore, got int": (TypeError, {"buffer": 3}),
+    "parent: expected a str, the name of a frame, got PosixPath": (TypeError, {"parent": PosixPath("map")}),
+    "child: expected a str, the name of a frame, got bytes": (TypeError, {"child": b"odom"}),
+    "moving: expected a str, the name of a frame, got NoneType": (TypeError, {"moving": None}),
     "before: expected 'keep' or 'hold', got 'drop'": (ValueError, {"before": "drop"}),
     "after: expected 'keep' or 'hold', got None": (ValueError, {"after": None}),
     "on_missing: expected 'raise' or 'skip', got 'nan'": (ValueError, {"on_missing": "nan"}),
@@ -221,6 +225,20 @@ WRONG = {
     r"times\[0\]: a stamp cannot hold 9000000000000000000 ns": (ValueError, {"times": [9 * 10**18, S]}),
     "the buffer refused the samples of 'odom' in ''": (ValueError, {"parent": ""}),
 }
+
+
+def test_poses_in_another_frame_are_refused():
+    buffer, before = drive(), drive()
+    times = np.array([3 * S, 5 * S])
+    stamped = [from_matrix(pose, child_frame_id="base") for pose in poses_at(times)]
+    stamped[1].header.frame_id = "odom"
+    for poses in (iter(stamped), np.array(stamped)):
+        with pytest.raises(ValueError, match=r"poses\[1\]: expected a pose in 'map', got one in 'odom'"):
+            correct(buffer, *EDGE, times, poses)
+    assert np.array_equal(buffer.__getstate__()["transforms"], before.__getstate__()["transforms"])
+    stamped[1].header.frame_id = "/map"
+    assert correct(buffer, *EDGE, times, iter(stamped)) == 2
+    assert max(errors(buffer, times)) < 1e-12
 
 
 def test_of_equal_first_keyframes_the_last_one_is_held_before():

@@ -15,7 +15,9 @@ from backend import build_command, build_tf2_msgs, ros_to_build_for  # noqa: E40
 
 PACKAGE = ROOT / "src" / build_tf2_msgs.NAME
 RELEASE = ros_to_build_for.release()
-VERSION = re.search(r"<version>([\d.]+)</version>", (PACKAGE / "package.xml").read_text(encoding="utf-8"))
+MANIFEST = (PACKAGE / "package.xml").read_text(encoding="utf-8")
+VERSION = re.search(r"<version>([\d.]+)</version>", MANIFEST)
+REPOSITORY = re.search(r'<url type="repository">(.+)</url>', MANIFEST)
 
 
 class SourcesOfRelease(sdist):
@@ -33,6 +35,7 @@ setup(
     long_description=(ROOT / "README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     author="tf2-ros-cython authors",
+    project_urls={"Repository": REPOSITORY.group(1)},
     license="BSD-3-Clause",
     license_files=["LICENSE"],
     python_requires=">=3.10",

@@ -1,0 +1,99 @@
+"""What a release needs of its owner, and what `make release-check` finds in what it would upload."""
+
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import pytest
+from paths import ROOT
+
+pytestmark = [
+    pytest.mark.ours,
+    pytest.mark.skipif(not (ROOT / ".git").exists(), reason="this is not a clone"),
+]
+
+sys.path.insert(0, str(ROOT))
+from release import owner, release_check  # noqa: E402
+
+FACTS = """
+repository = "https://github.com/robots/tf2-ros-cython"
+maintainer = "Ada Robot"
+contact = "ada@robots.example"
+github_accounts = ["ada", "bob"]
+"""
+
+
+@pytest.fixture
+def filled_in(tmp_path):
+    """The files that hold the owner's facts, in a repository whose owner has filled them in."""
+    for name in owner.tracked_files(ROOT):
+        if name.endswith((".md", ".toml", ".yaml", ".yml", ".xml", ".svg")):
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tmp_path / name)
+    (tmp_path / "release" / "owner.toml").write_text(FACTS)
+    for command in (["init", "--quiet"], ["add", "."]):
+        subprocess.run(["git", *command], cwd=tmp_path, check=True)
+    for name, text in owner.stale(tmp_path).items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def test_the_owners_facts_are_the_same_in_all_files():
+    assert [*owner.stale()] == []
+
+
+def test_once_filled_in_no_file_waits_for_the_owner(filled_in):
+    assert release_check.not_filled_in(filled_in) == []
+
+
+def test_the_owners_page_is_short():
+    page = (ROOT / "docs" / "development" / "first-release.md").read_text()
+    assert len(page.split()) <= 400
+
+
+def test_what_is_not_filled_in_is_named(filled_in):
+    (filled_in / "release" / "owner.toml").write_text(FACTS.replace("ada@robots.example", "ada@example.org"))
+    (filled_in / "docs" / "faq.md").write_text(f"git clone {owner.NO_ADDRESS}")
+    found = release_check.not_filled_in(filled_in)
+    assert "release/owner.toml: contact = 'ada@example.org'" in found
+    assert "package.xml: run python -m release.owner" in found
+    assert "docs/faq.md contains a placeholder of owner.toml" in found
+
+
+def test_each_kind_of_file_has_the_facts(filled_in):
+    held = {
+        "package.xml": [
+            '<maintainer email="ada@robots.example">Ada Robot<',
+            '<url type="bugtracker">https://github.com/robots/tf2-ros-cython/issues<',
+        ],
+        "tools/pyproject.toml": ['Repository = "https://github.com/robots/tf2-ros-cython"'],
+        "README.md": ["git clone https://github.com/robots/tf2-ros-cython.git tf2-ros-cython\n"],
+        "docs/switching.md": ["git clone https://github.com/robots/tf2-ros-cython.git src/tf2-ros-cython`"],
+        "SECURITY.md": ["or write to ada@robots.example."],
+        "release/distributions.md": ["  url: https://github.com/robots/tf2-ros-cython.git\n"],
+    }
+    for name, texts in held.items():
+        text = (filled_in / name).read_text()
+        assert [one for one in texts if one not in text] == [], name
+
+
+def test_the_links_of_a_page_that_pypi_shows_are_absolute_and_lead_to_files(filled_in):
+    for name in owner.SHOWN_BY_PYPI:
+        text = (filled_in / name).read_text()
+        assert owner.RELATIVE_LINK.search(text) is None
+        ours = re.findall(r"\(https://github.com/robots/tf2-ros-cython/(?:blob|raw|tree)/main/([^)#]+)", text)
+        assert ours
+        assert [path for path in ours if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize(
+    ("extension", "is_wrong"),
+    [("cpython-311-x86_64-linux-gnu", False), ("cpython-312-x86_64-linux-gnu", True), ("abi3", False)],
+)
+def test_a_compiled_module_for_another_python_than_the_wheel_is_named(tmp_path, extension, is_wrong):
+    wheel = tmp_path / "tf2_ros_cython-0.1.0-cp311-cp311-manylinux_2_28_x86_64.whl"
+    with zipfile.ZipFile(wheel, "w") as opened:
+        opened.writestr(f"tf2_py/_core.{extension}.so", "")
+    assert release_check.wrong_extensions(wheel) == [f"{wheel.name}: tf2_py/_core.{extension}.so"] * is_wrong

@@ -60,7 +60,11 @@ def stale(root=ROOT):
 
 def tracked_files(root):
     listed = subprocess.check_output(["git", "ls-files", "-z"], cwd=root, text=True)
-    return [name for name in listed.split("\0") if name and (root / name).is_file()]
+    return [name for name in listed.split("\0") if name and _is_own_file(root / name)]
+
+
+def _is_own_file(path):
+    return path.is_file() and not path.is_symlink()
 
 
 def _changes(name, facts):

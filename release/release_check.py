@@ -14,7 +14,7 @@ from pathlib import Path
 
 from packaging.utils import parse_wheel_filename
 
-from release import owner, version_check, wheels
+from release import changelog_rst, owner, version_check, wheels
 
 ROOT = Path(__file__).resolve().parent.parent
 LEFT_TO_FILL_IN = re.compile(
@@ -66,6 +66,8 @@ def main(arguments=None):
     parser.add_argument("--built", type=Path, help="check what is in this folder, and build nothing")
     options = parser.parse_args(arguments)
     found = not_filled_in() + version_check.contradictions(ROOT, options.tag)
+    if (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8") != changelog_rst.expected():
+        found.append("CHANGELOG.rst: run python -m release.changelog_rst")
     if options.tag and subprocess.check_output(["git", "status", "--porcelain"], cwd=ROOT):
         found.append("git status shows changes")
     if options.built is None:

@@ -16,7 +16,6 @@ else:
 
 ROOT = Path(__file__).resolve().parent.parent
 PLACEHOLDER = "example.org"
-NO_ADDRESS = "<address of this repository>"  # on pages, as long as there is none
 # PyPI shows these, so their links must be absolute.
 SHOWN_BY_PYPI = ("README.md", "tools/README.md", "messages/README.md")
 RELATIVE_LINK = re.compile(
@@ -98,9 +97,10 @@ def _changes(name, facts):
             (r"^(  recipe-maintainers:)(?:\n    - .*)+", accounts),
         ]
     if base.endswith(".md"):
-        address = NO_ADDRESS if PLACEHOLDER in repository else f"{repository}.git"
+        note = "  # a placeholder until the first release" if PLACEHOLDER in repository else ""
         return [
-            (rf"(git clone )(?:{NO_ADDRESS}|https://[^\s`]+)(?= (?:src/)?tf2-ros-cython\b)", address),
+            (r"(git clone )https://[^\s`]+/tf2-ros-cython\.git", f"{repository}.git"),
+            (r"^(git clone \S+\.git)  # a placeholder.*", note),
             (r"(or write to )\S+@[\w.-]+\w", facts["contact"]),
             (r"^(  url: )\S+\.git$", f"{repository}.git"),
         ]

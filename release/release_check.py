@@ -17,9 +17,7 @@ from packaging.utils import parse_wheel_filename
 from release import changelog_rst, owner, version_check, wheels
 
 ROOT = Path(__file__).resolve().parent.parent
-LEFT_TO_FILL_IN = re.compile(
-    rf"{owner.NO_ADDRESS}|https://{owner.PLACEHOLDER}/tf2|tf2-ros-cython@{owner.PLACEHOLDER}"
-)
+LEFT_TO_FILL_IN = re.compile(rf"https://{owner.PLACEHOLDER}/tf2|tf2-ros-cython@{owner.PLACEHOLDER}")
 # Of CPython on Linux and macOS: the version and ABI that an extension is for.
 EXTENSION = re.compile(r"\.cpython-(\d+t?)-[\w-]+\.so$")
 

@@ -55,11 +55,11 @@ def test_the_owners_page_is_short():
 
 def test_what_is_not_filled_in_is_named(filled_in):
     (filled_in / "release" / "owner.toml").write_text(FACTS.replace("ada@robots.example", "ada@example.org"))
-    (filled_in / "docs" / "faq.md").write_text(f"git clone {owner.NO_ADDRESS}")
+    (filled_in / "docs" / "limits.md").write_text("git clone https://example.org/tf2")
     found = release_check.not_filled_in(filled_in)
     assert "release/owner.toml: contact = 'ada@example.org'" in found
     assert "package.xml: run python -m release.owner" in found
-    assert "docs/faq.md contains a placeholder of owner.toml" in found
+    assert "docs/limits.md contains a placeholder of owner.toml" in found
 
 
 def test_each_kind_of_file_has_the_facts(filled_in):
@@ -69,8 +69,8 @@ def test_each_kind_of_file_has_the_facts(filled_in):
             '<url type="bugtracker">https://github.com/robots/tf2-ros-cython/issues<',
         ],
         "tools/pyproject.toml": ['Repository = "https://github.com/robots/tf2-ros-cython"'],
-        "README.md": ["git clone https://github.com/robots/tf2-ros-cython.git tf2-ros-cython\n"],
-        "docs/switching.md": ["git clone https://github.com/robots/tf2-ros-cython.git src/tf2-ros-cython`"],
+        "README.md": ["git clone https://github.com/robots/tf2-ros-cython.git\n"],
+        "docs/installing.md": ["git clone https://github.com/robots/tf2-ros-cython.git`"],
         "SECURITY.md": ["or write to ada@robots.example."],
         "release/distributions.md": ["  url: https://github.com/robots/tf2-ros-cython.git\n"],
     }

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import find_packages, setup
 
 ROOT = Path(__file__).resolve().parent
 
@@ -16,7 +16,7 @@ setup(
     python_requires=">=3.10",
     license="BSD-3-Clause",
     license_files=["LICENSE"],
-    packages=["tf2_ros_tools", "tf2_ros_tools.live", "tf2_ros_tools.programs"],
+    packages=find_packages(str(ROOT), include=["tf2_ros_tools*"]),
     package_data={"tf2_ros_tools": ["py.typed"]},
     include_package_data=False,
     data_files=[

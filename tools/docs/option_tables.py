@@ -17,7 +17,7 @@ sys.path.insert(0, str(DOCS.parent.parent / "docs"))
 
 import source_tables  # noqa: E402
 
-from tf2_ros_tools.program import STATUSES  # noqa: E402
+from tf2_ros_tools.common.program import STATUSES  # noqa: E402
 
 PAGES = [*DOCS.glob("*.md"), *(DOCS / "programs").glob("*.md")]
 COMMANDS = [path.stem for path in (DOCS.parent / "tf2_ros_tools" / "programs").glob("[!_]*.py")]

@@ -25,7 +25,7 @@ from tf2_py import stored_name
 from tf2_py.printable import printable
 from tf2_ros.numpy import to_matrix
 from tf2_ros.serialization import serialize_arrays
-from tf2_ros_tools.output import first_names
+from tf2_ros_tools.common.output import first_names
 
 __all__ = ["Joint", "Robot", "UrdfError", "load"]
 

@@ -18,8 +18,8 @@ from waiting import DEADLINE_S, until
 from tf2_ros import Buffer, TransformException
 from tf2_ros.records import Recording
 from tf2_ros.serialization import serialize_arrays
-from tf2_ros_tools.findings import Limits
-from tf2_ros_tools.listening import Listening
+from tf2_ros_tools.diagnosis.findings import Limits
+from tf2_ros_tools.listening.session import Listening
 from tf2_ros_tools.live import Feed, Heard, Publisher, connect
 from tf2_ros_tools.live.session import FeedSession
 

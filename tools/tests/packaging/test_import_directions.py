@@ -29,7 +29,7 @@ IMPORTS = {
 
 
 def test_modules_import_known_libraries():
-    assert "tf2_ros_tools.bag_loader" in IMPORTS
+    assert "tf2_ros_tools.recordings.bag_loader" in IMPORTS
     known = {*PACKAGES, *project_sources.PACKAGES, *LIBRARIES, *sys.stdlib_module_names}
     imported = {(name, one) for name, found in IMPORTS.items() for one in found}
     assert {(name, one) for name, one in imported if one.partition(".")[0] not in known} == set()
@@ -78,7 +78,7 @@ def test_the_tools_use_names_of_the_core_that_its_reference_lists():
     names = listed()
     assert {"tf2_ros.Buffer", "tf2_py.typing.TimeLike", "tf2_ros.numpy.to_matrix"} < names
     trees = {name: ast.parse(path.read_text(encoding="utf-8")) for name, [path] in MODULES.items()}
-    assert "tf2_py.FrameInfo" in used(trees["tf2_ros_tools.tree_picture"])
+    assert "tf2_py.FrameInfo" in used(trees["tf2_ros_tools.pictures.tree"])
     assert {name: unlisted for name, tree in trees.items() if (unlisted := used(tree) - names)} == {}
 
 

@@ -24,7 +24,7 @@ from tool_paths import TOOLS
 from tool_sources import PYPROJECT
 from waiting import DEADLINE_S, until
 
-from tf2_ros_tools.listening import Pace
+from tf2_ros_tools.listening.session import Pace
 
 pytestmark = pytest.mark.ours
 
@@ -113,7 +113,7 @@ class TestEveryProgram:
 
 def test_ctrl_c_ends_it_also_where_rclpy_makes_another_error_of_it():
     code = (
-        "import signal, sys\nfrom tf2_ros_tools.program import Parser, run\n"
+        "import signal, sys\nfrom tf2_ros_tools.common.program import Parser, run\n"
         "def work(options):\n    try:\n        signal.raise_signal(signal.SIGINT)\n"
         "    except KeyboardInterrupt:\n        raise RuntimeError('Unable to convert')\n"
         "sys.exit(run(Parser('program', '', ''), work, ['program'], interrupted=7))"
@@ -124,7 +124,7 @@ def test_ctrl_c_ends_it_also_where_rclpy_makes_another_error_of_it():
 
 def test_ctrl_c_ends_it_also_where_python_drops_an_exception():
     code = (
-        "import signal, sys\nfrom tf2_ros_tools.program import Parser, run\n"
+        "import signal, sys\nfrom tf2_ros_tools.common.program import Parser, run\n"
         "class Thing:\n    def __del__(self):\n        signal.raise_signal(signal.SIGINT)\n"
         "def work(options):\n    Thing()\n    while True:\n        sum(range(1000))\n"
         "sys.exit(run(Parser('program', '', ''), work, ['program'], interrupted=7))"

@@ -13,10 +13,10 @@ from starting_programs import running
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros_tools.bag_loader import static_transforms
-from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.common.program import UsageError
 from tf2_ros_tools.programs import tf2_bag
 from tf2_ros_tools.programs.static_transform_publisher import PARSER, read_file, transforms_of
+from tf2_ros_tools.recordings.bag_loader import static_transforms
 
 pytestmark = pytest.mark.ours
 

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
 from making_objects import transform
+from picture_texts import texts_of
 from robot_of_all_joints import ARM, description, joint_state
 from starting_programs import needs_dot, running
-from test_tree_and_heard_pictures import texts_of
 from waiting import DEADLINE_S, until
 
 from tf2_ros_tools.bag import load, save
-from tf2_ros_tools.optional_libraries import MissingLibraryError
-from tf2_ros_tools.program import RunError
+from tf2_ros_tools.common.optional_libraries import MissingLibraryError
+from tf2_ros_tools.common.program import RunError
 from tf2_ros_tools.programs.tf2_bag import PARSER, bag
 
 pytestmark = pytest.mark.ours

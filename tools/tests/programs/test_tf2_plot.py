@@ -5,8 +5,8 @@ import threading
 
 import pytest
 from making_objects import S
+from picture_texts import texts_of
 from starting_programs import ROBOT, broadcasting, ended, heard, running
-from test_tree_and_heard_pictures import texts_of
 from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours

@@ -15,8 +15,8 @@ from waiting import DEADLINE_S, until
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.relay import Relay, Rule, Threshold, read_rules
+from tf2_ros_tools.common.program import UsageError
+from tf2_ros_tools.nodes.relay import Relay, Rule, Threshold, read_rules
 
 pytestmark = pytest.mark.ours
 

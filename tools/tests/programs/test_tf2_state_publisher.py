@@ -18,7 +18,7 @@ from waiting import answered, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.state_publisher import StatePublisher
+from tf2_ros_tools.nodes.state_publisher import StatePublisher
 from tf2_ros_tools.urdf import decoded, parse
 
 pytestmark = pytest.mark.ours

@@ -4,10 +4,10 @@ import os
 import re
 
 import pytest
+from picture_texts import groups
 from starting_programs import ROBOT, broadcasting, ended, needs_dot
-from test_tree_and_heard_pictures import groups
 
-from tf2_ros_tools.output import write_whole
+from tf2_ros_tools.common.output import write_whole
 from tf2_ros_tools.programs.view_frames import output_files
 
 pytestmark = pytest.mark.ours

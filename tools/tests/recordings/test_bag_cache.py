@@ -15,9 +15,10 @@ from robot_of_all_joints import ARM, NAMES, joint_state
 
 from tf2_py.files import whole_file
 from tf2_ros import Buffer
-from tf2_ros_tools import bag, bag_cache, bag_loader
+from tf2_ros_tools import bag
 from tf2_ros_tools.programs.tf2_bag import PARSER
 from tf2_ros_tools.programs.tf2_bag import bag as tf2_bag
+from tf2_ros_tools.recordings import bag_cache, bag_loader
 
 pytestmark = pytest.mark.ours
 
@@ -39,7 +40,8 @@ def files(folder):
 def test_the_next_call_maps_the_file_of_the_first(path, cache, monkeypatch):
     loaded, first = bag.load(path), bag.load(path, cache=cache)
     [made] = files(cache)
-    monkeypatch.setattr("tf2_ros_tools.bag_loader.fill_buffer", None)  # which would read the recording
+    # It would read the recording.
+    monkeypatch.setattr("tf2_ros_tools.recordings.bag_loader.fill_buffer", None)
     second = bag.load(path, cache=str(cache))
     for one in (first, second):
         assert held(one) == held(loaded)
@@ -146,7 +148,7 @@ def test_the_target_of_a_link_may_have_any_name(path, tmp_path, cache, monkeypat
     path.symlink_to(target)
     first = bag.load(path, cache=cache)
     assert held(first) == held(bag.load(path))
-    monkeypatch.setattr("tf2_ros_tools.bag_loader.fill_buffer", None)
+    monkeypatch.setattr("tf2_ros_tools.recordings.bag_loader.fill_buffer", None)
     assert held(bag.load(path, cache=cache)) == held(first)
 
 
@@ -161,7 +163,7 @@ def test_a_link_that_is_moved_meanwhile_has_no_file(path, tmp_path, cache, monke
         return read(*arguments, **options)
 
     with monkeypatch.context() as moving:
-        moving.setattr("tf2_ros_tools.bag_loader.fill_buffer", move_and_read)
+        moving.setattr("tf2_ros_tools.recordings.bag_loader.fill_buffer", move_and_read)
         bag.load(path, cache=cache)
     assert not cache.exists()
 
@@ -181,7 +183,7 @@ def test_the_folder_of_a_recording_may_be_that_of_its_file(storage, tmp_path, mo
     folder = write_folder(tmp_path / "run", drive(20), storage)
     first = bag.load(folder, cache=folder)
     listed = files(folder)
-    monkeypatch.setattr("tf2_ros_tools.bag_loader.fill_buffer", None)
+    monkeypatch.setattr("tf2_ros_tools.recordings.bag_loader.fill_buffer", None)
     with whole_file(folder / "of another thread"):
         assert held(bag.load(folder, cache=folder)) == held(first)
         assert len(files(folder)) == len(listed) + 1

@@ -48,9 +48,9 @@ from tf2_ros import Buffer
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
 from tf2_ros_tools import bag
-from tf2_ros_tools.bag_loader import hear, wanted
-from tf2_ros_tools.bag_reader import is_static, open_recording
-from tf2_ros_tools.recording_report import report
+from tf2_ros_tools.recordings.bag_loader import hear, wanted
+from tf2_ros_tools.recordings.bag_reader import is_static, open_recording
+from tf2_ros_tools.recordings.report import report
 
 pytestmark = pytest.mark.ours
 

@@ -6,8 +6,8 @@ from making_bags import S, Sent, Tf, drive, write_mcap
 from making_objects import about_z
 
 from tf2_ros_tools.bag import load
-from tf2_ros_tools.bag_loader import hear
-from tf2_ros_tools.pose_tables import Table, as_tum, look_up_table, times_at_rate, times_when
+from tf2_ros_tools.recordings.bag_loader import hear
+from tf2_ros_tools.recordings.pose_tables import Table, as_tum, look_up_table, times_at_rate, times_when
 
 pytestmark = pytest.mark.ours
 

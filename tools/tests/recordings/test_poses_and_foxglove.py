@@ -30,12 +30,12 @@ from mcap.writer import Writer
 from robot_of_all_joints import ARM
 
 from tf2_ros_tools import bag
-from tf2_ros_tools.bag_loader import hear, wanted
-from tf2_ros_tools.program import RunError
+from tf2_ros_tools.common.program import RunError
+from tf2_ros_tools.diagnosis.texts import line_of
 from tf2_ros_tools.programs.tf2_bag import PARSER
 from tf2_ros_tools.programs.tf2_bag import bag as tf2_bag
-from tf2_ros_tools.recording_report import report
-from tf2_ros_tools.stream_and_finding_texts import line_of
+from tf2_ros_tools.recordings.bag_loader import hear, wanted
+from tf2_ros_tools.recordings.report import report
 
 pytestmark = pytest.mark.ours
 

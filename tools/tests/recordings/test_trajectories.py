@@ -12,7 +12,7 @@ from pickles_and_copies import held
 
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag
-from tf2_ros_tools.pose_tables import as_tum, look_up_table
+from tf2_ros_tools.recordings.pose_tables import as_tum, look_up_table
 
 pytestmark = pytest.mark.ours
 

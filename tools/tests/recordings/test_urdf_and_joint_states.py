@@ -19,9 +19,9 @@ from robot_of_all_joints import (
 
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf
-from tf2_ros_tools.bag_loader import hear, wanted
-from tf2_ros_tools.recording_report import report
-from tf2_ros_tools.stream_and_finding_texts import line_of
+from tf2_ros_tools.diagnosis.texts import line_of
+from tf2_ros_tools.recordings.bag_loader import hear, wanted
+from tf2_ros_tools.recordings.report import report
 
 pytestmark = pytest.mark.ours
 
@@ -345,7 +345,7 @@ class TestRecordings:
         assert "broadcaster: '/joint_states'" in buffer.all_frames_as_yaml()
 
     def test_more_states_than_a_batch_holds_are_in_order(self, tmp_path, monkeypatch):
-        monkeypatch.setattr("tf2_ros_tools.joints_and_poses.BATCH", 7)
+        monkeypatch.setattr("tf2_ros_tools.recordings.joints_and_poses.BATCH", 7)
         messages, stamps, values = states(100)
         path = write_mcap(tmp_path / "run.mcap", messages)
         check(bag.load(path, urdf=ARM), stamps, values)

@@ -5,7 +5,7 @@ import signal
 
 from distributed import WorkerPlugin
 
-from tf2_ros_tools import map_recordings
+from tf2_ros_tools.recordings import map_recordings
 
 
 class Deadly(WorkerPlugin):

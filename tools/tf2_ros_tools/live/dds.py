@@ -32,6 +32,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from tf2_py.printable import printable
+from tf2_ros_tools.common.output import first_names
 from tf2_ros_tools.live.wire import (
     DISCOVERY_S,
     TYPE,
@@ -43,7 +44,6 @@ from tf2_ros_tools.live.wire import (
     WireThread,
     refuse_options,
 )
-from tf2_ros_tools.output import first_names
 
 log = logging.getLogger("tf2_ros_tools.live")
 

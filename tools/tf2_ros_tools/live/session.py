@@ -8,16 +8,16 @@ from contextlib import contextmanager
 
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
-from tf2_ros_tools.findings import Finding
+from tf2_ros_tools.common.output import counted
+from tf2_ros_tools.common.program import RunError, UsageError
+from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.live import connect
 from tf2_ros_tools.live.feed import Feed
 from tf2_ros_tools.live.wire import DISCOVERY_S
-from tf2_ros_tools.output import counted
-from tf2_ros_tools.program import RunError, UsageError
 
 
 class FeedSession:
-    """A :class:`~tf2_ros_tools.listening.Session` of a feed."""
+    """A :class:`~tf2_ros_tools.listening.session.Session` of a feed."""
 
     def __init__(self, feed: Feed, where: str, recording: Recording | None) -> None:
         self.feed, self.buffer = feed, feed.buffer
@@ -80,7 +80,7 @@ def live_session(
     topics: tuple[str, str],
     cache_time: float | None = None,
 ) -> Iterator[FeedSession]:
-    """A session of a robot, see :func:`tf2_ros_tools.session_choice.session`."""
+    """A session of a robot, see :func:`tf2_ros_tools.listening.session_choice.session`."""
     try:
         feed = connect(
             where,

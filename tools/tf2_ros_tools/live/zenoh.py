@@ -19,8 +19,8 @@ from xxhash import xxh3_128_digest
 from zenoh import ext
 from zenoh.handlers import FifoChannel
 
+from tf2_ros_tools.common.output import first_names
 from tf2_ros_tools.live.wire import TYPE, Address, End, Publisher, Sender, Take, WireThread, refuse_options
-from tf2_ros_tools.output import first_names
 
 log = logging.getLogger("tf2_ros_tools.live")
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from tf2_py.printable import printable
-from tf2_ros_tools.output import counted
-from tf2_ros_tools.program import SUCCESS, Parser, RunError, UsageError, finite_number, run
-from tf2_ros_tools.yaml_files import Key, frame_name, number_in, read_keys, read_list
+from tf2_ros_tools.common.output import counted
+from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, finite_number, run
+from tf2_ros_tools.common.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
@@ -113,8 +113,8 @@ def transforms_of(options: Namespace) -> list[TransformStamped]:
 
 
 def _recorded(options: Namespace) -> list[TransformStamped]:
-    from tf2_ros_tools.bag_loader import static_transforms
-    from tf2_ros_tools.bag_reader import BagError
+    from tf2_ros_tools.recordings.bag_loader import static_transforms
+    from tf2_ros_tools.recordings.bag_reader import BagError
 
     try:
         transforms, left_out = static_transforms(options.recording)
@@ -127,10 +127,10 @@ def _recorded(options: Namespace) -> list[TransformStamped]:
 
 def publish(options: Namespace) -> NoReturn:
     """Publish until interrupted."""
-    from tf2_ros_tools.spun_node import spun_node
+    from tf2_ros_tools.nodes.spun_node import spun_node
 
     from tf2_ros import StaticTransformBroadcaster
-    from tf2_ros_tools.listening import wait
+    from tf2_ros_tools.listening.session import wait
 
     transforms = transforms_of(options)
     # Many of them run on one robot.

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tf2_py.printable import printable
-from tf2_ros_tools.optional_libraries import require
-from tf2_ros_tools.output import counted, first_names, show, show_json, three_digits, write_whole
-from tf2_ros_tools.program import (
+from tf2_ros_tools.common.optional_libraries import require
+from tf2_ros_tools.common.output import counted, first_names, show, show_json, three_digits, write_whole
+from tf2_ros_tools.common.program import (
     FAILURE,
     SUCCESS,
     Parser,
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from argparse import _MutuallyExclusiveGroup
 
     from tf2_py import Hop
-    from tf2_ros_tools.bag_loader import Heard, Topics, Urdf
-    from tf2_ros_tools.bag_reader import RecordedTopic
-    from tf2_ros_tools.recording_report import Report
-    from tf2_ros_tools.stream_statistics import Stream
+    from tf2_ros_tools.diagnosis.stream_statistics import Stream
+    from tf2_ros_tools.recordings.bag_loader import Heard, Topics, Urdf
+    from tf2_ros_tools.recordings.bag_reader import RecordedTopic
+    from tf2_ros_tools.recordings.report import Report
 
 DESCRIPTION = """\
 Answer questions about recorded transforms, without ROS: what a recording contains, what is wrong with it, \
@@ -79,14 +79,14 @@ usage."""
 
 def _topics_of(options: Namespace) -> Topics:
     """Get the topics to read."""
-    from tf2_ros_tools.bag_loader import TOPICS
+    from tf2_ros_tools.recordings.bag_loader import TOPICS
 
     return TOPICS if options.topics is None else dict(options.topics)
 
 
 def _robots_of(options: Namespace) -> dict[str, Urdf]:
     """Get the robots whose transforms are computed from joint states, by the topics with these."""
-    from tf2_ros_tools.bag_loader import JOINT_STATES
+    from tf2_ros_tools.recordings.bag_loader import JOINT_STATES
     from tf2_ros_tools.urdf import load
 
     robots: dict[str, Urdf] = {}
@@ -106,7 +106,7 @@ def _heard_of(options: Namespace, at: str | None = None) -> Heard:
 
     :param at: a topic whose stamps are read, too.
     """
-    from tf2_ros_tools.bag_loader import without_stamps
+    from tf2_ros_tools.recordings.bag_loader import without_stamps
 
     heard = _read(options, at=at)
     for text in (*heard.left_out, *without_stamps(heard.buffer)):
@@ -120,7 +120,7 @@ def _judged_of(options: Namespace) -> Heard:
 
 
 def _read(options: Namespace, **how: Any) -> Heard:
-    from tf2_ros_tools.bag_loader import hear, wanted
+    from tf2_ros_tools.recordings.bag_loader import hear, wanted
 
     what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
     return hear(options.file, what, **how)
@@ -131,9 +131,9 @@ def _read(options: Namespace, **how: Any) -> Heard:
 
 def info(options: Namespace) -> int:
     """Print the contents of a recording; return the exit status."""
-    from tf2_ros_tools.bag_reader import open_recording
-    from tf2_ros_tools.recording_report import report
-    from tf2_ros_tools.stream_and_finding_texts import lines_of, stream_line
+    from tf2_ros_tools.diagnosis.texts import lines_of, stream_line
+    from tf2_ros_tools.recordings.bag_reader import open_recording
+    from tf2_ros_tools.recordings.report import report
 
     with open_recording(options.file) as recorded:
         topics = sorted(recorded.topics.values(), key=lambda topic: topic.name)
@@ -159,9 +159,9 @@ def info(options: Namespace) -> int:
 
 def check(options: Namespace) -> int:
     """Print the problems of a recording; return the exit status."""
-    from tf2_ros_tools.findings import expected_by
-    from tf2_ros_tools.recording_report import LIMITS, report
-    from tf2_ros_tools.stream_and_finding_texts import conclude
+    from tf2_ros_tools.diagnosis.findings import expected_by
+    from tf2_ros_tools.diagnosis.texts import conclude
+    from tf2_ros_tools.recordings.report import LIMITS, report
 
     expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
@@ -201,7 +201,7 @@ def _size_of(path: str) -> int:
 def lookup(options: Namespace) -> int:
     """Look up, and write a table; return the exit status."""
     from tf2_py import TransformException
-    from tf2_ros_tools import pose_tables
+    from tf2_ros_tools.recordings import pose_tables
 
     kind = "csv" if options.output is None else format_of(options.output)
     if kind == "parquet":
@@ -238,7 +238,7 @@ def lookup(options: Namespace) -> int:
 def explain(options: Namespace) -> int:
     """Print which samples the answer of a lookup is made of; return the exit status."""
     from tf2_py import TransformException
-    from tf2_ros_tools import pose_tables
+    from tf2_ros_tools.recordings import pose_tables
 
     heard = _heard_of(options)
     target, source = options.target, options.source
@@ -254,7 +254,7 @@ def _publishers(heard: Heard, hops: Sequence[Hop]) -> Iterator[str]:
     """Say who has sent the samples of each frame with several publishers."""
     import numpy as np
 
-    from tf2_ros_tools.stream_statistics import taken
+    from tf2_ros_tools.diagnosis.stream_statistics import taken
 
     records = taken(heard.records)
     for hop in hops:
@@ -272,7 +272,7 @@ def _publishers(heard: Heard, hops: Sequence[Hop]) -> Iterator[str]:
 
 def statics(options: Namespace) -> int:
     """Print the static transforms as a file for static_transform_publisher; return the exit status."""
-    from tf2_ros_tools.bag_loader import static_transforms
+    from tf2_ros_tools.recordings.bag_loader import static_transforms
 
     transforms, left_out = static_transforms(options.file, _topics_of(options))
     for text in left_out:
@@ -293,7 +293,7 @@ def statics(options: Namespace) -> int:
 
 def batch(options: Namespace) -> int:
     """Make the tables of many recordings; return the exit status."""
-    from tf2_ros_tools.map_recordings import map_recordings
+    from tf2_ros_tools.recordings.map_recordings import map_recordings
 
     target, source = options.lookup
     try:
@@ -325,7 +325,7 @@ def batch(options: Namespace) -> int:
 
 def freeze(options: Namespace) -> int:
     """Write the transforms to a file that processes map; return the exit status."""
-    from tf2_ros_tools.bag_loader import load
+    from tf2_ros_tools.recordings.bag_loader import load
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -352,8 +352,8 @@ SHORTEST_S = 1.0  # of a picture; one message has no length
 
 def tree(options: Namespace) -> int:
     """Print the tree of frames, or draw it; return the exit status."""
-    from tf2_ros_tools.recording_report import report
-    from tf2_ros_tools.tree_picture import drawn, tree_dot
+    from tf2_ros_tools.pictures.tree import drawn, tree_dot
+    from tf2_ros_tools.recordings.report import report
 
     if options.output is not None:
         require("graphviz", "cli")
@@ -371,10 +371,10 @@ def tree(options: Namespace) -> int:
 
 def plot(options: Namespace) -> int:
     """Plot receptions or a path; return the exit status."""
-    from tf2_ros_tools.heard_picture import heard_picture
-    from tf2_ros_tools.path_picture import path_picture
-    from tf2_ros_tools.picture_style import refuse_plot, write_plot
-    from tf2_ros_tools.recording_report import report
+    from tf2_ros_tools.pictures.heard import heard_picture
+    from tf2_ros_tools.pictures.path import path_picture
+    from tf2_ros_tools.pictures.style import refuse_plot, write_plot
+    from tf2_ros_tools.recordings.report import report
 
     refuse_plot(options)
     heard = _heard_of(options)

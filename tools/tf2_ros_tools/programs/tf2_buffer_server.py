@@ -5,7 +5,7 @@ from argparse import Namespace
 from functools import partial
 from typing import Any, NoReturn
 
-from tf2_ros_tools.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
+from tf2_ros_tools.common.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
 
 DEFAULT_BUFFER_SIZE_S = 120.0
 
@@ -21,12 +21,12 @@ PARSER = Parser(
 
 def serve(options: Namespace) -> NoReturn:
     """Serve until interrupted."""
-    from tf2_ros_tools.spun_node import spun_node
+    from tf2_ros_tools.nodes.spun_node import spun_node
 
     from rcl_interfaces.msg import ParameterDescriptor
 
     from tf2_ros import Buffer, BufferServer, TransformListener
-    from tf2_ros_tools.listening import wait
+    from tf2_ros_tools.listening.session import wait
 
     summary = "how far each frame's history reaches back, in seconds"
     with spun_node("tf_buffer", options) as node:

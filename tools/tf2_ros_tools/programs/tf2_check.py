@@ -4,8 +4,8 @@ import sys
 from argparse import Namespace
 from functools import partial
 
-from tf2_ros_tools.output import counted
-from tf2_ros_tools.program import Parser, add_check_options, add_live_option, positive_number, run
+from tf2_ros_tools.common.output import counted
+from tf2_ros_tools.common.program import Parser, add_check_options, add_live_option, positive_number, run
 
 PARSER = Parser(
     "tf2_check",
@@ -38,9 +38,9 @@ add_live_option(PARSER)
 
 def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
-    from tf2_ros_tools.findings import Limits, expected_by
-    from tf2_ros_tools.session_choice import listening
-    from tf2_ros_tools.stream_and_finding_texts import conclude
+    from tf2_ros_tools.diagnosis.findings import Limits, expected_by
+    from tf2_ros_tools.diagnosis.texts import conclude
+    from tf2_ros_tools.listening.session_choice import listening
 
     expected = expected_by(options.expect)
     limits = Limits(min_rate=options.min_rate, max_delay=options.max_delay)

@@ -12,8 +12,8 @@ from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from tf2_py.printable import printable
-from tf2_ros_tools.output import first_names, show, show_json
-from tf2_ros_tools.program import (
+from tf2_ros_tools.common.output import first_names, show, show_json
+from tf2_ros_tools.common.program import (
     FAILURE,
     SUCCESS,
     Parser,
@@ -24,14 +24,14 @@ from tf2_ros_tools.program import (
     positive_number,
     run,
 )
-from tf2_ros_tools.roll_pitch_yaw import rpy_from_matrices
+from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
     from rclpy.qos import QoSProfile
 
     from tf2_py import TransformException
-    from tf2_ros_tools.listening import Session
+    from tf2_ros_tools.listening.session import Session
 
 S = 1_000_000_000  # ns
 LATEST = 0  # the time that asks for the latest transform
@@ -108,8 +108,8 @@ add_live_option(PARSER)
 def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
     from tf2_py import TransformException
-    from tf2_ros_tools.listening import Pace
-    from tf2_ros_tools.session_choice import session
+    from tf2_ros_tools.listening.session import Pace
+    from tf2_ros_tools.listening.session_choice import session
 
     if None not in (options.rate, options.old_rate):
         raise UsageError("expected RATE or -r RATE, got both")

@@ -11,14 +11,14 @@ from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
 
-from tf2_ros_tools.optional_libraries import require
-from tf2_ros_tools.output import counted, show, show_json, three_digits
-from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, RunError, positive_number, run
+from tf2_ros_tools.common.optional_libraries import require
+from tf2_ros_tools.common.output import counted, show, show_json, three_digits
+from tf2_ros_tools.common.program import FAILURE, SUCCESS, Parser, RunError, positive_number, run
 
 if TYPE_CHECKING:
+    from tf2_ros_tools.diagnosis.stream_statistics import Stream
     from tf2_ros_tools.live.feed import Heard
     from tf2_ros_tools.live.wire import Publisher
-    from tf2_ros_tools.stream_statistics import Stream
 
 LISTEN_S = 5.0  # after which DDS has found all publishers
 
@@ -53,8 +53,8 @@ PARSER.add_argument("--json", action="store_true", help="print the result as one
 def live(options: Namespace) -> int:
     """Listen, and print what has arrived; return the exit status."""
     from tf2_ros.records import Recording
-    from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.listening import TOPICS, Listening
+    from tf2_ros_tools.diagnosis.findings import Limits
+    from tf2_ros_tools.listening.session import TOPICS, Listening
     from tf2_ros_tools.live.session import live_session
 
     if options.output is not None:
@@ -87,7 +87,7 @@ def live(options: Namespace) -> int:
             lines = _lines(topics, publishers, streams)
             show(*lines, *_clock(feed.clock_offset), *([silence] if silence else []))
         if options.output is not None:
-            from tf2_ros_tools.saved_buffers import save
+            from tf2_ros_tools.recordings.saved_buffers import save
 
             save(session.buffer, options.output)
     return FAILURE if silence else SUCCESS

@@ -12,8 +12,8 @@ from importlib.util import find_spec
 from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
-from tf2_ros_tools.output import counted, show, show_json
-from tf2_ros_tools.program import (
+from tf2_ros_tools.common.output import counted, show, show_json
+from tf2_ros_tools.common.program import (
     EXIT_STATUS,
     SUCCESS,
     Parser,
@@ -24,8 +24,8 @@ from tf2_ros_tools.program import (
 )
 
 if TYPE_CHECKING:
-    from tf2_ros_tools.listening import Listening, Report
-    from tf2_ros_tools.stream_statistics import Stream
+    from tf2_ros_tools.diagnosis.stream_statistics import Stream
+    from tf2_ros_tools.listening.session import Listening, Report
 
 INTERVAL_S = 10.0  # as in tf2's program
 WINDOW_S = 10.0  # the figures are of this long before a report
@@ -53,8 +53,8 @@ add_live_option(PARSER)
 
 def monitor(options: Namespace) -> int:
     """Report until interrupted; return the exit status."""
-    from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.session_choice import listening
+    from tf2_ros_tools.diagnosis.findings import Limits
+    from tf2_ros_tools.listening.session_choice import listening
 
     ends = _ends(options.frames)
     with listening("tf2_monitor", options, WINDOW_S) as heard:
@@ -64,14 +64,14 @@ def monitor(options: Namespace) -> int:
             return heard.report(Limits(), ends=ends)
 
         if not options.json and options.interval is None and _has_screen():
-            from tf2_ros_tools.monitor_screen import show_screen
+            from tf2_ros_tools.pictures.monitor_screen import show_screen
 
             return show_screen(look, heard.where)
         _print_reports(heard, look, options)
 
 
 def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> NoReturn:
-    from tf2_ros_tools.listening import Pace
+    from tf2_ros_tools.listening.session import Pace
 
     interval_s = INTERVAL_S if options.interval is None else options.interval
     what = " -> ".join(options.frames) or "all frames"

@@ -5,8 +5,8 @@ import time
 from argparse import Namespace
 from functools import partial
 
-from tf2_ros_tools.output import counted, show
-from tf2_ros_tools.program import (
+from tf2_ros_tools.common.output import counted, show
+from tf2_ros_tools.common.program import (
     SUCCESS,
     Parser,
     RunError,
@@ -49,12 +49,12 @@ add_live_option(PARSER)
 
 def plot(options: Namespace) -> int:
     """Listen and plot; return the exit status."""
-    from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.heard_picture import heard_picture
+    from tf2_ros_tools.diagnosis.findings import Limits
+    from tf2_ros_tools.listening.session_choice import listening
     from tf2_ros_tools.live.wire import DISCOVERY_S
-    from tf2_ros_tools.path_picture import path_picture
-    from tf2_ros_tools.picture_style import refuse_plot, write_plot
-    from tf2_ros_tools.session_choice import listening
+    from tf2_ros_tools.pictures.heard import heard_picture
+    from tf2_ros_tools.pictures.path import path_picture
+    from tf2_ros_tools.pictures.style import refuse_plot, write_plot
 
     refuse_plot(options)
     heard_s = options.t + (LEAD_S if options.live is None else DISCOVERY_S)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from tf2_py.printable import printable
-from tf2_ros_tools.program import EXIT_STATUS, SUCCESS, Parser, run
+from tf2_ros_tools.common.program import EXIT_STATUS, SUCCESS, Parser, run
 
 DESCRIPTION = """\
 Send chosen transforms to other topics, by the rules in a YAML file, until interrupted. A rule can lower \
@@ -46,9 +46,9 @@ PARSER.add_argument("rules", metavar="FILE", type=Path, help="the YAML file with
 
 def relay(options: Namespace) -> NoReturn:
     """Relay until interrupted."""
-    from tf2_ros_tools.spun_node import spun_node
+    from tf2_ros_tools.nodes.spun_node import spun_node
 
-    from tf2_ros_tools.relay import Relaying
+    from tf2_ros_tools.nodes.relay import Relaying
 
     with spun_node("tf2_relay", options) as node, ExitStack() as stack:
         relaying = Relaying(node, options.rules, stack)

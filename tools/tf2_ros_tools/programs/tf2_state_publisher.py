@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from tf2_ros_tools.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
+from tf2_ros_tools.common.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
 
 DESCRIPTION = """\
 Publish a robot's transforms until interrupted: fixed joints on /tf_static, and movable joints on /tf, for \
@@ -33,10 +33,10 @@ PARSER.add_argument(
 
 def publish(options: Namespace) -> NoReturn:
     """Publish until interrupted."""
-    from tf2_ros_tools.spun_node import spun_node
+    from tf2_ros_tools.nodes.spun_node import spun_node
 
-    from tf2_ros_tools.listening import wait
-    from tf2_ros_tools.state_publisher import StatePublisher
+    from tf2_ros_tools.listening.session import wait
+    from tf2_ros_tools.nodes.state_publisher import StatePublisher
     from tf2_ros_tools.urdf import decoded
 
     description = ""

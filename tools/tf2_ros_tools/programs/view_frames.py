@@ -6,9 +6,9 @@ from argparse import Namespace
 from functools import partial
 from os.path import splitext
 
-from tf2_ros_tools.optional_libraries import require
-from tf2_ros_tools.output import counted, show, write_whole
-from tf2_ros_tools.program import (
+from tf2_ros_tools.common.optional_libraries import require
+from tf2_ros_tools.common.output import counted, show, write_whole
+from tf2_ros_tools.common.program import (
     SUCCESS,
     Parser,
     RunError,
@@ -74,10 +74,10 @@ def output_files(name: str) -> tuple[str, str, str]:
 
 def view(options: Namespace) -> int:
     """Listen, and print or draw the tree; return the exit status."""
-    from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.session_choice import listening
-    from tf2_ros_tools.stream_and_finding_texts import line_of
-    from tf2_ros_tools.tree_picture import drawn, tree_dot
+    from tf2_ros_tools.diagnosis.findings import Limits
+    from tf2_ros_tools.diagnosis.texts import line_of
+    from tf2_ros_tools.listening.session_choice import listening
+    from tf2_ros_tools.pictures.tree import drawn, tree_dot
 
     is_drawn = options.output is not None or not options.text
     if is_drawn:

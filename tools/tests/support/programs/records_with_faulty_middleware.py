@@ -6,7 +6,7 @@ Prints a line of JSON: when the transforms were received, and what a report says
 """
 
 # First, as in the programs of the project.
-from tf2_ros_tools.node_session import NodeSession, filled_buffer
+from tf2_ros_tools.nodes.node_session import NodeSession, filled_buffer
 
 import json
 import sys
@@ -15,9 +15,9 @@ import rclpy
 from waiting import until
 
 from tf2_ros.records import Recording
-from tf2_ros_tools.findings import Limits
-from tf2_ros_tools.listening import TOPICS, Listening
-from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.common.program import UsageError
+from tf2_ros_tools.diagnosis.findings import Limits
+from tf2_ros_tools.listening.session import TOPICS, Listening
 
 
 def record(node, messages):

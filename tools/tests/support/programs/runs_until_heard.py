@@ -15,8 +15,8 @@ from importlib import import_module
 
 from waiting import until
 
-from tf2_ros_tools.findings import Limits
-from tf2_ros_tools.listening import Listening
+from tf2_ros_tools.diagnosis.findings import Limits
+from tf2_ros_tools.listening.session import Listening
 
 
 def main(condition, name, *arguments):

@@ -1,0 +1,30 @@
+"""What the commands hear of publishers."""
+
+from tf2_ros_tools.nodes.node_session import NodeSession, filled_buffer
+
+from making_objects import S
+from waiting import until
+
+from tf2_ros.records import Recording
+from tf2_ros_tools.diagnosis.findings import Limits
+from tf2_ros_tools.listening.session import TOPICS, Listening
+
+
+def test_a_publisher_keeps_its_name_when_it_has_ended(node, peer):
+    recording = Recording()
+    with filled_buffer(node, recording) as buffer:
+        heard = Listening(NodeSession(node, buffer, TOPICS), recording, None)
+        talker = peer("-r", "__node:=short_lived")
+
+        def known():
+            # Sent again, until it was discovered. A report would look it up, too.
+            talker.send(("map", "odom", S, 0.0))
+            heard.drain()
+            publishers = set(heard._recording.publishers())
+            return publishers and heard.session.names.keys() >= publishers
+
+        until(known)
+        talker.end()
+        until(lambda: not node.get_publishers_info_by_topic("/tf"))
+        [one] = heard.report(Limits()).streams
+        assert one.publisher == "/short_lived"

@@ -1,0 +1,221 @@
+"""The table of tf2_monitor on terminals of several sizes, and its keys."""
+
+import asyncio
+import math
+import os
+import re
+import signal
+import sys
+import termios
+import time
+from dataclasses import replace
+from itertools import takewhile
+
+import pytest
+from making_objects import S
+from waiting import DEADLINE_S
+
+pytest.importorskip("pexpect")
+pytest.importorskip("pyte")
+pytest.importorskip("textual")
+
+import pexpect
+from terminals import Terminal
+from textual.widgets import DataTable
+
+from tf2_ros_tools.diagnosis.stream_statistics import Stream
+from tf2_ros_tools.listening.session import Report
+from tf2_ros_tools.pictures.monitor_screen import _Screen
+
+pytestmark = pytest.mark.ours
+
+NAMES = [f"front_left_wheel_{number:02}" for number in range(20)]
+TOPICS = ("-r", "/tf:=/tf_screen", "-r", "/tf_static:=/tf_static_screen")
+DOWN, ESCAPE, CTRL_C, BACK_TAB, END = "\x1b[B", "\x1b", "\x03", "\x1b[Z", "\x1b[F"
+
+
+def monitor(size, *arguments):
+    return Terminal(*size, "tf2_monitor", *arguments, "--ros-args", *TOPICS)
+
+
+@pytest.fixture
+def talker(peer):
+    """Sends static transforms of many frames, which wait for the monitor."""
+    talker = peer(*TOPICS)
+    talker.send_without_subscriber(*(("base_link", name, S, 1.0) for name in NAMES), static=True)
+    return talker
+
+
+def joined(lines):
+    """The text of the screen, with folded lines put together."""
+    return " ".join(" ".join(lines).split())
+
+
+def names(lines):
+    """The names of the frames that are shown, in their order; none if there is not one line of titles."""
+    titles = [number for number, line in enumerate(lines) if re.match(r" frame +Hz\b", line)]
+    below = lines[titles[0] + 1 :] if len(titles) == 1 else []
+    return [row.split()[0] for row in takewhile(re.compile(r" \w+ +(static|[\d.]+|\?)( |$)").match, below)]
+
+
+@pytest.mark.parametrize("size", [(120, 30), (45, 24)], ids=str)
+def test_names_are_whole_and_all_frames_are_within_reach(size, talker):
+    with monitor(size) as terminal:
+        for name in NAMES:
+            terminal.shows(lambda lines, name=name: name in names(lines))
+            terminal.press(DOWN)
+
+
+def test_the_chosen_row_stays_in_view_when_an_update_comes_beside_a_key():
+    """At whichever step of one the other comes."""
+    stream = Stream("", "base_link", "/peer", 0, True, 1, *10 * [None])
+    report = Report(0.0, [replace(stream, frame=name) for name in NAMES], [], [], None, 0)
+
+    async def play():
+        screen = _Screen(lambda: report, "")
+        async with screen.run_test(size=(45, 24)) as pilot:
+            table = screen.query_one(DataTable)
+            last = table.scrollable_content_region.height - 2  # below the titles
+            for turns in range(12):
+                for row in (0, last):
+                    table.move_cursor(row=row)
+                    await pilot.pause()
+                screen._update()
+                for _ in range(turns):
+                    await asyncio.sleep(0)
+                screen.simulate_key("down")
+                await pilot.pause()
+                await pilot.pause()
+                yield turns, table.cursor_row - last, table.scroll_offset.y
+
+    async def shown():
+        return [one async for one in play()]
+
+    assert asyncio.run(shown()) == [(turns, 1, 1) for turns in range(12)]
+
+
+class TestKeys:
+    def test_sorting_by_name_delay_and_rate(self, peer):
+        talker = peer(*TOPICS)
+        with monitor((80, 24)) as terminal:
+            terminal.shows(lambda lines: " Hz " in joined(lines))
+
+            def order(lines):
+                now = time.time_ns()
+                talker.send(("map", "b", now - 5 * S, 1.0), ("b", "c", now, 1.0), ("b", "a", now - S, 1.0))
+                talker.send(("b", "a", now - S, 1.0), ("b", "c", now, 1.0))
+                talker.send(("b", "a", now - S, 1.0))
+                return "".join(names(lines))
+
+            for key, wanted in (("n", "abc"), ("n", "cba"), ("d", "bac"), ("d", "cab"), ("r", "acb")):
+                terminal.press(key)
+                terminal.shows(lambda lines, wanted=wanted: order(lines) == wanted)
+            terminal.shows(lambda lines: "by rate" in joined(lines[:2]))
+
+    def test_frames_with_problems_are_first(self, talker, peer):
+        other = peer(*TOPICS)
+        other.send_without_subscriber(("base_link", NAMES[-1], S, 1.0), static=True)
+        with monitor((80, 24)) as terminal:
+            terminal.shows(lambda lines: names(lines)[:3] == [NAMES[-1], NAMES[-1], NAMES[0]])
+            text = f"{NAMES[-1]} is published by 2 publishers: /peer (twice)"
+            terminal.shows(lambda lines: text in joined(lines))
+            terminal.press("n")
+            terminal.shows(lambda lines: names(lines)[:3] == NAMES[:3])
+            terminal.press("t")
+            terminal.shows(lambda lines: names(lines)[:3] == [NAMES[-1], NAMES[-1], NAMES[0]])
+
+    def test_a_filter_is_set_and_removed(self, talker):
+        with monitor((80, 24)) as terminal:
+            terminal.shows(lambda lines: len(names(lines)) >= 8)
+            terminal.press("/WHEEL_1")
+            terminal.shows(lambda lines: names(lines) == NAMES[10:])
+            terminal.press(ESCAPE)
+            terminal.shows(lambda lines: NAMES[8] in names(lines))
+
+    @pytest.mark.parametrize("how", ["q", CTRL_C, "/" + CTRL_C, signal.SIGINT, signal.SIGTERM])
+    def test_it_ends_and_the_terminal_is_as_before(self, how, talker):
+        with monitor((80, 24)) as terminal:
+            before = termios.tcgetattr(terminal.process.child_fd)
+            terminal.shows(names)
+            assert termios.tcgetattr(terminal.process.child_fd) != before
+            terminal.press(how) if isinstance(how, str) else terminal.process.kill(how)
+            assert terminal.ended() == 0
+            assert "Traceback" not in terminal.process.before
+            assert termios.tcgetattr(terminal.process.child_fd) == before
+
+    def test_an_error_in_it_fails(self):
+        program = (
+            "import sys; from tf2_ros_tools.pictures.monitor_screen import show_screen; "
+            "sys.exit(show_screen(lambda: 1 / 0, ''))"
+        )
+        environment = {**os.environ, "TERM": "xterm-256color"}
+        failing = pexpect.spawn(sys.executable, ["-c", program], env=environment, timeout=DEADLINE_S)
+        failing.expect("ZeroDivisionError")
+        failing.expect(pexpect.EOF)
+        failing.wait()
+        assert failing.exitstatus == 1
+
+    def test_the_end_of_the_reception_ends_it_with_the_reason(self):
+        program = """
+import sys
+from tf2_ros_tools.listening.session import Report
+from tf2_ros_tools.pictures.monitor_screen import show_screen
+from tf2_ros_tools.common.program import Parser, RunError, run
+
+reports = iter([Report(0.0, [], [], [], None, 0)])
+
+def look():
+    for report in reports:
+        return report
+    raise RunError("the robot has gone")
+
+sys.exit(run(Parser("tf2_monitor", "", ""), lambda _: show_screen(look, "")))
+"""
+        environment = {**os.environ, "TERM": "xterm-256color"}
+        ending = pexpect.spawn(sys.executable, ["-c", program], env=environment, timeout=DEADLINE_S)
+        ending.expect("tf2_monitor: the robot has gone")
+        ending.expect(pexpect.EOF)
+        ending.wait()
+        assert ending.exitstatus == 1 and b"Traceback" not in ending.before
+
+
+class TestPanes:
+    BROKEN = [f"broken_{number:02}" for number in range(30)]
+
+    @pytest.fixture
+    def broken(self, peer):
+        """Sends static transforms that all buffers refuse, so that no frame of them has a row."""
+        broken = peer(*TOPICS)
+        broken.send_without_subscriber(*(("map", name, S, math.nan) for name in self.BROKEN), static=True)
+
+    def test_problems_without_a_row_are_scrolled(self, talker, broken):
+        with monitor((80, 24)) as terminal:
+            terminal.shows(lambda lines: "1 transform of broken_00 " in joined(lines) and names(lines))
+            assert "broken_29" not in joined(terminal.lines)
+            terminal.press(2 * BACK_TAB + END)  # over the filter
+            terminal.shows(lambda lines: "1 transform of broken_29 " in joined(lines))
+
+    def test_log_lines_are_written_at_the_end(self, talker):
+        with monitor((80, 24)) as terminal:
+
+            def is_refused(lines):
+                talker.send(("base_link", "broken", time.time_ns(), math.nan))
+                return re.search(r"\d\d transforms of broken by /peer are refused", joined(lines))
+
+            terminal.shows(names)  # from here on, log lines are kept
+            terminal.shows(is_refused)
+            assert "TF_NAN_INPUT" not in joined(terminal.lines)
+            terminal.press("q")
+            assert terminal.ended() == 0 and "TF_NAN_INPUT" in terminal.process.before
+
+    def test_two_frames_show_their_chain_and_what_is_on_it(self, talker):
+        with monitor((80, 24), "map", NAMES[3]) as terminal:
+            talker.send(("map", "base_link", time.time_ns(), 1.0))
+            terminal.shows(lambda lines: f"map -> base_link -> {NAMES[3]}: " in lines[0])
+            terminal.shows(lambda lines: {*names(lines)} == {"base_link", NAMES[3]})
+
+    def test_a_name_is_not_markup(self, peer):
+        talker = peer(*TOPICS)
+        talker.send_without_subscriber(("[bold]map[/bold]", "[red]arm", S, 1.0), static=True)
+        with monitor((80, 24)) as terminal:
+            terminal.shows(lambda lines: any(re.match(r" \[red\]arm +static +\[bold\]map", o) for o in lines))

@@ -1,0 +1,3 @@
+"""Parse command lines, format output, read files and report missing libraries, for all other folders."""
+
+__all__: list[str] = []

@@ -1,0 +1,191 @@
+"""
+Draw the path of a frame, from above and as components over time.
+
+The functions that draw import matplotlib.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_py import TransformException, stored_name
+from tf2_ros.numpy import to_matrix
+from tf2_ros_tools.common.program import RunError
+from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
+from tf2_ros_tools.diagnosis.findings import Limits, longest_interval
+from tf2_ros_tools.diagnosis.stream_statistics import Stream, moving_on, newest_streams, stamps_on
+from tf2_ros_tools.pictures.style import (
+    BLUE,
+    GAP,
+    GREEN,
+    ORANGE,
+    VERMILION,
+    Records,
+    label,
+    show_times,
+    style,
+)
+from tf2_ros_tools.recordings.pose_tables import look_up, why_unanswered
+
+if TYPE_CHECKING:
+    from tf2_ros import Buffer
+
+S = 1_000_000_000
+
+SIZE_IN = (11.0, 5.5)
+LINES: list[dict[str, Any]] = [
+    {"color": BLUE, "linestyle": "-"},
+    {"color": ORANGE, "linestyle": "--"},
+    {"color": GREEN, "linestyle": "-."},
+]
+ARROWS = 12  # along the path
+ARROWS_WIDE = 12.0  # the width of the axes, in arrows
+MANY = 4000  # points of a line; a line with more is an image, because its file would be too large
+
+
+def path_picture(
+    buffer: Buffer,
+    records: Records,
+    streams: Sequence[Stream],
+    frames: Sequence[str],
+    ends: tuple[str, str],
+) -> Any:
+    """
+    Draw a matplotlib figure of the path of a frame in another frame, at the stamps of the records.
+
+    :param frames: names, indexed by the ids in the records.
+    :param ends: the other frame, and the frame whose path is drawn.
+    :raises RunError: there is no path.
+    """
+    target, source = map(stored_name, ends)
+    try:
+        chain = buffer.path(target, source)
+    except TransformException as reason:
+        raise RunError(str(reason)) from None
+    newest = newest_streams(streams)
+    stamps = stamps_on(records, frames, newest, chain)
+    if not len(stamps):
+        raise RunError(f"nothing moves between {target} and {source}")
+    begins, ends_ns = gaps_on(records, frames, newest, chain)
+    # Where a frame has a gap, a pose is only interpolated. One time inside each is enough to break lines.
+    times_ns = np.union1d(stamps, begins + (ends_ns - begins) // 2)
+    poses = look_up(buffer, target, source, times_ns)
+    before = np.searchsorted(np.sort(begins), times_ns)
+    poses[before > np.searchsorted(np.sort(ends_ns), times_ns, "right")] = np.nan
+    known = np.flatnonzero(~np.isnan(poses[:, 0]))
+    if not len(known):
+        raise RunError(why_unanswered(buffer, target, source, stamps))
+    rpy = np.full((len(poses), 3), np.nan)
+    turns = rpy_from_matrices(to_matrix((poses[known, :3], poses[known, 3:])))
+    rpy[known] = np.unwrap(turns, axis=0)  # without jumps by whole turns
+    shown = slice(known[0], known[-1] + 1)
+    return trajectory_figure(target, source, times_ns[shown] / S, poses[shown, :3], rpy[shown])
+
+
+def gaps_on(
+    records: Records, frames: Sequence[str], newest: dict[str, Stream], chain: Sequence[str]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Get the stamps between which a moving frame of a chain has a gap, by the rules of ``tf2_check``."""
+    begins, ends = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for frame in moving_on(newest, chain):
+        stamps = stamps_on(records, frames, newest, [frame, newest[frame].parent])
+        wide = np.flatnonzero(np.diff(stamps) > longest_interval(newest[frame], Limits()) * S)
+        begins.append(stamps[wide])
+        ends.append(stamps[wide + 1])
+    return np.concatenate(begins), np.concatenate(ends)
+
+
+def trajectory_figure(
+    target: str,
+    source: str,
+    times: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    rpy: NDArray[np.float64],
+) -> Any:
+    """
+    Draw a matplotlib figure of the path of a frame in another frame.
+
+    :param target: the other frame.
+    :param source: the frame whose path is drawn.
+    :param times: in seconds, ascending, shape (N,), N of 1 or more.
+    :param positions: x y z, in meters, shape (N, 3), of which the first and the last are known; rows of NaN
+        are gaps.
+    :param rpy: roll, pitch and yaw, in radians, shape (N, 3); NaN where the positions are.
+    """
+    from matplotlib.figure import Figure
+
+    known = np.flatnonzero(~np.isnan(positions[:, 0]))
+    leaps = np.flatnonzero(np.diff(known) > 1)
+    gaps = np.stack([known[leaps], known[leaps + 1]], axis=1)  # the rows at both ends of each
+    with style():
+        figure = Figure(SIZE_IN, layout="constrained")
+        axes = figure.subplot_mosaic([["above", "upper"], ["above", "lower"]], width_ratios=[1.0, 1.2])
+        above, upper, lower = axes["above"], axes["upper"], axes["lower"]
+        lower.sharex(upper)
+        figure.suptitle(f"{label(source)} in {label(target)}")
+        _draw_above(above, positions, rpy[:, 2], known, gaps)
+        _draw_components(upper, times, positions, "xyz", "m", gaps)
+        _draw_components(lower, times, rpy, ["roll", "pitch", "yaw"], "rad", gaps)
+        show_times(lower, times[0], times[-1])
+        upper.tick_params(labelbottom=False)
+    return figure
+
+
+def _draw_above(
+    axes: Any,
+    positions: NDArray[np.float64],
+    yaw: NDArray[np.float64],
+    known: NDArray[np.intp],
+    gaps: NDArray[np.intp],
+) -> None:
+    from matplotlib.collections import LineCollection
+
+    x, y = positions[:, :2].T
+    axes.plot(x, y, color=BLUE, linewidth=1.5, rasterized=len(x) > MANY)
+    some = known[np.unique(np.linspace(0, len(known) - 1, ARROWS).astype(int))]
+    axes.quiver(
+        x[some],
+        y[some],
+        np.cos(yaw[some]),
+        np.sin(yaw[some]),
+        scale=ARROWS_WIDE,
+        scale_units="width",
+        width=0.007,
+        color=GREEN,
+        label="its x axis",
+        zorder=3,
+    )
+    if len(gaps):
+        ends = [*positions[gaps, :2]]
+        axes.add_collection(LineCollection(ends, linestyles=":", colors=VERMILION, linewidths=2, label="gap"))
+    axes.plot(x[0], y[0], "o", color="white", markeredgecolor="black", label="first", zorder=4)
+    axes.plot(x[-1], y[-1], "s", color="black", label="last", zorder=4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.1)
+    axes.set(title="from above", xlabel="x in m", ylabel="y in m")
+    axes.grid(color="#E4E4E4")
+    axes.set_axisbelow(True)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=4, frameon=False)
+
+
+def _draw_components(
+    axes: Any,
+    times: NDArray[np.float64],
+    values: NDArray[np.float64],
+    names: Sequence[str],
+    unit: str,
+    gaps: NDArray[np.intp],
+) -> None:
+    spans = [(begin, end - begin) for begin, end in times[gaps]]
+    axes.broken_barh(spans, (0, 1), transform=axes.get_xaxis_transform(), **GAP)
+    # Dense lines fill areas that hide each other.
+    dense: dict[str, Any] = {"alpha": 0.6, "rasterized": True} if len(times) > MANY else {}
+    for name, line, column in zip(names, LINES, values.T, strict=True):
+        axes.plot(times, column, label=name, linewidth=1.5, **dense, **line)
+    axes.set_ylabel(unit)
+    axes.grid(color="#E4E4E4")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

@@ -1,0 +1,629 @@
+"""Load recordings into buffers, and read their transforms, stamps and records."""
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from math import inf
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_py.printable import printable
+from tf2_py.typing import DurationLike, TimeLike
+from tf2_ros.numpy import to_nanoseconds
+from tf2_ros.records import Recording
+from tf2_ros.serialization import MessageSource, insert_messages, read_transforms
+from tf2_ros_tools.common.optional_libraries import require
+from tf2_ros_tools.common.output import counted, first_names
+from tf2_ros_tools.recordings import foxglove_messages
+from tf2_ros_tools.recordings.bag_cache import Cached
+from tf2_ros_tools.recordings.bag_reader import (
+    TF_TYPES,
+    BagError,
+    RawMessage,
+    Recorded,
+    is_static,
+    listed,
+    open_recording,
+    resolved,
+    stamps_of,
+    topics_without_stamps,
+    typestore,
+)
+from tf2_ros_tools.recordings.joints_and_poses import (
+    JOINT_STATE,
+    NAMED,
+    POSES,
+    Frames,
+    Joints,
+    Poses,
+    Source,
+    converted,
+)
+from tf2_ros_tools.recordings.trajectories import Keyframes, Trajectory
+from tf2_ros_tools.urdf import Robot, fixed, parse, unmatched
+from tf2_ros_tools.urdf import load as load_urdf
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import TransformStamped
+
+    from tf2_ros import Buffer
+
+TOPICS = ("/tf", "/tf_static")
+Topics: TypeAlias = "Iterable[str] | Mapping[str, str]"
+# A robot, the path or text of a URDF, or True: the description in the recording.
+Urdf: TypeAlias = Robot | str | PathLike[str] | Literal[True]
+Urdfs: TypeAlias = Urdf | Mapping[str, Urdf] | None
+# Parents and children by topic; None: as the messages say.
+PoseTopics: TypeAlias = Mapping[str, Frames | None]
+
+S = 1_000_000_000
+JOINT_STATES = "/joint_states"
+DESCRIPTION, STRING = "robot_description", "std_msgs/msg/String"
+# The authority of transforms from fixed joints.
+FROM_URDF = "urdf"
+
+UNLIMITED_BYTES = (1 << 63) - 1
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """
+    What to read: topics with the prefixes of their frames, and log times; None: no limit.
+
+    ``poses`` has the topics whose poses are read, with the parent and the child, or None. ``robots`` has the
+    robots whose joint states are read, by topic; None: as the recording describes it.
+    """
+
+    prefixes: Mapping[str, str]
+    start_ns: int | None
+    end_ns: int | None
+    poses: PoseTopics
+    robots: Mapping[str, Robot | None]
+
+    @property
+    def limited(self) -> bool:
+        return self.start_ns is not None or self.end_ns is not None
+
+    @property
+    def others(self) -> list[str]:
+        """The topics whose messages are not transforms themselves."""
+        return [*self.poses, *self.robots]
+
+
+def wanted(
+    topics: Topics = TOPICS,
+    start: TimeLike | None = None,
+    end: TimeLike | None = None,
+    poses: PoseTopics | None = None,
+    urdf: Urdfs = None,
+) -> Wanted:
+    """
+    Check the arguments that determine what is read.
+
+    :raises TypeError: ``topics`` is a str, ``poses`` has something other than pairs of frames, or a time has
+        a wrong type.
+    :raises ValueError: ``topics`` is empty, or ``end`` is before ``start``.
+    :raises FileNotFoundError, UrdfError: see :func:`tf2_ros_tools.urdf.load`.
+    """
+    if isinstance(topics, str):
+        raise TypeError(f"topics: expected a list of names, got a str: use [{topics!r}]")
+    prefixes = dict(topics) if isinstance(topics, Mapping) else dict.fromkeys(topics, "")
+    if not prefixes:
+        raise ValueError("topics: expected at least one topic, got none")
+    start_ns, end_ns = _log_time("start", start), _log_time("end", end)
+    if start_ns is not None and end_ns is not None and end_ns < start_ns:
+        raise ValueError(f"end: expected a time after start ({start_ns} ns), got {end_ns} ns")
+    given: Mapping[str, Urdf | None] = urdf if isinstance(urdf, Mapping) else {JOINT_STATES: urdf}
+    robots = {topic: _robot(one) for topic, one in given.items() if one is not None}
+    if not isinstance(poses or {}, Mapping):
+        raise TypeError(f"poses: expected a dict of topics and frames, got {type(poses).__name__}")
+    posed = dict(poses or {})
+    for topic, frames in posed.items():
+        if frames is not None and (isinstance(frames, str) or len(frames) != 2):
+            raise TypeError(f"poses: expected (parent, child) or None for {topic}, got {frames!r}")
+        if frames is not None and "\0" in "".join(frames):
+            raise ValueError(f"poses: a frame name must not contain a NUL character, got {frames!r}")
+    return Wanted(prefixes, start_ns, end_ns, posed, robots)
+
+
+def _log_time(name: str, time: TimeLike | None) -> int | None:
+    try:
+        return None if time is None else int(to_nanoseconds([time])[0])
+    except TypeError:
+        accepted = "nanoseconds as an int, a datetime64, or an object with sec and nanosec"
+        advice = "; round(seconds * 1e9) converts seconds" if isinstance(time, float) else ""
+        raise TypeError(f"{name}: expected {accepted}, got {time!r}{advice}") from None
+
+
+def _robot(urdf: Urdf) -> Robot | None:
+    if urdf is True:
+        return None
+    return urdf if isinstance(urdf, Robot) else load_urdf(urdf)
+
+
+def load(
+    path: "str | PathLike[str]",
+    *,
+    cache_time: DurationLike | None = None,
+    topics: Topics = TOPICS,
+    start: TimeLike | None = None,
+    end: TimeLike | None = None,
+    poses: PoseTopics | None = None,
+    urdf: Urdfs = None,
+    trajectory: Trajectory | None = None,
+    cache: "str | PathLike[str] | None" = None,
+    progress: bool | None = None,
+) -> "Buffer":
+    """
+    Load the transforms of a recording into a new buffer.
+
+    :param path: a rosbag2 folder, or a file that ends in ``.mcap``, ``.db3`` or ``.bag`` (ROS 1). If
+        ``.zstd`` follows, the file is decompressed first.
+    :param cache_time: how far each frame's history reaches back from its latest sample: a duration, or a
+        number of seconds. None: everything is kept.
+    :param topics: the names of the topics, or a mapping of their names to prefixes for their frames, for
+        example ``{"/robot1/tf": "robot1/"}``. A topic whose last component is ``tf_static`` has static
+        transforms.
+    :param start: load only dynamic transforms that were recorded at or after this log time. None: from the
+        beginning. All static transforms are loaded, whenever they were recorded.
+    :param end: load only dynamic transforms that were recorded at or before this log time. None: to the end.
+    :param poses: also read the poses of these topics as transforms: of type ``nav_msgs/Odometry``,
+        ``geometry_msgs/TransformStamped``, ``geometry_msgs/PoseStamped`` or
+        ``geometry_msgs/PoseWithCovarianceStamped``. The names are mapped to the parent and the child, for
+        example ``{"/gps/pose": ("map", "gps")}``. None: the names in the messages, which only the first two
+        types have.
+    :param urdf: also compute the transforms of the joints of this robot, from the joint states on
+        ``/joint_states``: its path, its text, a :class:`tf2_ros_tools.urdf.Robot`, or True, which means the
+        ``/robot_description`` in the recording. To read other topics, pass a mapping from topics to such
+        values; True then means the ``robot_description`` in the namespace of the topic. Frames that have
+        transforms on ``topics`` keep them. The authority of fixed joints is ``urdf``.
+    :param trajectory: corrects the buffer by the poses in a file, as :func:`tf2_ros.correction.correct` does.
+        None: what was recorded remains as it is.
+    :param cache: a folder, which is created if it does not exist. The first call freezes the buffer to a file
+        in this folder, and the next ones, in any process, map this file, unless the recording, its path, the
+        content of the trajectory or another argument has changed; see :meth:`tf2_py.BufferCore.open`. It may
+        be the folder of the recording. None: no file is kept.
+    :param progress: show a bar, which needs tqdm. None: only if standard error is a terminal, after a second.
+    :return: a buffer without a node and without a limit of memory. The authority of a transform is the name
+        of its topic.
+    :raises FileNotFoundError: the file does not exist.
+    :raises BagError: the file is not a recording, is broken, or has none of the topics, or a topic has
+        messages of another type; or its joint states have no joint of the robot, or no message was
+        recorded between ``start`` and ``end``; or the file of the trajectory is broken, or does not fit the
+        recording.
+    :raises UrdfError: see :func:`tf2_ros_tools.urdf.load`.
+    :raises OSError: the file in ``cache`` cannot be written.
+    :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
+    :raises TypeError: ``topics`` is a str, ``start`` or ``end`` is not a time, or a value in ``poses`` is not
+        a pair.
+    :raises ValueError: ``topics`` is empty, or ``end`` is before ``start``.
+
+    The recording need not have all of the topics, and a topic may be empty. Transforms that a buffer refuses,
+    such as those with NaN, are logged. Warnings report messages that are left out: joint states whose
+    numbers of names and positions differ, and poses without frame names. Other warnings list names in joint
+    states that are not joints of the URDF, frames whose stamps are all 0, and topics of which the files of a
+    folder have fewer messages than its ``metadata.yaml`` counts.
+    """
+    what = wanted(topics, start, end, poses, urdf)
+    keyframes = None if trajectory is None else Keyframes(trajectory)
+    buffer = new_buffer(cache_time)
+    cached = None
+    if cache is not None:
+        path = resolved(path)  # a link may lead to another recording while this one is read
+        key = asdict(what) | ({} if keyframes is None else {"trajectory": keyframes.key})
+        cached = Cached(cache, path, key, buffer.cache_time_ns)
+    opened = None if cached is None else cached.open()
+    if opened is None:
+        with open_recording(path) as recorded:
+            for text in fill_buffer(buffer, recorded, what, progress=progress):
+                warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
+            for text in () if keyframes is None else keyframes.correct(buffer):
+                warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
+        if cached is not None:
+            cached.write(buffer)
+        opened = (cached and cached.open()) or buffer
+    for text in without_stamps(opened):
+        warnings.warn(f"{printable(os.fspath(path))}: {text}", stacklevel=2)
+    opened.clock = None  # pyright: ignore[reportAttributeAccessIssue]
+    return opened
+
+
+def without_stamps(buffer: "Buffer") -> Iterator[str]:
+    """Say of each moving frame that all its stamps are 0."""
+    for name, one in buffer.frames().items():
+        if one.parent is not None and not one.static and one.newest_ns == 0 and one.count > 1:
+            yield (
+                f"all stamps of {printable(name)} are 0, because its publisher does not set them:"
+                " a buffer keeps 64 samples of one stamp, and has no answer for another time"
+            )
+
+
+def new_buffer(cache_time: DurationLike | None) -> "Buffer":
+    """Create a buffer that keeps everything, or the last ``cache_time``."""
+    import tf2_ros
+
+    buffer = tf2_ros.Buffer(inf if cache_time is None else cache_time, max_bytes=UNLIMITED_BYTES)
+    # How old the samples are today means nothing; `ages` says so.
+    buffer.clock = None  # pyright: ignore[reportAttributeAccessIssue]
+    return buffer
+
+
+def fill_buffer(
+    buffer: "Buffer",
+    recorded: Recorded,
+    what: Wanted,
+    *,
+    progress: bool | None,
+    recording: Recording | None = None,
+    records: list[Any] | None = None,
+) -> list[str]:
+    """
+    Insert the wanted transforms of a recording into a buffer.
+
+    :param recording: records each transform; see :func:`tf2_ros.serialization.insert_messages`.
+    :param records: see the same function.
+    :return: a sentence for each topic of which messages, or the positions of some joints, are left out or
+        lost.
+    """
+    sources = sources_of(recorded, what)
+    robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
+    topics = [*(one.topic for one in sources), *(one for one in what.others if one in recorded.topics)]
+    total = None if what.limited else sum(recorded.topics[topic].count for topic in topics)
+    with progress_bar(recorded.path, total, " messages", progress) as count:
+        insert = partial(
+            insert_messages,
+            buffer,
+            on_malformed=recorded.malformed,
+            on_broken=recorded.explain,
+            recording=recording,
+            records=records,
+            progress=count,
+        )
+        for messages in passes(recorded, sources, what):
+            insert(messages, sources)
+
+        def insert_converted(sources: Mapping[str, Source]) -> None:
+            messages = recorded.checked(recorded.raw(sources, what.start_ns, what.end_ns))
+            insert(converted(messages, sources, recorded.malformed), [*map(MessageSource, sources)])
+
+        posed = {
+            topic: Poses(recorded.topics[topic].msgtype, frames)
+            for topic, frames in what.poses.items()
+            if topic in recorded.topics
+        }
+        insert_converted(posed)
+        for topic, one in posed.items():
+            if one.left_out and not one.named:
+                where = f"{printable(recorded.path)}, topic {printable(topic)}"
+                raise BagError(f"{where}: in its messages, {one.reason}; {PASS_FRAMES}")
+        # Last, because only then it is known which frames have recorded transforms.
+        known = {name for name, one in buffer.frames().items() if one.parent is not None}
+        joints = {topic: Joints(robot, known) for topic, robot in robots.items()}
+        static = [(FROM_URDF, recorded.start_ns or 0, fixed(robot, known)) for robot in robots.values()]
+        insert(static, [MessageSource(FROM_URDF, static=True)], progress=None)
+        insert_converted(joints)
+        for topic, states in joints.items():
+            own = [joint.name for joint in states.robot.joints if joint.type != "fixed"]
+            if own and states.names and not states.matched:
+                why = f" ({states.reason})" if states.left_out else ""
+                raise BagError(
+                    f"{printable(recorded.path)}, topic {printable(topic)}: its joint states, of"
+                    f" {first_names(states.names)}, have no positions of the URDF's joints,"
+                    f" {first_names(own)}{why}"
+                )
+    left_out = [
+        f"{counted(one.left_out, 'message')} on {printable(topic)} {'is' if one.left_out == 1 else 'are'}"
+        f" left out: {one.reason}"
+        for topic, one in (posed | joints).items()
+        if one.left_out
+    ]
+    unmatched_names = {topic: unmatched(one.robot, one.seen) for topic, one in joints.items()}
+    left_out += [f"on {printable(topic)}, {text}" for topic, text in unmatched_names.items() if text]
+    return [*left_out, *recorded.shortfalls(topics)]
+
+
+def _described(recorded: Recorded, states: str) -> Robot:
+    """Get the robot that the recording describes in the namespace of a topic with joint states."""
+    topic = f"{states.rpartition('/')[0]}/{DESCRIPTION}"
+    where = f"{printable(recorded.path)}, topic {printable(topic)}"
+    if topic not in recorded.topics:
+        raise BagError(f"{where}: the recording lacks this topic; pass the path of a URDF instead")
+    _check_type(recorded, topic, STRING)
+    raws = [raw for _, _, raw in recorded.checked(recorded.raw([topic]))]
+    if not raws:
+        raise BagError(f"{where}: it has no messages; pass the path of a URDF")
+    try:
+        message: Any = typestore().deserialize_cdr(raws[-1], STRING)
+        return parse(message.data)
+    except Exception as error:  # rosbags defines an error class only for some kinds of damage
+        raise BagError(f"{where}: {error}") from error
+
+
+def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
+    """
+    Get the wanted topics that the recording has.
+
+    :raises BagError: it has none of them, or one has another type.
+    """
+    name = printable(recorded.path)
+    found = [topic for topic in what.prefixes if topic in recorded.topics]
+    for topic in found:
+        _check_type(recorded, topic, *TF_TYPES, *foxglove_messages.TYPES)
+    for topic, frames in what.poses.items():
+        if topic in recorded.topics:
+            _check_type(recorded, topic, *NAMED, *POSES)
+            if frames is None and recorded.topics[topic].msgtype not in NAMED:
+                raise BagError(
+                    f"{name}, topic {printable(topic)}: a {recorded.topics[topic].msgtype} has no child"
+                    f" frame; {PASS_FRAMES}"
+                )
+    for topic in what.robots:
+        if topic in recorded.topics:
+            _check_type(recorded, topic, JOINT_STATE)
+    if not found and not any(topic in recorded.topics for topic in what.others):
+        others = _topics_of(recorded, *TF_TYPES, *foxglove_messages.TYPES)
+        joints, posed = _topics_of(recorded, JOINT_STATE), _topics_of(recorded, *NAMED, *POSES)
+        advice = ": choose from these with `topics` or `--topic`" if others else ""
+        if joints and not others:
+            advice += f"; {WITH_URDF} computes them from the joint states on {listed(joints)}"
+        if posed and not others:
+            advice += f"; {WITH_POSES} reads the poses on {listed(posed)}"
+        missing = " or ".join(map(printable, [*what.prefixes, *what.others]))
+        raise BagError(f"{name} has no topic {missing}; its topics with transforms: {listed(others)}{advice}")
+    return [MessageSource(topic, is_static(topic), what.prefixes[topic]) for topic in found]
+
+
+PASS_FRAMES = 'pass the frames, as in poses={"/gps/pose": ("map", "gps")} or --poses /gps/pose=map,gps'
+WITH_URDF, WITH_POSES = "`urdf` or `--urdf`", "`poses` or `--poses`"
+
+
+def _topics_of(recorded: Recorded, *types: str) -> list[str]:
+    return [one.name for one in recorded.topics.values() if one.msgtype in types]
+
+
+def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
+    one = recorded.topics[topic]
+    where = f"{printable(recorded.path)}, topic {printable(topic)}"
+    if one.msgtype not in types:
+        options = {JOINT_STATE: WITH_URDF, **dict.fromkeys((*NAMED, *POSES), WITH_POSES)}
+        advice = f"; {options[one.msgtype]} reads it" if one.msgtype in options else ""
+        wanted = (
+            types[0] if types[0] in TF_TYPES else " or ".join(types)
+        )  # few know of the others for transforms
+        raise BagError(f"{where}: expected the type {wanted}, got {printable(one.msgtype)}{advice}")
+    encodings = foxglove_messages.ENCODINGS if one.msgtype in foxglove_messages.TYPES else ("cdr", "ros1")
+    if one.encoding not in encodings:
+        wanted = " or ".join(encodings)
+        raise BagError(f"{where}: expected the encoding {wanted}, got {printable(one.encoding)}")
+
+
+def passes(recorded: Recorded, sources: list[MessageSource], what: Wanted) -> list[Iterator[RawMessage]]:
+    """
+    Get the messages in one pass, or the static transforms first if times limit the others.
+
+    :raises BagError: no message of the recording is within these times.
+    """
+    topics = {one.topic for one in sources}
+    if not what.limited:
+        return [recorded.raw(topics)]
+    _check_times(recorded, what)
+    static = set(filter(is_static, topics))
+    return [recorded.raw(static), recorded.raw(topics - static, what.start_ns, what.end_ns)]
+
+
+def _check_times(recorded: Recorded, what: Wanted) -> None:
+    first_ns, last_ns = recorded.start_ns, recorded.end_ns
+    if first_ns is None or last_ns is None:
+        return
+    begin = -inf if what.start_ns is None else what.start_ns
+    end = inf if what.end_ns is None else what.end_ns
+    if begin > last_ns or end < first_ns:
+        limits = (("from", what.start_ns), ("up to", what.end_ns))
+        wanted = " ".join(f"{word} {ns / S:.3f} s" for word, ns in limits if ns is not None)
+        has = f"its log times are {first_ns / S:.3f} to {last_ns / S:.3f} s"
+        units = "`start` and `end` are log times in nanoseconds, --start and --end in seconds"
+        raise BagError(f"{printable(recorded.path)}: nothing was recorded {wanted}; {has}. {units}")
+
+
+def transforms(
+    path: "str | PathLike[str]",
+    *,
+    topics: Topics = TOPICS,
+    start: TimeLike | None = None,
+    end: TimeLike | None = None,
+) -> "Iterator[tuple[int, bool, TransformStamped]]":
+    """
+    Read the transforms of a recording one by one, in constant memory.
+
+    :param path: see :func:`load`.
+    :param topics: see :func:`load`.
+    :param start: see :func:`load`.
+    :param end: see :func:`load`.
+    :return: an iterator over ``(log time in ns, whether it is static, TransformStamped)``. Without ROS, the
+        last is an object with the same fields.
+
+    The transforms are neither checked nor normalized. Arguments and errors are the same as in :func:`load`,
+    but everything is raised during the iteration. With ``start`` or ``end``, all static transforms come
+    first.
+    """
+    what = wanted(topics, start, end)
+    with open_recording(path) as recorded:
+        sources = {one.topic: one for one in sources_of(recorded, what)}
+        for messages in passes(recorded, [*sources.values()], what):
+            for connection, log_ns, raw in recorded.checked(messages):
+                topic = connection.topic
+                try:
+                    found = read_transforms(raw, sources[topic])
+                except ValueError as error:
+                    recorded.malformed(topic, log_ns, error)
+                for transform in found:
+                    yield log_ns, is_static(topic), transform
+        for text in recorded.shortfalls(sources):
+            warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
+
+
+def static_transforms(
+    path: "str | PathLike[str]", topics: Topics = TOPICS
+) -> "tuple[list[TransformStamped], list[str]]":
+    """
+    Read only the static transforms of a recording: the last one of each frame, as a buffer keeps it.
+
+    :param path: see :func:`load`.
+    :param topics: see :func:`load`; only those with static transforms are read.
+    :return: the transforms, and what :func:`fill_buffer` returns. Frames with names that lookups refuse are
+        left out.
+    :raises BagError: see :func:`load`; or there are no such transforms.
+    """
+    buffer, what = new_buffer(None), wanted(topics)
+    with open_recording(path) as recorded:
+        static = [topic for topic, one in recorded.topics.items() if is_static(topic) and one.count]
+        own = {topic: prefix for topic, prefix in what.prefixes.items() if topic in static}
+        left_out = fill_buffer(buffer, recorded, replace(what, prefixes=own), progress=None) if own else []
+    found = [
+        buffer.lookup_transform(one.parent, name, 0)
+        for name, one in buffer.frames().items()
+        if one.parent is not None and "/" not in (name[0], one.parent[0])
+    ]
+    if not found:
+        advice = "they are sent once, often before a recording; tf2_state_publisher sends those of a URDF"
+        if others := [topic for topic in static if topic not in own]:
+            advice = f"`tf2_bag statics --topic` reads those on {listed(others)}"
+        names = " or ".join(map(printable, what.prefixes))
+        raise BagError(f"{printable(recorded.path)} has no static transforms on {names}: {advice}")
+    return found, left_out
+
+
+def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
+    """
+    Read the stamps of all messages of a topic, for lookups at these times.
+
+    :param path: the recording, see :func:`load`.
+    :param topic: a topic of any type whose messages begin with a ``std_msgs/Header``, or a type of Foxglove
+        with a ``timestamp``.
+    :return: int64, shape (N,), nanoseconds, in the order of the recording. If the stamp of a message is not
+        set, it is the smallest int64, NaT: a lookup at this time has no answer, whereas 0 would mean the
+        latest time.
+    :raises FileNotFoundError, ModuleNotFoundError: see :func:`load`.
+    :raises BagError: the recording is broken, does not have the topic, or its messages have no header.
+
+    A warning says if the files of a folder have fewer messages than its ``metadata.yaml`` counts.
+    """
+    with open_recording(path) as recorded:
+        found = stamps_of(recorded, topic)
+        for text in recorded.shortfalls([topic]):
+            warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
+        return found
+
+
+@dataclass(frozen=True)
+class Heard:
+    """
+    What a recording contains.
+
+    ``records`` is an array of :data:`tf2_ros.records.RECORD`, in the order of the log times, which are its
+    times of reception. Its ids are indices into ``frames``, ``publishers`` and ``values``; a publisher is
+    the name of a topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to
+    the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
+    stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
+    ``left_out`` has a sentence for each topic of which something is left out or lost, ``absent`` says what
+    may explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics.
+    """
+
+    buffer: "Buffer"
+    records: NDArray[np.void]
+    frames: list[str]
+    publishers: list[str]
+    values: Sequence[tuple[float, ...]]
+    start_ns: int | None
+    end_ns: int | None
+    times_ns: NDArray[np.int64] | None
+    saved: bool
+    left_out: list[str]
+    absent: list[str]
+    unset: list[str]
+
+
+def hear(
+    path: "str | PathLike[str]",
+    what: Wanted | None = None,
+    *,
+    at: str | None = None,
+    progress: bool | None = None,
+    counts_unset: bool = False,
+) -> Heard:
+    """
+    Read a recording as :func:`tf2_ros_tools.bag.load` does, and record each transform.
+
+    :param what: None: the transforms on TOPICS.
+    :param at: a topic whose stamps are read, too; see :func:`tf2_ros_tools.bag.stamps`.
+    :param counts_unset: whether ``unset`` is filled, which reads messages of each topic.
+    """
+    what = what or wanted()
+    buffer, recording = new_buffer(None), Recording()
+    pieces: list[NDArray[np.void]] = []
+    with open_recording(path) as recorded:
+        left_out = fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
+        times_ns = None if at is None else stamps_of(recorded, at)
+        if at is not None and at not in what.poses:
+            left_out += recorded.shortfalls([at])
+        unset = [
+            f"{counted(count, 'message')} on {printable(topic)} have the stamp 0, because the publisher does"
+            " not set it: their times are unknown"
+            for topic, count in (topics_without_stamps(recorded) if counts_unset else ())
+        ]
+    records = np.concatenate([*pieces, recording.take()])
+    records = records[np.argsort(records["received_ns"], kind="stable")]
+    publishers = [name.decode() for name in recording.publishers()]
+    start_ns, end_ns = recorded.start_ns, recorded.end_ns
+    if end_ns is not None and what.end_ns is not None:
+        end_ns = min(end_ns, what.end_ns)
+    frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
+    own = (recorded.saved, left_out, absent, unset)
+    return Heard(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)
+
+
+def _absent(recorded: Recorded, what: Wanted) -> Iterator[str]:
+    """Say which of the topics that were named are not there or empty, and that static transforms are not."""
+    for topic in what.others:
+        if topic not in recorded.topics:
+            types = (JOINT_STATE,) if topic in what.robots else (*NAMED, *POSES)
+            others = listed(_topics_of(recorded, *types))
+            yield f"there is no topic {printable(topic)}; the topics of its type are {others}"
+        elif not recorded.topics[topic].count:
+            yield f"topic {printable(topic)} has no messages"
+    transforms = _topics_of(recorded, *TF_TYPES, *foxglove_messages.TYPES)
+    filled = [name for name in transforms if recorded.topics[name].count]
+    static, wanted = {*filter(is_static, filled)}, {*what.prefixes}.intersection(filled)
+    if not recorded.saved and wanted and static.isdisjoint(wanted):
+        if static:
+            yield f"no static transforms are read: `topics` or `--topic` reads those on {listed(static)}"
+        else:
+            why = f"they are sent once, often before a recording begins; {WITH_URDF} computes a robot's"
+            yield f"no static transforms were recorded: {why}"
+
+
+BAR_AFTER_S = 1.0
+
+
+@contextmanager
+def progress_bar(
+    name: str, total: int | None, unit: str, progress: bool | None
+) -> Iterator[Callable[[int], object]]:
+    """
+    Show a bar during a ``with`` statement, which gets a function that adds a number to what is done.
+
+    :param progress: whether to show it. None: only if standard error is a terminal, after one second.
+    """
+    require("tqdm", "bag")
+    from tqdm.auto import tqdm
+
+    # For tqdm, disable=None disables the bar unless standard error is a terminal.
+    disable, delay = (None, BAR_AFTER_S) if progress is None else (not progress, 0.0)
+    with tqdm(total=total, desc=name, unit=unit, delay=delay, disable=disable) as bar:
+        yield bar.update

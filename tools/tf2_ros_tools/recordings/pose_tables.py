@@ -1,0 +1,291 @@
+"""Look up tables of poses, and write them as CSV, TUM and Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tf2_py import BufferCore, ConnectivityException, TransformException
+from tf2_ros_tools.common.optional_libraries import require
+from tf2_ros_tools.common.output import counted
+from tf2_ros_tools.diagnosis.stream_statistics import moving_on, path_to_root, stamps_on, taken
+from tf2_ros_tools.recordings.bag_reader import UNSET_NS
+
+if TYPE_CHECKING:
+    from tf2_ros import Buffer
+    from tf2_ros_tools.recordings.bag_loader import Heard
+
+S = 1_000_000_000
+# A stamp in 1970 beside current ones is a mistake, and must not make the table fill the memory.
+MOST_TIMES = 50_000_000
+PIECE = 10_000  # rows
+# The columns of a table, in each format that has names.
+STAMP_NS, POSE, VALID, GAP = "stamp_ns", ("x", "y", "z", "qx", "qy", "qz", "qw"), "valid", "gap"
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    The pose of one frame in another one at N times.
+
+    :param stamps_ns: int64, shape (N,), nanoseconds.
+    :param poses: float64, shape (N, 7): x y z in meters, qx qy qz qw of length one, with the sign that is
+        closer to the row before; NaN without an answer.
+    :param gaps: float64, shape (N,): seconds between the two samples that a pose was interpolated from, the
+        longest of all frames in between; 0 at a sample and if nothing moves; NaN without an answer.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    poses: NDArray[np.float64]
+    gaps: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Whether there is an answer, shape (N,)."""
+        return ~np.isnan(self.gaps)
+
+
+# Of one lookup: one table, below ``""``, or a table for each of several frames, which share their stamps.
+Tables = Mapping[str, Table]
+
+
+def look_up_frames(
+    heard: Heard, target: str, frames: Sequence[str], times_ns: ArrayLike
+) -> tuple[dict[str, Table], dict[str, str]]:
+    """Look up the tables of frames in ``target`` at N times, and why frames have no answer at any time."""
+    buffer, stamps_ns = heard.buffer, np.asarray(times_ns, np.int64)
+    count = len(stamps_ns)
+    tables: dict[str, Table] = {}
+    reasons: dict[str, str] = {}
+    for frame in frames:
+        try:
+            tables[frame] = look_up_table(buffer, target, frame, stamps_ns)
+        except TransformException as error:
+            tables[frame] = Table(stamps_ns, np.full((count, 7), np.nan), np.full(count, np.nan))
+            reasons[frame] = why_unconnected(heard, target, frame, error)
+            continue
+        if not tables[frame].valid.any():
+            reasons[frame] = why_unanswered(buffer, target, frame, stamps_ns)
+    return tables, reasons
+
+
+def look_up_table(
+    buffer: BufferCore, target: str, source: str, times_ns: ArrayLike, max_gap: float | None = None
+) -> Table:
+    """
+    Look up the table of ``source`` in ``target`` at N times; see :func:`look_up`.
+
+    :param max_gap: there is no answer between samples that are further apart, in seconds. None: there is.
+    :raises TransformException: the frames are unknown or not connected.
+    """
+    stamps_ns = np.asarray(times_ns, np.int64)
+    between = buffer.path(target, source)
+    poses = look_up(buffer, target, source, stamps_ns, max_gap)
+    gaps = np.where(np.isnan(poses[:, 0]), np.nan, 0.0)
+    moving = moving_on(buffer.frames(), between)
+    histories = buffer.histories() if moving else {}
+    for name in moving:
+        gaps = np.maximum(gaps, _gaps_at(histories[name].stamps_ns, stamps_ns))  # a NaN stays
+    return Table(stamps_ns, poses, gaps)
+
+
+def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The seconds between the two samples around each time; 0 at a sample."""
+    after = np.clip(np.searchsorted(samples, times_ns), 0, len(samples) - 1)
+    between = samples[after] - samples[np.maximum(after - 1, 0)]
+    return np.where(samples[after] == times_ns, 0.0, between / S)
+
+
+def look_up(
+    buffer: BufferCore, target: str, source: str, times_ns: ArrayLike, max_gap: float | None = None
+) -> NDArray[np.float64]:
+    """
+    Look up the pose of ``source`` in ``target`` at each of N times; see ``Table.poses``.
+
+    :param times_ns: shape (N,), nanoseconds. 0 is the time 0, not the latest one; UNSET_NS has no answer.
+    :param max_gap: see :func:`look_up_table`.
+    :raises LookupException: a frame is unknown.
+    :raises InvalidArgumentException: a name is invalid.
+    """
+    stamps_ns = np.asarray(times_ns, np.int64)
+    # For tf2, 0 means the latest common time. Use the next nanosecond, when no frame has moved noticeably.
+    times = np.where(stamps_ns == 0, 1, stamps_ns)
+    found = buffer.lookup_transforms(target, source, times, on_missing="nan", max_gap=max_gap)
+    poses = np.concatenate(found, axis=1)
+    # q and -q are the same rotation; a table must not jump from one to the other.
+    valid = ~np.isnan(poses[:, 0])
+    turns = poses[valid, 3:]
+    jumps = (turns[1:] * turns[:-1]).sum(axis=1) < 0.0
+    is_opposite = np.cumsum(jumps) % 2 == 1
+    turns[1:][is_opposite] = 0.0 - turns[1:][is_opposite]  # without a zero becoming -0.0
+    poses[valid, 3:] = turns
+    return poses
+
+
+def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> NDArray[np.int64]:
+    """
+    Get times at a rate, over the span in which all frames between two frames have data.
+
+    :param hz: above 0.
+    :return: int64, shape (N,), nanoseconds, from the beginning of the span; empty without a span. If all
+        transforms between the frames are static, the span is that of all frames of the buffer.
+    :raises TransformException: the frames are unknown or not connected.
+    :raises ValueError: there would be more than 50,000,000 times.
+    """
+    frames = buffer.frames()
+    moving = [frames[name] for name in moving_on(frames, buffer.path(target, source))]
+    dynamic = [(one.oldest_ns, one.newest_ns) for one in moving or frames.values()]
+    spans = [(oldest, newest) for oldest, newest in dynamic if oldest is not None and newest is not None]
+    if not spans:
+        return np.zeros(0, np.int64)
+    oldest, newest = zip(*spans, strict=True)
+    begin, end = (max(oldest), min(newest)) if moving else (min(oldest), max(newest))
+    if end < begin:
+        return np.zeros(0, np.int64)
+    count = (end - begin) * hz / S + 1.0
+    if count > MOST_TIMES:
+        span = f"from {begin / S:.3f} s to {end / S:.3f} s"
+        raise ValueError(f"expected at most {MOST_TIMES} times, got {count:.0f}: {hz:g} Hz {span}")
+    steps = np.rint(np.arange(int(count)) * S / hz).astype(np.int64)
+    times: NDArray[np.int64] = np.minimum(begin + steps, end)
+    return times
+
+
+def times_when(heard: Heard, target: str, source: str, rate: float | None) -> NDArray[np.int64]:
+    """
+    Get the times at a rate, with :func:`times_at_rate`; without one, whenever something was measured between
+    two frames of a recording.
+
+    :raises TransformException: the frames are unknown or not connected.
+    """
+    if rate is not None:
+        return times_at_rate(heard.buffer, target, source, rate)
+    between = heard.buffer.path(target, source)
+    stamps = stamps_on(heard.records, heard.frames, heard.buffer.frames(), between)
+    # Without anything that moves, one time is enough.
+    return stamps if len(stamps) else taken(heard.records)["stamp_ns"][:1].astype(np.int64)
+
+
+def why_unconnected(heard: Heard, target: str, source: str, error: TransformException) -> str:
+    """Add to the error of a lookup what may explain that a frame is unknown or is not connected."""
+    newest, accepted = heard.buffer.frames(), taken(heard.records)
+    ends = (source, target) if isinstance(error, ConnectivityException) else ()
+    for frame in (name for end in ends for name in path_to_root(newest, end)):
+        own = accepted["child"] == heard.frames.index(frame)
+        parents = sorted({heard.frames[parent] for parent in accepted["parent"][own]})
+        if len(parents) > 1:
+            return f"{error}; {frame} has {len(parents)} parents: {', '.join(parents)}"
+    return "; ".join([str(error), *heard.absent])
+
+
+def why_unanswered(
+    buffer: Buffer, target: str, source: str, times_ns: NDArray[np.int64], max_gap: float | None = None
+) -> str:
+    """Say why a lookup has no answer at any of N times."""
+    if not len(times_ns):
+        return "there are no times to look up: the frames do not move, or the topic has no messages"
+    known = times_ns[times_ns != UNSET_NS]
+    if not len(known):
+        return unset_among(times_ns)
+    try:
+        buffer.lookup_transform(target, source, int(known[0]) or 1, max_gap=max_gap)
+    except TransformException as reason:
+        return str(reason)
+    return f"the frames between {target} and {source} never had data at the same time"
+
+
+def unset_among(times_ns: NDArray[np.int64]) -> str:
+    """Say how many messages, at whose stamps something was looked up, have none; empty: all have one."""
+    count = int(np.count_nonzero(times_ns == UNSET_NS))
+    of = f" of {len(times_ns)}" if count < len(times_ns) else ""
+    return f"the stamp is not set in {counted(count, 'message')}{of}" if count else ""
+
+
+# Write tables.
+
+
+def as_csv(table: Table) -> bytes:
+    """
+    Write comma-separated values, after a line of names.
+
+    ``stamp_ns`` is in nanoseconds, ``gap`` in seconds. ``valid`` is true or false; if it is false, the other
+    numbers are nan.
+    """
+    rows = (
+        f"{stamp},{','.join(pose)},{str(valid).lower()},{gap!r}\n" for stamp, pose, valid, gap in _rows(table)
+    )
+    return "".join([f"{','.join((STAMP_NS, *POSE, VALID, GAP))}\n", *rows]).encode()
+
+
+def as_tum(table: Table) -> bytes:
+    """
+    Write the format of the TUM RGB-D benchmark: lines of stamp (seconds) x y z qx qy qz qw.
+
+    The format cannot represent a missing answer, so these rows are omitted.
+    """
+    rows = (f"{_seconds(stamp)} {' '.join(pose)}\n" for stamp, pose, valid, _ in _rows(table) if valid)
+    return "".join(rows).encode()
+
+
+def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None = None) -> bytes:
+    """
+    Write Parquet.
+
+    The columns are ``file`` and ``stamp_ns``, and ``x`` to ``gap`` of one frame, or ``<frame>.x`` to
+    ``<frame>.gap`` of several.
+
+    :param file: the recording's name, the same in each row.
+    :param metadata: is added to the metadata of the file.
+    :raises ModuleNotFoundError: pyarrow is not installed.
+    """
+    require("pyarrow", "fleet")
+    import pyarrow
+    from pyarrow import parquet
+
+    stamps = next(iter(tables.values())).stamps_ns
+    name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(stamps))
+    columns: dict[str, Any] = {"file": name, STAMP_NS: stamps}
+    for frame, table in tables.items():
+        own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {VALID: table.valid, GAP: table.gaps}
+        columns |= {f"{frame}.{name}" if frame else name: column for name, column in own.items()}
+    written = BytesIO()
+    parquet.write_table(pyarrow.table(columns).replace_schema_metadata(metadata or {}), written)
+    return written.getvalue()
+
+
+def metadata_of(path: str) -> dict[bytes, bytes]:
+    """
+    Get the metadata that :func:`as_parquet` has added to a file.
+
+    :raises OSError, ValueError: the file is missing, or no Parquet file.
+    """
+    require("pyarrow", "fleet")
+    from pyarrow import ArrowException, parquet
+
+    try:
+        return dict(parquet.read_schema(path).metadata or {})
+    except ArrowException as error:
+        raise ValueError(str(error)) from None
+
+
+def _seconds(stamp_ns: int) -> str:
+    # A float cannot represent all digits.
+    whole, part = divmod(abs(stamp_ns), S)
+    return f"{'-' if stamp_ns < 0 else ''}{whole}.{part:09d}"
+
+
+def _rows(table: Table) -> Iterator[tuple[int, list[str], bool, float]]:
+    # In pieces, because as Python objects, millions of rows take several times the memory of their text.
+    for begin in range(0, len(table), PIECE):
+        piece = slice(begin, begin + PIECE)
+        poses = ([*map(repr, pose)] for pose in table.poses[piece].tolist())
+        others = (one[piece].tolist() for one in (table.valid, table.gaps))
+        yield from zip(table.stamps_ns[piece].tolist(), poses, *others, strict=True)

@@ -1,0 +1,89 @@
+"""Report the contents of a recording, and its problems."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tf2_ros_tools.common.output import three_digits
+from tf2_ros_tools.diagnosis.findings import SAME_CLOCK_S, Expectation, Finding, Limits, Received, find
+from tf2_ros_tools.diagnosis.stream_statistics import Refused, Stream, Streams, without_delays
+
+if TYPE_CHECKING:
+    from tf2_ros_tools.recordings.bag_loader import Heard
+
+S = 1_000_000_000
+# A recording often ends with the shutdown of the robot, for which launch allows five seconds.
+LIMITS = Limits(stale=5.0)
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that is known about a recording; times are log times, in seconds."""
+
+    streams: list[Stream]  # as they are at the end; ``silence`` is before the last transform
+    refused: list[Refused]
+    findings: list[Finding]
+    begin: float | None  # when the first transform was received; None: there is none
+    end: float | None
+    transforms: int
+    clocks_differ: bool  # stamps and log times come from two clocks, so all delays are None
+    saved: bool  # by a buffer, so log times are stamps, and all delays are None
+
+    @property
+    def seconds(self) -> float:
+        """The time from the first transform to the last one."""
+        return 0.0 if self.begin is None or self.end is None else self.end - self.begin
+
+
+def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Expectation] = {}) -> Report:
+    """
+    Report the contents of a recording, and its problems by the rules of ``tf2_check``.
+
+    :param limits: what is accepted.
+    :param expectations: of frames, by their names.
+
+    The time of the report is the time of the last dynamic transform, because a recorder often outlives the
+    robot. If it outlives the robot for long, this is one finding, not one for each frame.
+    """
+    records = heard.records
+    also = [Finding("malformed", "", text) for text in heard.left_out]
+    also += [Finding("unset", "", text) for text in heard.unset]
+    if not len(records):
+        where = f"({'; '.join(heard.absent)})" if heard.absent else ""
+        found = find([], limits, expectations, where=where, also=also)
+        return Report([], [], found, None, None, 0, False, heard.saved)
+    times, static = records["received_ns"], records["static"] != 0
+    now_ns = int((times if static.all() else times[~static]).max())
+    figures = Streams()
+    figures.add(records)
+    streams, refused = figures.report(now_ns, heard.frames, heard.publishers)
+    delays = [abs(one.delay) for one in streams if one.delay is not None]
+    differ = not heard.saved and bool(delays) and float(np.median(delays)) > SAME_CLOCK_S
+    if heard.saved:
+        # A frame whose last stamp is old may have been late.
+        limits = replace(limits, stale=inf)
+    if differ or heard.saved:
+        streams = [without_delays(one) for one in streams]
+    received = Received(records, heard.frames, heard.publishers, heard.values, _at_log_time)
+    also += received.findings()
+    if (back := received.stamps_back()) is not None:
+        also.append(back)
+    # Stamps that went back are not newer than all before, but they advance.
+    advancing = () if back is None else back.frames
+    judged = [replace(one, stalled=one.silence) if one.frame in advancing else one for one in streams]
+    found = find(judged, limits, expectations, refused=refused, recorded=True, also=also)
+    silence = 0.0 if heard.end_ns is None or static.all() else (heard.end_ns - now_ns) / S
+    if silence > limits.stale:
+        text = f"no dynamic transform was received in the last {three_digits(silence)} s"
+        found.insert(0, Finding("stale", "", text))
+    begin, end = int(times.min()) / S, int(times.max()) / S
+    return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
+
+
+def _at_log_time(time_ns: int) -> str:
+    return f"at log time {time_ns / S:.3f} s"

@@ -11,7 +11,6 @@ from obeying_processes import Obeying, OrderError
 from paths import ROOT
 from processes import run
 from ros_domains import claim_domain
-from tool_paths import SUPPORT
 from waiting import until
 
 from tf2_ros.serialization import serialize_arrays
@@ -162,7 +161,7 @@ def kilted(new_robot):
         pytest.skip(
             "ROS 2 Kilted is not there: `python -m release.rclpy_release_tests --only kilted` installs it"
         )
-    environment = installing.unsourced() | {"PYTHONPATH": str(SUPPORT)}
+    environment = installing.unsourced() | {"PYTHONPATH": ""}
     # The wheels of ROS set these once, for their own libraries.
     for name in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH"):
         environment.pop(name, None)

@@ -6,11 +6,11 @@ Recordings of what arrives, where the middleware lacks something.
 
 import json
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from interposed_libraries import output_with_library
-from tool_paths import PROGRAMS
 
 pytestmark = pytest.mark.ours
 
@@ -22,7 +22,8 @@ def recorded_with(tmp_path):
     """What `records_with_faulty_middleware.py` prints after so many messages, with a fault."""
 
     def run(fault, messages):
-        program, variables = PROGRAMS / "records_with_faulty_middleware", {"TF2_TEST_MIDDLEWARE": fault}
+        program = Path(__file__).with_name("records_with_faulty_middleware")
+        variables = {"TF2_TEST_MIDDLEWARE": fault}
         return json.loads(
             output_with_library("faulty_middleware", tmp_path, str(messages), program=program, **variables)
         )

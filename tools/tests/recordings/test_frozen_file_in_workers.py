@@ -4,11 +4,12 @@ import importlib.util
 import json
 import shutil
 import statistics
+from pathlib import Path
 
 import pytest
 from documentation_pages import named_programs
 from processes import output_of
-from tool_paths import DOCS, PROGRAMS, SAMPLES
+from tool_paths import DOCS, SAMPLES
 
 pytestmark = pytest.mark.ours
 
@@ -22,7 +23,7 @@ MB = 1_000_000
 def test_workers_share_a_frozen_file(method):
     if method == "dask" and importlib.util.find_spec("distributed") is None:
         pytest.skip("needs distributed")
-    found = json.loads(output_of(PROGRAMS / "measures_workers.py", COUNT, WORKERS, method))
+    found = json.loads(output_of(Path(__file__).with_name("measures_workers.py"), COUNT, WORKERS, method))
     assert found["file"] > 28 * MB
     small, frozen, loaded = (found[method][name] for name in ("small", "frozen", "loaded"))
     assert len({*frozen["totals"], *loaded["totals"]}) == 1

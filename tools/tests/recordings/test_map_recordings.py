@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, scan, write_folder, write_mcap, write_split
 from processes import killed, start
-from tool_paths import PROGRAMS
 from waiting import DEADLINE_S, until
 
 bag = pytest.importorskip("tf2_ros_tools.bag")
@@ -294,7 +293,7 @@ def test_options_that_make_no_sense_are_refused_before_anything_is_read(runs, ou
 def test_two_processes_do_the_same_as_one_core(runs, out, tmp_path):
     (runs / "broken.mcap").write_bytes(b"broken")
     one = mapped(runs, tmp_path / "one")
-    command = (PROGRAMS / "maps_recordings.py", str(runs), str(out))
+    command = (Path(__file__).with_name("maps_recordings.py"), str(runs), str(out))
     with killed(start(*command, stdout=subprocess.PIPE)) as program:
         said, _ = program.communicate(timeout=3 * DEADLINE_S)
     assert said == f"<tf2_ros_tools.bag.MappedRecordings: 4 done, 0 skipped, 1 failed, in {str(out)!r}>\n"
@@ -335,7 +334,7 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_continues(tmp_path, ou
     for i in range(1, 50):
         os.link(first, tmp_path / "runs" / f"{i}.mcap")
     options = {"stderr": subprocess.PIPE, "start_new_session": True}
-    command = (PROGRAMS / "maps_recordings.py", str(tmp_path / "runs"), str(out))
+    command = (Path(__file__).with_name("maps_recordings.py"), str(tmp_path / "runs"), str(out))
     with killed(start(*command, **options)) as program:
         until(lambda: state(out))
         children = psutil.Process(program.pid).children(recursive=True)

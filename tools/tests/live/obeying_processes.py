@@ -5,8 +5,8 @@ import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
-from tool_paths import PROGRAMS
 from waiting import DEADLINE_S, until
 
 
@@ -19,7 +19,7 @@ class Obeying:
 
     def __init__(self, *arguments, python=sys.executable, environment=os.environ):
         pipe = subprocess.PIPE
-        command = [str(python), str(PROGRAMS / "obeys_orders.py"), *arguments]
+        command = [str(python), str(Path(__file__).with_name("obeys_orders.py")), *arguments]
         self.process = subprocess.Popen(
             command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=environment
         )

@@ -1,11 +1,24 @@
-"""The argument `trajectory`: a recording is corrected by the poses that a SLAM has written to a file."""
+"""The argument `trajectory`: a recording is corrected by the poses that a SLAM has exported or published."""
 
 import math
+import os
+import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from making_bags import S, drive, write_mcap
+from making_bags import (
+    FORMATS,
+    STAMPED,
+    S,
+    Sent,
+    drive,
+    posed,
+    slam_path,
+    write_mcap,
+    write_ros1,
+)
 from making_objects import about_z
 from numpy.testing import assert_allclose
 from pickles_and_copies import held
@@ -94,6 +107,180 @@ def test_poses_without_odometry_are_an_error_or_reported(path, tmp_path):
     assert_allclose(buffer.lookup_matrix("map", "base", BEGIN_NS), drift(times[:1])[0], atol=1e-9)
 
 
+def test_a_trajectory_of_another_time_is_refused(path, tmp_path):
+    early = written(tmp_path, STAMPS[:3] - 50 * S, drift(STAMPS[:3]))
+    with pytest.raises(
+        bag.BagError,
+        match="poses are from 50.000 to 50.200 s, but base in odom is known from 100.000 to 109.900 s",
+    ):
+        bag.load(path, trajectory=replace(early, on_missing="skip"))
+
+
+def test_a_rounded_stamp_at_an_end_of_the_odometry_is_used_there(tmp_path):
+    begin_ns = 1_700_000_000_123_456_789
+    path = write_mcap(tmp_path / "drive.mcap", drive(COUNT, begin_ns=begin_ns))
+    ends = [begin_ns, begin_ns + (COUNT - 1) * STEP_NS]
+    matrices = to_matrix(([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], [about_z(0.1)] * 2))
+    for digits in 9, 8, 7, 6:  # the first one is up to 211 ns after the first odometry
+        lines = [
+            f"{ns / S:.{digits}f} {x} {y} {z} 0 0 {math.sin(0.05)!r} {math.cos(0.05)!r}\n"
+            for ns, (x, y, z) in zip(ends, matrices[:, :3, 3].tolist(), strict=True)
+        ]
+        (tmp_path / "rounded.tum").write_text("".join(lines))
+        buffer = bag.load(path, trajectory=bag.Trajectory(tmp_path / "rounded.tum", "map", "odom", "base"))
+        assert_allclose(buffer.lookup_matrices("map", "base", ends), matrices, rtol=0, atol=1e-5)
+    (tmp_path / "rounded.tum").write_text(f"{(begin_ns - 2_000) / S:.7f} 0 0 0 0 0 0 1\n")
+    with pytest.raises(bag.BagError, match='past.*on_missing="skip" leaves such poses out'):
+        bag.load(path, trajectory=bag.Trajectory(tmp_path / "rounded.tum", "map", "odom", "base"))
+
+
+# The formats of files.
+
+
+def lines_of(trajectory):
+    return trajectory.path.read_text().splitlines()[2:]
+
+
+SPELT = {
+    "commas": lambda lines: "\n".join(line.replace(" ", ",") for line in lines),
+    "commas and spaces, and a heading": lambda lines: "\r\n".join(
+        ["timestamp, tx, ty, tz, qx, qy, qz, qw", *(line.replace(" ", ", ") for line in lines)]
+    ),
+    "unsorted, with comments and empty lines": lambda lines: "\n".join(
+        ["\ufeff# by a SLAM", *lines[::-1], "  # the end", "", "\t"]
+    ),
+    "a keyframe twice, of which the last one counts": lambda lines: "\n".join(
+        [f"{lines[3].split()[0]} 9 9 9 0 0 0 1", *lines]
+    ),
+    "numpy's floats": lambda lines: "\n".join(
+        " ".join([line.split()[0], *(f"{float(one):.18e}" for one in line.split()[1:])]) for line in lines
+    ),
+}
+
+
+@pytest.mark.parametrize("spelt", SPELT)
+def test_a_file_may_be_written_in_several_ways(path, optimized, spelt):
+    wanted = held(bag.load(path, trajectory=optimized))
+    optimized.path.write_text(SPELT[spelt](lines_of(optimized)))
+    assert held(bag.load(path, trajectory=optimized)) == wanted
+
+
+def kitti(tmp_path, times, matrices, digits=17):
+    rows = [" ".join(f"{one:.{digits}e}" for one in matrix[:3].ravel()) for matrix in matrices]
+    (tmp_path / "poses.txt").write_text("\n".join(rows))
+    (tmp_path / "times.txt").write_text("".join(f"{ns // S}.{ns % S:09d}\n" for ns in times.tolist()))
+    return bag.Trajectory(tmp_path / "poses.txt", "map", "odom", "base", times=tmp_path / "times.txt")
+
+
+def test_poses_of_kitti_have_their_times_in_another_file(path, tmp_path):
+    matrices = drift(KEYFRAMES) @ odometry(bag.load(path), KEYFRAMES)
+    for digits, atol in ((17, 1e-12), (6, 1e-5)):  # KITTI's own files have six digits after the point
+        buffer = bag.load(path, trajectory=kitti(tmp_path, KEYFRAMES, matrices, digits))
+        assert_allclose(buffer.lookup_matrices("map", "base", KEYFRAMES), matrices, rtol=0, atol=atol)
+
+
+def test_wrong_files_of_kitti_are_named(path, tmp_path, optimized):
+    good = kitti(tmp_path, KEYFRAMES, drift(KEYFRAMES))
+    wrong = {
+        "poses.txt, line 1: expected 8 numbers.*KITTI's poses need `times`": replace(good, times=None),
+        "optimized.tum, line 3: expected 12 numbers": replace(optimized, times=good.times),
+        "poses.txt, line 1: expected one number, a stamp in seconds, got": replace(good, times=good.path),
+    }
+    for text, trajectory in wrong.items():
+        with pytest.raises(bag.BagError, match=text):
+            bag.load(path, trajectory=trajectory)
+    with pytest.raises(bag.BagError, match=r"the 18 poses in .*poses.txt, got 17 in .*times.txt"):
+        bag.load(path, trajectory=kitti(tmp_path, KEYFRAMES[:-1], drift(KEYFRAMES)))
+    with pytest.raises(bag.BagError, match=r"poses.txt: matrices\[0\]: its rotation must be orthogonal"):
+        bag.load(path, trajectory=kitti(tmp_path, KEYFRAMES, 1.1 * drift(KEYFRAMES)))
+
+
+# A topic of the recording.
+
+
+POSES = [posed(int(ns), float(i), "", STAMPED) for i, ns in enumerate(KEYFRAMES)]
+X = np.arange(len(POSES), dtype=float)
+ON_TOPIC = bag.Trajectory("/slam/path", "map", "odom", "base")
+
+
+def with_paths(*paths):
+    return sorted([*drive(COUNT), *paths], key=lambda one: one.log_ns)
+
+
+LAST = slam_path(BEGIN_NS + 3 * S, POSES)
+# The path grows, and the last message counts, long before the end of the recording.
+GROWING = with_paths(*(slam_path(BEGIN_NS + i * S, POSES[:i]) for i in (1, 2)), LAST)
+
+
+@pytest.mark.parametrize(
+    "kind", ["folder-mcap", "folder-sqlite3", "split-mcap", "mcap-no-index", "mcap-file"]
+)
+def test_the_last_path_on_a_topic_counts(tmp_path, kind):
+    buffer = bag.load(FORMATS[kind](tmp_path, GROWING), trajectory=ON_TOPIC)
+    got = buffer.lookup_matrices("map", "base", KEYFRAMES)
+    assert_allclose(got[:, 0, 3], X, rtol=0, atol=1e-9)
+    assert_allclose(got[:, :2, 0], np.array([np.cos(X), np.sin(X)]).T, rtol=0, atol=1e-9)
+
+
+def test_a_path_of_ros_1_is_read_and_counts_whatever_the_part_that_is_loaded(tmp_path):
+    poses = [posed(int(ns), float(i), "", STAMPED, ros=1) for i, ns in enumerate(KEYFRAMES)]
+    path = write_ros1(tmp_path / "run.bag", with_paths(slam_path(BEGIN_NS + 30 * S, poses, ros=1)))
+    skipping = replace(ON_TOPIC, on_missing="skip")
+    with pytest.warns(UserWarning, match="14 of the 18 poses in /slam/path are left out"):
+        part = bag.load(path, start=BEGIN_NS + 2 * S, end=BEGIN_NS + 4 * S, trajectory=skipping)
+    inside = KEYFRAMES[4:7]
+    assert_allclose(part.lookup_matrices("map", "base", inside)[:, 0, 3], X[4:7], rtol=0, atol=1e-9)
+
+
+def test_a_path_without_stamps_or_in_another_frame_is_refused(tmp_path):
+    def load(*paths, **changed):
+        path = write_mcap(tmp_path / "drive.mcap", with_paths(*paths))
+        return bag.load(path, trajectory=replace(ON_TOPIC, **changed))
+
+    mixed = [*POSES[:2], posed(int(KEYFRAMES[2]), 0.0, "", STAMPED, frame="odom")]
+    unstamped = [posed(0, 0.0, "", STAMPED)] * 2
+    wrong = {
+        "topic /slam/path: expected poses in 'map', got poses in 'odom'": slam_path(S, POSES, frame="odom"),
+        r"poses\[2\]: expected a pose in 'map', got one in 'odom'": slam_path(S, mixed),
+        "topic /slam/path: its last message has no poses": slam_path(S, []),
+        r"times\[0\]: expected a time above 0": slam_path(S, unstamped),
+        "topic /slam/path, log time 1000000000 ns": Sent(S, "/slam/path", b"\0\1\0\0ab", LAST.msgtype),
+        "is neither a file nor a topic of .* with nav_msgs/msg/Path; .*: /b, /c": None,
+    }
+    for text, last in wrong.items():
+        others = [slam_path(S, POSES, topic) for topic in ("/b", "/c")]
+        with pytest.raises(bag.BagError, match=text):
+            load(*others, *([] if last is None else [last]))
+    with pytest.raises(bag.BagError, match="poses are from 0.000 to 0.000 s"):
+        load(slam_path(S, unstamped), on_missing="skip")
+    # Empty frames of poses are that of the path; a leading slash is that of ROS 1.
+    empty = [posed(int(ns), 1.0, "", STAMPED, frame="") for ns in KEYFRAMES]
+    assert_allclose(
+        load(slam_path(S, empty, frame="/map")).lookup_matrix("map", "base", int(KEYFRAMES[1]))[0, 3], 1
+    )
+
+
+def test_an_absolute_path_of_a_file_is_no_topic(path, optimized):
+    absolute = replace(optimized, path=str(optimized.path.absolute()))
+    assert held(bag.load(path, trajectory=absolute)) == held(bag.load(path, trajectory=optimized))
+    with pytest.raises(FileNotFoundError):
+        bag.load(path, trajectory=replace(optimized, path=Path("/slam/path")))
+
+
+def test_a_pipe_is_read_once(path, optimized, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    writer = threading.Thread(
+        target=lambda: (tmp_path / "pipe").write_bytes(optimized.path.read_bytes()), daemon=True
+    )
+    writer.start()
+    buffer = bag.load(path, trajectory=replace(optimized, path=str(tmp_path / "pipe")))
+    writer.join()
+    assert held(buffer) == held(bag.load(path, trajectory=optimized))
+
+
+# Caches.
+
+
 def test_a_cache_knows_the_content_of_the_file(path, optimized, tmp_path):
     def load(trajectory=optimized):
         return bag.load(path, trajectory=trajectory, cache=tmp_path / "cache")
@@ -109,6 +296,47 @@ def test_a_cache_knows_the_content_of_the_file(path, optimized, tmp_path):
     assert held(load()) == held(first)
 
 
+def test_a_cache_knows_both_files_of_kitti_and_the_topic(tmp_path):
+    paths = (LAST, slam_path(BEGIN_NS + 3 * S, POSES[:2], "/other"))
+    path = write_mcap(tmp_path / "drive.mcap", with_paths(*paths))
+
+    def load(trajectory):
+        buffer = bag.load(path, trajectory=trajectory, cache=tmp_path / "cache")
+        assert held(buffer) == held(bag.load(path, trajectory=trajectory))
+        return len(os.listdir(tmp_path / "cache"))
+
+    matrices = drift(KEYFRAMES)
+    counts = [
+        load(kitti(tmp_path, KEYFRAMES, matrices)),
+        load(kitti(tmp_path, KEYFRAMES + 1, matrices)),
+        load(kitti(tmp_path, KEYFRAMES, matrices[::-1])),
+        load(kitti(tmp_path, KEYFRAMES, matrices)),
+        load(ON_TOPIC),
+        load(replace(ON_TOPIC, path="/other")),
+        load(replace(ON_TOPIC, moving="camera")),
+        load(ON_TOPIC),
+    ]
+    assert counts == [1, 2, 3, 3, 4, 5, 6, 6]
+
+
+def test_poses_that_are_left_out_are_reported_whether_a_cache_is_written_or_not(tmp_path):
+    # One is before the odometry, at the stamp of a sample that remains; another one has no stamp.
+    early = [posed(ns, 0.0, "", STAMPED) for ns in (BEGIN_NS - S, 0)]
+    messages = with_paths(slam_path(BEGIN_NS + 3 * S, [*early, *POSES]))
+    sent = messages[1].content
+    sent.append(sent[0]._replace(ns=BEGIN_NS - S))
+    path = write_mcap(tmp_path / "drive.mcap", messages)
+    in_file = kitti(tmp_path, KEYFRAMES - 5 * S, drift(KEYFRAMES))
+    for trajectory, text in (
+        (ON_TOPIC, "2 of the 20 poses in /slam/path"),
+        (in_file, "9 of the 18 poses in "),
+    ):
+        for _ in range(2):
+            with pytest.warns(UserWarning, match=f"{text}.* are left out, because base in odom is not known"):
+                skipping = replace(trajectory, on_missing="skip")
+                bag.load(path, trajectory=skipping, cache=tmp_path / "cache")
+
+
 WRONG = {
     "1 2 3\n": "line 1: expected 8 numbers",
     "# only a comment\n": "expected lines of 8 numbers",
@@ -119,6 +347,11 @@ WRONG = {
     "NaN 0 0 0 0 0 0 1\n": "line 1: expected 8 numbers",
     "100.5 0 0 0 0 0 0 0\n": "must have a finite, non-zero length",
     "0 0 0 0 0 0 0 1\n": "expected a time above 0",
+    "# t x y z qw qx qy qz\n1 0 0 0 1 0 0 0\n": "line 1: expected 8 numbers.* got qw before qx",
+    "t,x,y,z,qw,qx,qy,qz\n1,0,0,0,1,0,0,0\n": "line 1: expected 8 numbers.* got qw before qx",
+    "1700000000123456789 0 0 0 0 0 0 1\n": "line 1: expected 8 numbers, a stamp in seconds",
+    "1 0 0 0 0 0 0 1\nstamp x y z qx qy qz qw\n": "line 2: expected 8 numbers",
+    "stamp x y z qx qy qz qw\n": "expected lines of 8 numbers",
 }
 
 
@@ -142,3 +375,7 @@ def test_other_arguments_are_refused(path, tmp_path):
         bag.load(path, trajectory="optimized.tum")
     with pytest.raises(FileNotFoundError):
         bag.load(path, trajectory=bag.Trajectory(tmp_path / "none.tum", "map", "odom", "base"))
+    with pytest.raises(
+        TypeError, match=r"child: expected a str, the name of a frame, got PosixPath\('odom'\)"
+    ):
+        bag.Trajectory("map", "map", Path("odom"), "base")

@@ -27,6 +27,7 @@ SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
 STAMPED = "geometry_msgs/msg/PoseStamped"
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
+PATH = "nav_msgs/msg/Path"
 WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 
@@ -134,6 +135,12 @@ def posed(ns, x, topic, msgtype, frame="map", child="base", ros=2):
         twist = make("geometry_msgs/TwistWithCovariance", make("geometry_msgs/Twist", *still), covariance)
         fields |= {"child_frame_id": child, "twist": twist}
     return Sent(ns, topic, fields, msgtype)
+
+
+def slam_path(log_ns, poses, topic="/slam/path", frame="map", ros=2):
+    """A nav_msgs/Path of posed STAMPED messages."""
+    stamped = [message(one, ros) for one in poses]
+    return Sent(log_ns, topic, {"header": header(log_ns, frame, ros), "poses": stamped}, PATH)
 
 
 STAMPS = [100 * S + i * S // 10 for i in range(20)]

@@ -77,7 +77,8 @@ class Wanted:
     What to read: topics with the prefixes of their frames, and log times; None: no limit.
 
     ``poses`` has the topics whose poses are read, with the parent and the child, or None. ``robots`` has the
-    robots whose joint states are read, by topic; None: as the recording describes it.
+    robots whose joint states are read, by topic; None: as the recording describes it. ``trajectory`` corrects
+    what was read.
     """
 
     prefixes: Mapping[str, str]
@@ -85,6 +86,13 @@ class Wanted:
     end_ns: int | None
     poses: PoseTopics
     robots: Mapping[str, Robot | None]
+    trajectory: Keyframes | None = None
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """What a buffer depends on; JSON can hold it."""
+        keyframes = self.trajectory
+        return asdict(replace(self, trajectory=None)) | {"trajectory": keyframes and keyframes.key}
 
     @property
     def limited(self) -> bool:
@@ -102,14 +110,16 @@ def wanted(
     end: TimeLike | None = None,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
+    trajectory: Trajectory | None = None,
 ) -> Wanted:
     """
-    Check the arguments that determine what is read.
+    Check the arguments that determine what is read, and read the files of a trajectory.
 
     :raises TypeError: ``topics`` is a str, ``poses`` has something other than pairs of frames, or a time has
         a wrong type.
     :raises ValueError: ``topics`` is empty, or ``end`` is before ``start``.
     :raises FileNotFoundError, UrdfError: see :func:`tf2_ros_tools.urdf.load`.
+    :raises BagError: see :class:`tf2_ros_tools.trajectories.Keyframes`.
     """
     if isinstance(topics, str):
         raise TypeError(f"topics: expected a list of names, got a str: use [{topics!r}]")
@@ -129,7 +139,8 @@ def wanted(
             raise TypeError(f"poses: expected (parent, child) or None for {topic}, got {frames!r}")
         if frames is not None and "\0" in "".join(frames):
             raise ValueError(f"poses: a frame name must not contain a NUL character, got {frames!r}")
-    return Wanted(prefixes, start_ns, end_ns, posed, robots)
+    keyframes = None if trajectory is None else Keyframes(trajectory)
+    return Wanted(prefixes, start_ns, end_ns, posed, robots, keyframes)
 
 
 def _log_time(name: str, time: TimeLike | None) -> int | None:
@@ -183,8 +194,8 @@ def load(
         ``/robot_description`` in the recording. To read other topics, pass a mapping from topics to such
         values; True then means the ``robot_description`` in the namespace of the topic. Frames that have
         transforms on ``topics`` keep them. The authority of fixed joints is ``urdf``.
-    :param trajectory: corrects the buffer by the poses in a file, as :func:`tf2_ros.correction.correct` does.
-        None: what was recorded remains as it is.
+    :param trajectory: corrects the buffer by poses in a file or on a topic, as
+        :func:`tf2_ros.correction.correct` does. None: what was recorded remains as it is.
     :param cache: a folder, which is created if it does not exist. The first call freezes the buffer to a file
         in this folder, and the next ones, in any process, map this file, unless the recording, its path, the
         content of the trajectory or another argument has changed; see :meth:`tf2_py.BufferCore.open`. It may
@@ -195,8 +206,7 @@ def load(
     :raises FileNotFoundError: the file does not exist.
     :raises BagError: the file is not a recording, is broken, or has none of the topics, or a topic has
         messages of another type; or its joint states have no joint of the robot, or no message was
-        recorded between ``start`` and ``end``; or the file of the trajectory is broken, or does not fit the
-        recording.
+        recorded between ``start`` and ``end``; or the trajectory is broken, or does not fit the recording.
     :raises UrdfError: see :func:`tf2_ros_tools.urdf.load`.
     :raises OSError: the file in ``cache`` cannot be written.
     :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
@@ -210,25 +220,22 @@ def load(
     states that are not joints of the URDF, frames whose stamps are all 0, and topics of which the files of a
     folder have fewer messages than its ``metadata.yaml`` counts.
     """
-    what = wanted(topics, start, end, poses, urdf)
-    keyframes = None if trajectory is None else Keyframes(trajectory)
+    what = wanted(topics, start, end, poses, urdf, trajectory)
     buffer = new_buffer(cache_time)
     cached = None
     if cache is not None:
         path = resolved(path)  # a link may lead to another recording while this one is read
-        key = asdict(what) | ({} if keyframes is None else {"trajectory": keyframes.key})
-        cached = Cached(cache, path, key, buffer.cache_time_ns)
+        cached = Cached(cache, path, what.key, buffer.cache_time_ns)
     opened = None if cached is None else cached.open()
     if opened is None:
         with open_recording(path) as recorded:
             for text in fill_buffer(buffer, recorded, what, progress=progress):
                 warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
-            for text in () if keyframes is None else keyframes.correct(buffer):
-                warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
         if cached is not None:
             cached.write(buffer)
         opened = (cached and cached.open()) or buffer
-    for text in without_stamps(opened):
+    left_out = () if what.trajectory is None else what.trajectory.left_out(opened, path)
+    for text in (*without_stamps(opened), *left_out):
         warnings.warn(f"{printable(os.fspath(path))}: {text}", stacklevel=2)
     opened.clock = None  # pyright: ignore[reportAttributeAccessIssue]
     return opened
@@ -264,7 +271,7 @@ def fill_buffer(
     records: list[Any] | None = None,
 ) -> list[str]:
     """
-    Insert the wanted transforms of a recording into a buffer.
+    Insert the wanted transforms of a recording into a buffer, and correct them by the wanted trajectory.
 
     :param recording: records each transform; see :func:`tf2_ros.serialization.insert_messages`.
     :param records: see the same function.
@@ -317,6 +324,8 @@ def fill_buffer(
                     f" {first_names(states.names)}, have no positions of the URDF's joints,"
                     f" {first_names(own)}{why}"
                 )
+    if what.trajectory is not None:
+        what.trajectory.correct(buffer, recorded)
     left_out = [
         f"{counted(one.left_out, 'message')} on {printable(topic)} {'is' if one.left_out == 1 else 'are'}"
         f" left out: {one.reason}"
@@ -584,6 +593,9 @@ def hear(
     if end_ns is not None and what.end_ns is not None:
         end_ns = min(end_ns, what.end_ns)
     frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
+    if what.trajectory is not None:
+        left_out += what.trajectory.left_out(buffer, path)
+        frames = [*dict.fromkeys([*frames, *buffer.frames()])]  # a trajectory may add some
     own = (recorded.saved, left_out, absent, unset)
     return Heard(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)
 

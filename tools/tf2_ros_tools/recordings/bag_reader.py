@@ -188,6 +188,18 @@ class Recorded:
             return self._converted(messages) if convert else messages
         return _decompressed(messages)
 
+    def last(self, topic: str) -> tuple[int, Raw] | None:
+        """Get the log time and the content of the last message of a topic, in CDR; None: it has none."""
+        if self.start_ns is None or self.end_ns is None:
+            return None
+        # From the end, because a message that grows, such as a path, is not to be read each time it was sent.
+        found, length = None, S
+        while found is None and length < 8 * (self.end_ns - self.start_ns + S):
+            for _, log_ns, raw in self.checked(self.raw([topic], max(self.end_ns - length, 0))):
+                found = log_ns, raw
+            length *= 8
+        return found
+
     def _complete(
         self, messages: Iterator[RawMessage], connections: "list[Connection]"
     ) -> Iterator[RawMessage]:

@@ -1,25 +1,33 @@
-"""Correct a recording by a trajectory, the poses at keyframes that a SLAM has written to a file."""
+"""Correct a recording by a trajectory, the poses at keyframes that a SLAM has exported or published."""
 
 import hashlib
 import os
 from collections.abc import Iterator
+from contextlib import nullcontext, suppress
 from dataclasses import astuple, dataclass, replace
 from decimal import Decimal, DecimalException
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py import BufferCore, TransformException
+from tf2_py import BufferCore, ExtrapolationException, TransformException
 from tf2_py.printable import printable
 from tf2_ros.correction import correct
+from tf2_ros.numpy import to_nanoseconds
 from tf2_ros_tools.common.output import counted
-from tf2_ros_tools.recordings.bag_reader import BagError
+from tf2_ros_tools.recordings.bag_reader import BagError, Recorded, listed, open_recording, typestore
 
+# The stamps of N poses in ns, and the poses in one of the forms that `correct` takes.
+Stamped: TypeAlias = tuple[NDArray[np.int64], Any]
+
+S = 1_000_000_000
 DIGITS = 9  # of nanoseconds after the decimal point
-NUMBERS = "a stamp in seconds and x y z qx qy qz qw"
+# How far a stamp may be from the one that was rounded: many programs write microseconds.
+ROUNDED_NS = 1_000
+PATH = "nav_msgs/msg/Path"
 
 
 @dataclass(frozen=True)
@@ -27,14 +35,27 @@ class Trajectory:
     """
     Poses of a frame at keyframes, by which :func:`tf2_ros_tools.bag.load` corrects a recording.
 
-    :param path: a file in the format of the TUM RGB-D benchmark, which evo and most SLAMs write: lines of
-        stamp (seconds) x y z (meters) qx qy qz qw. Empty lines and those that begin with ``#`` have no pose.
+    :param path: one of
+
+        - a file in the format of the TUM RGB-D benchmark, which evo and most SLAMs write: lines of stamp
+          (seconds) x y z (meters) qx qy qz qw, with spaces or commas in between, in any order. Empty lines,
+          those that begin with ``#``, and a first line of names have no pose;
+        - with ``times``, a file in the format of KITTI: lines of 12 numbers, the first three rows of a
+          homogeneous matrix, in meters;
+        - a topic of the recording of type ``nav_msgs/Path``: a str that begins with ``/``, if no file has
+          this name. Its last message counts, whatever ``start`` and ``end`` are.
+
     :param parent: the frame in which the poses are given, such as ``map``.
     :param child: the frame whose transform from ``parent`` is replaced, such as ``odom``.
     :param moving: the frame whose poses are given, such as ``base_link``.
     :param before: see :func:`tf2_ros.correction.correct`.
     :param after: see the same function.
-    :param on_missing: see the same function.
+    :param on_missing: see the same function. At least one pose must be used.
+    :param times: a file with a line for each pose in ``path``, its stamp in seconds on the clock of the
+        recording; only for KITTI.
+    :raises TypeError: the name of a frame is not a str.
+
+    A pose up to 1 µs from the first or the last odometry is used there, because its stamp may be rounded.
     """
 
     path: str | PathLike[str]
@@ -44,74 +65,176 @@ class Trajectory:
     before: Literal["keep", "hold"] = "keep"
     after: Literal["keep", "hold"] = "hold"
     on_missing: Literal["raise", "skip"] = "raise"
+    times: str | PathLike[str] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("parent", "child", "moving"):
+            if not isinstance(frame := getattr(self, name), str):
+                raise TypeError(f"{name}: expected a str, the name of a frame, got {frame!r}")
 
 
 class Keyframes:
     """
-    What the file of a trajectory contains now.
+    The poses of a trajectory: what its files contain now, or the topic of a recording.
 
     :raises TypeError: it is not a ``Trajectory``.
-    :raises FileNotFoundError, OSError: the file cannot be read.
-    :raises BagError: a line is not a pose.
+    :raises FileNotFoundError, OSError: a file cannot be read.
+    :raises BagError: a file does not have the format.
     """
 
     def __init__(self, trajectory: Trajectory) -> None:
         if not isinstance(trajectory, Trajectory):
             raise TypeError(f"trajectory: expected a Trajectory, got {type(trajectory).__name__}")
-        content = Path(trajectory.path).read_bytes()
-        self._trajectory, self._name = trajectory, printable(os.fspath(trajectory.path))
-        self._times_ns, self._poses = _read_tum(content, self._name)
+        self._trajectory, path, times = trajectory, trajectory.path, trajectory.times
+        self._name = printable(os.fspath(path))
+        self._in_files: Stamped | None = None
+        if times is None and isinstance(path, str) and path.startswith("/") and not os.path.exists(path):
+            sources = [path]
+        else:
+            contents = [Path(one).read_bytes() for one in (path, times) if one is not None]
+            sources = [hashlib.sha256(one).hexdigest() for one in contents]
+            if times is None:
+                self._in_files = _tum(self._name, contents[0])
+            else:
+                self._in_files = _kitti(self._name, contents[0], printable(os.fspath(times)), contents[1])
         # What a buffer that is corrected by it depends on; JSON can hold it.
-        self.key: list[Any] = [*astuple(replace(trajectory, path="")), hashlib.sha256(content).hexdigest()]
+        self.key: list[Any] = [*astuple(replace(trajectory, path="", times=None)), *sources]
 
-    def correct(self, buffer: BufferCore) -> Iterator[str]:
+    def correct(self, buffer: BufferCore, recorded: Recorded) -> None:
         """
-        Correct a buffer, and yield a sentence if keyframes are left out.
+        Correct the buffer of a recording.
 
-        :raises BagError: a keyframe cannot be used, or the frames are wrong.
+        :raises BagError: a pose cannot be used, or none can; or the frames are wrong.
+        """
+        one, (times_ns, poses) = self._trajectory, self._poses(buffer, recorded)
+        how: dict[str, Any] = {"before": one.before, "after": one.after, "on_missing": one.on_missing}
+        try:
+            used = correct(buffer, one.parent, one.child, one.moving, times_ns, poses, **how)
+        except (TransformException, ValueError) as error:
+            advice = '; on_missing="skip" leaves such poses out' * isinstance(error, ExtrapolationException)
+            raise BagError(f"{self._name}: {error} (times[0] is that of its first pose){advice}") from error
+        if not used:
+            spans = (times_ns.min(), times_ns.max()), self._known(buffer) or (0, 0)
+            given, known = (f"from {begin / S:.3f} to {end / S:.3f} s" for begin, end in spans)
+            frames = f"{printable(one.moving)} in {printable(one.child)}"
+            raise BagError(f"{self._name}: its poses are {given}, but {frames} is known {known}")
+
+    def left_out(self, buffer: BufferCore, path: str | PathLike[str]) -> Iterator[str]:
+        """
+        Say how many poses are left out of a buffer that is corrected by the others.
+
+        :param path: the recording.
         """
         one = self._trajectory
-        try:
-            used = correct(
-                buffer,
-                one.parent,
-                one.child,
-                one.moving,
-                self._times_ns,
-                (self._poses[:, :3], self._poses[:, 3:]),
-                before=one.before,
-                after=one.after,
-                on_missing=one.on_missing,
-            )
-        except (TransformException, ValueError) as error:
-            raise BagError(f"{self._name}: {error} (times[0] is that of its first pose)") from error
-        left_out, count = len(self._times_ns) - used, counted(len(self._times_ns), "pose")
+        if one.on_missing == "raise":
+            return
+        with open_recording(path) if self._in_files is None else nullcontext() as recorded:
+            times_ns, _ = self._poses(buffer, recorded)
+        is_used = times_ns != 0
+        # Each of the others is a sample of the child.
+        for target, source, max_gap in ((one.child, one.moving, None), (one.parent, one.child, 0.0)):
+            found = buffer.lookup_matrices(target, source, times_ns, on_missing="nan", max_gap=max_gap)
+            is_used &= ~np.isnan(found[:, 0, 0])
+        left_out, count = int((~is_used).sum()), counted(len(times_ns), "pose")
         if left_out:
             are = "is" if left_out == 1 else "are"
             why = f"{printable(one.moving)} in {printable(one.child)} is not known then or no longer kept"
             yield f"{left_out} of the {count} in {self._name} {are} left out, because {why}"
 
+    def _known(self, buffer: BufferCore) -> tuple[int, int] | None:
+        """Get the first and the last time of the odometry, in ns; None: it has none."""
+        with suppress(TransformException):
+            return buffer.time_range(self._trajectory.child, self._trajectory.moving)
+        return None
 
-def _read_tum(content: bytes, name: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Read the stamps, shape (N,), and the poses, shape (N, 7), of a file in the format of TUM."""
+    def _poses(self, buffer: BufferCore, recorded: Any) -> Stamped:
+        """
+        Get the poses, with the stamps that were rounded at the ends of the odometry.
+
+        :param recorded: not needed if the poses are in files.
+        """
+        times_ns, poses = self._in_files or _of_topic(recorded, self._name, self._trajectory.parent)
+        for end_ns in self._known(buffer) or ():
+            times_ns = np.where(abs(times_ns - end_ns) <= ROUNDED_NS, end_ns, times_ns)
+        return times_ns, poses
+
+
+def _of_topic(recorded: Recorded, topic: str, parent: str) -> Stamped:
+    """Read the last path on a topic."""
+    name = f"{printable(recorded.path)}, topic {printable(topic)}"
+    paths = [one.name for one in recorded.topics.values() if one.msgtype == PATH]
+    if topic not in paths:
+        raise BagError(
+            f"{printable(topic)} is neither a file nor a topic of {printable(recorded.path)} with {PATH};"
+            f" its topics with this type: {listed(paths)}"
+        )
+    last = recorded.last(topic)
+    if last is None:
+        raise BagError(f"{name}: it has no messages")
+    log_ns, raw = last
+    try:
+        path: Any = typestore().deserialize_cdr(raw, PATH)
+    except Exception as error:  # rosbags defines an error class only for some kinds of damage
+        recorded.malformed(topic, log_ns, error)
+    frame = path.header.frame_id
+    if frame.removeprefix("/") != parent.removeprefix("/"):
+        raise BagError(f"{name}: expected poses in {parent!r}, got poses in {frame!r}")
+    if not path.poses:
+        raise BagError(f"{name}: its last message has no poses")
+    return to_nanoseconds([pose.header.stamp for pose in path.poses]), path.poses
+
+
+# Read files.
+
+
+STAMP = "a stamp in seconds"
+TUM = f"8 numbers, {STAMP} and x y z qx qy qz qw"
+KITTI = "12 numbers, the first three rows of a matrix"
+
+
+def _tum(name: str, content: bytes) -> Stamped:
+    times_ns, numbers = _read(name, content, TUM, 1, 7)
+    return times_ns, (numbers[:, :3], numbers[:, 3:])
+
+
+def _kitti(name: str, content: bytes, times: str, stamps: bytes) -> Stamped:
+    _, rows = _read(name, content, KITTI, 0, 12)
+    times_ns, _ = _read(times, stamps, f"one number, {STAMP}", 1, 0)
+    if len(times_ns) != len(rows):
+        raise BagError(
+            f"expected a stamp for each of the {len(rows)} poses in {name}, got {len(times_ns)} in {times}"
+        )
+    matrices = np.zeros((len(rows), 4, 4))
+    matrices[:, :3] = rows.reshape(-1, 3, 4)
+    matrices[:, 3, 3] = 1.0
+    return times_ns, matrices
+
+
+def _read(
+    name: str, content: bytes, expected: str, stamps: int, others: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Read a table whose lines begin with stamps; shapes (N,), if there is one in each, and (N, others)."""
     times_ns: list[int] = []
-    poses: list[list[float]] = []
+    rows: list[list[float]] = []
     for number, line in enumerate(content.decode("utf-8-sig", "replace").splitlines(), 1):
-        fields = line.split()
-        if not fields or fields[0].startswith("#"):
+        text = line.strip()
+        fields = text.lstrip("#").replace(",", " ").split()
+        if [field[-1] for field in fields[4:8]] == [*"wxyz"]:  # the names of columns
+            raise BagError(f"{name}, line {number}: expected {expected}, got qw before qx")
+        is_heading = not rows and not any(map(str.isdigit, text))
+        if not fields or text.startswith("#") or is_heading:
             continue
         try:
-            stamp, *pose = fields
-            times_ns.append(_nanoseconds(stamp))
-            poses.append([*map(float, pose)])
+            times_ns += map(_nanoseconds, fields[:stamps])
+            rows.append([*map(float, fields[stamps:])])
         except (ValueError, DecimalException):
-            poses.append([])
-        if len(poses[-1]) != 7 or not np.isfinite(poses[-1]).all():
-            given = printable(line.strip())
-            raise BagError(f"{name}, line {number}: expected 8 numbers, {NUMBERS}, got {given!r}")
-    if not poses:
-        raise BagError(f"{name}: expected lines of 8 numbers, {NUMBERS}; there are none")
-    return np.array(times_ns, np.int64), np.array(poses)
+            rows.append([])
+        if len(rows[-1]) != others or len(fields) != stamps + others or not np.isfinite(rows[-1]).all():
+            advice = "; KITTI's poses need `times`" * (len(fields) == 12)
+            raise BagError(f"{name}, line {number}: expected {expected}, got {printable(text)!r}{advice}")
+    if not rows:
+        raise BagError(f"{name}: expected lines of {expected}; there are none")
+    return np.array(times_ns, np.int64), np.array(rows)
 
 
 def _nanoseconds(seconds: str) -> int:

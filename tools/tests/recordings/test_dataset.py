@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from making_bags import S, Sent, Tf, drive, scan, write_mcap
+from making_bags import STAMPED, S, Sent, Tf, drive, posed, scan, slam_path, write_mcap
 from robot_of_all_joints import ARM, NAMES, joint_state
 
 from tf2_ros import LookupException
@@ -67,6 +67,56 @@ def test_an_image_without_a_stamp_has_no_pose(tmp_path):
     unset = write_mcap(tmp_path / "unset.mcap", [*drive(20), *(scan(100 * S + i, 0) for i in range(5))])
     with pytest.raises(LookupException, match="any stamp of /scan: the stamp is not set in 5 messages$"):
         bag.dataset(unset, ["camera"], at="/scan", relative_to="base")
+
+
+class TestTrajectory:
+    """Two recordings with a path on a topic, which differ."""
+
+    @pytest.fixture
+    def runs(self, tmp_path):
+        def with_path(x):
+            return [slam_path(101 * S, [posed(ns, x, "", STAMPED) for ns in (100 * S, 101 * S)])]
+
+        return [str(write(tmp_path / f"{x}.mcap", with_path(float(x)))) for x in (3, 4)]
+
+    def test_a_path_on_a_topic_corrects_each_recording(self, runs, tmp_path):
+        on_topic = bag.Trajectory("/slam/path", "map", "odom", "base")
+        with_cache = {"trajectory": on_topic, "cache": tmp_path / "cache"}
+        data = bag.dataset(runs, ["base"], at="/images", relative_to="map", **with_cache)
+        at_keyframe = data.poses[data.stamps_ns == 100 * S, 0, 0]
+        np.testing.assert_allclose(at_keyframe, [3.0, 4.0], rtol=0, atol=1e-9)
+        # These files are those of `load`.
+        before = {one.name: one.stat().st_ino for one in (tmp_path / "cache").iterdir()}
+        for x, path in enumerate(runs, 3):
+            matrix = bag.load(path, **with_cache).lookup_matrix("map", "base", 100 * S)
+            np.testing.assert_allclose(matrix[0, 3], x, rtol=0, atol=1e-9)
+        assert {one.name: one.stat().st_ino for one in (tmp_path / "cache").iterdir()} == before
+
+    def test_each_recording_may_have_its_own(self, runs, tmp_path):
+        (tmp_path / "own.tum").write_text("100 9 0 0 0 0 0 1\n101 9 0 0 0 0 0 1\n")
+        own = {runs[0]: bag.Trajectory(tmp_path / "own.tum", "map", "odom", "base"), runs[1]: None}
+        out = tmp_path / "tables"
+
+        def poses_at_keyframe(trajectory):
+            data = made(runs, trajectory=trajectory, out=out, workers=1)
+            return data.poses[data.stamps_ns == 100 * S]
+
+        corrected, recorded = poses_at_keyframe(own), poses_at_keyframe(None)
+        assert abs(corrected[0] - recorded[0]).max() > 7  # meters
+        assert np.array_equal(corrected[1], recorded[1])
+        # A table is made again only for the recording whose trajectory has changed.
+        how = {"at": "/images", "trajectory": own, "workers": 1}
+        assert len(bag.map_recordings(runs, "map", FRAMES, out, **how).done) == 1
+        (tmp_path / "own.tum").write_text("100 8 0 0 0 0 0 1\n101 8 0 0 0 0 0 1\n")
+        result = bag.map_recordings(runs, "map", FRAMES, out, **how)
+        assert [*result.done] == runs[:1] and [*result.skipped] == runs[1:]
+
+    def test_a_trajectory_of_another_recording_is_refused(self, runs, tmp_path):
+        one = bag.Trajectory("/slam/path", "map", "odom", "base")
+        with pytest.raises(ValueError, match=r"missing: .*4.mcap; not a recording: .*5.mcap"):
+            made(runs, trajectory={runs[0]: one, str(tmp_path / "5.mcap"): one})
+        data = made(runs, trajectory={runs[0]: one, runs[1]: bag.Trajectory("/none", "map", "odom", "base")})
+        assert data.files == (runs[0],) and "neither a file nor a topic" in data.failed[runs[1]]
 
 
 def test_rows_are_float32_unless_it_would_round_by_more_than_a_millimeter(path, tmp_path):

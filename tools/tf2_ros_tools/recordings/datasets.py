@@ -19,7 +19,7 @@ from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted, write_whole
 from tf2_ros_tools.recordings.bag_loader import TOPICS, PoseTopics, Topics, Urdfs
 from tf2_ros_tools.recordings.bag_reader import UNSET_NS, BagError
-from tf2_ros_tools.recordings.map_recordings import Recordings, find_recordings, map_recordings
+from tf2_ros_tools.recordings.map_recordings import Recordings, Trajectories, find_recordings, map_recordings
 from tf2_ros_tools.recordings.pose_tables import POSE, STAMP_NS
 
 if TYPE_CHECKING:
@@ -153,6 +153,7 @@ def dataset(
     topics: Topics = TOPICS,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
+    trajectory: Trajectories = None,
     cache: str | PathLike[str] | None = None,
     workers: int | None = None,
     scheduler: str | Client | None = None,
@@ -171,6 +172,7 @@ def dataset(
     :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see :func:`tf2_ros_tools.bag.load`.
     :param urdf: see :func:`tf2_ros_tools.bag.load`.
+    :param trajectory: see :func:`tf2_ros_tools.bag.map_recordings`.
     :param cache: see :func:`tf2_ros_tools.bag.map_recordings`.
     :param workers: only with ``out``; the number of worker processes. None: one for each core.
     :param scheduler: only with ``out``; the address of a Dask scheduler, whose workers do the work.
@@ -206,6 +208,7 @@ def dataset(
             topics=topics,
             poses=poses,
             urdf=urdf,
+            trajectory=trajectory,
             cache=cache,
             workers=1 if out is None else workers,
             scheduler=scheduler,

@@ -22,7 +22,12 @@ pytestmark = [pytest.mark.ours, pytest.mark.long("runs 60 programs, some for hal
 # tf2_buffer_server prints nothing.
 PROGRAMS = set(PYPROJECT["project"]["scripts"]) - {"tf2_buffer_server"}
 # The files that the pages show as text, by their first words.
-FILES = {"frames:": "robot.yaml", "- {frame_id": "transforms.yaml", "- name: operator": "relay.yaml"}
+FILES = {
+    "frames:": "robot.yaml",
+    "- {frame_id": "transforms.yaml",
+    "- name: operator": "relay.yaml",
+    "1002.0 -0.5": "optimized.tum",
+}
 # These end by themselves, the others with Ctrl-C.
 ENDING = re.compile(r"tf2_(bag|check|live|plot)|view_frames|tf2_echo .*--once")
 # What a program that runs on prints first when it works; others print anything.

@@ -20,7 +20,7 @@ from waiting import DEADLINE_S, until
 
 from tf2_ros_tools.bag import load, save
 from tf2_ros_tools.common.optional_libraries import MissingLibraryError
-from tf2_ros_tools.common.program import RunError
+from tf2_ros_tools.common.program import RunError, UsageError
 from tf2_ros_tools.programs.tf2_bag import PARSER, bag
 
 pytestmark = pytest.mark.ours
@@ -114,6 +114,66 @@ def test_explain_fails_as_the_lookup_does(run, drive_mcap):
         run("explain", drive_mcap, "map", "camera", "--at", "1")
     with pytest.raises(SystemExit, match="2"):
         run("explain", drive_mcap, "map", "camera", "--at", "0")
+
+
+class TestTrajectory:
+    """A trajectory whose poses are one meter above those of the recording; the first one is too early."""
+
+    @pytest.fixture
+    def tum(self, run, drive_mcap, tmp_path):
+        run("lookup", drive_mcap, "map", "base", "--times", *range(100, 110), "-o", tmp_path / "own.tum")
+        lines = [line.split() for line in (tmp_path / "own.tum").read_text().splitlines()]
+        raised = [f"{stamp} {x} {y} 1.0 {' '.join(turn)}" for stamp, x, y, _, *turn in lines]
+        (tmp_path / "raised.tum").write_text("\n".join(["99.0 0 0 0 0 0 0 1", *raised]))
+        return str(tmp_path / "raised.tum")
+
+    def test_a_lookup_is_corrected_by_it(self, run, drive_mcap, tum):
+        ends = ("map", "camera", "--rate", "4")
+        status, out, err = run("lookup", drive_mcap, *ends, "--trajectory", tum, "/map", "odom", "base")
+        assert (status, err.count("\n")) == (0, 1)
+        assert f"1 of the 11 poses in {tum} is left out, because base in odom is not known then" in err
+        stamps, poses, _ = rows_of(out)
+        wanted = rows_of(run("lookup", drive_mcap, *ends)[1])
+        assert stamps == wanted[0]
+        difference = np.array(poses) - wanted[1]
+        np.testing.assert_allclose(difference[:, 2], 1.0, rtol=0, atol=1e-9)
+        before_the_last = np.array(stamps) <= 109 * S
+        assert abs(difference[before_the_last, :2]).max() < 1e-3
+
+    def test_it_may_put_a_new_frame_above_the_others(self, run, drive_mcap, tum, tmp_path):
+        world = ("--trajectory", tum, "world", "map", "base")
+        stamps, poses, _ = rows_of(run("lookup", drive_mcap, "world", "base", *world)[1])
+        assert len(stamps) == 100
+        np.testing.assert_allclose(np.array(poses)[:, 2], 1.0, rtol=0, atol=1e-9)
+        out = run("explain", drive_mcap, "world", "camera", "--at", "104.5", *world)[1]
+        assert "world ← map  interpolated 50 % between 104.000 and 105.000 s (gap 1.000 s), last from" in out
+        pytest.importorskip("matplotlib")
+        written = str(tmp_path / "path.svg")
+        assert run("plot", drive_mcap, "--path", "world", "base", *world, "-o", written)[0] == 0
+
+    def test_stamps_of_kitti_are_in_another_file(self, run, drive_mcap, tmp_path):
+        (tmp_path / "poses.txt").write_text("1 0 0 7 0 1 0 8 0 0 1 9\n" * 2)
+        (tmp_path / "times.txt").write_text("101\n102\n")
+        files = ("--trajectory", tmp_path / "poses.txt", "map", "odom", "base")
+        times = ("--times", "101", "102")
+        with pytest.raises(
+            RunError, match="line 1: expected 8 numbers.*need `times` or `--trajectory-times`"
+        ):
+            run("lookup", drive_mcap, "map", "base", *times, *files)
+        more = ("--trajectory-times", tmp_path / "times.txt")
+        out = run("lookup", drive_mcap, "map", "base", *times, *files, *more)[1]
+        assert rows_of(out)[1] == [pytest.approx([7, 8, 9, 0, 0, 0, 1], abs=1e-9)] * 2
+
+    def test_what_does_not_fit_is_refused(self, run, drive_mcap, tum):
+        own = ("--trajectory", tum, "map", "odom", "base")
+        with pytest.raises(UsageError, match="--trajectory-times needs --trajectory"):
+            run("lookup", drive_mcap, "map", "base", "--trajectory-times", tum)
+        with pytest.raises(UsageError, match="--trajectory needs --path"):
+            run("plot", drive_mcap, *own)
+        with pytest.raises(RunError, match=r'"robot" .* does not exist'):
+            run("lookup", drive_mcap, "map", "base", *own[:-1], "robot")
+        with pytest.raises(RunError, match="/slam/path is neither a file nor a topic of .*type: none"):
+            run("explain", drive_mcap, "map", "base", "--trajectory", "/slam/path", *own[2:])
 
 
 class TestGaps:

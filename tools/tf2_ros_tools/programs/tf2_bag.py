@@ -22,6 +22,7 @@ from tf2_ros_tools.common.program import (
     SUCCESS,
     Parser,
     RunError,
+    UsageError,
     add_check_options,
     add_output,
     add_plot_options,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from tf2_ros_tools.recordings.bag_loader import Heard, Topics, Urdf
     from tf2_ros_tools.recordings.bag_reader import RecordedTopic
     from tf2_ros_tools.recordings.report import Report
+    from tf2_ros_tools.recordings.trajectories import Trajectory
 
 DESCRIPTION = """\
 Answer questions about recorded transforms, without ROS: what a recording contains, what is wrong with it, \
@@ -122,8 +124,28 @@ def _judged_of(options: Namespace) -> Heard:
 def _read(options: Namespace, **how: Any) -> Heard:
     from tf2_ros_tools.recordings.bag_loader import hear, wanted
 
-    what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
+    what = wanted(
+        _topics_of(options),
+        options.start,
+        options.end,
+        dict(options.poses),
+        _robots_of(options),
+        _trajectory_of(options),
+    )
     return hear(options.file, what, **how)
+
+
+def _trajectory_of(options: Namespace) -> Trajectory | None:
+    """Get the poses that correct the transforms; only some commands have this option."""
+    from tf2_ros_tools.trajectories import Trajectory
+
+    if getattr(options, "trajectory", None) is None:
+        if getattr(options, "trajectory_times", None) is not None:
+            raise UsageError("--trajectory-times needs --trajectory")
+        return None
+    path, *frames = options.trajectory
+    parent, child, moving = map(_frame, frames)
+    return Trajectory(path, parent, child, moving, on_missing="skip", times=options.trajectory_times)
 
 
 # List the contents and the problems of a recording.
@@ -377,6 +399,8 @@ def plot(options: Namespace) -> int:
     from tf2_ros_tools.recordings.report import report
 
     refuse_plot(options)
+    if options.trajectory is not None and options.path is None:
+        raise UsageError("--trajectory needs --path")
     heard = _heard_of(options)
     said = report(heard)
     if said.begin is None or said.end is None:
@@ -437,9 +461,11 @@ def _parser() -> Parser:
         "drive.mcap map base_link > path.csv",
         "drive.mcap map lidar --at /points -o lidar.tum",
         "drive.mcap map base_link --times 1795210034.5 1795210035",
+        "drive.mcap map base_link --trajectory optimized.tum map odom base_link -o corrected.tum",
         more=TABLE,
     )
     _add_recording(command)
+    _add_trajectory(command)
     command.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
     command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
     when = _add_when(command)
@@ -460,6 +486,7 @@ def _parser() -> Parser:
         "drive.mcap map lidar --at 1795210034.5",
     )
     _add_recording(command)
+    _add_trajectory(command)
     command.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
     command.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is explained")
     summary = "the time, in seconds since 1970; by default, the latest time for which all frames have data"
@@ -489,6 +516,7 @@ def _parser() -> Parser:
         "drive.mcap --path map base_link -o path.svg",
     )
     _add_recording(command)
+    _add_trajectory(command)
     add_plot_options(command, "the recording's name with .png, in the current folder")
     command = add(
         "batch",
@@ -531,6 +559,21 @@ def _add_recording(made: Parser) -> None:
         ("--end", "omit dynamic transforms recorded after this log time, in seconds since 1970"),
     ):
         made.add_argument(name, type=nanoseconds, metavar="S", help=summary)
+
+
+def _add_trajectory(made: Parser) -> None:
+    """Add the options for the poses that correct the transforms."""
+    made.add_argument(
+        "--trajectory",
+        nargs=4,
+        type=utf_8,
+        metavar=("FILE", "PARENT", "CHILD", "MOVING"),
+        help="correct the transforms of the frame CHILD in PARENT by poses of the frame MOVING in PARENT: a "
+        "file in TUM's format, or a topic of the recording with nav_msgs/Path; poses at times "
+        "at which MOVING in CHILD is unknown are left out",
+    )
+    summary = "the file of --trajectory is in KITTI's format; read its stamps, in seconds, from this file"
+    made.add_argument("--trajectory-times", metavar="FILE", help=summary)
 
 
 def _add_file(made: Parser) -> None:

@@ -119,7 +119,7 @@ def wanted(
         a wrong type.
     :raises ValueError: ``topics`` is empty, or ``end`` is before ``start``.
     :raises FileNotFoundError, UrdfError: see :func:`tf2_ros_tools.urdf.load`.
-    :raises BagError: see :class:`tf2_ros_tools.trajectories.Keyframes`.
+    :raises BagError: see :class:`tf2_ros_tools.recordings.trajectories.Keyframes`.
     """
     if isinstance(topics, str):
         raise TypeError(f"topics: expected a list of names, got a str: use [{topics!r}]")

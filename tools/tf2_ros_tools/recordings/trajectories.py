@@ -230,7 +230,7 @@ def _read(
         except (ValueError, DecimalException):
             rows.append([])
         if len(rows[-1]) != others or len(fields) != stamps + others or not np.isfinite(rows[-1]).all():
-            advice = "; KITTI's poses need `times`" * (len(fields) == 12)
+            advice = "; KITTI's poses need `times` or `--trajectory-times`" * (len(fields) == 12)
             raise BagError(f"{name}, line {number}: expected {expected}, got {printable(text)!r}{advice}")
     if not rows:
         raise BagError(f"{name}: expected lines of {expected}; there are none")

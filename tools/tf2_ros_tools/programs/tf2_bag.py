@@ -137,7 +137,7 @@ def _read(options: Namespace, **how: Any) -> Heard:
 
 def _trajectory_of(options: Namespace) -> Trajectory | None:
     """Get the poses that correct the transforms; only some commands have this option."""
-    from tf2_ros_tools.trajectories import Trajectory
+    from tf2_ros_tools.recordings.trajectories import Trajectory
 
     if getattr(options, "trajectory", None) is None:
         if getattr(options, "trajectory_times", None) is not None:

@@ -3,6 +3,9 @@ Install the packages into a folder of their own, which no other project's files 
 
 The packages have the names of tf2's. In the folder of all packages, they would overwrite those of a ROS 2
 that is installed there, as by conda, and no Debian package could hold them.
+
+Where a distribution installs them, perhaps for the sake of another package, they wait for TF2_ROS_CYTHON=1: a
+package of the distribution must not change what every program imports.
 """
 
 import shutil
@@ -17,17 +20,29 @@ FOLDER = Path(OWNER, "packages")
 # Python reads it when it starts: it puts that folder into its place on the path.
 PTH = Path(__file__).parents[1] / "resource" / f"{OWNER}.pth"
 
+# Where ROS's own packages are installed: bloom runs `setup.py install --prefix /opt/ros/jazzy`.
+OF_DISTRIBUTIONS = Path("/opt/ros")
+# If this file is there, the packages wait for TF2_ROS_CYTHON=1.
+OPT_IN = Path(OWNER, "opt_in")
+
 # By `-C layout=flat`: no folder of their own, for environments that do not read .pth files.
 is_flat = False
+# By `-C precedence=opt-in`.
+is_opt_in = False
 
 
 def choose(config_settings):
-    """Heed pip's option `-C layout=flat`."""
-    global is_flat
-    layout = (config_settings or {}).get("layout", "private")
-    if layout not in ("private", "flat"):
-        raise SystemExit(f"tf2-ros-cython: expected layout=private or layout=flat, got layout={layout}")
-    is_flat = layout == "flat"
+    """Heed pip's options `-C layout=flat` and `-C precedence=opt-in`."""
+    global is_flat, is_opt_in
+    is_flat = _setting(config_settings, "layout", "private", "flat")
+    is_opt_in = _setting(config_settings, "precedence", "opt-out", "opt-in")
+
+
+def _setting(config_settings, name, default, other):
+    value = (config_settings or {}).get(name, default)
+    if value not in (default, other):
+        raise SystemExit(f"tf2-ros-cython: expected {name}={default} or {name}={other}, got {name}={value}")
+    return value == other
 
 
 def copy_pth(folder):
@@ -43,10 +58,24 @@ class InstallLib(install_lib):
         made = []
         for package in sorted(Path(self.build_dir).iterdir()):
             made += self.copy_tree(str(package), self._moved(Path(self.install_dir, package.name)))
-        return [*made, copy_pth(self.install_dir)]
+        made += [copy_pth(self.install_dir), *map(self._write_note, self._notes())]
+        return made
 
     def get_outputs(self):
-        return [*map(self._moved, super().get_outputs()), str(Path(self.install_dir, PTH.name))]
+        return [
+            *map(self._moved, super().get_outputs()),
+            str(Path(self.install_dir, PTH.name)),
+            *self._notes(),
+        ]
+
+    def _notes(self):
+        prefix = self.get_finalized_command("install").prefix
+        is_of_distribution = prefix is not None and OF_DISTRIBUTIONS in Path(prefix).parents
+        return [str(Path(self.install_dir, OPT_IN))] if is_opt_in or is_of_distribution else []
+
+    def _write_note(self, path):
+        Path(path).write_text("Python imports these packages only with TF2_ROS_CYTHON=1.\n", encoding="utf-8")
+        return path
 
     def _moved(self, path):
         package, *inner = Path(path).relative_to(self.install_dir).parts

@@ -21,10 +21,18 @@ PARTS = ("tf2_ros_cython", "packages")
 FOLDER = os.path.join(SITE, *PARTS)
 HOME = FOLDER if os.path.isdir(FOLDER) else SITE
 
+# Where a distribution has installed this, the build leaves this file, and ours wait for ``TF2_ROS_CYTHON=1``.
+IS_OPT_IN = os.path.isfile(os.path.join(SITE, "tf2_ros_cython", "opt_in"))
+
 # The rclpy that tf2_ros works with, by the first number of its version: of Humble, and of Rolling today.
 OLDEST_RCLPY, NEWEST_RCLPY = 3, 11
 
 _RCLPY_MARKER = os.path.join("share", "ament_index", "resource_index", "packages", "rclpy")
+
+
+def is_waiting(environ: "Mapping[str, str]" = os.environ) -> bool:
+    """Whether ours wait for ``TF2_ROS_CYTHON=1``."""
+    return IS_OPT_IN and environ.get("TF2_ROS_CYTHON") != "1"
 
 
 def refused_rclpy(environ: "Mapping[str, str]" = os.environ) -> str | None:

@@ -8,13 +8,21 @@ the path, and no finder.
 import os
 import sys
 
-from tf2_ros_cython._installation import HOME, PACKAGES, SITE, distribution_prefix, lies_in, refused_rclpy
+from tf2_ros_cython._installation import (
+    HOME,
+    PACKAGES,
+    SITE,
+    distribution_prefix,
+    is_waiting,
+    lies_in,
+    refused_rclpy,
+)
 
 
 def arrange() -> None:
-    """Arrange the path of this process, unless ``TF2_ROS_CYTHON=0``."""
+    """Arrange the path of this process, unless ``TF2_ROS_CYTHON=0`` or ours wait for another value."""
     prefix = distribution_prefix()
-    if os.environ.get("TF2_ROS_CYTHON") == "0" or (prefix is None and HOME == SITE):
+    if os.environ.get("TF2_ROS_CYTHON") == "0" or is_waiting() or (prefix is None and HOME == SITE):
         return
     others = [entry for entry in sys.path if entry != HOME]
     at = next((i for i, entry in enumerate(others) if entry == SITE or lies_in(entry, prefix)), len(others))

@@ -97,10 +97,11 @@ def _imported_from(name: str) -> Path | None:
 def _is_ours(folder: Path | None) -> bool:
     if folder is None:
         return False
-    # In a checkout, or a flat installation, both are in one folder.
-    return (
-        folder.parts[-2:] == _installation.PARTS or (folder / _installation.PARTS[0] / "which.py").is_file()
-    )
+    if folder.parts[-2:] == _installation.PARTS:
+        return True
+    # In a checkout, or a flat installation, all are in one folder; beside others, tf2 may lie there.
+    has_own_folder = folder.joinpath(*_installation.PARTS).is_dir()
+    return (folder / _installation.PARTS[0] / "which.py").is_file() and not has_own_folder
 
 
 def _import_failure() -> str | None:
@@ -141,6 +142,8 @@ def _describe(name: str, folder: Path | None, forks: list[str]) -> str:
 def _why_not(name: str, forks: list[str]) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "TF2_ROS_CYTHON=0 is set"
+    if _installation.is_waiting():
+        return "this installation, by a distribution, waits for TF2_ROS_CYTHON=1"
     if _installation.refused_rclpy() is not None:
         return "the version of rclpy is not supported, see precedence below"
     if name in forks:
@@ -174,6 +177,8 @@ def _is_arranged() -> bool:
 
 
 def _not_arranged() -> str:
+    if _installation.IS_OPT_IN:
+        return "source setup.bash again, because TF2_ROS_CYTHON=1 was not set before"
     if _installation.HOME == _installation.SITE:
         return "tf2-ros-cython is not installed in this Python; install it with pip"
     return (
@@ -185,6 +190,11 @@ def _not_arranged() -> str:
 def _precedence(has_ours: bool, forks: list[str]) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
         return "the order of sys.path, because TF2_ROS_CYTHON=0 is set"
+    if _installation.is_waiting():
+        return (
+            "the order of sys.path, because a distribution has installed tf2-ros-cython, which then waits "
+            "for TF2_ROS_CYTHON=1; set it before you source setup.bash"
+        )
     if _installation.refused_rclpy() is not None:
         return f"any other tf2 before tf2-ros-cython: {_finder.unknown_rclpy()}"
     if forks:
@@ -193,7 +203,8 @@ def _precedence(has_ours: bool, forks: list[str]) -> str:
         return f"the order of sys.path{'' if has_ours else f'; {_not_arranged()}'}"
     prefix = _installation.distribution_prefix()
     if prefix is not None:
-        return f"workspaces, then tf2-ros-cython, then the tf2 in {prefix}"
+        reason = ", because TF2_ROS_CYTHON=1 is set" if _installation.IS_OPT_IN else ""
+        return f"workspaces, then tf2-ros-cython, then the tf2 in {prefix}{reason}"
     if "AMENT_PREFIX_PATH" in os.environ:
         return "the order of sys.path; no prefix in AMENT_PREFIX_PATH contains rclpy"
     return "the order of sys.path; no ROS 2 is sourced"

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -11,9 +12,13 @@ import installing
 import numpy
 import pytest
 from installing import INDEX, OURS, PACKAGES, SITE, Prefix, sourced, unsourced
+from paths import ROOT
 from processes import run
 from project_sources import PYPROJECT
 from sourced_installations import OWNERS, Installation, Workspace, add_tf2_ros_py, distribution_with_tf2
+
+sys.path.insert(0, str(ROOT))
+from release import unpacking_debs
 
 pytestmark = [
     pytest.mark.ours,
@@ -87,6 +92,12 @@ def system(made, wheel):
     return installing.setup_install(made / "project", made / "system", "/opt/ros/jazzy")
 
 
+@pytest.fixture(scope="module")
+def elsewhere(made, wheel):
+    """The same, installed by a user into another prefix."""
+    return installing.setup_install(made / "project", made / "elsewhere", "/usr/local/ros")
+
+
 @pytest.fixture
 def conda(tmp_path, wheel, ros):
     """ROS 2 and its tf2 in the folder of all packages of a Python, and ours, installed there by pip."""
@@ -151,9 +162,71 @@ def test_a_debian_package_is_installed_beside_that_of_tf2(system, tmp_path):
     assert (site / "tf2_ros_cython" / "packages" / "tf2_ros" / "__init__.py").is_file()
 
 
+BY_USER = [("elsewhere", "", "ours"), ("elsewhere", "0", "distribution"), ("elsewhere", "1", "ours")]
+BY_DISTRIBUTION = [("system", "", "distribution"), ("system", "0", "distribution"), ("system", "1", "ours")]
+
+
+@pytest.fixture(scope="module")
+def debian(made, system):
+    """A minimal Debian with a stand-in for /opt/ros, and a package of ours installed beside it."""
+    if os.geteuid() != 0:
+        pytest.skip("only root may chroot")
+    try:
+        root = unpacking_debs.unpack(made / "debian", ["bash", "python3", "python3-numpy"], "amd64")
+    except (FileNotFoundError, subprocess.CalledProcessError) as error:
+        pytest.skip(f"there are no Debian packages: {error}")
+    if not (root / "usr" / "bin" / f"python3.{sys.version_info.minor}").exists():
+        pytest.skip("Debian has another Python")
+    theirs, ours = made / "debian" / "theirs", made / "debian" / "ours"
+    prefix = Prefix(theirs / "opt" / "ros" / "jazzy").add_stubs("distribution", *OURS).mark("rclpy")
+    (prefix.path / "setup.bash").write_text(SETUP)
+    shutil.copytree(system.parents[2], ours)
+    packages = [
+        installing.debian_package(made / "debian" / f"{name}.deb", name, tree)
+        for name, tree in (("ros-jazzy-tf2-ros-py", theirs), ("ros-jazzy-tf2-ros-cython", ours))
+    ]
+    installing.debian_install(root, *packages)
+    return root
+
+
+# What ament's setup.bash does: it sources what the packages' .dsv files name.
+SETUP = f"""
+export AMENT_PREFIX_PATH=/opt/ros/jazzy AMENT_CURRENT_PREFIX=/opt/ros/jazzy
+export PYTHONPATH=/opt/ros/jazzy/{SITE}
+for file in /opt/ros/jazzy/share/*/package.dsv; do
+  IFS=';' read -r kind name < "$file"
+  [ "$kind" != source ] || . "/opt/ros/jazzy/$name"
+done
+"""
+# Where alternatives would put their links.
+LIBRARIES = ":".join(f"/usr/lib/x86_64-linux-gnu/{name}" for name in ("blas", "lapack"))
+
+
+@pytest.mark.parametrize(
+    ("value", "file", "status"),
+    [
+        ("", f"/opt/ros/jazzy/{SITE}/tf2_ros/__init__.py", 1),
+        ("0", f"/opt/ros/jazzy/{SITE}/tf2_ros/__init__.py", 1),
+        ("1", f"/opt/ros/jazzy/{PACKAGES}/tf2_ros/__init__.py", 0),
+    ],
+)
+def test_in_a_debian_that_has_it_programs_import_it_only_with_the_variable(debian, value, file, status):
+    def started(*command):
+        sourced_first = ["bash", "-c", '. /opt/ros/jazzy/setup.bash; exec "$@"', "-", *command]
+        variables = {"PATH": "/usr/sbin:/usr/bin:/bin", "LD_LIBRARY_PATH": LIBRARIES, "TF2_ROS_CYTHON": value}
+        return run("chroot", debian, *sourced_first, env=variables)
+
+    imported = started("python3", "-c", "import tf2_ros; print(tf2_ros.__file__)")
+    assert (imported.stdout.strip(), imported.stderr) == (file, "")
+    told = started("python3", "/opt/ros/jazzy/lib/tf2_ros_cython/tf2_which")
+    assert told.returncode == status, told.stdout + told.stderr
+
+
 @pytest.mark.parametrize("shell", ["sh", "bash", "zsh"])
-@pytest.mark.parametrize(("value", "expected"), [("", "ours"), ("0", "distribution")])
-def test_the_setup_files_of_a_prefix_put_it_first(system, ros, tmp_path, shell, value, expected):
+@pytest.mark.parametrize(("prefix", "value", "expected"), [*BY_USER, *BY_DISTRIBUTION])
+def test_the_setup_files_of_a_prefix_put_it_first(request, ros, tmp_path, shell, prefix, value, expected):
+    """Opt-out where a user has installed it; opt-in where a distribution has."""
+    system = request.getfixturevalue(prefix)
     if shutil.which(shell) is None:
         pytest.skip(f"there is no {shell}")
     python = installing.new_venv(tmp_path / "venv")
@@ -164,11 +237,45 @@ def test_the_setup_files_of_a_prefix_put_it_first(system, ros, tmp_path, shell, 
     started = run(shell, "-uc", script, "-", OWNERS, env=environment, cwd="/")
     path, *lines = started.stdout.splitlines()
     assert started.returncode == 0, started.stderr
-    first = [] if value else [str(system / PACKAGES)]
+    first = [str(system / PACKAGES)] if expected == "ours" else []
     assert path.split(":") == [*first, *environment["PYTHONPATH"].split(":")]
     owners = dict(line.split() for line in lines)
     where = str(system / PACKAGES / "tf2_ros") if expected == "ours" else expected
     assert owners["tf2_ros"] == where
+
+
+@pytest.mark.parametrize(("value", "status"), [("", 1), ("1", 0)])
+def test_tf2_which_says_that_a_distributions_waits_for_the_variable(system, ros, tmp_path, value, status):
+    python = installing.new_venv(tmp_path / "venv")
+    environment = sourced(ros, AMENT_CURRENT_PREFIX=str(system), TF2_ROS_CYTHON=value)
+    environment["PYTHONPATH"] = f"{system / SITE}{os.pathsep}{environment['PYTHONPATH']}"
+    hook = '. "$AMENT_CURRENT_PREFIX/share/tf2_ros_cython/hook/packages.sh"'
+    told = run("sh", "-c", f"{hook}; exec {python} -S -m tf2_ros_cython", env=environment, cwd="/")
+    assert told.returncode == status, told.stderr
+    [precedence] = [line for line in told.stdout.splitlines() if line.startswith("precedence: ")]
+    if value:
+        assert precedence.endswith(f"the tf2 in {ros.path}, because TF2_ROS_CYTHON=1 is set")
+    else:
+        assert (
+            "a distribution has installed tf2-ros-cython, which then waits for TF2_ROS_CYTHON=1" in precedence
+        )
+        waiting = "this installation, by a distribution, waits for TF2_ROS_CYTHON=1"
+        assert told.stdout.count(waiting) == len(OURS)
+    late = run(python, "-S", "-m", "tf2_ros_cython", env={**environment, "TF2_ROS_CYTHON": "1"}, cwd="/")
+    assert "source setup.bash again, because TF2_ROS_CYTHON=1 was not set before" in late.stdout
+
+
+def test_pips_installation_is_used_although_a_distributions_waits(system, in_venv, ros):
+    environment = sourced(ros)
+    environment["PYTHONPATH"] = f"{system / SITE}{os.pathsep}{environment['PYTHONPATH']}"
+    assert in_venv.owners(environment) == all_of("ours", tf2_msgs=messages_of(ros))
+
+
+def test_pip_takes_a_distributions_for_what_the_tools_require(system, ros, tmp_path):
+    python = installing.new_venv(tmp_path / "venv")
+    program = "import importlib.metadata as of; print(of.version('tf2-ros-cython'))"
+    environment = {**unsourced(), "PYTHONPATH": str(system / SITE)}
+    assert run(python, "-c", program, env=environment).stdout.strip() == PYPROJECT["project"]["version"]
 
 
 def test_the_tools_of_ros_know_what_must_be_sourced_before(system):

@@ -91,6 +91,7 @@ def _changes(name, facts):
     if base == "recipe.yaml":
         accounts = "".join(f"\n    - {account}" for account in facts["github_accounts"])
         return [
+            (r"^(  url: )\S+(?=/archive/)", repository),
             (r"^(  homepage: ).*", repository),
             (r"^(  repository: ).*", repository),
             (r"^(  documentation: ).*", pages),

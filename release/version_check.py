@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 def contradictions(root=ROOT, tag=None):
     """What does not fit, one line each."""
-    core, tools = (_project(root / folder) for folder in (".", "tools"))
+    core, tools = (project_of(root / folder) for folder in (".", "tools"))
     messages = _manifest_version(root / "messages" / "src" / "tf2_msgs")
     found = []
     if tag is not None:
@@ -45,7 +45,7 @@ def contradictions(root=ROOT, tag=None):
     return found
 
 
-def _project(folder):
+def project_of(folder):
     return tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 

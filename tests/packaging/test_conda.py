@@ -1,0 +1,52 @@
+"""The recipe for conda, and the example for pixi."""
+
+import hashlib
+import re
+import sys
+
+import pytest
+import yaml
+from paths import ROOT
+from project_sources import PYPROJECT, tomllib
+
+pytestmark = pytest.mark.ours
+
+sys.path.insert(0, str(ROOT))
+from release import conda_recipe, owner  # noqa: E402
+
+RECIPE = ROOT / "release" / "conda" / "recipe.yaml"
+
+
+def test_the_version_and_the_checksum_of_an_archive_are_written_into_the_recipe():
+    text = conda_recipe.with_source(RECIPE.read_text(encoding="utf-8"), "1.2.3", b"archive")
+    recipe = yaml.safe_load(text)
+    assert recipe["context"]["version"] == "1.2.3"
+    assert recipe["source"]["sha256"] == hashlib.sha256(b"archive").hexdigest()
+    repository = owner.owner_facts()["repository"]
+    assert recipe["source"]["url"] == f"{repository}/archive/refs/tags/v${{{{ version }}}}.tar.gz"
+    assert "#" in text  # its comments stay
+
+
+def test_rattler_build_renders_the_recipe_for_each_python():
+    rattler_build = pytest.importorskip("rattler_build")
+    recipe = rattler_build.Stage0Recipe.from_file(RECIPE)
+    assert recipe.to_dict()["build"]["skip"] == ["win"]
+    variants = rattler_build.VariantConfig.from_yaml(
+        "{python: [3.10.*, 3.14.*], c_compiler: [gcc], c_stdlib: [sysroot]}"
+    )
+    platform = rattler_build.PlatformConfig(target_platform="linux-64", host_platform="linux-64")
+    rendered = recipe.render(variants, rattler_build.RenderConfig(platform))
+    made = [one.recipe.to_dict() for one in rendered]
+    assert [one["build"]["string"][:5] for one in made] == ["py310", "py314"]
+    assert {one["package"]["version"] for one in made} == {PYPROJECT["project"]["version"]}
+    assert all("gcc_linux-64" in one["requirements"]["build"] for one in made)
+
+
+def test_the_example_for_pixi_takes_both_projects_of_a_clone():
+    workspace = tomllib.loads((ROOT / "examples" / "pixi.toml").read_text(encoding="utf-8"))
+    assert workspace["workspace"]["channels"] == ["robostack-jazzy", "conda-forge"]
+    for name, wanted in workspace["pypi-dependencies"].items():
+        folder = ROOT / re.sub(r"^tf2-ros-cython/?", "", wanted["path"])
+        project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        assert project["name"] == name
+        assert {*wanted.get("extras", ())} <= project["optional-dependencies"].keys()

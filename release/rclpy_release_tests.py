@@ -84,7 +84,7 @@ def _environment(executable, version, ros, sources):
     """A Python with the wheels of a ROS 2, those of the project, and what its short tests use."""
     python = wheels.environment_of(executable, wheels.SCRATCH / f"overlays-{version}-{ros}")
     engine, messages = (wheels.wheel(executable, version, sources[what]) for what in ("engine", ros))
-    extras = f"{wheels.RELEASES[ros]},test"
+    extras = ",".join([*wheels.RELEASES[ros], "test"])
     wheels.run(
         [
             python,

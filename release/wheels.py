@@ -32,7 +32,9 @@ PROJECT, TOOLS_PROJECT = (
     for folder in (ROOT, TOOLS)
 )
 
-RELEASES = {"jazzy": "ros", "kilted": "ros-kilted"}  # with the extra that installs each
+# With the extra that installs each. Nothing is published for Kilted, which ends in December 2026: its
+# messages are built from a clone, and require its wheels.
+RELEASES = {"jazzy": ["ros"], "kilted": []}
 
 OLDEST = "3.10"
 OLDEST_EXTRAS_OF_TOOLS = ["cli", "plot", "bag", "fleet"]
@@ -170,7 +172,7 @@ def tested(python, version, release, wheels, requirements, of_pytest):
     usable = environment_of(python, SCRATCH / f"environment-{version}-{release}")
     extras, of_tools = (["test"], ["test-all"]) if requirements is None else ([], OLDEST_EXTRAS_OF_TOOLS)
     engine, messages, tools = wheels
-    wanted = [f"tf2-ros-cython[{','.join([RELEASES[release], *extras])}] @ file://{engine}"]
+    wanted = [f"tf2-ros-cython[{','.join([*RELEASES[release], *extras])}] @ file://{engine}"]
     wanted += [f"tf2-ros-tools[{','.join(of_tools)}] @ file://{tools}"]
     wanted += [f"tf2-ros-cython-msgs-{release} @ file://{messages}"]
     wanted += [] if requirements is None else [*requirements, *OLDEST_OF_TESTS]

@@ -69,11 +69,10 @@ def test_how_much_faster_lookups_are_is_in_the_results(page, pattern, hops):
 
 def projects():
     """The distributions, with the files that state their versions."""
-    messages = {f"{CORE['name']}-msgs-{release}" for release in ("jazzy", "kilted")}
     return {
         CORE["name"]: ("pyproject.toml", "package.xml", "release/conda/recipe.yaml"),
         TOOLS["name"]: ("tools/pyproject.toml", "tools/package.xml"),
-        **dict.fromkeys(messages, ("messages/src/tf2_msgs/package.xml",)),
+        f"{CORE['name']}-msgs-jazzy": ("messages/src/tf2_msgs/package.xml",),
     }
 
 

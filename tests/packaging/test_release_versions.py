@@ -12,6 +12,7 @@ from project_sources import PYPROJECT
 pytestmark = pytest.mark.ours
 
 sys.path.insert(0, str(ROOT))
+from release import wheels  # noqa: E402
 from release.version_check import contradictions  # noqa: E402
 
 FILES = ("pyproject.toml", "package.xml", "CHANGELOG.md")
@@ -83,3 +84,12 @@ def test_the_recipe_for_conda_requires_what_the_project_does():
 
     assert bounds(recipe["requirements"]["host"]) == bounds(PYPROJECT["build-system"]["requires"])
     assert bounds(recipe["requirements"]["run"]) == bounds(project["dependencies"])
+
+
+def test_messages_are_published_for_the_releases_that_an_extra_installs():
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "wheels.yml").read_text(encoding="utf-8"))
+    published = workflow["jobs"]["messages"]["strategy"]["matrix"]["ros"]
+    assert published == [release for release, extras in wheels.RELEASES.items() if extras]
+    extras = PYPROJECT["project"]["optional-dependencies"]
+    named = {text for texts in extras.values() for text in texts if "-msgs-" in text}
+    assert {text.partition(">")[0] for text in named} == {f"tf2-ros-cython-msgs-{one}" for one in published}

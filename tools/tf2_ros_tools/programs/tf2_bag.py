@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from tf2_ros_tools.recordings.bag_loader import Heard, Topics, Urdf
     from tf2_ros_tools.recordings.bag_reader import RecordedTopic
     from tf2_ros_tools.recordings.report import Report
-    from tf2_ros_tools.recordings.trajectories import Trajectory
+    from tf2_ros_tools.recordings.trajectories import Keyframes
 
 DESCRIPTION = """\
 Answer questions about recorded transforms, without ROS: what a recording contains, what is wrong with it, \
@@ -124,28 +124,21 @@ def _judged_of(options: Namespace) -> Heard:
 def _read(options: Namespace, **how: Any) -> Heard:
     from tf2_ros_tools.recordings.bag_loader import hear, wanted
 
-    what = wanted(
-        _topics_of(options),
-        options.start,
-        options.end,
-        dict(options.poses),
-        _robots_of(options),
-        _trajectory_of(options),
-    )
-    return hear(options.file, what, **how)
+    what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
+    return hear(options.file, replace(what, trajectory=_keyframes_of(options)), **how)
 
 
-def _trajectory_of(options: Namespace) -> Trajectory | None:
-    """Get the poses that correct the transforms; only some commands have this option."""
-    from tf2_ros_tools.recordings.trajectories import Trajectory
+def _keyframes_of(options: Namespace) -> Keyframes | None:
+    """Get the poses that correct the transforms; only some commands have the options."""
+    from tf2_ros_tools.recordings.trajectories import Keyframes, Trajectory
 
-    if getattr(options, "trajectory", None) is None:
-        if getattr(options, "trajectory_times", None) is not None:
+    given, times = getattr(options, "trajectory", None), getattr(options, "trajectory_times", None)
+    if given is None:
+        if times is not None:
             raise UsageError("--trajectory-times needs --trajectory")
         return None
-    path, *frames = options.trajectory
-    parent, child, moving = map(_frame, frames)
-    return Trajectory(path, parent, child, moving, on_missing="skip", times=options.trajectory_times)
+    path, parent, child, moving = given[0], *map(_frame, given[1:])
+    return Keyframes(Trajectory(path, parent, child, moving, on_missing="skip", times=times))
 
 
 # List the contents and the problems of a recording.

@@ -150,6 +150,7 @@ lint: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(PY) -m build_backend.cython_hints $(PACKAGES)
 	$(PY) -m mypy $(PACKAGES) tools/tf2_ros_tools
 	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(VENV)/bin/zizmor --offline --quiet .github
 
 build: $(VENV)/test.stamp
 	$(PY) setup.py -q build_ext --inplace

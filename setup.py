@@ -17,6 +17,15 @@ except ModuleNotFoundError:
         " environment instead, as docs/switching.md describes"
     ) from None
 
+if "--editable" in sys.argv:
+    from setuptools.command.develop import develop
+
+    if not any(name == "editable" for name, *_ in develop.user_options):
+        raise RuntimeError(
+            f"colcon build --symlink-install does not work with setuptools {setuptools.__version__} and this"
+            " colcon-core: update colcon-core to 0.21 or newer, or build without --symlink-install"
+        )
+
 ROOT = Path(__file__).resolve().parent
 # setuptools runs this file without its folder on the path.
 sys.path.insert(0, str(ROOT))

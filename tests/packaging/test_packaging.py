@@ -15,6 +15,7 @@ from packaging.requirements import Requirement
 from paths import ROOT
 from processes import output_of, run
 from setuptools._distutils.core import run_setup
+from setuptools.command.develop import develop
 
 from tf2_ros_cython import which
 
@@ -75,6 +76,13 @@ def test_the_setuptools_of_ubuntu_22_is_refused_as_colcon_runs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "setuptools.config.pyprojecttoml", None)
     with pytest.raises(RuntimeError, match="setuptools 59.6.0, .*: run pip install in a virtual environment"):
         run_setup(ROOT / "setup.py", stop_after="config")
+
+
+def test_links_that_setuptools_cannot_make_are_refused_as_colcon_asks_for_them(monkeypatch):
+    """By a colcon-core before 0.21, which does not know setuptools 80 and newer."""
+    monkeypatch.setattr(develop, "user_options", [("no-deps", "N", "")])
+    with pytest.raises(RuntimeError, match="--symlink-install does not work .*: update colcon-core to 0.21"):
+        run_setup(ROOT / "setup.py", ["develop", "--editable", "--no-deps"], stop_after="config")
 
 
 def test_numpy_is_all_that_an_install_without_extras_needs():

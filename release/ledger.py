@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from release import license_headers
+
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/development/ledger.md"
 CODE = (".py", ".pyx", ".pxd", ".pxi", ".c", ".h", ".cpp")
@@ -131,7 +133,9 @@ def counted(path):
     if column is None or path == str(PAGE.relative_to(ROOT)):
         return None
     text = (ROOT / path).read_text()
-    return column, len(text.split()) if column == "pages" else text.count("\n")
+    if column == "pages":
+        return column, len(text.split())
+    return column, license_headers.without_header(text, license_headers.style_of(path)).count("\n")
 
 
 def table(paths):

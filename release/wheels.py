@@ -52,7 +52,8 @@ packaging/test_docs packaging/test_facts_on_pages packaging/test_examples packag
 packaging/test_makefile packaging/test_packaging packaging/test_public_names packaging/test_release_check
 packaging/test_release_versions packaging/test_rosdistro packaging/test_sourced_ros
 packaging/test_type_checkers packaging/test_without_ros ros/test_inbox_without_middleware
-core/test_type_table packaging/test_conda packaging/test_workflow_jobs
+core/test_type_table packaging/test_conda packaging/test_workflow_jobs packaging/test_license_headers
+packaging/test_license
 """.split()
 OF_SOURCES_OF_TOOLS = """
 packaging/test_docs packaging/test_fuzz_corpus packaging/test_import_directions packaging/test_packaging

@@ -87,8 +87,9 @@ class Buffer(BufferCore, BufferInterface):
     :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
 
     The buffer is cleared when simulated time jumps back by 1 s or more, or is switched on or off; and while a
-    listener or a source fills it, when a lookup with ``max_age``, :meth:`ages` or :meth:`explain` finds
-    another clock set back as far. Translations are in meters, rotations are unit quaternions.
+    listener or a source fills it, when a lookup with ``max_age``, :meth:`~tf2_py.BufferCore.ages` or
+    :meth:`~tf2_py.BufferCore.explain` finds another clock set back as far. Translations are in
+    meters, rotations are unit quaternions.
 
     Every ``time`` is a :data:`~tf2_py.typing.TimeLike`: an rclpy ``Time``, a time message, an int in
     nanoseconds, or a ``numpy.datetime64``. 0 is the latest time for which all frames on the path have data.

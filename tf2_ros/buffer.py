@@ -4,6 +4,7 @@ import time
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,7 +17,7 @@ from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, is_filled
 from tf2_ros._message_classes import TransformStamped
 from tf2_ros._wait.blocking_lookup import Lookup
 from tf2_ros._wait.changes import Changes
-from tf2_ros._wait.futures import TransformFuture, WakingFuture
+from tf2_ros._wait.futures import TransformFuture, WakingFuture, end_for
 from tf2_ros._wait.pending import ChangeSubscription
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._ros_presence import HAS_ROS, absence
@@ -465,6 +466,10 @@ class Buffer(BufferCore, BufferInterface):
                 if shown[1] + passed_ns - now_ns >= limit_ns and is_filled(self):
                     self.time_jump_callback(None)
         return now_ns, is_rclpys, True
+
+    def _tf2_check(self) -> None:
+        """Judge the ages of waits by what the clock shows now, because not every clock reports jumps."""
+        BufferCore._tf2_clock_jumped(self, partial(end_for, self))
 
     def _tf2_now_ns(self) -> int:
         with suppress(Exception):  # an error must not be replaced by one of the program's own clock

@@ -123,9 +123,9 @@ class MessageFilter(Generic[_Message]):
         :meth:`~tf2_ros.BufferInterface.transform`; not before ``target_frames``.
     :param policy: what the lookups of the messages accept: a :class:`tf2_py.typing.LookupPolicy`, such as
         ``{"tolerance": 0.5}``. Its ``max_age`` limits only messages whose stamp is 0; all their transforms
-        are fresh when they pass. A message between two samples that are further apart than ``max_gap`` waits
-        until a sample between them arrives, until ``buffer_timeout``, or until the buffer would refuse such
-        a sample (``OUT_THE_BACK``).
+        are fresh when the last one arrives. A message between two samples that are further apart than
+        ``max_gap`` waits until a sample between them arrives, until ``buffer_timeout``, or until the buffer
+        would refuse such a sample (``OUT_THE_BACK``).
     :raises TypeError: ``buffer`` is not a Buffer, ``input`` is none of these, its messages have no header, a
         duration is not a duration or a number, or ``policy`` has a key that a LookupPolicy lacks.
     :raises ValueError: ``target_frames`` is empty, a name or ``prefix`` is invalid, ``queue_size``,
@@ -199,6 +199,8 @@ class MessageFilter(Generic[_Message]):
         self._queue_size = queue_size
         self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
         self._policy_of_latest, self._policy = _policies(policy)
+        if self._policy_of_latest is not None and self._policy_of_latest.judges_age:
+            check_regularly(buffer)
         self._warn_again_at = 0.0
         self._connect(input)
 

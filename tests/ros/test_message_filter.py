@@ -400,6 +400,13 @@ def test_one_warning_names_the_limit_that_could_never_apply(make, capfd):
     assert "tolerance has a limit for [ladar], which does not exist. Did you mean [lidar]?" in warning
 
 
+def test_a_clock_that_is_set_back_lets_a_message_pass(make, executor):
+    script = make(policy={"max_age": 1})
+    script.run("C200 T100 M0 = C100")
+    until(lambda: script.passed, executor)
+    script.run("=0")
+
+
 def test_a_clock_that_raises_drops_what_waits_and_fails_no_insert(make):
     script = make(policy={"max_age": 1})
     script.run("C9 M0")

@@ -422,11 +422,11 @@ cdef class Engine:
         change_begin(&self._waiters.change, True)
         wake_begin(&self._waiters, &batch.ready)
 
-    cdef int _wake_all(self, Batch* batch) except -1:
+    cdef int _wake_all(self, Batch* batch, object hand_over=None) except -1:
         with nogil:
             while self.insert_some(batch):
                 pass
-        error = self._deliver(batch, None)
+        error = self._deliver(batch, hand_over)
         if error is not None:
             raise error
         return 0
@@ -497,8 +497,12 @@ cdef class Engine:
         """
         self._show_time = show_time
 
-    def _tf2_clock_jumped(self):
-        """Judge the ages of pending waits anew, because the clock has gone back, or shows another time."""
+    def _tf2_clock_jumped(self, hand_over=None):
+        """
+        Judge the ages of pending waits anew, because the clock has gone back, or shows another time.
+
+        :param hand_over: called with what runs code of a program. None: this thread runs it.
+        """
         cdef Query not_needed
         cdef ClockReading reading
         cdef Batch batch
@@ -508,7 +512,7 @@ cdef class Engine:
         self._lock_when_none_is_due()
         self._begin_to_wake_all(&batch)
         unlock_written(&self._lock, &self._tree, &self._waiters)
-        self._wake_all(&batch)
+        self._wake_all(&batch, hand_over)
 
     cdef str _limiting_frame(self, const Query* query, Status status):
         # The frame without newer data than the latest common time, at which another frame has no data yet;

@@ -138,7 +138,7 @@ cdef class Engine:
     cdef int _replace_tree(self, const Tree* tree, frozen=*) except -1
     cdef void _lock_when_none_is_due(self) noexcept nogil
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil
-    cdef int _wake_all(self, Batch* batch) except -1
+    cdef int _wake_all(self, Batch* batch, object hand_over=*) except -1
 
 
 # To be called, with the GIL, before the engine is read for a program.

@@ -172,8 +172,8 @@ def call_queue_for(buffer):
 
 
 def end_for(buffer, pending):
-    """Have what runs the node of a buffer's latest listener end something, as `end_by`."""
-    end_by(call_queue_for(buffer), pending)
+    """Have its own queue, or what runs the node of a buffer's latest listener, end something, as `end_by`."""
+    end_by(getattr(pending, "call_queue", None) or call_queue_for(buffer), pending)
 
 
 def end_by(CallQueue call_queue, pending):

@@ -21,7 +21,7 @@ from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._rclpy import running_task
-    from tf2_ros._wait.call_queue import end_for
+    from tf2_ros._wait.call_queue import end_for as end_for
     from tf2_ros._wait.rclpy_futures_and_tasks import BaseFuture, SleepingTask
 else:
     from tf2_ros._without_ros import BaseFuture, SleepingTask, end_for, running_task

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import tf2_py as tf2
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of, shortcut, time_ns
-from tf2_py.typing import DurationLike, TimeLike
+from tf2_py.typing import DurationLike, DurationsLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
+from tf2_ros._background import check_regularly
 from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, is_filled, note_filler, silence_of
 from tf2_ros._message_classes import TransformStamped
 from tf2_ros._wait.blocking_lookup import Lookup
@@ -351,26 +352,47 @@ class Buffer(BufferCore, BufferInterface):
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
         return await self.__answer(lookup, timeout)
 
-    def changes(self, target_frame: str, source_frame: str) -> "Changes":
+    def changes(
+        self,
+        target_frame: str,
+        source_frame: str,
+        *,
+        max_age: DurationsLike | None = None,
+        max_gap: DurationLike | None = None,
+    ) -> "Changes":
         """
         Iterate over the latest transforms of ``source_frame`` in ``target_frame``, with ``async for``.
 
         :param target_frame: the frame in which the pose is wanted.
         :param source_frame: the frame whose pose is wanted.
+        :param max_age: a duration, or a mapping of frames to durations. A transform is skipped if the newest
+            sample of a moving frame on the path is older when the loop body would get it.
+        :param max_gap: a duration; transforms between samples that are further apart are skipped.
         :return: an asynchronous iterator for asyncio and for rclpy's executors. It yields the present
             transform, if there is one, and then each new one: at a later common time, along another path, or
             with another static transform. So changes arrive at the rate of the slowest moving frame on
             the path, one or two for each of its transforms. A slower loop body gets only the latest change.
-            In asyncio, the iteration ends with the shutdown of the context.
+            That a transform becomes too old is not a change. In asyncio, the iteration ends with the
+            shutdown of the context.
+        :raises TypeError: a limit is not a duration.
+        :raises ValueError: a limit is negative. The iteration raises it for a limit of a frame that is
+            unknown or not a child, or without a clock, as :meth:`lookup_transform` does.
 
         >>> async def follow(buffer):
         ...     async for transform in buffer.changes("map", "base_link"):
         ...         print(transform.header.stamp)
         """
-        return Changes(self, target_frame, source_frame)
+        accepted = policy_of("changes", True, max_age=max_age, max_gap=max_gap)
+        return Changes(self, target_frame, source_frame, accepted)
 
     def on_change(
-        self, target_frame: str, source_frame: str, callback: "Callable[[TransformStamped], object]"
+        self,
+        target_frame: str,
+        source_frame: str,
+        callback: "Callable[[TransformStamped], object]",
+        *,
+        max_age: DurationsLike | None = None,
+        max_gap: DurationLike | None = None,
     ) -> "ChangeSubscription":
         """
         Call a function with each transform that :meth:`changes` yields.
@@ -381,11 +403,18 @@ class Buffer(BufferCore, BufferInterface):
             :meth:`wait_for_transform_async` run; never by two threads at once. If a transform is already
             available, ``callback`` runs before ``on_change`` returns. Exceptions that it raises are logged,
             and the calls continue.
+        :param max_age: as in :meth:`changes`; judged when ``callback`` would be called.
+        :param max_gap: as in :meth:`changes`.
         :return: a subscription, whose ``cancel()`` ends the calls. They also end with the buffer.
-        :raises TypeError: ``callback`` cannot be called.
+        :raises TypeError: ``callback`` cannot be called, or a limit is not a duration.
+        :raises ValueError: as in :meth:`changes` and its iteration. After the return, such an error is
+            logged, and ends the calls.
         """
         require_callable("on_change", callback)
-        return ChangeSubscription(self, target_frame, source_frame, callback)
+        accepted = policy_of("on_change", True, max_age=max_age, max_gap=max_gap)
+        if max_age is not None:
+            check_regularly(self)
+        return ChangeSubscription(self, target_frame, source_frame, callback, accepted)
 
     def add_source(self, name: str, silence: "Callable[[bool], str] | None" = None) -> "BufferSource":
         """

@@ -4,10 +4,14 @@ import asyncio
 import gc
 import weakref
 from functools import partial
+from types import SimpleNamespace
 
 import pytest
-from making_objects import S, at_ns, stamp_ns, transform
+from making_objects import S, at, at_ns, stamp_ns, transform
+from simulated_clock import simulate
 from waiting import until
+
+from tf2_ros._wait.call_runners import call_queue_of
 
 pytestmark = pytest.mark.ours
 
@@ -190,3 +194,163 @@ class TestCallbacks:
         del subscription
         gc.collect()
         assert reference() is None
+
+
+def show(buffer, seconds):
+    """Replace the buffer's clock by one that stands at these seconds."""
+    buffer.clock = SimpleNamespace(now=lambda: at(seconds))
+
+
+class TestLimits:
+    """What violates `max_age` or `max_gap` is skipped."""
+
+    def test_only_an_insert_fires_and_only_if_the_data_is_fresh(self, buffer):
+        seen = []
+        show(buffer, 100)
+        buffer.on_change("map", "base", lambda one: seen.append(stamp_ns(one) / S), max_age=0.5)
+        for clock, second, expected in (
+            (100, 99, []),  # too old
+            (100, 99.5, [99.5]),
+            (200, 150, [99.5]),  # staleness is not a change
+            (200, 200.5, [99.5, 200.5]),  # ahead of the clock
+            (200, 200, [99.5, 200.5]),  # no later one than that
+            (300, 299.75, [99.5, 200.5, 299.75]),
+        ):
+            before = [*seen]
+            show(buffer, clock)
+            buffer._tf2_check()
+            assert seen == before
+            insert(buffer, second)
+            assert seen == expected
+
+    def test_a_clock_that_is_set_back_is_noticed(self, buffer):
+        seen = []
+        show(buffer, 200)
+        buffer.on_change("map", "base", lambda one: seen.append(stamp_ns(one) / S), max_age=0.5)
+        insert(buffer, 100)
+        assert seen == []
+        show(buffer, 100)
+        until(lambda: seen)
+        assert seen == [100]
+
+    def test_each_frame_may_have_its_own_age(self, buffer):
+        seen = []
+        limits = {"odom": 3.0, "base": 1.0}
+        show(buffer, 100)
+        buffer.on_change("map", "base", lambda one: seen.append(stamp_ns(one) / S), max_age=limits)
+        for parent, child, second in (
+            *(("map", "odom", 98), ("odom", "base", 98), ("odom", "base", 98.5)),
+            *(("odom", "base", 99.5), ("map", "odom", 98.25), ("map", "odom", 98.25)),
+        ):
+            buffer.set_transform(transform(parent, child, second), "x")
+        assert seen == [98, 98.25]
+
+    def test_a_gap_is_skipped_until_it_is_filled(self, buffer):
+        seen = []
+        buffer.on_change("map", "base", lambda one: seen.append(stamp_ns(one) / S), max_gap=2)
+        for parent, child, second, expected in (
+            ("map", "odom", 1, []),
+            ("map", "odom", 5, []),
+            ("odom", "base", 3, []),  # the common time, between 1 and 5
+            ("map", "odom", 2.5, []),
+            ("map", "odom", 4.5, [3]),
+            ("odom", "base", 9, [3, 5]),  # the common time, at a sample of both
+        ):
+            buffer.set_transform(transform(parent, child, second), "x")
+            if second == 9:
+                buffer.set_transform(transform("odom", "base", 5), "x")
+            assert seen == expected
+
+    def test_an_iteration_skips_what_becomes_too_old_before_it_goes_on(self, buffer):
+        async def follow():
+            show(buffer, 10)
+            changes = buffer.changes("map", "base", max_age=0.5)
+            step = asyncio.ensure_future(changes.__anext__())
+            await asyncio.sleep(0)
+            insert(buffer, 10)
+            show(buffer, 20)
+            for _ in range(5):
+                await asyncio.sleep(0)
+            assert not step.done()
+            insert(buffer, 19, 19.75)
+            return stamp_ns(await step) / S, stamp_ns(await asyncio.wait_for(insert_next(changes), 60)) / S
+
+        async def insert_next(changes):
+            step = asyncio.ensure_future(changes.__anext__())
+            await asyncio.sleep(0)
+            show(buffer, 31)
+            insert(buffer, 30, 30.75)
+            return await step
+
+        assert asyncio.run(follow()) == (19.75, 30.75)
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_an_iteration_gets_what_another_process_sends_fresh(self, buffer, listener, executor, peer, node):
+        async def follow():
+            found = await buffer.changes("map", "base", max_age=1000.0).__anext__()
+            return found.transform.translation.x
+
+        sender, task = peer(), executor.create_task(follow())
+        now_ns = node.get_clock().now().nanoseconds
+        sender.send(("map", "base", now_ns - 2000 * S, 1.0))
+        until(lambda: buffer.can_transform("map", "base", at(0)), executor)
+        assert not task.done()
+        sender.send(("map", "base", now_ns, 2.0))
+        until(task.done, executor)
+        assert task.result() == 2.0
+
+    def test_a_callback_is_not_called_late(self, tf2_ros, node, executor, peer):
+        """What has arrived becomes too old before the executor spins."""
+        simulate(node, seconds=100)
+        buffer, sender, seen = tf2_ros.Buffer(node=node), peer(), []
+        listener = tf2_ros.TransformListener(buffer, node)
+        buffer.on_change("map", "base", lambda one: seen.append(stamp_ns(one) / S), max_age=1)
+        sender.send(("map", "base", 100 * S, 1.0))
+        until(lambda: call_queue_of(node).calls)
+        simulate(node, seconds=102)
+        until(lambda: not call_queue_of(node).calls, executor)
+        assert seen == []
+        sender.send(("map", "base", 102 * S, 1.0))
+        until(lambda: seen, executor)
+        assert seen == [102]
+        listener.unregister()
+
+    @pytest.mark.parametrize(
+        ("limits", "error", "text"),
+        [
+            ({"max_age": -1}, ValueError, r"max_age must not be negative, got -1\.0"),
+            ({"max_age": {"base": "1"}}, TypeError, r"max_age\['base'\]: expected a duration"),
+            ({"max_gap": {"base": 1}}, TypeError, "max_gap: expected a duration"),
+            ({"tolerance": 1}, TypeError, "unexpected keyword argument 'tolerance'"),
+            ({"timeout": 1}, TypeError, "unexpected keyword argument 'timeout'"),
+        ],
+        ids=str,
+    )
+    def test_wrong_ones_are_refused(self, buffer, limits, error, text):
+        for call, more in ((buffer.changes, ()), (buffer.on_change, (print,))):
+            with pytest.raises(error, match=text):
+                call("map", "base", *more, **limits)
+
+    def test_one_that_could_never_apply_is_an_error(self, buffer, capfd):
+        limits, text = {"max_age": {"bas": 1}}, r"limit for \[bas\], which does not exist.*\[base\]"
+        subscription = buffer.on_change("map", "base", print, **limits)
+        insert(buffer, 1)  # which raises nothing, and ends it
+        assert "An on_change ends" in capfd.readouterr().err
+        assert buffer.statistics()["waiters"] == 0
+        subscription.cancel()
+        with pytest.raises(ValueError, match=text):
+            buffer.on_change("map", "base", print, **limits)
+        with pytest.raises(ValueError, match=text):
+            asyncio.run(anext(buffer.changes("map", "base", **limits)))
+
+    def test_a_frame_of_a_limit_that_is_forgotten_ends_it_and_fails_no_insert(self, buffer, capfd):
+        seen = []
+        show(buffer, 1)
+        insert(buffer, 1, child="arm")
+        buffer.on_change("map", "base", seen.append, max_age={"arm": 1})
+        insert(buffer, 1)
+        buffer.forget("arm")
+        insert(buffer, 2)
+        assert len(seen) == 1
+        assert "limit for [arm], which does not exist" in capfd.readouterr().err
+        assert buffer.statistics()["waiters"] == 0

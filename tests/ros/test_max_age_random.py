@@ -106,6 +106,32 @@ class Filtered:
         self.filter.close()
 
 
+class Followed:
+    """A subscription to the changes of a lookup, and what it was called with since that was looked at."""
+
+    def __init__(self, run, question):
+        self.question, self.seen, self.has_ended = question, [], False
+        self.last = None  # of the model
+        names = question.target, question.source
+        self.subscription = run.buffer.on_change(*names, self.seen.append, **limits_of(question))
+
+    def settle(self, model):
+        """Whether it goes on, after what wakes waits: it was called with what is new, if that is fresh."""
+        question, outcome = self.question, self.question.outcome(model)
+        is_new = outcome[0] == "answer" and outcome != self.last
+        if is_new and self.last and same_answer(outcome[1], self.last[1]):
+            is_new = bool(self.seen)  # rounding decides
+        assert len(self.seen) == is_new, (question, self.seen, outcome, self.last)
+        if is_new:
+            self.last = outcome
+            assert same_answer(as_model_tells(self.seen.pop()), outcome[1]), question
+        return outcome[1] != "ValueError" or not question.is_over(model)
+
+
+def limits_of(question):
+    return {"max_age": question.policy["max_age"]}
+
+
 class Run:
     """One random run; `node` and `buffer` are used by all of them."""
 
@@ -114,7 +140,7 @@ class Run:
         # A buffer that is initialised again is empty.
         BufferCore.__init__(buffer, Duration(nanoseconds=CACHE_NS))
         self.model = Model(CACHE_NS)
-        self.pending = []
+        self.pending, self.followed = [], []
         dice = self.dice
         self.homes = {child: dice.choice(FRAMES[:i]) for i, child in enumerate(FRAMES) if i}
         self.restless = dice.sample(FRAMES[1:], dice.choice((0, 0, 1, 2)))
@@ -150,6 +176,7 @@ class Run:
         self.set_clock((self.now_ns or self.begin_ns) + self.dice.choice((0, 1, 1, 2, 3, 6, 12, 25)))
         for future, question in self.pending:
             assert not future.done(), question
+        assert not any(one.seen for one in self.followed)
         if begins:
             self.insert()  # the next insert tries what waits since before the clock began
 
@@ -205,6 +232,17 @@ class Run:
         else:
             self.add(message, question)
 
+    def follow(self):
+        question = Question(self.dice)
+        if question.is_full:
+            return
+        made = of_buffer(Followed, self, question)
+        if question.outcome(self.model)[1] == "ValueError":
+            assert made[:2] == ("error", "ValueError"), question
+        else:
+            self.followed.append(made[1])
+            self.settle()
+
     def wait(self):
         question = Question(self.dice)
         begin = self.buffer.wait_for_transform_async
@@ -234,24 +272,33 @@ class Run:
                 self.compare(question, of_buffer(future.result))
             else:
                 self.pending.append((future, question))
-        assert self.buffer.statistics()["waiters"] == len(self.pending)
+        self.followed = [one for one in self.followed[-MOST_PENDING:] if one.settle(self.model)]
+        assert self.buffer.statistics()["waiters"] == len(self.pending) + len(self.followed)
 
     def run(self):
-        steps = [self.insert] * 12 + [self.go_on] * 4 + [self.ask] * 3 + [self.wait] * 3 + [self.filter]
+        steps = (
+            [self.insert] * 12
+            + [self.go_on] * 4
+            + [self.ask] * 3
+            + [self.wait] * 3
+            + [self.filter, self.follow]
+        )
         steps += [self.step_back, self.jump_back, self.empty]
         for _ in range(STEPS):
             self.dice.choice(steps)()
         for future, _ in self.pending:
             future.cancel()
+        for one in self.followed:
+            one.subscription.cancel()
         self.buffer._self_check()
 
 
 @pytest.fixture(scope="module")
 def quiet():
-    """No log lines of refused transforms and of jumps."""
+    """No log lines of refused transforms, of jumps, and of subscriptions that an error ends."""
     from rclpy.logging import LoggingSeverity, set_logger_level
 
-    names = "tf2_py", "tf2_buffer"
+    names = "tf2_py", "tf2_buffer", "tf2_ros"
     for name in names:
         set_logger_level(name, LoggingSeverity.FATAL)
     yield

@@ -578,14 +578,20 @@ def near_point(got, wanted):
 
 @asks("changes", "on_change")
 def changes(pair, dice):
-    """The first change is the present transform."""
-    query = some_names(pair, dice, 2)
-    wanted, found = of_model(pair.model.lookup, *query, 0), []
+    """The first change is the present transform, if the limits allow that."""
+    query, policy = some_names(pair, dice, 2), some_policy(dice)._replace(tolerance=0, extrapolate=False)
+    limits = {key: arguments_of(policy).get(key) for key in ("max_age", "max_gap")}
+    wanted, found = of_model(pair.model.lookup_under, policy, *query, 0), []
     invalid = any(name == "" or name.startswith("/") for name in query)
     if invalid:
         return
-    pair.buffer.on_change(*query, found.append).cancel()
-    first = begun(anext(pair.buffer.changes(*query)))
+    called = of_buffer(pair.buffer.on_change, *query, found.append, **limits)
+    first = begun(anext(pair.buffer.changes(*query, **limits)))
+    if wanted[1] == "ValueError":
+        pair.compare(query, first, wanted, same_answer, same_kind)
+        assert called == first, query
+        return
+    called[1].cancel()
     if wanted[0] == "error":
         assert found == [], query
         assert first == PENDING, query

@@ -159,8 +159,8 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
     cdef int64_t stamp_ns
     cdef Status status = query_answer(tree, &waiter.query, &answer, &stamp_ns)
     cdef Link* head
-    if (status.code == STATUS_OK and waiter.only_new and stamp_ns == waiter.stamp_ns
-            and memcmp(&answer, &waiter.answer, sizeof(Transform)) == 0):
+    if (status.code == STATUS_OK and waiter.only_new and stamp_ns == waiter.previous_ns
+            and memcmp(&answer, &waiter.previous, sizeof(Transform)) == 0):
         status.code = STATUS_NOT_NEW
     if _is_answer(status) or _is_refused(tree, waiter, &status):
         waiter.status = status

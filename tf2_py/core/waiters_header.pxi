@@ -50,7 +50,9 @@ cdef struct Waiter:
     FrameId frame           # it watches this frame ...
     uint32_t entry          # ... by this entry; NO_FRAME: none
     uint64_t arrival        # ordinal among all waiters ever added
-    bint only_new           # waits for another answer than the one below
+    bint only_new           # waits for another answer than this one, and its stamp
+    Transform previous
+    int64_t previous_ns
     bint until_refused      # ends when the tree refuses the data that its simple lookup at a time lacks
     uint32_t answered       # atomic: the lookup has an answer, or has ended
     # STATUS_OK, or the error that ends the wait: then the two fields below are not set.

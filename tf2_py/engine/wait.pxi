@@ -54,9 +54,11 @@ cdef class Wait(WaiterOwner):
         return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
 
     cdef void only_after(self, Wait previous) noexcept:
-        self._waiter.only_new = previous._waiter.only_new or load_acquire(&previous._waiter.answered)
-        self._waiter.answer = previous._waiter.answer
-        self._waiter.stamp_ns = previous._waiter.stamp_ns
+        cdef const Waiter* before = &previous._waiter
+        cdef bint is_answered = load_acquire(&before.answered)
+        self._waiter.only_new = is_answered or before.only_new
+        self._waiter.previous = before.answer if is_answered else before.previous
+        self._waiter.previous_ns = before.stamp_ns if is_answered else before.previous_ns
 
     cdef int begin(self, Engine engine, tuple names, const Query* query, PolicyObject policy,
                    object notify) except -1:

@@ -13,10 +13,11 @@ class Changes:
     An asynchronous iterator over the transforms between two frames, each when it is new.
 
     :param buffer: kept alive by this.
+    :param policy: of ``policy_of``.
     """
 
-    def __init__(self, buffer: BufferCore, target_frame: str, source_frame: str) -> None:
-        self._buffer, self._frames = buffer, (target_frame, source_frame)
+    def __init__(self, buffer: BufferCore, target_frame: str, source_frame: str, policy: Any) -> None:
+        self._buffer, self._frames, self._policy = buffer, (target_frame, source_frame), policy
         self._begun: Any = None  # the latest wait
         self._delivered: Any = None  # the wait that had the transform delivered last
 
@@ -24,16 +25,21 @@ class Changes:
         return self
 
     async def __anext__(self) -> TransformStamped:
-        future = TransformFuture(self._buffer, self._begin)
-        try:
-            found = await future
-        except TimeoutException:  # without a timeout: a shutdown
-            raise StopAsyncIteration from None
-        finally:
-            future.cancel()  # after a cancelled step, what this refers to would go on waiting
+        found: TransformStamped | None = None
+        while found is None:
+            future = TransformFuture(self._buffer, self._begin)
+            try:
+                await future
+            except TimeoutException:  # without a timeout: a shutdown
+                raise StopAsyncIteration from None
+            finally:
+                future.cancel()  # after a cancelled step, what this refers to would go on waiting
+            found = self._begun.take(anew=True)  # None: it has become too old before this ran
         self._delivered = self._begun
         return found
 
     def _begin(self, core: BufferCore, notify: Callable[[Any], Any]) -> Any:
-        self._begun = BufferCore._wait(core, *self._frames, 0, notify=notify, after=self._delivered)
+        self._begun = BufferCore._wait(
+            core, *self._frames, 0, notify=notify, policy=self._policy, after=self._delivered
+        )
         return self._begun

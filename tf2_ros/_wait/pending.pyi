@@ -51,4 +51,5 @@ class ChangeSubscription(Pending):
         target_frame: str,
         source_frame: str,
         callback: Callable[[TransformStamped], object],
+        policy: Any,
     ) -> None: ...

@@ -216,15 +216,17 @@ cdef class ChangeSubscription(Pending):
 
     While the function runs, this already waits for the next transform. If that arrives meanwhile, the thread
     that runs the function calls it again afterwards; an executor does other work in between.
+
+    :param policy: of ``policy_of``.
     """
 
-    cdef object _buffer, _callback
+    cdef object _buffer, _callback, _policy
     cdef tuple _frames
     cdef bint _is_running, _is_due
     cdef unsigned long long _number     # of the present wait
 
-    def __init__(self, buffer, target_frame, source_frame, callback):
-        self._buffer, self._frames = buffer, (target_frame, source_frame)
+    def __init__(self, buffer, target_frame, source_frame, callback, policy):
+        self._buffer, self._frames, self._policy = buffer, (target_frame, source_frame), policy
         self._callback, self.kept = callback, buffer._tf2_kept
         self.kept[self] = None
         try:
@@ -239,11 +241,15 @@ cdef class ChangeSubscription(Pending):
         if self._state != QUEUED or self._is_running:
             return None
         self._is_due, self._is_running = False, True
-        result, self._result, self._state = self._result, None, PENDING
+        self._result, self._state = None, PENDING
         try:
-            self._wait_for_next()
-            if self._state != CANCELLED:  # else the program has cancelled meanwhile
-                call_back(self._callback, (result,))
+            result = self.wait.take(anew=True)
+            if result is not None:      # else it has become too old since it arrived, and the wait goes on
+                self._wait_for_next()
+                if self._state != CANCELLED:    # else the program has cancelled meanwhile
+                    call_back(self._callback, (result,))
+        except Exception as error:
+            self._fail(error)
         except BaseException:
             self.cancel()   # nobody would make the next call
             raise
@@ -251,14 +257,22 @@ cdef class ChangeSubscription(Pending):
             self._is_running = False
         return self if self._is_due and self._state == QUEUED else None
 
-    def _answered(self, unsigned long long number, answer):
+    def _answered(self, unsigned long long number, answer, error=None):
         # The answer of a former wait, which another thread had begun to deliver, was taken from the wait.
-        return self.end_or_queue(answer) if number == self._number else None
+        if number != self._number:
+            return None
+        return self.end_or_queue(answer) if error is None else self._fail(error)
+
+    cdef object _fail(self, error):
+        # A limit is of a frame that is not a child, or a program's clock raises.
+        log.raised(error, "An on_change ends")
+        self.cancel()
 
     cdef int _wait_for_next(self) except -1:
         self._number += 1
         notify = partial(self._answered, self._number)
-        self.wait = BufferCore._wait(self._buffer, *self._frames, 0, notify=notify, after=self.wait)
+        self.wait = BufferCore._wait(
+            self._buffer, *self._frames, 0, notify=notify, policy=self._policy, after=self.wait)
         answer = self.wait.take()
         if self._state >= DONE:
             self.wait = None    # another thread has cancelled this meanwhile

@@ -72,6 +72,7 @@ async def coroutines(buffer: Buffer, pose: PoseStamped) -> None:
     print(buffer.lookup_transform_async("a", "b", Time()).transform)  # wrong: it was not awaited
     buffer.wait_for_transform_async("a", "b", Time()).add_done_callback(1)  # wrong
     buffer.on_change("a", "b", print).stop()  # wrong
+    buffer.on_change("a", "b", print, max_gap={"b": 1.0})  # wrong
 
 
 def takes_imu(message: Imu) -> None:

@@ -141,7 +141,8 @@ async def coroutines(
     assert_type(await future, TransformStamped)
     async for transform in buffer.changes("a", "b"):
         assert_type(transform, TransformStamped)
-    buffer.on_change("a", "b", print).cancel()
+    buffer.changes("a", "b", max_age={"b": 1.0}, max_gap=1.5)
+    buffer.on_change("a", "b", print, max_age=0.5, max_gap=Duration(seconds=1)).cancel()
 
 
 def with_number(message: PointStamped, number: int) -> None:

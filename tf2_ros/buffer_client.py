@@ -6,10 +6,10 @@ import os
 import threading
 import time
 import weakref
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import uuid4
 
 from action_msgs.msg import GoalInfo, GoalStatus
@@ -24,9 +24,10 @@ import tf2_py as tf2
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 from tf2_py import TimeoutException, TransformException
-from tf2_py._internal import class_name, duration_ns, errors, frame_name
+from tf2_py._internal import class_name, duration_ns, errors, frame_name, policy_of
 from tf2_py.printable import printable
-from tf2_py.typing import DurationLike, TimeLike
+from tf2_py.typing import DurationLike, LookupPolicy, TimeLike
+from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._buffer_fillers import SHUT_DOWN
 from tf2_ros._forking import refuse_inherited
 from tf2_ros._hidden_nodes import companion_node
@@ -40,6 +41,9 @@ from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 __all__ = [
     "ActionClient",
@@ -72,9 +76,9 @@ EXCEPTIONS = {code: kind for kind, code in CODES}
 class PendingGoal(WakingFuture[Any]):
     """The future of the result of one goal, or of a TimeoutException that says what failed."""
 
-    def __init__(self, goal: Any, padding_ns: int) -> None:
+    def __init__(self, goal: Any, padding_ns: int, max_age_ns: int | None) -> None:
         super().__init__()
-        self.goal = goal
+        self.goal, self.max_age_ns = goal, max_age_ns
         self.begin_ns = time.monotonic_ns()
         # Steady times: of the lookup, and until which a server that was found may respond.
         self.deadline_ns = self.begin_ns + Duration.from_msg(goal.timeout).nanoseconds
@@ -155,6 +159,7 @@ class GoalSender:
         self._servers: set[bytes] = set()  # at the last check
         self._appearances = 0  # how often a check has found a new server
         self._ended = False
+        self._clock = node.get_clock()  # which counts the age of answers
         self._node = hidden = companion_node("_buffer_client_impl", self, node)
         self.action_client = ActionClient(hidden, LookupTransform, self.name, **lookup_qos())
         # All else happens in the thread of the hidden node, because rclpy's action client loses a response
@@ -166,14 +171,15 @@ class GoalSender:
         self.spinner = Spinner(hidden, daemon=True, at_end=self._end, until=node)
         self.spinner.thread.name = "tf2_ros buffer client"
 
-    def send(self, goal: Any, padding_ns: int) -> PendingGoal:
+    def send(self, goal: Any, padding_ns: int, max_age_ns: int | None = None) -> PendingGoal:
         """
         Send a goal, as soon as a server is available.
 
         :param goal: its ``timeout`` is for finding a server and for the lookup, in steady time.
         :param padding_ns: how much longer to wait for the response of a server that was found.
+        :param max_age_ns: how old the answer may be; an older one is asked for again until the timeout.
         """
-        pending = PendingGoal(goal, padding_ns)
+        pending = PendingGoal(goal, padding_ns, max_age_ns)
         self._pending[pending] = self._steps(pending)
         self._call_queue.put(partial(self._advance, pending))
         if self._ended:
@@ -244,7 +250,29 @@ class GoalSender:
             self._timer.reset()
 
     def _steps(self, pending: PendingGoal) -> Generator[None, None, Any]:
-        """Find a server, send a goal, and return its result; resumed by ``_advance``."""
+        """Return the result of a goal, once that is fresh; resumed by ``_advance``."""
+        while True:
+            result = yield from self._result(pending)
+            text = self._staleness(pending, result)
+            if not text:
+                return result
+            if time.monotonic_ns() >= pending.deadline_ns:
+                text = errors.after_wait(text, time.monotonic_ns() - pending.begin_ns)
+                raise tf2.ExtrapolationException(text)
+            yield
+
+    def _staleness(self, pending: PendingGoal, result: Any) -> str:
+        """What is said of an answer that is too old; "": it is not."""
+        stamp_ns, max_age_ns = Time.from_msg(result.transform.header.stamp).nanoseconds, pending.max_age_ns
+        # The stamp of a static transform, and that of an error, is 0.
+        if max_age_ns is None or stamp_ns == 0:
+            return ""
+        now_ns, frames = self._clock.now().nanoseconds, (pending.goal.target_frame, pending.goal.source_frame)
+        is_fresh = 0 < now_ns <= stamp_ns + max_age_ns
+        return "" if is_fresh else str(errors.stale(None, "", stamp_ns, now_ns, max_age_ns, *frames))
+
+    def _result(self, pending: PendingGoal) -> Generator[None, None, Any]:
+        """Find a server, send a goal, and return its result."""
         while not self.action_client.server_is_ready():
             if time.monotonic_ns() >= pending.deadline_ns:
                 raise pending.error(
@@ -333,6 +361,12 @@ class BufferClient(BufferInterface):
     not answer, if the transform was not available in time, or if the context was shut down; the text says
     which, and how long the wait took.
 
+    Of the options of a :class:`~tf2_py.typing.LookupPolicy`, a lookup at time 0 accepts ``max_age``, as one
+    duration: the answer is asked for again, ``check_frequency`` times a second, until its stamp is at most
+    this old on the clock of ``node``, or the timeout passes, which raises an ``ExtrapolationException``. The
+    stamp is that of the frame that was updated least recently; 0 is that of a static transform, which has no
+    age. Any other option, and ``max_age`` for another time or for two times, is a ``ValueError``.
+
     ``destroy()`` ends the client, and so does destroying the node.
 
     For every ``time`` and ``timeout``, see :class:`tf2_ros.Buffer`.
@@ -372,9 +406,14 @@ class BufferClient(BufferInterface):
         self._tf2_goal_sender.spinner.stop()
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: TimeLike, timeout: DurationLike = NO_TIMEOUT
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: DurationLike = NO_TIMEOUT,
+        **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
-        return self.__process_goal(_simple_goal(target_frame, source_frame, time, timeout))
+        return self.__process_goal(_simple_goal(target_frame, source_frame, time, timeout), policy)
 
     def lookup_transform_full(
         self,
@@ -384,14 +423,21 @@ class BufferClient(BufferInterface):
         source_time: TimeLike,
         fixed_frame: str,
         timeout: DurationLike = NO_TIMEOUT,
+        **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
-        return self.__process_goal(goal)
+        return self.__process_goal(goal, policy)
 
     async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: DurationLike | None = None
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        *,
+        timeout: DurationLike | None = None,
+        **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
-        return await self._tf2_await(_simple_goal(target_frame, source_frame, time, timeout))
+        return await self._tf2_await(_simple_goal(target_frame, source_frame, time, timeout), policy)
 
     async def lookup_transform_full_async(
         self,
@@ -402,16 +448,17 @@ class BufferClient(BufferInterface):
         fixed_frame: str,
         *,
         timeout: DurationLike | None = None,
+        **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform_full` returns, with its arguments. Without ``timeout`` it waits
         forever. :meth:`lookup_transform_async` describes the rest, such as what it raises.
         """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
-        return await self._tf2_await(goal)
+        return await self._tf2_await(goal, policy)
 
-    def __process_goal(self, goal: Any) -> TransformStamped:
-        pending = self._tf2_send(goal)
+    def __process_goal(self, goal: Any, policy: LookupPolicy | None = None) -> TransformStamped:
+        pending = self._tf2_send(goal, policy or {})
         # Not an Event: a signal handler that raises inside one leaves it locked.
         done = threading.Lock()
         done.acquire()
@@ -428,16 +475,32 @@ class BufferClient(BufferInterface):
             raise EXCEPTIONS.get(result.error.error, TransformException)(printable(result.error.error_string))
         return result.transform
 
-    async def _tf2_await(self, goal: Any) -> TransformStamped:
-        pending = self._tf2_send(goal)
+    async def _tf2_await(self, goal: Any, policy: LookupPolicy) -> TransformStamped:
+        pending = self._tf2_send(goal, policy)
         try:
             return self.__process_result(await pending)
         finally:
             self._tf2_goal_sender.abandon(pending)
 
-    def _tf2_send(self, goal: Any) -> PendingGoal:
+    def _tf2_send(self, goal: Any, policy: LookupPolicy) -> PendingGoal:
         refuse_inherited(self, self._tf2_goal_sender.process)
-        return self._tf2_goal_sender.send(goal, duration_ns(self.timeout_padding, "timeout_padding"))
+        padding_ns = duration_ns(self.timeout_padding, "timeout_padding")
+        return self._tf2_goal_sender.send(goal, padding_ns, _max_age_ns(goal, policy))
+
+
+def _max_age_ns(goal: Any, policy: LookupPolicy) -> int | None:
+    """How old the answer to a goal may be; None: any age."""
+    policy_of("lookup_transform", True, **policy)
+    given = {key: value for key, value in policy.items() if value is not None and value is not False}
+    max_age: Any = given.pop("max_age", None)
+    if given or isinstance(max_age, Mapping):
+        raise ValueError(
+            "a BufferClient accepts only max_age, as one duration, because all that it knows of an answer's "
+            f"data is the stamp; got {' and '.join(given) or 'a duration for each frame'}"
+        )
+    if max_age is not None and (goal.advanced or goal.source_time.sec or goal.source_time.nanosec):
+        raise ValueError("max_age limits the age of the latest transform: it needs one time, which must be 0")
+    return optional_timeout_ns(max_age, "max_age")
 
 
 # The names are checked here, because a message accepts any object until the sender's thread serializes it.

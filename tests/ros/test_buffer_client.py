@@ -10,13 +10,14 @@ from contextlib import contextmanager
 import pytest
 from interposed_libraries import output_with_library
 from making_objects import S, at, stamp_ns, transform, translation
-from processes import killed, start
+from processes import Peer, killed, start
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 from rclpy.time import Time
+from simulated_clock import simulate
 from spinning_nodes import shut_down_at_sleep, shut_down_quietly, spun_node
 from waiting import DEADLINE_S, PROMPT_S, until
 
@@ -36,6 +37,7 @@ class Server:
 
     def __init__(self, node, action):
         self.is_asked = threading.Event()  # for an answer that it never gives
+        self.stamps_ns = []  # of its answers to "aged"; the last one is repeated
         self.cancelled = Future()
         self.server = ActionServer(
             node,
@@ -71,6 +73,8 @@ class Server:
         else:
             source = " ".join(filter(None, [goal.source_frame, goal.fixed_frame]))
             stamp = Time.from_msg(goal.target_time if goal.advanced else goal.source_time)
+            if goal.target_frame == "aged":
+                stamp = Time(nanoseconds=self.stamps_ns.pop(0) if self.stamps_ns[1:] else self.stamps_ns[0])
             times = Time.from_msg(goal.source_time), Duration.from_msg(goal.timeout)
             numbers = [time.nanoseconds / S for time in times]
             result.transform = transform(goal.target_frame, source, xyz=(*numbers, 0), ns=stamp.nanoseconds)
@@ -152,6 +156,97 @@ class TestLookup:
         with pytest.raises(error, match=text):
             look_up(*arguments)
         assert client.lookup_transform("map", "robot", LATEST, LONG).child_frame_id == "robot"
+
+
+@pytest.mark.ours
+class TestAge:
+    """Of the answer, by its stamp."""
+
+    @pytest.fixture(scope="class")
+    def remote(self, tf2_ros):
+        """A client, the server in another process, and a third one that publishes."""
+        peer = Peer()
+        with spun_node("asking") as node, killed(start("serves_lookups.py", "ages")):
+            client = tf2_ros.BufferClient(node, "ages", timeout_padding=LONG)
+            peer.send(("map", "robot", S, 0.0), static=False)
+            peer.send(("robot", "camera", S, 1.0), static=True)
+            assert client.can_transform("map", "camera", LATEST, LONG)
+            yield client, peer
+            client.destroy()
+            peer.end()
+
+    def test_a_stale_answer_is_asked_for_again_until_it_is_fresh(self, client, server):
+        now_ns = client.node.get_clock().now().nanoseconds
+        for look_up in (
+            lambda *query, **more: client.lookup_transform(*query, LONG, **more),
+            lambda *query, **more: asyncio.run(client.lookup_transform_async(*query, **more)),
+        ):
+            server.stamps_ns = [S, now_ns - 2000 * S, now_ns]
+            assert stamp_ns(look_up("aged", "robot", LATEST, max_age=1000)) == now_ns
+            assert server.stamps_ns == [now_ns]
+
+    def test_a_stamp_ahead_of_the_clock_is_fresh(self, client, server):
+        server.stamps_ns = [client.node.get_clock().now().nanoseconds + 1000 * S]
+        assert client.can_transform("aged", "robot", LATEST, max_age=0)
+
+    def test_the_answer_of_another_process_is_judged(self, remote, tf2_py):
+        client, peer = remote
+        with pytest.raises(tf2_py.ExtrapolationException, match=r"^The latest .* \[robot\] to frame \[map\]"):
+            client.lookup_transform("map", "robot", LATEST, max_age=1000.0)
+        assert not client.can_transform("map", "robot", LATEST, SHORT, max_age=1000.0)
+        assert client.lookup_transform("map", "robot", LATEST, max_age=float("inf")).header.stamp.sec == 1
+        assert client.lookup_transform("robot", "camera", LATEST, max_age=0).child_frame_id == "camera"
+        peer.send(("map", "robot", client.node.get_clock().now().nanoseconds, 3.0))
+        assert translation(client.lookup_transform("map", "camera", LATEST, LONG, max_age=1000.0))[0] == 4.0
+
+    def test_an_await_that_times_out_says_how_old_the_answer_is(self, client, server, tf2_py):
+        server.stamps_ns = [S]
+        text = (
+            r"the answer of the server, at 1\.0*, is \d+\.\d+ s old by the clock of the client, at \d+\.\d+; "
+            r"max_age allows 2\.0* s\. The sample is from 1970: .*\? Waited [\d.]+ s$"
+        )
+        with pytest.raises(tf2_py.ExtrapolationException, match=text):
+            asyncio.run(client.lookup_transform_async("aged", "robot", LATEST, timeout=0.2, max_age=2))
+
+    def test_a_clock_that_has_not_begun_knows_no_age(self, tf2_ros, tf2_py, server, node):
+        client, server.stamps_ns = tf2_ros.BufferClient(node, "lookup"), [S]
+        simulate(node, seconds=0)
+        assert client.can_transform("map", "robot", LATEST, LONG)  # from now on, no response is dropped
+        with pytest.raises(tf2_py.ExtrapolationException, match="the clock of the client is at 0"):
+            client.lookup_transform("aged", "robot", LATEST, max_age=1)
+        client.destroy()
+
+    @pytest.mark.parametrize(
+        ("policy", "error", "text"),
+        [
+            ({"max_age": {"robot": 1.0}}, ValueError, "as one duration.* got a duration for each frame$"),
+            ({"max_age": 1.0, "tolerance": 0.5}, ValueError, "only max_age, .* got tolerance$"),
+            ({"max_gap": 0}, ValueError, "only max_age, .* got max_gap$"),
+            ({"max_age": -1}, ValueError, r"max_age must not be negative, got -1\.0"),
+            ({"max_age": "1"}, TypeError, "max_age: expected a duration"),
+            ({"maxage": 1}, TypeError, "'maxage'. Did you mean 'max_age'"),
+        ],
+        ids=str,
+    )
+    def test_other_policies_are_refused(self, lonely, policy, error, text):
+        for call in (lonely.lookup_transform, lonely.can_transform):
+            with pytest.raises(error, match=text):
+                call("map", "robot", LATEST, **policy)
+        with pytest.raises(error, match=text):
+            asyncio.run(lonely.lookup_transform_async("map", "robot", LATEST, **policy))
+
+    def test_only_one_latest_time_has_an_age(self, lonely):
+        text = "max_age limits the age of the latest transform: it needs one time, which must be 0"
+        for call in (
+            lambda: lonely.lookup_transform("map", "robot", at(1), max_age=1),
+            lambda: lonely.can_transform("map", "robot", 1, max_age=1),
+            lambda: lonely.lookup_transform_full("map", 0, "robot", 0, "odom", max_age=1),
+            lambda: lonely.can_transform_full("map", 0, "robot", 0, "odom", max_age=1),
+            lambda: asyncio.run(lonely.lookup_transform_full_async("a", 0, "b", 0, "c", max_age=1)),
+            lambda: lonely.transform(transform("robot", "data", 1), "map", max_age=1),
+        ):
+            with pytest.raises(ValueError, match=text):
+                call()
 
 
 class TestErrors:

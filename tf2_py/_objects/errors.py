@@ -182,7 +182,7 @@ def long_gap(
 
 
 def stale(
-    child: str,
+    child: str | None,
     parent: str,
     newest_ns: int,
     now_ns: int,
@@ -190,18 +190,25 @@ def stale(
     target: str,
     source: str,
 ) -> ExtrapolationException:
-    """The error for a latest transform whose data is older than ``max_age`` allows."""
-    child, parent, target, source = map(printable, (child, parent, target, source))
+    """
+    The error for a latest transform whose data is older than ``max_age`` allows.
+
+    :param child: None: only the answer of a buffer server is known, whose stamp is ``newest_ns``.
+    """
+    if child is None:
+        what, clock = "the answer of the server", "clock of the client"
+    else:
+        what, clock = f"the newest sample of {printable(child)} in {printable(parent)}", "clock of the buffer"
     if now_ns <= 0:
         fact = (
-            "has no known age: the clock of the buffer is at 0, because simulated time has not begun, "
+            f"has no known age: the {clock} is at 0, because simulated time has not begun, "
             "or nothing spins the node"
         )
     else:
-        fact = f"is {seconds(now_ns - newest_ns)} s old by the clock of the buffer, at {seconds(now_ns)}"
+        fact = f"is {seconds(now_ns - newest_ns)} s old by the {clock}, at {seconds(now_ns)}"
     text = (
-        f"The latest transform from frame [{source}] to frame [{target}] is too old; the newest sample of "
-        f"{child} in {parent}, at {seconds(newest_ns)}, {fact}; max_age allows {seconds(max_age_ns)} s"
+        f"The latest transform from frame [{printable(source)}] to frame [{printable(target)}] is too old; "
+        f"{what}, at {seconds(newest_ns)}, {fact}; max_age allows {seconds(max_age_ns)} s"
     )
     if newest_ns < YEAR_NS and now_ns - newest_ns > 30 * YEAR_NS:
         if newest_ns == 0:

@@ -1,12 +1,14 @@
-"""Serves lookups in an empty buffer until it is killed. Its argument is the name of the action."""
+"""Serves lookups in the buffer of a listener until it is killed. Its argument is the name of the action."""
 
 import sys
 
 import rclpy
 
-from tf2_ros import Buffer, BufferServer
+from tf2_ros import Buffer, BufferServer, TransformListener
 
 rclpy.init()
 node = rclpy.create_node("serving")
-server = BufferServer(Buffer(node=node), node, sys.argv[1])
+buffer = Buffer(node=node)
+listener = TransformListener(buffer, node)
+server = BufferServer(buffer, node, sys.argv[1])
 rclpy.spin(node)

@@ -101,4 +101,5 @@ def nodes(buffer: Buffer, node: Node, pose: PoseStamped) -> None:
     BufferServer(node, buffer, "server")  # wrong
     tf2_ros.Bufer()  # wrong
     BufferClient(node, "server", timeout_padding=Duration).destroy()  # wrong
+    BufferClient(node, "server").lookup_transform("a", "b", Time(), maxage=1.0)  # wrong
     TransformRegistration().add(Imu, do_transform_pose_stamped)  # wrong for pyright

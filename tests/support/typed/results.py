@@ -112,6 +112,7 @@ def lookups(buffer: Buffer | BufferClient, message: PoseStamped, timeout: Durati
     assert_type(buffer.can_transform("a", "b", stamp, return_debug_tuple=True), tuple[bool, str])
     assert_type(buffer.can_transform_full("a", stamp, "b", stamp, "c", timeout), bool)
     assert_type(buffer.can_transform_full("a", stamp, "b", stamp, "c", timeout, True), tuple[bool, str])
+    assert_type(buffer.lookup_transform("a", "b", Time(), timeout, max_age=0.5), TransformStamped)
 
 
 def transforms(buffer: BufferInterface, message: PoseStamped, timeout: DurationLike) -> None:

@@ -119,28 +119,6 @@ def test_the_nodes_of_callbacks_look_up_in_one_buffer(tmp_path, node):
         until(are_logged)
 
 
-CANCELING_CLIENT = """
-from rclpy.action.client import ActionClient
-from rclpy.executors import SingleThreadedExecutor
-
-client = ActionClient(node, LookupTransform, "find")
-executor = SingleThreadedExecutor()
-executor.add_node(node)
-client.wait_for_server()
-sending = client.send_goal_async(LookupTransform.Goal(target_frame="base_link", source_frame="nowhere"))
-executor.spin_until_future_complete(sending)
-executor.spin_until_future_complete(sending.result().cancel_goal_async())
-ending = sending.result().get_result_async()
-executor.spin_until_future_complete(ending)
-print("status", ending.result().status)
-"""
-
-
-def test_a_client_cancels_a_goal_of_the_action_server_of_callbacks():
-    server = named_programs(ROOT / "docs" / "callbacks.md")["action_server.py"]
-    assert "status 5" in output_of("-c", server + CANCELING_CLIENT)  # STATUS_CANCELED
-
-
 def test_the_demonstration_prints_what_the_readme_shows():
     page = (ROOT / "README.md").read_text(encoding="utf-8")
     [shown] = re.findall(r"\nmake demo .*?```.*?```text\n(.*?)```", page, re.DOTALL)

@@ -18,8 +18,11 @@ ROOT = Path(__file__).resolve().parent.parent
 PLACEHOLDER = "example.org"
 # PyPI shows these, so their links must be absolute.
 SHOWN_BY_PYPI = ("README.md", "tools/README.md", "messages/README.md")
-RELATIVE_LINK = re.compile(
-    r"(?P<image>!?)(?P<text>\[[^\]]*\])\((?![a-z]+:|#)(?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)"
+# To a file beside the page, or to one of a repository whose address has changed.
+LINK = re.compile(
+    r"(?P<image>!?)(?P<text>\[[^\]]*\])\("
+    r"(?:https://[^)\s]+/(?:blob|raw|tree)/main/(?P<of_root>[^)\s#]+)|(?![a-z]+:|#)(?P<path>[^)\s#]+))"
+    r"(?P<anchor>#[^)\s]*)?\)"
 )
 
 
@@ -110,12 +113,14 @@ def _changes(name, facts):
 
 def _with_absolute_links(root, name, text, repository):
     def absolute(found):
-        path = (root / name).parent / found["path"]
+        path = root / found["of_root"] if found["of_root"] else (root / name).parent / found["path"]
+        if not path.exists():
+            return found[0]  # of another project
         target = path.resolve().relative_to(root.resolve()).as_posix()
         kind = "raw" if found["image"] else "tree" if path.is_dir() else "blob"
         return f"{found['image']}{found['text']}({repository}/{kind}/main/{target}{found['anchor'] or ''})"
 
-    return RELATIVE_LINK.sub(absolute, text)
+    return LINK.sub(absolute, text)
 
 
 def main():

@@ -29,9 +29,8 @@ github_accounts = ["ada", "bob"]
 def filled_in(tmp_path):
     """The files that hold the owner's facts, in a repository whose owner has filled them in."""
     for name in owner.tracked_files(ROOT):
-        if name.endswith((".md", ".toml", ".yaml", ".yml", ".xml", ".svg")):
-            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, tmp_path / name)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
     (tmp_path / "release" / "owner.toml").write_text(FACTS)
     for command in (["init", "--quiet"], ["add", "."]):
         subprocess.run(["git", *command], cwd=tmp_path, check=True)
@@ -80,12 +79,18 @@ def test_each_kind_of_file_has_the_facts(filled_in):
 
 
 def test_the_links_of_a_page_that_pypi_shows_are_absolute_and_lead_to_files(filled_in):
-    for name in owner.SHOWN_BY_PYPI:
-        text = (filled_in / name).read_text()
-        assert owner.RELATIVE_LINK.search(text) is None
-        ours = re.findall(r"\(https://github.com/robots/tf2-ros-cython/(?:blob|raw|tree)/main/([^)#]+)", text)
-        assert ours
-        assert [path for path in ours if not (ROOT / path).exists()] == []
+    for address in ("robots/tf2-ros-cython", "moved/tf2"):
+        facts = FACTS.replace("robots/tf2-ros-cython", address)
+        (filled_in / "release" / "owner.toml").write_text(facts)
+        for name, text in owner.stale(filled_in).items():
+            (filled_in / name).write_text(text)
+        for name in owner.SHOWN_BY_PYPI:
+            text = (filled_in / name).read_text()
+            assert [link[0] for link in owner.LINK.finditer(text) if link["path"]] == []
+            ours = re.findall(rf"\(https://github.com/{address}/(?:blob|raw|tree)/main/([^)#]+)", text)
+            assert ours
+            assert [path for path in ours if not (ROOT / path).exists()] == []
+        assert owner.stale(filled_in) == {}
 
 
 @pytest.mark.parametrize(

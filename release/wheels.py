@@ -50,6 +50,7 @@ OF_SOURCES = """
 packaging/test_new_message_type core/test_allocation_failures packaging/test_cross_compile
 packaging/test_docs packaging/test_facts_on_pages packaging/test_examples packaging/test_import_directions
 packaging/test_makefile packaging/test_packaging packaging/test_public_names packaging/test_release_check
+packaging/test_rclpy_inside_in_one_module packaging/test_reference_pages
 packaging/test_release_versions packaging/test_rosdistro packaging/test_sourced_ros
 packaging/test_type_checkers packaging/test_without_ros ros/test_inbox_without_middleware
 core/test_type_table packaging/test_conda packaging/test_workflow_jobs packaging/test_license_headers

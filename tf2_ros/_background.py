@@ -41,8 +41,8 @@ class Background:
     """
     The background thread of some inboxes.
 
-    What is due at a time has two methods: ``over()`` says whether it has ended already, and ``expire()`` ends
-    it without running code of a program.
+    A timer is an object with two methods: ``over()`` says whether nothing is left to do, and ``expire()``,
+    which is called when it is due, runs no code of a program.
 
     Only the thread touches the heap. Other threads, signal handlers and finalizers append to ``_added``, and
     wake the thread if it would sleep for too long.
@@ -76,13 +76,13 @@ class Background:
             raise RuntimeError("cannot start a thread during interpreter shutdown")
         start_once("tf2_ros background", self._run)
 
-    def end_at(self, due_ns: int, what: Any) -> None:
+    def expire_at(self, due_ns: int, timer: Any) -> None:
         """
-        End something when ``time.monotonic_ns()`` is `due_ns`, unless it was over, or collected, before.
+        Expire a timer when ``time.monotonic_ns()`` is `due_ns`, unless it was over, or collected, before.
 
         :raises RuntimeError: no thread can be started; the next use tries again.
         """
-        self._added.append((due_ns, next(self._numbers), weakref.ref(what)))
+        self._added.append((due_ns, next(self._numbers), weakref.ref(timer)))
         self.start()
         # The thread stores until when it sleeps, and then looks at what was added.
         if due_ns < self._sleeps_until_ns or len(self._added) > self._sweep_at:
@@ -96,22 +96,22 @@ class Background:
         goes_on = True
         while goes_on:
             call_logged(self._inboxes.report_next, "In the background thread")
-            until_ns = self._end_due()
+            until_ns = self._expire_due()
             self._sleeps_until_ns = until_ns
             goes_on = self._inboxes.await_report(0 if self._added else until_ns)
             self._sleeps_until_ns = 0
 
-    def _end_due(self) -> int:
+    def _expire_due(self) -> int:
         # For SHARE_NS at most; returns when the next one is due. No variable of `_run` keeps alive what ends.
         self._file_added()
         pause_ns = time.monotonic_ns() + SHARE_NS
         while self._heap:
-            due_ns, what, now_ns = self._heap[0][0], _unless_over(self._heap[0]), time.monotonic_ns()
-            if what is not None and (due_ns > now_ns or now_ns > pause_ns):
+            due_ns, timer, now_ns = self._heap[0][0], _unless_over(self._heap[0]), time.monotonic_ns()
+            if timer is not None and (due_ns > now_ns or now_ns > pause_ns):
                 return due_ns
             heappop(self._heap)
-            if what is not None:
-                call_logged(what.expire, "At the end of a timeout")
+            if timer is not None:
+                call_logged(timer.expire, "At the end of a timeout")
         return NEVER_NS
 
     def _file_added(self) -> None:
@@ -126,9 +126,9 @@ class Background:
 
 def _unless_over(entry: _Entry) -> Any:
     # One that cannot say whether it is over must not keep the others from their ends.
-    what = entry[2]()
+    timer = entry[2]()
     try:
-        return None if what is None or what.over() else what
+        return None if timer is None or timer.over() else timer
     except Exception as error:
         log.raised(error, "At the end of a timeout")
         return None
@@ -150,7 +150,7 @@ class _Checks:
         if not self._is_filed:
             self._is_filed = True
             try:
-                self._background.end_at(time.monotonic_ns() + CHECK_NS, self)
+                self._background.expire_at(time.monotonic_ns() + CHECK_NS, self)
             except BaseException as error:
                 self._is_filed = False
                 if not isinstance(error, RuntimeError):  # without a thread, the next object tries again

@@ -35,7 +35,7 @@ def is_steady(clock: object) -> bool:
     return False
 
 
-class SleepingTask:
+class TaskWaker:
     """Never made."""
 
 

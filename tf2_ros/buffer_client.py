@@ -65,8 +65,8 @@ LookupTransformResult = TypeVar("LookupTransformResult")
 # each time, up to the second. A server keeps all requests of a goal until it has the result.
 REPEAT_NS = 10**9
 LONGEST_PAUSE_NS = 30 * 10**9
-# A server went away if it is unavailable for this long. While the middleware discovers another server of the
-# same name, it finds none available.
+# A server counts as gone when it has been unavailable for this long. While the middleware discovers another
+# server of the same name, it finds none available.
 GONE_NS = 10**9
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
 

@@ -30,10 +30,10 @@ from tf2_ros._node_lifetimes import node_has_ended, require_node, suppress_at_en
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import runs_in_loop
 from tf2_ros._spinner import Spinner
-from tf2_ros._wait.blocking_lookup import Lookup
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.call_runners import ExecutorRunner
 from tf2_ros._wait.futures import TransformFuture
+from tf2_ros._wait.lookup import Lookup
 
 __all__ = ["BufferServer"]
 

@@ -33,7 +33,7 @@ from tf2_ros._forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._node_lifetimes import node_has_ended, require_node
 from tf2_ros._rclpy import destroy_subscription
 from tf2_ros._wait.call_runners import ExecutorRunner, call_queue_of
-from tf2_ros._wait.filter_calls import FilterCalls, QueuedMessage
+from tf2_ros._wait.filter_calls import FilterCalls, FilteredMessage
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer import Buffer
 
@@ -221,7 +221,7 @@ class MessageFilter(Generic[_Message]):
         frame_name(header.frame_id, "header.frame_id")
         frame = frame_of(header, self._prefix) if self._prefix else stored_name(header.frame_id)
         stamp_ns = time_ns(header.stamp, "header.stamp")
-        queued = QueuedMessage(
+        queued = FilteredMessage(
             self._calls, self._call_queue, message, frame, stamp_ns, self._outcome, self._warn_of_drops
         )
         try:
@@ -362,7 +362,7 @@ class MessageFilter(Generic[_Message]):
         elif input is not None:
             raise TypeError(f"input: expected (message type, topic, qos), a filter, or None, got {input!r}")
 
-    def _begin(self, queued: QueuedMessage) -> None:
+    def _begin(self, queued: FilteredMessage) -> None:
         stamp_ns = queued.stamp_ns
         # The latest time, 0, has no later one.
         needed = [(frame, stamp_ns + ns) for frame, ns in self._needed if stamp_ns or ns == 0]
@@ -382,7 +382,7 @@ class MessageFilter(Generic[_Message]):
                 oldest()
             queued.end(outcome, text)
         elif self._timeout_ns is not None:
-            background.end_at(time.monotonic_ns() + self._timeout_ns, queued)
+            background.expire_at(time.monotonic_ns() + self._timeout_ns, queued)
         while 0 < self._queue_size < len(self._calls.waiting):
             oldest = self._calls.oldest()
             if oldest is None:
@@ -391,7 +391,7 @@ class MessageFilter(Generic[_Message]):
             oldest.end(*self._outcome(oldest, FilterFailureReason.QUEUE_FULL))
 
     def _outcome(
-        self, queued: QueuedMessage, otherwise: FilterFailureReason | None
+        self, queued: FilteredMessage, otherwise: FilterFailureReason | None
     ) -> tuple[_Outcome | None, str | None]:
         """
         What a message ends with now, or None if it waits; and what is said if it is dropped.
@@ -405,7 +405,7 @@ class MessageFilter(Generic[_Message]):
             return refused
         return outcome, self._text(queued, outcome)
 
-    def _text(self, queued: QueuedMessage, outcome: _Outcome | None) -> str | None:
+    def _text(self, queued: FilteredMessage, outcome: _Outcome | None) -> str | None:
         """What is said of a message that is dropped now; None: it is not, or nobody wants to know."""
         if not isinstance(outcome, FilterFailureReason) or not self._calls.wants_text():
             return None
@@ -416,7 +416,7 @@ class MessageFilter(Generic[_Message]):
             return errors.timed_out(lack, self._timeout_ns or 0)
         return lack
 
-    def _warn_of_drops(self, queued: QueuedMessage, reason: FilterFailureReason, text: str | None) -> None:
+    def _warn_of_drops(self, queued: FilteredMessage, reason: FilterFailureReason, text: str | None) -> None:
         dropped_in_a_row = self._calls.dropped_in_a_row
         if dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
             return

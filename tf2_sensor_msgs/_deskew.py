@@ -350,7 +350,7 @@ def _all_times(cloud: PointCloud2, sweep: Sweep) -> tuple[NDArray[np.int64], int
 
 
 def _wait(motion: Motion, last: int, until_ns: int) -> None:
-    """Wait for the transform of the last point until a steady time. Whether there is one, the lookups say."""
+    """Wait for the transform of the last point until a steady time; lookups report whether there is one."""
     timeout = (until_ns - time.monotonic_ns()) / S
     if timeout <= 0 or not 0 <= last < MOST_SECONDS * S:
         return

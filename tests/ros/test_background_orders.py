@@ -33,8 +33,8 @@ FAULTS = {
     ),
     "sleeps although something is due earlier": ("due_ns < self._sleeps_until_ns or", ""),
     "is woken before the addition": (
-        "self._added.append((due_ns, next(self._numbers), weakref.ref(what)))\n        self.start()",
-        "self.start()\n        entry = due_ns, next(self._numbers), weakref.ref(what)",
+        "self._added.append((due_ns, next(self._numbers), weakref.ref(timer)))\n        self.start()",
+        "self.start()\n        entry = due_ns, next(self._numbers), weakref.ref(timer)",
         "            self._inboxes.wake_reporting()\n",
         "            self._inboxes.wake_reporting()\n        self._added.append(entry)\n",
     ),
@@ -43,7 +43,7 @@ FAULTS = {
         "        self._is_filed = False  # first: what is added from now on has them filed\n",
         "",
     ),
-    "ends what is over": ("what is None or what.over()", "what is None"),
+    "ends what is over": ("timer is None or timer.over()", "timer is None"),
 }
 
 
@@ -131,7 +131,7 @@ class Order:
         work = Work(self, self.now_ns + units * UNIT_NS, was_over)
         if not is_collected:
             self.work.append(work)
-        self.background.end_at(work.due_ns, work)
+        self.background.expire_at(work.due_ns, work)
 
     def check(self):
         checked = Work(self, 0)

@@ -174,7 +174,7 @@ class TestTimeout:
         broken = [Broken() for _ in range(200)]
         future = wait(buffer, timeout=SHORT)
         for one in broken:
-            background.end_at(0, one)
+            background.expire_at(0, one)
         until(future.done)
         assert future.exception() is not None
         assert "ValueError: not known" in errors_so_far()

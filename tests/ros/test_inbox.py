@@ -177,7 +177,7 @@ def test_an_answer_is_not_lost_with_the_listener_that_received_it(tf2_ros, buffe
         future = buffer.wait_for_transform_async("map", f"frame_{number}", LATEST)
         message = TFMessage(transforms=[transform("map", f"frame_{number}", 1)])
         interval = sys.getswitchinterval()
-        sys.setswitchinterval(10)  # the thread that reports must wait
+        sys.setswitchinterval(10)  # the background thread must wait
         try:
             publisher.publish(message)
             deadline = time.monotonic() + DEADLINE_S

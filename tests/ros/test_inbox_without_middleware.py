@@ -22,7 +22,7 @@ from waiting import errors_so_far, until
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer
 from tf2_ros._background import Background, add_owner
-from tf2_ros._receive.inbox import Inbox, Inboxes, Informed
+from tf2_ros._receive.inbox import Inbox, Inboxes, Observer
 from tf2_ros.records import Recording
 
 pytestmark = pytest.mark.ours
@@ -319,7 +319,7 @@ def test_an_answer_does_not_wait_for_the_ends_of_many_timeouts(source, inbox, in
     future = buffer.wait_for_transform_async("map", "robot", at(1))
     many = [Slow() for _ in range(10_000)]
     for one in many:
-        background.end_at(0, one)
+        background.expire_at(0, one)
     source.put(serialised(transform("map", "robot", 1)))
     inbox.catch_up()
     until(future.done)
@@ -364,10 +364,10 @@ def test_an_inbox_in_garbage_ends_before_the_collector_clears_what_threads_use(i
         pass
 
     source, are_whole = Listed(), []
-    source.informed = Informed()
-    source.when_silent = lambda source: are_whole.append(hasattr(source, "informed"))
+    source.observer = Observer()
+    source.when_silent = lambda source: are_whole.append(hasattr(source, "observer"))
     source.inbox_of_it = inbox = Inbox(source, list, inboxes=inboxes)
-    inbox.inform(source.informed)
+    inbox.add_observer(source.observer)
     del inbox, source
     gc.collect()
     assert are_whole == [True]

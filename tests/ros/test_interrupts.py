@@ -210,7 +210,7 @@ def test_a_timeout_starts_its_thread_without_a_line_of_python():
     for line in range(1, 60):  # the lines of `threading` run in a `Thread.start` are fewer
         inboxes, wait = Inboxes(), Expires()
         with interrupted(line, files=(threading.__file__,)) as count:
-            Background(inboxes).end_at(0, wait)
+            Background(inboxes).expire_at(0, wait)
         assert not count.reached
         assert wait.expired.wait(DEADLINE_S)
         inboxes.stop()
@@ -225,8 +225,8 @@ def test_an_interrupt_just_after_the_start_of_the_background_thread_leaves_one(m
     with monkeypatch.context() as patch:
         patch.setattr(_threads, "start_new_thread", interrupted_start)
         with pytest.raises(Interrupt):
-            background.end_at(time.monotonic_ns() + 10**15, later)
-    background.end_at(0, now)
+            background.expire_at(time.monotonic_ns() + 10**15, later)
+    background.expire_at(0, now)
     assert now.expired.wait(DEADLINE_S)
     until(lambda: not surplus_threads())
 
@@ -237,7 +237,7 @@ def test_timeouts_have_a_thread_if_there_is_no_memory_for_its_object(monkeypatch
 
     wait = Expires()
     monkeypatch.setattr(threading.Thread, "start", without_memory)
-    background.end_at(0, wait)
+    background.expire_at(0, wait)
     assert wait.expired.wait(DEADLINE_S)
 
 

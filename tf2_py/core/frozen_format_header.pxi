@@ -71,7 +71,7 @@ cdef struct Checksum:
 cdef void checksum_begin(Checksum* checksum) noexcept nogil
 cdef void checksum_add(Checksum* checksum, const void* lines, size_t size) noexcept nogil
 cdef uint64_t checksum_end(const Checksum* checksum) noexcept nogil
-# Of an index, as if its field for that were 0.
+# The checksum of an index, with 0 in place of its own checksum.
 cdef uint64_t frozen_checksum(const void* index, size_t size) noexcept nogil
 
 

@@ -147,7 +147,7 @@ cdef int history_map(History* history, FileMapping* mapping, const int64_t* stam
         return -1
     memory.owners = 1
     memory.pinned_from = 0
-    # What others may use at the same time is not memory of this process.
+    # Shared mappings do not count as memory of this process.
     memory.bytes = _memory_bytes(count) if mapping.is_copy else bytes
     memory.mapping = mapping
     add_acq_rel(&mapping.owners, 1)

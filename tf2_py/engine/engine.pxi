@@ -143,7 +143,7 @@ cdef class Engine:
             if load_seq_cst(inbox.read) != RECENTLY:
                 store_seq_cst(inbox.read, RECENTLY)
             removals = self._removals
-            if load_seq_cst(inbox.pending):
+            if load_seq_cst(inbox.unread):
                 inbox.drain()   # meanwhile another thread may remove some
             inbox = inbox.following if self._removals == removals else self._inboxes
         return 0

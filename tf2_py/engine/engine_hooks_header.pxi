@@ -10,7 +10,7 @@ cdef class ReadHook:
     # Holds what has arrived for an engine until somebody reads the engine, or a waiter needs it. The words
     # are read and written without a lock, in any thread (sync_header.pxi).
     cdef ReadHook following         # the next one of the same engine
-    cdef uint32_t* pending          # not 0: something may have arrived
+    cdef uint32_t* unread           # not 0: something may have arrived
     cdef uint32_t* has_waiters      # of the engine; not 0: what arrives is to be inserted at once
     cdef uint32_t* read             # set to RECENTLY by each read; an inbox may count down
     # Inserts all that has arrived. It runs no user code, and nothing that waits for the GIL.

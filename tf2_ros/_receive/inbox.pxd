@@ -44,18 +44,18 @@ cdef struct ReceivedMessages:
     size_t count
 
 
-cdef struct InformedLink:
-    void* informed              # an Informed
-    InformedLink* next
+cdef struct ObserverLink:
+    void* observer              # an Observer
+    ObserverLink* next
 
 
 cdef struct SharedByInboxes:
-    # What the inboxes of a process have in common: two threads, of which one drains and one reports.
+    # What the inboxes of a process have in common: the receiver thread and the background thread.
     Lock lock                   # guards the two lists, and what the InboxState of each inbox says
-    InboxState* first                # of those that the receiver thread serves
-    InboxState* first_to_report      # of those that have something to report
-    Event work                  # for the thread that drains
-    Event reporting             # for the thread that reports
+    InboxState* first           # of those that the receiver thread serves
+    InboxState* first_to_report  # of those that have something to report
+    Event work                  # for the receiver thread
+    Event reporting             # for the background thread
     uint32_t is_idle            # atomic: the receiver thread must be woken by the next message
     uint32_t short_rounds       # atomic: so many rounds are still short
     uint32_t is_stopping        # atomic
@@ -63,12 +63,12 @@ cdef struct SharedByInboxes:
 
 cdef struct InboxState:
     # What is used without the GIL.
-    uint32_t pending            # atomic; 0: no message waits; BEING_INSERTED: none but those being taken
+    uint32_t unread             # atomic; 0: no message waits; BEING_INSERTED: none but those being taken
     uint32_t is_full            # atomic: so many messages wait that they must be taken
     uint32_t has_waiters        # atomic: the engine has some, and wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
     uint32_t wants_each         # atomic: each message must be taken when it arrives
-    InformedLink* informed      # who is informed; grows at the front
+    ObserverLink* observers     # they hear of each insert; grows at the front
     # Set once.
     SharedByInboxes* shared
     void* inbox                 # the Inbox
@@ -78,10 +78,10 @@ cdef struct InboxState:
     size_t prefix_size
     # Guarded by the lock of all inboxes.
     void* engine                # NULL: there is none, and nothing is taken
-    ReceivedMessage* received              # for the next message; NULL: not allocated yet
-    ReceivedMessages reports             # messages with something to report
-    InboxState* next                 # in the list of those that the receiver thread serves
-    InboxState* next_to_report       # in that of those whose `reports` are not empty
+    ReceivedMessage* received   # for the next message; NULL: not allocated yet
+    ReceivedMessages reports    # messages with something to report
+    InboxState* next            # in the list of those that the receiver thread serves
+    InboxState* next_to_report  # in that of those whose `reports` are not empty
 
 
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
@@ -96,9 +96,9 @@ cdef class Inboxes:
     cdef SharedByInboxes shared
 
 
-cdef class Informed:
+cdef class Observer:
     # All that this package knows of an executor.
-    cdef object inboxes         # LiveObjects: those that inform this
+    cdef object inboxes         # LiveObjects: those that it observes
     cdef readonly object receivers  # LiveObjects: those that leave their messages to an EventsExecutor
     # Something was inserted. Called without the GIL, in any thread, as the next one.
     cdef void inserted(self) noexcept nogil
@@ -109,19 +109,19 @@ cdef class Informed:
 cdef class Source:
     # Where the messages of one inbox come from. A subclass has three duties:
     # 1. `next` fills in the next message; False: there is none, or no memory for it. If others may
-    #    wait in the latter case, it sets `pending` of the inbox. It calls nothing of the inbox but
+    #    wait in the latter case, it sets `unread` of the inbox. It calls nothing of the inbox but
     #    `received_reserve`. It runs under the lock of all inboxes, in any thread that drains or reads the
     #    buffer. Some of these hold the GIL and others do not: so it uses no Python object, and reads no file
     #    that may be slow. What was filled before has been inserted when it is called again.
     # 2. It makes known that a message waits: by `inbox_arrived(self.inbox, ...)`, after the message is there.
-    # 3. `silence` ends that: from its return on, nothing may call `inbox_arrived`, because the inbox may be
+    # 3. `detach` ends that: from its return on, nothing may call `inbox_arrived`, because the inbox may be
     #    freed. It is called once, with the GIL and without a lock, in any thread, perhaps by a finalizer. So
     #    it must not wait for a thread that needs the GIL.
     # In a forked child, none of them is called any more.
-    cdef InboxState* inbox           # that inbox, which sets this
+    cdef InboxState* inbox      # that inbox, which sets this
     cdef list names             # of the topics, for errors
     cdef bint next(self, ReceivedMessage* received) noexcept nogil
-    cdef void silence(self) noexcept
+    cdef void detach(self) noexcept
 
 
 cdef class Inbox(ReadHook):
@@ -133,7 +133,7 @@ cdef class Inbox(ReadHook):
     cdef Recording _recording       # keeps the records
     cdef bytes _prefix
     cdef object _reference          # called, gives the engine or None
-    cdef set _informed              # keeps what `informed` of the state refers to
+    cdef set _observers              # keeps what `observers` of the state refers to
     cdef object __weakref__
 
     # Without the GIL and the lock: one step of inserting what has arrived. Returns whether more may be left.

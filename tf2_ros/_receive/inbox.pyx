@@ -61,12 +61,12 @@ cdef const char* DEFAULT_AUTHORITY = "default_authority"
 cdef enum:
     MAX_REPORTS = 64            # messages that are kept for the log, which says what is wrong with them
     SLICE_WORK = 4              # of one `insert_some`, up to 64 transforms
-    BEING_INSERTED = 2          # of InboxState.pending: nothing has arrived since a thread began to insert
+    BEING_INSERTED = 2          # of InboxState.unread: nothing has arrived since a thread began to insert
 
 # How long a read waits for the lock with the GIL, which it may not get back for 5 ms. Only a thread that
 # takes a long message from the middleware has the lock for longer: 17 MB take 20 ms.
 cdef int64_t PATIENCE_NS = 2000000
-# How long the thread that drains sleeps while nothing arrives, at most.
+# How long the receiver thread sleeps while nothing arrives, at most.
 cdef int64_t IDLE_NS = 1500000000
 # After this, a read returns even if messages arrive faster than it can insert them.
 cdef int64_t READ_NS = 5000000000
@@ -82,15 +82,15 @@ cdef bint _wants_each(InboxState* inbox) noexcept nogil:
     return load_seq_cst(&inbox.read) or load_seq_cst(&inbox.has_waiters) or load_seq_cst(&inbox.wants_each)
 
 
-cdef void _inform(InboxState* inbox) noexcept nogil:
-    cdef InformedLink* link = inbox.informed
+cdef void _tell_observers(InboxState* inbox) noexcept nogil:
+    cdef ObserverLink* link = inbox.observers
     while link != NULL:
-        (<Informed>link.informed).inserted()
+        (<Observer>link.observer).inserted()
         link = link.next
 
 
 cdef void inbox_arrived(InboxState* inbox, bint is_full) noexcept nogil:
-    store_seq_cst(&inbox.pending, 1)
+    store_seq_cst(&inbox.unread, 1)
     if is_full:
         store_seq_cst(&inbox.is_full, 1)
     if is_full or _wants_each(inbox) or load_seq_cst(&inbox.shared.is_idle):
@@ -255,7 +255,7 @@ cdef void _finish_message(InboxState* inbox) noexcept nogil:
     # Before the engine changes: all of a message goes into one buffer.
     if _is_begun(inbox):
         _go_on(inbox, SIZE_MAX)
-        _inform(inbox)
+        _tell_observers(inbox)
 
 
 cdef void _forget_message(InboxState* inbox) noexcept nogil:
@@ -270,8 +270,8 @@ cdef bint _take(InboxState* inbox, size_t most) noexcept nogil:
     cdef size_t begun
     cdef bint more
     # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
-    # inserted, readers must find something pending, and wait here.
-    store_seq_cst(&inbox.pending, BEING_INSERTED)
+    # inserted, readers must find something unread, and wait here.
+    store_seq_cst(&inbox.unread, BEING_INSERTED)
     store_seq_cst(&inbox.is_full, 0)
     while inbox.engine != NULL and work < most:
         if not _is_begun(inbox):
@@ -281,14 +281,14 @@ cdef bint _take(InboxState* inbox, size_t most) noexcept nogil:
             work += begun
         if _is_begun(inbox):
             work += _go_on(inbox, most)
-    # Before `pending` is cleared: executors have then heard of all that a reader sees.
+    # Before `unread` is cleared: executors have then heard of all that a reader sees.
     if work:
-        _inform(inbox)
+        _tell_observers(inbox)
     more = inbox.engine != NULL and work >= most
     if more or (inbox.engine != NULL and inbox.received == NULL):
-        store_seq_cst(&inbox.pending, 1)   # without memory, the next round tries again
+        store_seq_cst(&inbox.unread, 1)   # without memory, the next round tries again
     else:
-        replace_seq_cst(&inbox.pending, BEING_INSERTED, 0)
+        replace_seq_cst(&inbox.unread, BEING_INSERTED, 0)
     return more
 
 
@@ -298,11 +298,11 @@ cdef void _clear_has_waiters(InboxState* inbox) noexcept nogil:
         (<Engine>inbox.engine).clear_has_waiters(&inbox.has_waiters)
 
 
-# The thread that drains.
+# The receiver thread.
 
 cdef bint _serve(InboxState* inbox) noexcept nogil:
     # A reader may have taken the rest since the last slice.
-    if load_seq_cst(&inbox.pending) and _take(inbox, DRAIN_SLICE):
+    if load_seq_cst(&inbox.unread) and _take(inbox, DRAIN_SLICE):
         return True
     _clear_has_waiters(inbox)
     return False
@@ -321,7 +321,7 @@ cdef bint _serve_all(SharedByInboxes* shared, bint is_round) noexcept nogil:
         lock_acquire(&shared.lock)
         inbox = shared.first
         while inbox != NULL:
-            found = found or load_seq_cst(&inbox.pending)
+            found = found or load_seq_cst(&inbox.unread)
             read = load_seq_cst(&inbox.read)
             if is_round and read > 0 and not is_rest:
                 store_seq_cst(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
@@ -335,13 +335,13 @@ cdef bint _serve_all(SharedByInboxes* shared, bint is_round) noexcept nogil:
 
 cdef void _wake_executors(SharedByInboxes* shared) noexcept nogil:
     cdef InboxState* inbox
-    cdef InformedLink* link
+    cdef ObserverLink* link
     lock_acquire(&shared.lock)
     inbox = shared.first
     while inbox != NULL:
-        link = inbox.informed
+        link = inbox.observers
         while link != NULL:
-            (<Informed>link.informed).wake_if_due()
+            (<Observer>link.observer).wake_if_due()
             link = link.next
         inbox = inbox.next
     lock_release(&shared.lock)
@@ -366,7 +366,7 @@ cdef class Inboxes:
         lock_free(&self.shared.lock)
 
     def drain_when_due(self):
-        """SharedByInboxes them when that is due, without the GIL, until :meth:`stop`; for one thread."""
+        """Drain the inboxes whenever they are due, without the GIL, until :meth:`stop`; for one thread."""
         cdef SharedByInboxes* shared = &self.shared
         cdef int64_t now_ns
         cdef int64_t round_ns = 0           # when the next round is due
@@ -432,8 +432,8 @@ cdef class Inboxes:
 INBOXES = Inboxes()
 
 
-cdef class Informed:
-    """Is informed of what was inserted."""
+cdef class Observer:
+    """Is observer of what was inserted."""
 
     def __cinit__(self, *_, **__):
         self.inboxes, self.receivers = LiveObjects(), LiveObjects()
@@ -451,7 +451,7 @@ cdef class Source:
     cdef bint next(self, ReceivedMessage* received) noexcept nogil:
         return False
 
-    cdef void silence(self) noexcept:
+    cdef void detach(self) noexcept:
         pass
 
 
@@ -459,7 +459,7 @@ cdef class Source:
 @cython.no_gc_clear     # `__dealloc__` needs the source
 cdef class Inbox(ReadHook):
     """
-    Keeps what has arrived for a buffer until the buffer is read, or the thread that drains takes it.
+    Keeps what has arrived for a buffer until the buffer is read, or the receiver thread takes it.
 
     It ends with :meth:`close`, or its last reference. In garbage, its finalizer runs before the collector
     clears anything that threads without the GIL use: engine, clock, or executors.
@@ -474,10 +474,10 @@ cdef class Inbox(ReadHook):
     def __cinit__(self, Source source not None, hand_over, Recording recording=None, str prefix="",
                   Inboxes inboxes not None=INBOXES):
         cdef SharedByInboxes* shared = &inboxes.shared
-        self._source, self._hand_over, self._informed, self._inboxes = source, hand_over, set(), inboxes
+        self._source, self._hand_over, self._observers, self._inboxes = source, hand_over, set(), inboxes
         self._recording, self._prefix = recording, prefix.encode()
         self.state.inbox, self.state.source, self.state.shared = <void*>self, <void*>source, shared
-        self.pending, self.read = &self.state.pending, &self.state.read
+        self.unread, self.read = &self.state.unread, &self.state.read
         self.has_waiters = &self.state.has_waiters
         if recording is not None:
             self.state.records = &recording._records
@@ -497,11 +497,11 @@ cdef class Inbox(ReadHook):
             self.close()
 
     def __dealloc__(self):
-        cdef InformedLink* link
+        cdef ObserverLink* link
         self._discharge()
-        while self.state.informed != NULL:
-            link = self.state.informed
-            self.state.informed = link.next
+        while self.state.observers != NULL:
+            link = self.state.observers
+            self.state.observers = link.next
             free(link)
         _free_received(self.state.received)
         _free_all_received(&self.state.reports)
@@ -522,7 +522,7 @@ cdef class Inbox(ReadHook):
         _end_to_report(&self.state)
         lock_release(&self.state.shared.lock)
         # Only now: it may run code in Python, and meanwhile another thread may report.
-        self._source.silence()
+        self._source.detach()
 
     cdef void engine_ended(self) noexcept:
         lock_acquire(&self.state.shared.lock)
@@ -535,20 +535,20 @@ cdef class Inbox(ReadHook):
         self._discharge()
         self.fill(None)
 
-    def inform(self, Informed informed not None):
+    def add_observer(self, Observer observer not None):
         """Inform this, too, of what is inserted from now on."""
-        cdef InformedLink* link
-        informed.inboxes.add(self)
-        if informed in self._informed:
+        cdef ObserverLink* link
+        observer.inboxes.add(self)
+        if observer in self._observers:
             return
-        self._informed.add(informed)    # from here on, no code in Python runs
-        link = <InformedLink*>malloc(sizeof(InformedLink))
+        self._observers.add(observer)    # from here on, no code in Python runs
+        link = <ObserverLink*>malloc(sizeof(ObserverLink))
         if link == NULL:
-            self._informed.discard(informed)
+            self._observers.discard(observer)
             raise MemoryError
-        link.informed, link.next = <void*>informed, self.state.informed
+        link.observer, link.next = <void*>observer, self.state.observers
         lock_acquire(&self.state.shared.lock)
-        self.state.informed = link
+        self.state.observers = link
         lock_release(&self.state.shared.lock)
 
     cdef object _engine(self):
@@ -561,7 +561,7 @@ cdef class Inbox(ReadHook):
             return
         reference = None if buffer is None else weakref.ref(buffer)
         # From here to the report no code in Python runs, and so no other thread that fills, closes or drains
-        # (see `pending`: nothing makes a container).
+        # (see `unread`: nothing makes a container).
         engine = self._engine()
         if self._is_closed:
             buffer = reference = None
@@ -610,7 +610,7 @@ cdef class Inbox(ReadHook):
 
     def catch_up(self):
         """Insert what has arrived, if anything has."""
-        if load_seq_cst(self.pending):
+        if load_seq_cst(self.unread):
             # For its own method, Cython 3.0 passes a pointer of the wrong type, which gcc 14 refuses.
             (<ReadHook>self).drain()
 
@@ -635,7 +635,7 @@ cdef class Inbox(ReadHook):
         keep_for_ever(self)
         self.state.engine = NULL
         _forget_message(&self.state)
-        store_seq_cst(self.pending, 0)
+        store_seq_cst(self.unread, 0)
         return has_received
 
     cdef int _report(self, Engine engine, ReceivedMessages* messages) except -1:

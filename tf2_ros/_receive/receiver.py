@@ -18,7 +18,7 @@ from tf2_ros._rclpy import (
     on_destroy,
     report_event,
 )
-from tf2_ros._receive.inbox import Inbox, Informed
+from tf2_ros._receive.inbox import Inbox, Observer
 from tf2_ros._receive.listener_topics import Topic, describe_topics
 from tf2_ros._receive.subscriptions import Subscriptions
 
@@ -50,7 +50,7 @@ class Receiver:
     Inserts what arrives on a listener's topics into a buffer when that is read: the owner of an inbox.
 
     :param listener: a TransformListener, which has found that no user code handles the messages.
-    :param call_queue: of the node; an executor is informed of what arrives.
+    :param call_queue: of the node; an executor observes what arrives.
     :param buffer: to fill, see :meth:`redirect`.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked
@@ -70,9 +70,9 @@ class Receiver:
         handle = clock.handle if is_ros_clock(clock) else None
         recording = listener._tf2_listening.recording
         self._source = Subscriptions(recording is not None, handle)
-        self.inbox = Inbox(self._source, call_queue.receive, recording, listener._tf2_listening.prefix)
-        if isinstance(runner, Informed):
-            self.inbox.inform(runner)
+        self.inbox = Inbox(self._source, call_queue.hand_over, recording, listener._tf2_listening.prefix)
+        if isinstance(runner, Observer):
+            self.inbox.add_observer(runner)
         try:
             for topic in self._topics:
                 subscription = topic.subscription
@@ -86,7 +86,7 @@ class Receiver:
                 )
         except RuntimeError:
             self._leave_to_executors()  # this middleware does not report arrivals
-        if isinstance(runner, Informed):
+        if isinstance(runner, Observer):
             runner.receivers.add(self)  # only now: an inbox that yields must not subscribe afterwards
         add_owner(self)
         self.redirect(buffer)

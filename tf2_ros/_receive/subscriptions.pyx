@@ -281,12 +281,12 @@ cdef class Subscriptions(Source):
                     # After an error, such as a lack of memory for one message, others may wait, and nothing
                     # reports them again. The next round tries, and not this thread at once, because the error
                     # may last.
-                    store_seq_cst(&topic.inbox.pending, 1)
+                    store_seq_cst(&topic.inbox.unread, 1)
                 else:
                     _found_empty(topic)
             topic = topic.following
         return False
 
-    cdef void silence(self) noexcept:
+    cdef void detach(self) noexcept:
         for topic in self._topics:
             self.unsubscribe(topic)

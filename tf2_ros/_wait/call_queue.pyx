@@ -29,7 +29,7 @@ WARN_S = 10.0   # how long calls wait for what runs the node before a warning sa
 
 cdef class CallQueue:
     """
-    The calls that run code of a program, of waits of a node that have ended: a queue, usually one for a node.
+    A node's calls of user code, for waits that have ended: a queue, usually one for a node.
 
     What ends a wait puts a `Pending` here: an insert of a listener, a timeout, a shutdown. Only what a
     program calls itself runs the code at once: an insert, `cancel`, `set_result` or `set_exception`. Server
@@ -84,7 +84,7 @@ cdef class CallQueue:
         else:
             self.runner.wake()
 
-    def receive(self, pending):
+    def hand_over(self, pending):
         """Add what a listener's insert has ended, to its own queue if it has one."""
         (pending.call_queue or self).put(pending)
 

@@ -23,7 +23,7 @@ from tf2_ros._rcl cimport (
     rcl_trigger_guard_condition,
     rcutils_reset_error,
 )
-from tf2_ros._receive.inbox cimport ROUND_NS, SHORT_ROUND_NS, Informed
+from tf2_ros._receive.inbox cimport ROUND_NS, SHORT_ROUND_NS, Observer
 
 from contextlib import suppress
 
@@ -68,14 +68,14 @@ cdef void _wake(ExecutorState* state) noexcept nogil:
 
 
 @cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed
-cdef class ExecutorRounds(Informed):
+cdef class ExecutorRounds(Observer):
     """The part of an ``rclpy.waitable.Waitable`` that an executor calls in each of its rounds."""
 
     cdef ExecutorState state
     cdef object _handle         # keeps the guard condition
     cdef public object calls    # those that are to be made in rounds
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
-    cdef unsigned long _thread  # in which it did
+    cdef unsigned long _thread  # of that executor
     cdef int _unread            # how often it was woken since the buffer was read; at most MAX_UNREAD
     cdef int64_t _woken_ns      # steady time of the last round for which it had to wake
     cdef bint _has_displaced    # an executor of another thread, which may sleep
@@ -151,7 +151,7 @@ cdef class ExecutorRounds(Informed):
         else:
             # User code called the executor, and continues when something has arrived since its last round;
             # but not for each message, because a round costs as much as ten messages. This stores
-            # `wake_at_ns` and then loads `arrived`; an arrival stores `arrived`, and a round of the draining
+            # `wake_at_ns` and then loads `arrived`; an arrival stores `arrived`, and a round of the receiver
             # thread then loads `wake_at_ns`. So at least one of them sees the other.
             store64_seq_cst(&self.state.wake_at_ns, NEXT_ROUND)
             if any([inbox.was_read() for inbox in self.inboxes]):

@@ -136,7 +136,7 @@ cdef class Waits:
             wait.cancel()
 
 
-cdef class QueuedMessage(Pending):
+cdef class FilteredMessage(Pending):
     """
     A message that waits in a filter. Its result is a transform, or the reason why it is dropped; then its
     error is a text about that, or None.

@@ -22,9 +22,9 @@ from tf2_ros_cython._ros_presence import HAS_ROS
 if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._rclpy import running_task
     from tf2_ros._wait.call_queue import end_for as end_for
-    from tf2_ros._wait.rclpy_futures_and_tasks import BaseFuture, SleepingTask
+    from tf2_ros._wait.rclpy_futures_and_tasks import BaseFuture, TaskWaker
 else:
-    from tf2_ros._without_ros import BaseFuture, SleepingTask, end_for, running_task
+    from tf2_ros._without_ros import BaseFuture, TaskWaker, end_for, running_task
 
 if TYPE_CHECKING:
     import asyncio
@@ -106,7 +106,7 @@ class WakingFuture(BaseFuture, Generic[_Result]):
         self.end()
 
 
-class _SleepingLoop(Waker):
+class _LoopWaker(Waker):
     """What wakes a task of an asyncio loop, which otherwise would poll. It awaits ``_woken``."""
 
     def __init__(self, loop: "asyncio.AbstractEventLoop", future: WakingFuture[Any]) -> None:
@@ -148,7 +148,7 @@ class _ShutdownCheck:
 
     def __init__(self, loop: "asyncio.AbstractEventLoop", is_in_vain: Callable[[], bool]) -> None:
         self._loop, self._is_in_vain = loop, is_in_vain
-        self.sleepers: LiveObjects[_SleepingLoop] = LiveObjects()
+        self.sleepers: LiveObjects[_LoopWaker] = LiveObjects()
         self._check_later()
 
     @classmethod
@@ -163,7 +163,7 @@ class _ShutdownCheck:
         return check
 
     def _check_later(self) -> None:
-        background.end_at(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
+        background.expire_at(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
 
     # The protocol of what is due.
 
@@ -187,14 +187,14 @@ class _ShutdownCheck:
 os.register_at_fork(after_in_child=_ShutdownCheck._known.clear)
 
 
-def _sleeper(future: WakingFuture[Any]) -> "SleepingTask | _SleepingLoop | None":
+def _sleeper(future: WakingFuture[Any]) -> "TaskWaker | _LoopWaker | None":
     """What wakes whatever runs in this thread, if that can be woken."""
     loop = running_loop()
     # A callback that an executor runs may run a loop, and a task of a loop may spin an executor.
     task = running_task(is_direct=loop is not None)
     if task is not None:
-        return SleepingTask(task)
-    return None if loop is None else _SleepingLoop(loop, future)
+        return TaskWaker(task)
+    return None if loop is None else _LoopWaker(loop, future)
 
 
 class TransformFuture(WakingFuture[TransformStamped]):
@@ -251,7 +251,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         if wait.must_be_tried:
             due_ns = min(due_ns, time.monotonic_ns() + CLOCK_CHECK_NS)
         if due_ns < NEVER_NS:
-            background.end_at(due_ns, self)
+            background.expire_at(due_ns, self)
 
     def expire(self) -> None:
         """End with an answer that is there; at the timeout or after a shutdown, with a TimeoutException."""

@@ -1,10 +1,10 @@
 """What ends once: a future, a message of a filter, a subscription to changes."""
 
 
-# From the first to one of the last two.
+# PENDING, then perhaps QUEUED, then DONE or CANCELLED.
 cdef enum State:
     PENDING
-    QUEUED      # it has an outcome, which is not visible; what runs its callbacks will end it with them
+    QUEUED      # it has an outcome, which is hidden until its callbacks run
     DONE
     CANCELLED
 

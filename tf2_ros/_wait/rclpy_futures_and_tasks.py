@@ -55,7 +55,7 @@ class _SpunExecutor(Waker):
             call()
 
 
-class SleepingTask(Waker):
+class TaskWaker(Waker):
     """What wakes a task of an executor, to which it refers weakly, because the task refers to the future."""
 
     def __init__(self, task: Task) -> None:
@@ -88,7 +88,7 @@ class SleepingTask(Waker):
         if not in_step and not is_locked:
             resume(task, executor, None if self._yielded is None else self._yielded())
         if in_step is not False or is_locked:
-            background.end_at(
+            background.expire_at(
                 time.monotonic_ns() + STEP_CHECK_NS, self
             )  # last: there may be no thread for it
 

@@ -63,7 +63,7 @@ cdef class ListedSource(Source):
     cdef bint next(self, ReceivedMessage* received) noexcept nogil:
         return take_first(&self._list, received)
 
-    cdef void silence(self) noexcept:
+    cdef void detach(self) noexcept:
         self.inbox = NULL
         if self.when_silent is not None:
             self.when_silent(self)

@@ -1,4 +1,4 @@
-"""Wait for a lookup in the calling thread."""
+"""The arguments of a lookup, which asks at once, blocks a thread, or begins a wait."""
 
 import time
 from collections.abc import Callable

@@ -119,6 +119,6 @@ def test_the_site_of_docs_ros_org_is_built_without_warnings(tmp_path):
     assert ended.returncode == 0, ended.stderr
     assert [line for line in ended.stderr.splitlines() if "WARNING" in line] == []
     site = tmp_path / "o" / "tf2_ros_cython"
-    assert {"docs/faq.html", "tools/docs/recordings.html", "README.html"} <= {
-        str(path.relative_to(site)) for path in site.rglob("*.html")
-    }
+    pages = [*(ROOT / "docs").glob("*.md"), *(ROOT / "tools" / "docs").glob("*.md"), ROOT / "README.md"]
+    wanted = {str(page.relative_to(ROOT).with_suffix(".html")) for page in pages}
+    assert wanted <= {str(path.relative_to(site)) for path in site.rglob("*.html")}

@@ -1,4 +1,4 @@
-"""The format of docs/development/frozen-format.md, written a second time, in Python."""
+"""The format of frozen files, written a second time, in Python; the chapter frozen_format describes it."""
 
 import struct
 from typing import NamedTuple

@@ -1,10 +1,15 @@
 """
-Frozen files: a tree as the bytes of a file that processes map. The page docs/development/frozen-format.md
-describes each byte.
+Frozen files: a tree as the bytes of a file that processes map. tests/support/frozen_format.py reads
+and changes them in Python.
 
-A header, a FrozenFrame for each frame, a FrozenName for each authority, all names, and the samples of each
-frame as they lie in a History: stamps, then samples, each from a whole line on. Frames have the ids 1, 2, ...
-in their order. The header and all up to the first stamp is the index.
+A header, a FrozenFrame for each frame with samples and for each parent of samples, a FrozenName for each
+authority, all names, and the samples of each frame as they lie in a History: stamps in ascending order, then
+samples, each from a whole line of 64 bytes on. Frames have the ids 1, 2, ... in their order. The names are
+UTF-8 without a leading slash or an end, first of the frames, then of the authorities, without gaps. Zeros
+fill each last line. The header and all up to the first stamp is the index.
+
+A sample has 64 bytes: the translation x y z in meters and the normalized rotation x y z w as float64, the id
+of the parent as uint32, and four bytes that are 0.
 """
 
 # Uses: types, names, history, tree.

@@ -158,6 +158,16 @@ def test_the_figures_of_lookups_are_those_of_the_results():
     assert [row for row in rows if row not in page] == []
 
 
+def test_the_path_of_a_transform_is_drawn_as_its_script_says_and_names_the_code():
+    figure = runpy.run_path(str(ROOT / "docs" / "data_path_figure.py"))
+    for name, has_names in figure["PICTURES"].items():
+        drawn = (ROOT / "docs" / "images" / name).read_text(encoding="utf-8")
+        assert drawn == figure["picture"](has_names), "python docs/data_path_figure.py"
+        names = re.findall(r'class="code">([^<]+)<', drawn)
+        assert bool(names) == has_names
+        assert set(re.findall(r"\w+", " ".join(names))) <= words_of_sources()
+
+
 @by_name
 def test_the_tables_of_a_page_are_what_the_sources_say(page):
     text = page.read_text(encoding="utf-8")

@@ -100,7 +100,9 @@ class BuildExtensions(build_ext):
         refused = []
         base = self.get_finalized_command("build").build_base
         # A newer Cython checks only the age of the sources, and would reuse the C code of an older one.
-        folder = Path(base, f"cython-{Cython.__version__}")
+        # For `make coverage`, which counts lines of the sources and not of the C code.
+        has_lines = bool(os.environ.get("CYTHON_LINES"))
+        folder = Path(base, f"cython-{'lines-' if has_lines else ''}{Cython.__version__}")
         for ext in list(self.extensions):
             [source] = ext.sources
             generated = folder / Path(source).with_suffix(".c")
@@ -109,7 +111,12 @@ class BuildExtensions(build_ext):
                 continue
             try:
                 [done] = cythonize(
-                    ext, build_dir=str(folder), compiler_directives=DIRECTIVES, force=True, quiet=True
+                    ext,
+                    build_dir=str(folder),
+                    compiler_directives=DIRECTIVES,
+                    emit_linenums=has_lines,
+                    force=True,
+                    quiet=True,
                 )
                 ext.sources = done.sources
             except CompileError:

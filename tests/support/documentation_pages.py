@@ -18,6 +18,7 @@ PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
     ROOT / "SECURITY.md",
+    ROOT / "QUALITY_DECLARATION.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 

@@ -20,10 +20,14 @@ def table() -> list[str]:
 
 
 def chapters(name: str) -> list[str]:
-    """What an extension includes, in that order; empty for what is not put together of chapters."""
-    path = ROOT / f"{name.replace('.', '/')}.pxd"
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
-    return re.findall(r'^include "(.+)_header\.pxi"$', text, re.MULTILINE)
+    """What an extension includes, in that order: first headers without code; empty if it has no chapters."""
+    headers, included = (
+        re.findall(r'^include "(.+?)(?:_header)?\.pxi"$', path.read_text(encoding="utf-8"), re.MULTILINE)
+        if path.exists()
+        else []
+        for path in (ROOT / f"{name.replace('.', '/')}.{suffix}" for suffix in ("pxd", "pyx"))
+    )
+    return [one for one in headers if one not in included] + included
 
 
 def edges() -> dict[str, dict[str, bool]]:

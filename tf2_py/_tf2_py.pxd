@@ -2,7 +2,7 @@
 What BufferCore is built on, for other extension modules of this project: the engine behind its lock, and the
 conversion of Python objects.
 
-One extension, composed of chapters like ``_core.pxd``.
+One extension, composed of chapters like ``_core.pxd``. A chapter that only later ones use has no header.
 """
 
 cimport cython
@@ -17,13 +17,8 @@ include "engine/message_layouts_header.pxi"
 include "engine/times_header.pxi"
 include "engine/messages_header.pxi"
 include "engine/kept_messages_header.pxi"
-include "engine/arrays_header.pxi"
 include "engine/advice_header.pxi"
 include "engine/queries_and_errors_header.pxi"
-include "engine/tree_as_objects_header.pxi"
-include "engine/explained_header.pxi"
-include "engine/frozen_buffers_header.pxi"
 include "engine/engine_hooks_header.pxi"
 include "engine/engine_header.pxi"
 include "engine/wait_header.pxi"
-include "engine/shortcuts_header.pxi"

@@ -93,15 +93,18 @@ def _absolute(name: str, names: list[str], parent: list[str], known: Container[s
         yield name
 
 
+def _included(path: Path) -> list[str]:
+    text = path.read_text(encoding="utf-8")
+    return re.findall(r'^include "(.+?)(?:_header)?\.pxi"$', text, re.MULTILINE)
+
+
 def chapters(module: str) -> list[str]:
-    """The chapters that a Cython module includes, in that order."""
+    """The chapters that a Cython module includes, in that order: first those that have only a header."""
     folder, _, name = module.rpartition(".")
-    path = ROOT.joinpath(*folder.split("."), f"{name}.pxd")
-    if not path.exists():
-        path = path.with_suffix(".pyx")
-    included = re.findall(
-        r'^include "(.+?)(?:_header)?\.pxi"$', path.read_text(encoding="utf-8"), re.MULTILINE
-    )
+    path = ROOT.joinpath(*folder.split("."), f"{name}.pyx")
+    included = _included(path)
+    headers = _included(path.with_suffix(".pxd")) if path.with_suffix(".pxd").exists() else []
+    included = [one for one in headers if one not in included] + included
     return [f"{folder}.{chapter.replace('/', '.')}" for chapter in included]
 
 

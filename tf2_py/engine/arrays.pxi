@@ -1,5 +1,7 @@
 """Convert the arrays that callers pass to one dtype and shape, and to C pointers; convert rotations."""
 
+# Uses: times.
+
 
 # Not typed memoryviews: what Cython needs for them is as large as half of this extension.
 
@@ -15,6 +17,9 @@ cdef void* _numbers(object array, const char* formats, Py_ssize_t size, Py_ssize
         raise ValueError(f"unexpected dtype or shape: {array.dtype}, {array.shape}")
     return view.buf
 
+
+# The numbers of a C-contiguous array, whose owner must neither free nor resize it meanwhile. ValueError: they
+# are of another type, or a row does not have `width` of them. `width` 0: the array has one dimension.
 
 cdef double* doubles_of(object array, Py_ssize_t width) except NULL:
     return <double*>_numbers(array, "d", sizeof(double), width)
@@ -63,6 +68,9 @@ cdef int _require_numpy() except -1:
     return import_numpy() if PyArray_API == NULL else 0
 
 
+# A matrix of shape (4, 4) for a caller: a new one; or `out`, checked: float64 if it can be filled through
+# matrix_of, else any array of floats, into which NumPy has to convert.
+
 cdef object new_matrix():
     cdef npy_intp[2] shape = [4, 4]
     _require_numpy()
@@ -70,6 +78,7 @@ cdef object new_matrix():
 
 
 cdef bint require_matrix(object out) except -1:
+    # Whether matrix_of may be used.
     cdef PyArrayObject* array = <PyArrayObject*><PyObject*>out
     _require_numpy()
     if not PyArray_Check(out):

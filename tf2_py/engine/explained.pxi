@@ -1,5 +1,7 @@
 """Make Python objects of explained lookups."""
 
+# Uses: times, kept_messages, queries_and_errors, tree_as_objects.
+
 cdef dict HOP_DATA = {
     HOP_STATIC: "static",
     HOP_SAMPLE: "sample",
@@ -54,6 +56,8 @@ cdef object _new_walked(const Walked* walked, target, source, const ClockReading
 
 cdef object new_explanation(const Query* query, const Explained* explained, const ClockReading* clock,
                             list names, list authorities):
+    # The object of an explained query. `clock`: for the ages; NULL: there is none. `names` and `authorities`:
+    # those of the tree.
     target, source, fixed = query_names(query)
     if fixed is None:
         return _new_walked(&explained.source, target, source, clock, names, authorities)

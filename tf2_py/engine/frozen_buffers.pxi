@@ -1,5 +1,10 @@
 """Write a tree to a frozen file, and make a tree of one that is mapped."""
 
+# Uses: tree_as_objects.
+
+# Only the engine calls write_frozen and read_frozen. `names` and `authorities`: those of the tree that are
+# known so far.
+
 cdef enum:
     CHUNK_SAMPLES = 16384       # written at once: 1 MiB
 
@@ -135,6 +140,7 @@ cdef int _write(const Tree* view, const NumberedFrames* frames, char* chunk, fil
 
 
 cdef int write_frozen(const Tree* tree, Lock* lock, file, list names, list authorities) except -1:
+    # Writes the content of a tree at one moment to a binary file that is at its beginning and can seek.
     cdef Tree view
     cdef NumberedFrames frames
     cdef char* chunk = NULL
@@ -273,6 +279,10 @@ cdef int _require_sound(str path, const FileMapping* mapping, FrozenProblem prob
 
 
 cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
+    # Makes a tree from a file, and returns the frozen_origin.FrozenFile. `is_copy`: read it into memory of
+    # this process. `expected`: the FrozenFile from which a pickled buffer was opened, whose samples are not
+    # checked again; or None. ValueError: it is not a frozen file, is damaged, or another one is expected;
+    # OSError: it cannot be opened. If it raises, there is no tree.
     cdef FileMapping* mapping
     cdef FrozenHeader header
     cdef FrozenProblem problem

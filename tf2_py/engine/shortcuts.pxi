@@ -8,6 +8,8 @@ that it stands for, also its ``__class__``, by which ``isinstance`` and ``inspec
 they take the stand-ins of ``mock`` for what these stand for.
 """
 
+# Uses: no chapter.
+
 cdef extern from "Python.h":
     ctypedef struct CallableType "PyTypeObject":
         unsigned long tp_flags
@@ -33,6 +35,15 @@ cdef frozenset OWN = frozenset("__call__ __eq__ __ge__ __get__ __gt__ __hash__ _
 
 @cython.final
 cdef class Shortcut:
+    # Stands for `function` in a class. A call with nothing but the frames and the time becomes a call of
+    # `core`, a method of the same object, by name, so that overriding it has an effect.
+    cdef void* vectorcall               # what CPython calls: see _make_callable
+    cdef object function
+    cdef object core
+    cdef object default                 # of its `timeout`
+    cdef bint is_pair                   # `core` returns a pair, and the method its first part, as a bool
+    cdef object __weakref__
+
     def __init__(self, function, str core, bint is_pair):
         self.vectorcall = <void*>_call
         self.function, self.core, self.is_pair = function, sys.intern(core), is_pair

@@ -1,5 +1,10 @@
 """Copy the content of a tree: as Python objects for listings, as one state for pickles."""
 
+# Uses: messages, arrays.
+
+# Each takes the lock to copy what it needs, and makes Python objects while the lock is free. `names` and
+# `authorities`: those of the tree that are known so far.
+
 cdef Limits NO_LIMITS
 NO_LIMITS.frames = UINT32_MAX
 NO_LIMITS.bytes = SIZE_MAX
@@ -7,6 +12,7 @@ cdef Retention KEEP_ALL
 KEEP_ALL.cache_time_ns = INT64_MAX
 
 cdef int learn_names(const Names* names, Lock* lock, list known) except -1:
+    # Appends the names that `known` lacks, in the order of their ids.
     cdef uint32_t first = len(known)
     cdef uint32_t count, i
     cdef size_t start, size
@@ -46,6 +52,8 @@ cdef inline str name_of(list known, uint32_t id):
 
 
 cdef int pin_tree(const Tree* tree, Lock* lock, Tree* view) except -1:
+    # Makes `view` a copy that may be read without the lock, except for its names. Hold the GIL until these
+    # are known, too, so that they are those of the same tree.
     cdef FrameId id
     lock_acquire(lock)
     view[0] = tree[0]
@@ -91,6 +99,8 @@ cdef object _facts_of(const History* history, str name, list names, list authori
 
 
 cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, list authorities):
+    # A listings.FrameFacts for every frame that was ever a child, with `roots` also for those that were only
+    # ever parents, in the order in which their names were first used, all at one moment.
     cdef Tree view
     cdef FrameId id
     pin_tree(tree, lock, &view)
@@ -278,6 +288,8 @@ cdef int _insert_state(Tree* tree, dict state) except -1:
 
 
 cdef int read_state(dict state, Tree* tree) except -1:
+    # Makes a tree by inserting what such a state holds. ValueError: a transform is refused. If it raises,
+    # there is no tree.
     memset(tree, 0, sizeof(Tree))
     try:
         if tree_init(tree, &KEEP_ALL, &NO_LIMITS) != 0:

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+
 # make test and make demo work in a fresh copy of this folder; make build is the quick way while developing. The Makefile
 # in tools has the same for the tools.
 PYTHON ?= python3

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What pyproject.toml cannot express: packages and extensions, found by their sources."""
 
 import sys

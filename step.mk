@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+
 # $(call step,what it does: how long that takes,a command): the last lines of its output only if it fails. In the first,
 # $(comma) is a comma.
 comma := ,

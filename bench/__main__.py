@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 The benchmark's command line: `python -m bench [--quick]` measures, prints, and writes a report.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """List the libraries to measure: ours, and each of the others that can be had here."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The results of a run, and the page of Markdown tables that shows them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Check for ``make lint`` that Cython has no warnings and no performance hints for the packages given."""
 
 import subprocess

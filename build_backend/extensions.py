@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Compile the extensions: which ones there are, their flags, and ``build_ext``."""
 
 import fcntl

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Settings of Sphinx for the site that `make docs` builds of these pages.
 
 The pages link to files of the whole repository, so Sphinx reads it from its root.

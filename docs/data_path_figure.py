@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Draw the path of a transform from /tf to a reader, a future and a callback, with the threads that carry it.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 What Sphinx changes in the pages, for `make docs` and for docs.ros.org.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Print the rows of docs/performance.md that come from bench/results, and draw them as docs/images/speed.svg.
 

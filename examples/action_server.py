@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """An action server that awaits transforms, and whose clients can cancel a goal while it waits.
 
 Run: python examples/action_server.py

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Look transforms up in the buffer of another process: a BufferServer there, and a BufferClient here.
 
 Run: python examples/buffer_server.py

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Correct the past whenever a SLAM publishes its optimized path.
 
 A robot drives 3 m along x, but its odometry measures 3.3 m. A SLAM closes a loop, and publishes the poses at

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """One process broadcasts a robot that drives a circle; another one receives its transforms and looks them up.
 
 Run: python examples/demo.py

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Deskew a lidar's sweep: transform each point, at its own time, to where the sensor is when the sweep ends.
 
 A lidar takes 0.1 s for one turn, and the robot moves during this time. So each point is measured from another

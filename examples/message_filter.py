@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A lidar whose transforms arrive late: a message filter passes each scan once its transform is available.
 
 Run: python examples/message_filter.py

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A robot that drives in a circle and scans twice a second, for 15 s: company for the node of the README.
 
 Run: python examples/scanning_robot.py

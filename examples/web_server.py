@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A web server and a ROS node in one asyncio loop: poses as JSON, and 503 while a pose is missing or too old.
 
 Run: pip install aiohttp, then python examples/web_server.py

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What depends on the ROS release: the distribution's name, its requirements, its one extension."""
 
 import re

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Write CHANGELOG.rst, which bloom and docs.ros.org read, from the released versions in CHANGELOG.md.
 

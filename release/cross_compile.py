@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Compile for 64-bit ARM on x86-64: `python -m release.cross_compile`, behind `make cross`.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Write docs/development/ledger.md: what each feature promises, to whom, and how much of the project serves it.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Run the tests with releases of rclpy: `python -m release.rclpy_release_tests`, behind `make releases`.
 

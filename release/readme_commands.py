@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Run the README's commands as a new user would: `python3 release/readme_commands.py`, or `make bare`.
 

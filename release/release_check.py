@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Check that a release can be published, by `make release-check`: `python -m release.release_check [TAG]`.
 

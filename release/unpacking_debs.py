@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Unpack packages of Debian or Ubuntu into a folder; nothing is installed."""
 
 import shutil

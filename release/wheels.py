@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Build and test the wheels: `python -m release.wheels`, behind `make wheels` and `make matrix`.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Run the jobs of the GitHub workflows here: `python -m release.workflow_jobs [--list] [WORD…]`.
 

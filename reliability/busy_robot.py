@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Run nodes that broadcast, and listen to all others: one process of the load of `tests_under_load`."""
 
 import os

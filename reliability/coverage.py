@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Measure which lines the core's tests run: `python -m reliability.coverage`, behind `make coverage`.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Use a ROS domain that no other test, run or demonstration on this machine uses."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Run the suite in builds with sanitizers: `python -m reliability.sanitize`, behind `make sanitize`.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Use one buffer from many threads, processes and forked children; check every answer, and that nothing grows.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Publish to a stress run from another process, until the standard input ends; then print how much."""
 
 import json

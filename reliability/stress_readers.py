@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Readers of a stress run: they ask a buffer in all ways, and check each answer."""
 
 import pickle

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """One round of a stress run: a buffer, and everything done with it at once."""
 
 import asyncio

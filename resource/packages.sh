@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+
 # setup.bash, setup.sh and setup.zsh source this. It puts the folder of this project's packages before tf2, unless
 # TF2_ROS_CYTHON=0; if a distribution has installed them, only if TF2_ROS_CYTHON=1.
 # Only the folder of one Python exists; a pattern that matches nothing is an error in zsh.

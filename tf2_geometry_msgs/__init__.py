@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Transform messages of geometry_msgs and nav_msgs from frame to frame."""
 
 import tf2_ros_cython._ros_requirement  # noqa: F401

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The NumPy helpers that programs take from tf2's module: matrices and quaternions w x y z."""
 
 from collections.abc import Iterable

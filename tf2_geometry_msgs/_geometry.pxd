@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The parts of geometry messages, to and from C doubles: vectors, poses, covariances, headers."""
 
 from tf2_py._internal cimport Layout, Transform

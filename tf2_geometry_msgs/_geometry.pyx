@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Transform the types of geometry_msgs: points, vectors, poses, rotations, transforms; lists of them; wrenches,
 velocities and accelerations.

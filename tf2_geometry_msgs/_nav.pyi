@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry, Path
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Transform the types of nav_msgs. Importing this module needs nav_msgs."""
 
 from tf2_geometry_msgs._geometry cimport (

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Convert rotations to and from roll, pitch and yaw."""
 
 from math import atan2, copysign, cos, hypot, inf, isfinite, pi, remainder, sin, tau

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The table of the types of geometry_msgs and nav_msgs: which function transforms which."""
 
 from geometry_msgs import msg as geometry

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The names of tf2's module of this name; importing it registers the types of the table."""
 
 from typing import Iterable, Optional, Tuple  # noqa: UP035  typing's, as in tf2

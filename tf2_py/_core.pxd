@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 The engine: structs, and functions on them. It keeps no Python objects and knows nothing of ROS.
 

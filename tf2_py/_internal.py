@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 What tf2_ros, tf2_geometry_msgs and tf2_sensor_msgs import from the engine besides its public names.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 What BufferCore is built on, for other extension modules of this project: the engine behind its lock, and the
 conversion of Python objects.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """BufferCore reads arguments, calls the engine, and raises its errors."""
 
 cimport cython

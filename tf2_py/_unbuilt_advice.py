@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Advice for an import of tf2_py whose compiled modules are missing, or are for another Python."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Show names that anybody may have sent, and numbers with their units."""
 
 __all__ = ["printable"]

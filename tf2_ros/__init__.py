@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """tf2 for nodes: buffers, listeners and broadcasters; and everything of tf2_py."""
 
 # Programs that say `from tf2_ros import *` use these modules and types, which tf2 imports for itself.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Refuse arguments that cannot work where they are given, not where they are first used; read some kinds."""
 
 import inspect

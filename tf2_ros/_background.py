@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 What one thread of a process does with the GIL: it reports what inboxes have inserted, and ends what is due.
 

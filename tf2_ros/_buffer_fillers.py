@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Know what fills a buffer, listeners or sources of a program, and end waits when all of it has ended."""
 
 import weakref

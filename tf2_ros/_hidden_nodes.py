@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Make nodes that are not the program's: hidden from its command line, and without services."""
 
 from typing import Any

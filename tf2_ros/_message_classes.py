@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Provide the message classes of ROS, or simple classes with the same fields; read and make messages."""
 
 from typing import TYPE_CHECKING, Any

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Refuse destroyed nodes, recognize those that have ended, and keep forked children from destroying nodes."""
 
 import os

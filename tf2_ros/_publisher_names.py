@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Name the publishers of a topic, where what they do affects listeners and buffers."""
 
 import weakref

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 What the receiver uses of rcl and rmw: functions of the libraries that rclpy has loaded, found at run time.
 

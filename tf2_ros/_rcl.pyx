@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Find the functions of rcl in the libraries that rclpy has loaded."""
 
 from libc.stdint cimport uintptr_t

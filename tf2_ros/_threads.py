@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Start and end the background threads of a process; callbacks that no executor runs wait for one of them."""
 
 import threading

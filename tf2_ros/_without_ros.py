@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What replaces the parts of ROS that a buffer uses, by the same names, if there is no ROS."""
 
 import sys

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Look up transforms in the buffer of another process, through an action."""
 
 import tf2_ros_cython._ros_requirement  # noqa: F401

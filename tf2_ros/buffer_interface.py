@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Transform objects with the lookups of any buffer."""
 
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, overload

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Correct the past of a buffer by poses at keyframes, as a SLAM exports them after a loop closure."""
 
 from __future__ import annotations

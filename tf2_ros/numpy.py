@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Convert between messages and NumPy and data frames: matrices, arrays, columns."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Note the sender and the time of reception of each transform that a receiver inserts."""
 
 from libc.stddef cimport size_t

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Serialized TFMessages: make them from transforms or arrays, read them, and insert many into a buffer.
 

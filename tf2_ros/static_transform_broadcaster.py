@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Broadcast static transforms on /tf_static."""
 
 import tf2_ros_cython._ros_requirement  # noqa: F401

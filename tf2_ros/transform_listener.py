@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Receive transforms from topics, and insert them into a buffer."""
 
 import tf2_ros_cython._ros_requirement  # noqa: F401

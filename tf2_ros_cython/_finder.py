@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Find our packages where they have no folder of their own on the path: in a checkout, or a flat installation.
 

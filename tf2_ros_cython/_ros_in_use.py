@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Find the ROS 2 in use: its folder, its release, and what it lacks."""
 
 import importlib.util

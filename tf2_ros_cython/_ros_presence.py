@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Find out whether this process has ROS 2. Without it, tf2_ros is a library of buffers and recordings.
 

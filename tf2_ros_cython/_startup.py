@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Put our packages on the path, before the tf2 that they replace, unless a workspace has one of them of its own.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Transform triples of coordinates with the vector registers of AVX2: what avx2_triples.h has."""
 
 from libc.stddef cimport ptrdiff_t

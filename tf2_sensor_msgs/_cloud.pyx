@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Transform point clouds, in place on one copy of their bytes, and arrays of points."""
 
 from cpython cimport array

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+
 # Move each point of a cloud with the pose of its own time: the loops of deskew, which _deskew.py calls.
 
 # A point without a time, because one of its coordinates is NaN.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Transform what an IMU and a magnetometer measure."""
 
 from libc.math cimport isfinite

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Read clouds into NumPy arrays and create clouds from them, if sensor_msgs_py is missing."""
 
 import sys

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The numbers of a sensor_msgs/PointField in memory: at any address, in either byte order."""
 
 from libc.stdint cimport (

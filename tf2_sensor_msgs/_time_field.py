@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Find the field with the times of a cloud's points, and what its numbers mean."""
 
 from collections.abc import Iterable

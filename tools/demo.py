@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Inspect a recording of a robot that drives in a circle, and listen to a robot: `make -C tools demo`.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 The robot of the demonstration: `demo_robot.py PORT`. It sends transforms over Zenoh, without ROS 2, until its
 standard input ends.

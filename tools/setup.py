@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What pyproject.toml cannot express: files by which the tools of ROS find the package."""
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Measure clouds of one sweep: transformed as a whole, and each point at its own time."""
 
 from array import array

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Make calls of this project between marks, so that bench/instruction_guard.py can count their instructions.
 

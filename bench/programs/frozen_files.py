@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Measure frozen files: writing one, opening it, and looking up in it."""
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Measure lookups: at one time, and at many times."""
 
 from trees_and_queries import bushy, chain

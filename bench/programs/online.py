@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Measure lookups while another process publishes the tree: the scenario "dynamic online" of evaluations of tf2.
 

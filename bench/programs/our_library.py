@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What this project offers beside tf2's names: matrices, lookups at many times, many inserts in a call."""
 
 import numpy as np

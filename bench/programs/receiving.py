@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Measure nodes that listen to /tf: their CPU, and how soon waits return."""
 
 import contextlib

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Serialise messages of many transforms once, and then change only their stamp and their x."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """tf2 for C++, of ROS 2 or of ROS 1; the loops run in C++ (tf2_cpp.cpp, compiled to $TF2_CPP)."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """tf2_ros by the names that ROS 2 gives it: a sourced ROS 2's, or this project's."""
 
 from builtin_interfaces.msg import Time as TimeMessage

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """transform-tree, a library for Python that is written in Rust and needs no ROS."""
 
 import numpy as np

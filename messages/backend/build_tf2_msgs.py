@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Make ``tf2_msgs``: three shared libraries, an extension on them, the generated Python."""
 
 import os

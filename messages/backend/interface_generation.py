@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Generate C, C++ and Python from the interface files of a ROS package, without CMake."""
 
 import importlib

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Find the ROS 2 to build for, where it is installed, and the tools that the build needs."""
 
 import importlib.metadata

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Settings of Sphinx for docs.ros.org: rosdoc2 copies this folder, with the pages that its links lead to.
 
 The project is not built there, so the site has the pages without the reference of Python's names.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Fuzz one target: `python -m reliability.fuzz.fuzz_one <target> <options of libFuzzer>`."""
 
 import hashlib

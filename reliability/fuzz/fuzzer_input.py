@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Turn the bytes of a fuzzer into numbers and choices; beyond their end there are zeros."""
 
 import struct

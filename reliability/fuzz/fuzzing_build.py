@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Build what fuzzing needs: the extensions with coverage and sanitizers, and atheris."""
 
 import os

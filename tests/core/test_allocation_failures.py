@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Allocations that fail, in the extensions as users have them: MemoryError, and nothing else."""
 
 import json

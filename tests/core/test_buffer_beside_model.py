@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The buffer and a slow model of tf2, side by side; and the model beside the recordings of the real tf2."""
 
 import inspect

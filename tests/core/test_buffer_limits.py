@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The limits of what a buffer holds: frames, bytes, authorities, samples of one stamp."""
 
 import pytest

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A buffer without a node and without ROS's classes: with ROS and, by test_without_ros.py, without it."""
 
 import pickle

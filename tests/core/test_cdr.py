@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Serialised TFMessages, received and sent; the fuzz target `cdr` judges reading by ROS."""
 
 import struct

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A program's clock of a buffer without a node: ages and jumps; with or without ROS."""
 
 import asyncio

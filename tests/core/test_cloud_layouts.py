@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Clouds of huge sizes; the fuzz target `clouds` compares those of any layout, byte by byte."""
 
 import itertools

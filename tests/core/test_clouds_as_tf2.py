@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What tf2's Python, too, makes of clouds; the fuzz target `clouds` judges ours byte by byte."""
 
 import array

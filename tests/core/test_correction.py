@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Poses at keyframes, as a SLAM exports them, correct what a buffer says of the past."""
 
 import copy

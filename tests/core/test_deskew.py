@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Deskewing: each point of a cloud is moved from where the sensor was when it measured that point."""
 
 import array

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Deskewing by a model that looks up one transform for each point: any motions, layouts and times."""
 
 import array

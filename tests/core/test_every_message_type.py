@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What holds for every type that tf2_geometry_msgs and tf2_sensor_msgs transform."""
 
 import copy

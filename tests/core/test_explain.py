@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Explained lookups: the hops, the samples that have answered, and what is printed."""
 
 import itertools

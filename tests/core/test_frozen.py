@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Frozen files: what is opened answers as before, memory is shared, and bad files are refused."""
 
 import copy

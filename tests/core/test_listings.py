@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What a buffer lists of its frames: texts, facts and its repr; answers: test_buffer_beside_model.py."""
 
 import copy

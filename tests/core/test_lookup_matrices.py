@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Matrices straight from a buffer: the numbers of the messages, in any array."""
 
 import numpy as np

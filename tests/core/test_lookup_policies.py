@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Ways to ask for a tolerance, extrapolation or a longest gap; answers: test_buffer_beside_model.py."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """All answers of a call for many times belong to one state of the buffer, whatever is inserted meanwhile."""
 
 import itertools

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Message objects made and read by their slots, and what happens where that is not possible."""
 
 import pytest

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Buffers travel: by pickle and as copies; test_buffer_beside_model.py holds what the copies answer."""
 
 import io

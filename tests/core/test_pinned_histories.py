@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What somebody has begun to read stays as it is, whatever is written meanwhile."""
 
 import numpy as np

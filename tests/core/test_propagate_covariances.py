@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Covariances through transforms: those of messages, and of motions that are sampled and differentiated."""
 
 import numpy as np

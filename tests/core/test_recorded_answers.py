@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """38,652 recorded answers of tf2 0.36.20 (ROS 2 Jazzy), scenario by scenario."""
 
 import pytest

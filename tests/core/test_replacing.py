@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """`replace=True`: transforms take the place of what their frames had from the first to the last of them."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Roll, pitch and yaw, in the order of tf2's setRPY and getRPY."""
 
 import math

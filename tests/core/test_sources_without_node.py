@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A program's sources of a buffer without a node, and waits at their end; with or without ROS."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Points and poses as tf2 transforms them, and what single types accept; all: test_every_message_type.py."""
 
 import array

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What clouds and sensor readings become in another frame; the fuzz target `clouds` judges every byte."""
 
 import array

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Times and durations as nanoseconds; rclpy's Time is read by the layout of its handle where that holds."""
 
 import datetime

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The times for which two frames can be looked up; test_buffer_beside_model.py asks random buffers."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Messages transformed by a buffer, and types that nobody knows; test_buffer_interface.py has other types."""
 
 import textwrap

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What follows from a line in a package's table of types: registration, names, and the stub that it needs."""
 
 import importlib

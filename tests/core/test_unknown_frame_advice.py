@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What the error about an unknown frame says beyond that: which known name may have been meant."""
 
 import pytest

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Waiting in the engine: being notified, blocking, following changes, and what waits say they lack."""
 
 import gc

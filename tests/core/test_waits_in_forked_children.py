@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A forked child of a process that waits in a buffer; test_forking.py has one with busy threads."""
 
 import gc

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Waiting without a node: with asyncio and in threads, in an environment with or without ROS."""
 
 import asyncio

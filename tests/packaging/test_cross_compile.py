@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The extensions compile for 64-bit ARM; `make cross` also runs tests on an emulated one."""
 
 import sys

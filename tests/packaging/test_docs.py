@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The documentation: its programs run, its commands work, its links lead somewhere, its names exist."""
 
 import re

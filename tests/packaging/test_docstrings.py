@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What `help` says: every public class has an example, which runs; lookups begin with the direction."""
 
 import doctest

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The package of docs/package.md: colcon builds it, its test passes, and its files fit each other."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Facts that pages state and sources decide: numbers, versions, names of distributions and extras."""
 
 import re

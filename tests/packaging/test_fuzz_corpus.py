@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """No input that fuzzing found or keeps shows a fault; `make fuzz` searches for more."""
 
 import pytest

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The direction of imports: the table in docs/development/internals.md, and what the sources import."""
 
 import re

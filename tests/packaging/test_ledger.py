@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The ledger: every file belongs to a feature, and the page has the features."""
 
 import subprocess

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What `make demo` and `make test` do before they start, on new machines and after a step that failed."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The example of new-message-type.md, applied to a copy of the package, compiled and tested."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What gets installed of both projects, the same wherever it is built; and what a refusal says."""
 
 import email

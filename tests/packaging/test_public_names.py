@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The names that programs import: a change here is a change for them.
 
 `api_names.json` lists what the packages of tf2 0.36 (Jazzy, with sensor_msgs_py) offer, made from them.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What is assumed of rclpy's inside stands in one module, ``tf2_ros._rclpy``."""
 
 import re

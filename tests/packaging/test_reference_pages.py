@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The pages that list everything of a kind: the methods of a buffer, and the variables of the environment."""
 
 import re

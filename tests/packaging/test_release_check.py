@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What a release needs of its owner, and what `make release-check` finds in what it would upload."""
 
 import re

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What rosdistro, bloom and docs.ros.org read: the manifest, the changelog, and how the site is built."""
 
 import re

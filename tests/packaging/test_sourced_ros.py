@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Where a ROS 2 is sourced: which tf2 a program imports, from each kind of install, and what it is told."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The program tf2_which, wherever it is installed; test_sourced_ros.py has it beside a sourced ROS."""
 
 import os

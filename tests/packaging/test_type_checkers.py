@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Type checkers: what they say of a user's programs, in processes of their own, as docs/testing.md has it."""
 
 import importlib.util

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Which warnings fail a test: `filterwarnings` in the pyproject.toml of both suites."""
 
 import re

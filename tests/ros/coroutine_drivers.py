@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What runs the coroutines of programs: executors, asyncio loops, and one inside the other."""
 
 import asyncio

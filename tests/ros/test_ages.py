@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """How old the data of the frames between two frames is, on the clock of the buffer."""
 
 import copy

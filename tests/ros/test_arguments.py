@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Arguments: what is a time or a timeout in every call, and what is said of wrong ones."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 The background thread beside a thread that gives it work, line by line in many orders: nothing due is left.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Who runs a program's callbacks: the thread that inserts, or the executor that spins the node."""
 
 import asyncio

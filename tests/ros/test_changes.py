@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Following a transform: `async for` in asyncio and in executors, and callbacks."""
 
 import asyncio

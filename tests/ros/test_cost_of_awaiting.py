@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Whatever runs a coroutine that awaits a transform: the wait costs next to nothing, and ends at once."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Nodes and what uses them, ended in any order, leave nothing behind."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A forked child of a process with listeners: what it has of them, and that nothing in it hangs."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Listeners that put a prefix before the names of frames, for several robots in one buffer."""
 
 import asyncio

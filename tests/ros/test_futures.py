@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Futures of transforms: what completes them, what ends them, and that nothing is left behind."""
 
 import asyncio

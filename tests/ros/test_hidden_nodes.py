@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The command line of a process with hidden nodes renames only its own node, as launch does."""
 
 import re

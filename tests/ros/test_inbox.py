@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What has arrived waits until somebody reads the buffer, and is there when somebody does; nobody spins."""
 
 import gc

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What an inbox does with the messages of a source: here, of one that needs no middleware."""
 
 import gc

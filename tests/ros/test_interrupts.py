@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A signal handler that raises at a random moment, as Ctrl-C does, leaves nothing that hangs."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Which faults of rclpy and of the middleware tests go on after, and that they say so."""
 
 import subprocess

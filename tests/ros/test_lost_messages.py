@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Messages that do not reach a buffer are counted, and a warning says what to do."""
 
 import gc

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Lookups of the latest transform under a `max_age`, and limits for single frames."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What a program that spins sees of transforms that arrive: as if its executor had taken them."""
 
 import itertools

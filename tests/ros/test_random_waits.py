@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Waits of all kinds that begin and end in any order, in several threads: each ends, and leaves nothing."""
 
 import asyncio

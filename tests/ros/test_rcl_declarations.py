@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What the receiver declares of rcl is what the headers of the ROS 2 that runs say."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What is assumed of rclpy's inside holds, where no other test would notice that it does not."""
 
 import threading

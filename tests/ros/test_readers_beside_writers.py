@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Readers do not keep writers out of a buffer, and writers do not keep readers out."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What receives transforms needs no executor, loses nothing, and ends in every order."""
 
 import sys

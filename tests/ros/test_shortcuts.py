@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The lookups without options, which run no code in Python: they can be overridden and patched as before."""
 
 import copy

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Simulated time that starts late, is switched, stops and jumps, while something waits in every way."""
 
 import asyncio

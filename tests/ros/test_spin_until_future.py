@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """An executor that spins until a future of a buffer has ended, and sleeps meanwhile, wakes at its end."""
 
 import threading

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The interfaces of tf2: their type hashes, which are those of their fields, and the numbers of errors."""
 
 import ctypes

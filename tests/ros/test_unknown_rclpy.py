@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """With an rclpy that nobody knows yet, everything works, if need be through executors."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Programs as users write them, unchanged: each prints here what it printed on tf2 0.36.20, of ROS 2 Jazzy.
 

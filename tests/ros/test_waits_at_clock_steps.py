@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The time of day is set while something waits: timeouts count steady time, and nothing hangs or spins."""
 
 import json

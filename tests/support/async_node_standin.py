@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Nodes that an asyncio loop runs: rclpy's own, or, in a release without them, a stand-in."""
 
 import asyncio

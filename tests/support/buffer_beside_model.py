@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 A buffer beside the model: what changes both, and queries that both must answer alike.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A Python without ROS, with the extensions of this checkout."""
 
 from dataclasses import dataclass

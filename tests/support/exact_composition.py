@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Compose the transforms of hops with the arithmetic of `geometry_header.pxi`, so that the answer of a lookup is
 reached to the last bit.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What a transform makes of points, rotations, covariances and every type of message, by the textbook."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 What Fast DDS logs while the tests run: not to the output of programs, which tests compare, but to a file.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The format of frozen files, written a second time, in Python; the chapter frozen_format describes it."""
 
 import struct

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What holds of every target of fuzzing; see `reliability/fuzz`."""
 
 from repetitions import times

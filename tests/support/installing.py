@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Set up installations: copies of the checkout, a ROS 2 to source, Pythons of their own."""
 
 import importlib.util

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Messages, times and durations for tests that also run without ROS: those of ROS, if there is one."""
 
 try:

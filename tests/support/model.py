@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Owns a slow and obvious model of a tf2 buffer: lists, dicts and tuples.
 

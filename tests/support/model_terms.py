@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The terms of the model: times, errors, and what a lookup accepts beyond tf2's."""
 
 from typing import NamedTuple

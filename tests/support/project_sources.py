@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Read the project's sources: modules, their imports and cimports, and the names they define."""
 
 import re

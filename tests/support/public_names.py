@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The public names: those of tf2 0.36, of which `api_names.json` was made, and those of this project."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The recorded answers of tf2 0.36.20 (ROS 2 Jazzy), and asking a buffer for the same."""
 
 import gzip

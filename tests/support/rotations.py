@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Rotations by the textbook, as unit quaternions x y z w; arrays of many broadcast."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Installations where a ROS 2 is sourced: Pythons with ours, and workspaces built by colcon."""
 
 import subprocess

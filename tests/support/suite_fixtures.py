@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What all tests share: a ROS domain of their own, and the tf2 under test."""
 
 import faulthandler

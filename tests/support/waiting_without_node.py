@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Insert transforms while a buffer without a node waits; needs no ROS."""
 
 import threading

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The exceptions of lookups, and the texts of errors and waits."""
 
 from collections.abc import Iterable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Explained lookups: the hops between two frames, and the samples that each has answered with."""
 
 import math

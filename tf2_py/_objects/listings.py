@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """List the frames of a buffer as objects, arrays of samples, a tree of text, YAML, sentences and Graphviz."""
 
 import re

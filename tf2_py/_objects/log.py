@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Log lines about what a buffer refused or could not read, and about what callbacks raise."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Provide the message classes of transforms: from ROS, or stand-ins without ROS."""
 
 # This module is imported when the first message is read or made, not earlier.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Stand-ins for the message classes, with their fields and defaults, for environments without ROS."""
 
 from dataclasses import dataclass, field

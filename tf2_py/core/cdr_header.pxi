@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Serialised tf2_msgs/TFMessage, read and written; batches of transforms that are inserted together."""
 
 # Uses: types, names, waiters.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Locks that no fork leaves locked in the child. A thread that holds one takes no other of them."""
 
 # Uses: sync.

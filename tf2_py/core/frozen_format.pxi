@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Read frozen files: check every number of a mapping, and make a tree whose histories lie in it."""
 
 cdef extern from *:

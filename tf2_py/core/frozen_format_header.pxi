@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Frozen files: a tree as the bytes of a file that processes map. tests/support/frozen_format.py reads
 and changes them in Python.

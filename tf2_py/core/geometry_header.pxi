@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Vector and quaternion maths on C doubles: 3-vectors x y z, quaternions x y z w."""
 
 # Uses: types.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Keep the history of one frame: its memory, finding a time and interpolating there, inserting, copying."""
 
 # Memory: growing, shrinking, pinning.

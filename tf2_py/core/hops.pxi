@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Record the hops of a lookup, with the samples that have answered it."""
 
 cdef void _describe_samples(const History* history, int64_t time_ns, const Policy* policy,

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The hops of a lookup: which samples of which frames have answered it."""
 
 # Uses: types, history, tree, lookup.

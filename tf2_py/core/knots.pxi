@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Between which times a transform changes nearly linearly: bounds of its rates, the times and poses."""
 
 # Between two samples, a frame turns and moves at constant rates. So how far a transform differs from a linear

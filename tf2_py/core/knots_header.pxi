@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Poses between which a transform changes nearly linearly."""
 
 # Uses: types, geometry, sync, history, tree, lookup, series.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Look a transform up: names to frames, the path between them, and what is computed along it."""
 
 # Which of the frames that lack data an error describes. tf2 quotes the nearest stamp of one of them: of the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Names: one append-only text arena, one hash table from bytes to id."""
 
 cdef enum:

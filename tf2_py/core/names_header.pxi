@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A table of names: UTF-8 bytes to small ids and back, usable without the GIL."""
 
 # Uses: no chapter.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Replace samples of several frames at once: sort what is given, build the new histories, exchange them."""
 
 # Sorting.

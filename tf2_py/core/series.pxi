@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Look up at many times: the path is found once, the times are computed along it in batches."""
 
 # Transforms of one batch of times at once, on plain arrays of doubles. All BATCH_TIMES entries are computed;

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Locks, events, clocks and atomic words: what threads without the GIL share."""
 
 # Uses: types.

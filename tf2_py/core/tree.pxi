@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The tree of frames: insert transforms, and find the parents of frames."""
 
 cdef enum:

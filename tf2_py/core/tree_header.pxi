@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The tree: names, parents and every frame's history; and what an insert changes."""
 
 # Uses: types, geometry, names, history.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What error texts add: which known name may have been meant, and which topics are silent."""
 
 # Uses: no chapter.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Convert the arrays that callers pass to one dtype and shape, and to C pointers; convert rotations."""
 
 # Uses: times.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Insert, look up and wait: the tree under its lock, and what follows outside the lock."""
 
 # Limits how often something is logged, so that a flood of messages does not become a flood of lines.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The tree behind its lock, with the waiters for it."""
 
 # Uses: times, messages, advice, queries_and_errors, tree_as_objects, explained, frozen_buffers, engine_hooks.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What an engine calls: before it is read, and when a waiter has an answer."""
 
 # Uses: no chapter.

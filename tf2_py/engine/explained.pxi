@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Make Python objects of explained lookups."""
 
 # Uses: times, kept_messages, queries_and_errors, tree_as_objects.

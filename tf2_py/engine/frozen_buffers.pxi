@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Write a tree to a frozen file, and make a tree of one that is mapped."""
 
 # Uses: tree_as_objects.

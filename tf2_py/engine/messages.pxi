@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Convert messages of transforms to C structs and back, and serialize them."""
 
 cdef extern from "Python.h":

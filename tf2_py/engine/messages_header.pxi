@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Messages of transforms and the structs of the core, in both directions."""
 
 # Uses: message_layouts, times.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The arguments of a lookup, and why it has no answer: as an exception, or as what a wait lacks."""
 
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1:

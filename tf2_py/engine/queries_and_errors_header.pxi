@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The arguments of a lookup, and why it has no answer."""
 
 # Uses: times, messages, advice.

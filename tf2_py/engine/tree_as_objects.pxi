@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Copy the content of a tree: as Python objects for listings, as one state for pickles."""
 
 # Uses: messages, arrays.

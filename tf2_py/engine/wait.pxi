@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Wait for one lookup: its answer as a message, and the thread that blocks until it is available."""
 
 # How often a blocked thread checks whether its context has ended or simulated time has begun ...

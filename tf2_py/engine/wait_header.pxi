@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The wait for one lookup."""
 
 # Uses: kept_messages, queries_and_errors, engine_hooks, engine.

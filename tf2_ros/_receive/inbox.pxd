@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Take, parse and insert what has arrived for a buffer, in readers and in threads."""
 
 from libc.stddef cimport size_t

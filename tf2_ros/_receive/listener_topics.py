@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The topics of a listener: their subscriptions, and what was received and lost on them."""
 
 import time

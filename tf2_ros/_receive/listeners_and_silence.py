@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Know the listeners that fill a buffer, and say on which of their topics nothing arrives."""
 
 import os

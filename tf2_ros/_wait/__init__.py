@@ -1,1 +1,3 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Wait for transforms: in threads that block, and with futures and streams."""

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Make the calls that wait in a CallQueue: in the executor or the event loop that runs the node."""
 
 import weakref

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Wait for each change of a transform, in an iteration."""
 
 from collections.abc import Callable

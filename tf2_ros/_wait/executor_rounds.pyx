@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Take part in the rounds of rclpy's executors: before one sleeps, and after it wakes.
 

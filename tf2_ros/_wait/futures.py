@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Complete futures of transforms, and wake the tasks and asyncio loops that await them."""
 
 import os

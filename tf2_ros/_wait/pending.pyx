@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 End what waits once, in one step with its callbacks: a future, a subscription to changes.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Futures of rclpy, and the tasks of rclpy's executors that await them."""
 
 import time

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Measure the tools, with the benchmark of the core: `make -C tools bench` prints and writes a report."""
 
 from __future__ import annotations

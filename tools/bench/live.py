@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Measure feeds of a robot without ROS 2, beside a listener of rclpy."""
 
 import time

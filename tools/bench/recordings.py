@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Measure recordings: loading one, looking up in it, pickling it, and several at once."""
 
 import pickle

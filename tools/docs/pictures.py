@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Draws the pictures in docs/images of the robot of examples/demo.py: `make pictures`, in two minutes.
 
 Each is what a program draws, or shows on a terminal, while that robot drives. The bar chart of lookups is

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Write the recordings in docs/samples, which pages of the documentation use: `python tools/docs/samples.py`.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Fixtures and options are those of the core's suite_fixtures.py; programs also find the tools."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Commands, recordings and pictures of transforms. They use only public names of ``tf2_ros`` and ``tf2_py``.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Load recordings into buffers, and save buffers as recordings, with or without ROS."""
 
 from tf2_ros_tools.common.optional_libraries import require

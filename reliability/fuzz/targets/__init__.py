@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 What is fuzzed: a module for each target, with ``run(data)``, ``seeds()`` and ``MOST_BYTES``, the size of the
 largest input; none of them needs a fuzzer. The targets of the tools, and their corpus, are in

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Fuzz the parser of serialised TFMessage: it must accept what ROS itself reads, and nothing else."""
 
 import struct

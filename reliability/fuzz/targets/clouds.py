@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Fuzz the layouts of PointCloud2, beside a slow transform of one point after the other."""
 
 import struct

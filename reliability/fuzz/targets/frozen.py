@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Fuzz frozen files: a ValueError, or a buffer that is sound."""
 
 import sys

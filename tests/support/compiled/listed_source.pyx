@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A source of an inbox that needs no middleware: what a test has put into a list."""
 
 from libc.stdint cimport int64_t, uint32_t

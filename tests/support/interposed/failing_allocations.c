@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: tf2-ros-cython contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
 /*
  * Owns the memory of a test's program: it counts allocations, and lets chosen ones fail.
  *

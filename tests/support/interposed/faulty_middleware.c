@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: tf2-ros-cython contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
 /*
  * A middleware that cannot do everything. The environment variable TF2_TEST_MIDDLEWARE says what is wrong with it:
  *

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: tf2-ros-cython contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
 /*
  * Delays the thread in which rclpy handles a signal, as a busy machine may: each time it has woken an executor.
  *

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: tf2-ros-cython contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
 /*
  * Action servers and clients that have discovered each other in part. The first two responses to goals, and the
  * first two with results, are dropped, as by a server that has not discovered its client yet. Every other time

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: tf2-ros-cython contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
 /*
  * Ends a process at its SIGALRM, and says where in C the thread stands that gets it: the main thread.
  *

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: tf2-ros-cython contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
 /*
  * Owns the time of day of a test's program: it can be set, and what waits until a time of day follows.
  *

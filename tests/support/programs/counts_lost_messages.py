@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Receives one message from another node of this process, and prints what its listener counts as lost."""
 
 import rclpy

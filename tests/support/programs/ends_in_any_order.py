@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Ends a listener, its node and its context in every order, hundreds of times: nothing is left of them.
 

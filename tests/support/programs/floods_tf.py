@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Publishes serialised messages of many transforms on /tf at a steady rate, once there is a subscriber.
 

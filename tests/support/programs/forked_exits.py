@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Forks children after rclpy has installed its signal handlers; each spins a node of its own, and exits."""
 
 import atexit

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Uses a buffer in every way for the first time; prints the modules that this imported."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Publishes messages in bursts, faster than the middleware sends them, while there is a subscriber.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A node, and all that makes hidden nodes beside it, until standard input ends."""
 
 import sys

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Asks a buffer server that is discovered in part, see `interposed/partial_discovery.c`."""
 
 import rclpy

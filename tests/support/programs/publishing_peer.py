@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A node that publishes what its standard input orders, line by line, and answers "ok" when it has."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Receives large messages, and prints whether a read inserts the whole of one, whether other threads of Python
 run meanwhile, and whether the memory that only the message needed is given back.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Serves lookups in the buffer of a listener until it is killed. Its argument is the name of the action."""
 
 import sys

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Receives three messages that wait at once, of which the middleware fails to hand over the first one."""
 
 import rclpy

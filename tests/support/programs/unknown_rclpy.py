@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Uses all of tf2_ros with an rclpy that differs from those that are known, and prints what worked.
 

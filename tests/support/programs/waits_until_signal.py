@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Waits for a transform that is never inserted, until a signal; with the argument `await`, in asyncio."""
 
 import asyncio

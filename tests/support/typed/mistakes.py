@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Mistakes of a user: mypy --strict and pyright report the lines marked with `wrong`, and no others.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The types of results in a user's program: mypy --strict and pyright accept it."""
 
 from typing import Any

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What a laptop does in the tests of `tf2_ros_tools.live`; `obeys_orders.py` has taken rclpy from it."""
 
 import ctypes

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What is true of a feed from a robot, over DDS and over Zenoh."""
 
 import pytest

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Processes that run what a test orders, such as a robot and a laptop without ROS 2."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Runs the Python that its standard input orders, a line of JSON for each order, and answers with what came out.
 

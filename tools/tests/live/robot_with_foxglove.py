@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A robot with foxglove_bridge in the tests of `tf2_ros_tools.live`: foxglove-sdk, a part of the bridge."""
 
 import threading

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What a robot does in the tests of `tf2_ros_tools.live`, with rclpy alone, of any ROS 2."""
 
 import threading

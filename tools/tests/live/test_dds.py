@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A robot over DDS: rclpy in one process, and in another one a program without ROS 2."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A feed that a program fills: from a pipe, a thread, or a wire of the test."""
 
 import asyncio

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A robot with foxglove_bridge: a server of foxglove-sdk in one process, and in another one no ROS."""
 
 import base64

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Programs that listen to a robot without ROS 2 on the machine: tf2_live, and `--live` of the others."""
 
 import json

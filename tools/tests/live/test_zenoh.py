@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 A robot with rmw_zenoh: in one process eclipse-zenoh, which speaks as rmw_zenoh does, and in another one a
 program without ROS 2.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The documentation of the tools, and the programs on all pages; and the site, which has both parts."""
 
 import ast

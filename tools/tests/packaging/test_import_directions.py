@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The tools use names of the core that its reference lists, and no modules import each other in a circle."""
 
 import ast

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Where a ROS 2 is sourced: the tools in a workspace built by colcon, and in a Python with the core."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Type checkers: what they say of the tools, and of the programs on their pages."""
 
 import sys

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The table of tf2_monitor on terminals of several sizes, and its keys."""
 
 import asyncio

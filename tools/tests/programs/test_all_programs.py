@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The manners that all programs share: help, wrong usage, Ctrl-C, readers who leave, disks that are full."""
 
 import fcntl

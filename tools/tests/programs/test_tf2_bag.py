@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """tf2_bag: its commands on recordings that the tests make, in this process, and a few in one of their own."""
 
 import csv

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """tf2_relay: its rules applied to buffers, and as a process of its own between two others."""
 
 from itertools import count, permutations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The program tf2_state_publisher: a robot's transforms from real joint states."""
 
 import itertools

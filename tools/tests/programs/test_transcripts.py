@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 What programs print: each command of `transcripts/*.txt` is run, and prints what follows it there.
 

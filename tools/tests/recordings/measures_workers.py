@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Measures worker processes that get a buffer: how soon they can look poses up, and how much memory they need.
 

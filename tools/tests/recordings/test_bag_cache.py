@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The argument `cache`: transforms of recordings as frozen files, which later calls map."""
 
 import errno

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Poses at the stamps of images: what a row says, and that many recordings are one table."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Workers share a frozen file: they need no memory for it, and find the same poses."""
 
 import importlib.util

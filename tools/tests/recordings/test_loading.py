@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Recordings: what is loaded from every format, from which times and topics, and from broken files."""
 
 import os

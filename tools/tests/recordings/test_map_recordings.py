@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Many recordings: what is done, what is skipped, and that it is the same wherever it is done."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Tables of looked-up transforms: at which times, and what a file says of a stamp."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Saved buffers are ordinary recordings, and spoiled ones are refused."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The argument `trajectory`: a recording is corrected by the poses that a SLAM has exported or published."""
 
 import math

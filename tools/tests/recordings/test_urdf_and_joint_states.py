@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A robot's joints: what a URDF says, and the transforms of live and recorded joint states."""
 
 import re

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Makes recordings in every format, with the writers of rosbags and of mcap; needs no ROS."""
 
 import json

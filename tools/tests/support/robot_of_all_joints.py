@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A URDF with a joint of each type, its joint states, and what they mean, computed with matrices by SciPy."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The pages of the tools, and running their programs beside the samples; as `documentation_pages.py`."""
 
 import importlib.util

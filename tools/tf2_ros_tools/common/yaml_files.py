@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Read YAML files that people write: rules, expectations, static transforms."""
 
 from collections.abc import Callable, Mapping

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Find what is wrong with received transforms, by rules and expectations."""
 
 from __future__ import annotations

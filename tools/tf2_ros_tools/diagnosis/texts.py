@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Describe streams and findings as text, and print the findings of a check."""
 
 from __future__ import annotations

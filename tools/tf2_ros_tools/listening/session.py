@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Listen to the transforms of a robot: which arrive, who publishes them, and what is wrong."""
 
 # First, because its errors say in one line that another tf2_ros is imported.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Choose what a program listens to, by its command line: a node of ROS, or a robot without ROS."""
 
 # First, as in session.py.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 A robot's transforms on a machine without ROS 2, over DDS, Zenoh or foxglove_bridge, in both directions.
 

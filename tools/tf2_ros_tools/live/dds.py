@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Receive transforms from a robot over DDS, and send some, with Cyclone DDS."""
 
 import logging

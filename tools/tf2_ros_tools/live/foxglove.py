@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Receive transforms from a robot with foxglove_bridge, with websockets."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Let programs listen to a robot without ROS 2: what ``--live`` names."""
 
 import logging

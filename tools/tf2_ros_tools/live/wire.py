@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What a feed and its wire, a transport such as DDS or Zenoh, promise each other."""
 
 import logging

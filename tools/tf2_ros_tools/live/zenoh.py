@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Receive transforms from nodes with rmw_zenoh, and send some, with eclipse-zenoh."""
 
 import atexit

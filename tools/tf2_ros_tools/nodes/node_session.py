@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Provide the session of a node, and buffers that a listener fills."""
 
 # First, because their errors say in one line what is missing, or that another tf2_ros is imported.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Send chosen transforms on to other topics, by rules: what the program tf2_relay does.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Provide a node that a thread spins, for programs."""
 
 # First, because its errors say in one line what is missing, or that another tf2_ros is imported.

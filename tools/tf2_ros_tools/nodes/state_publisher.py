@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Publish the transforms of a robot's joints from a node: those of its joint states, and the fixed ones."""
 
 # First, because its errors say in one line what is missing, or that another tf2_ros is imported.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The full-screen table of tf2_monitor: sorted, filtered and scrolled by keys, below the problems."""
 
 import asyncio

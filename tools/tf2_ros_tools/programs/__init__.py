@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The programs: each module is one, with its command line and its work."""
 
 from importlib.util import find_spec

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Publish static transforms from options, from a file, or of a recording."""
 
 from __future__ import annotations

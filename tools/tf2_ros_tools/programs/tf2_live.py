@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Show what a robot sends to a machine without ROS 2."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Show who publishes which frame, how often, how late, and what is wrong."""
 
 from __future__ import annotations

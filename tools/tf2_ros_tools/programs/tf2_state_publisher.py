@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Publish the transforms of a robot's joints, from its URDF and joint states."""
 
 from __future__ import annotations

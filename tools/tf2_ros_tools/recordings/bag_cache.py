@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Keep the transforms of recordings in frozen files, which all processes map: the argument ``cache``."""
 
 from __future__ import annotations

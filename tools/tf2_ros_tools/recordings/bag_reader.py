@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Read recordings of all formats as raw messages in CDR, with rosbags, and explain its errors."""
 
 import errno

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Collect poses at the stamps of images of many recordings, for training: ``dataset``."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Turn recorded joint states and poses into TFMessages."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Look up tables of poses, and write them as CSV, TUM and Parquet."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Write and read buffers as files: recordings in mcap of ``/tf`` and ``/tf_static``, with the rest as metadata.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Correct a recording by a trajectory, the poses at keyframes that a SLAM has exported or published."""
 
 import hashlib

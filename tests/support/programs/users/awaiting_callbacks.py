@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Callbacks that are coroutines: a service and a timer await transforms in one single-threaded executor."""
 
 import rclpy

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A service whose callback blocks in a lookup with a timeout, while other threads of the executor receive."""
 
 from threading import Event, Thread

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Every error that a lookup raises, caught by the names of tf2_ros and by those of tf2_py."""
 
 import enum

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A coroutine of a lookup driven by hand: it answers with what is newest when it goes on."""
 
 import rclpy

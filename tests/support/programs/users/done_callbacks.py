@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """What is done when a transform arrives runs in the thread that spins, and not beside other callbacks."""
 
 import threading

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Subclasses of TransformListener: one renames frames, one records what it receives, both pass it on."""
 
 import time

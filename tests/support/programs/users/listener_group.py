@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A program replaces a listener's subscriptions, and has subscriptions of its own in the listener's group."""
 
 import time

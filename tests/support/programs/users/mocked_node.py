@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Unit tests of a program that give it a mock in the place of a node."""
 
 from unittest.mock import MagicMock, Mock, patch

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A type of one's own that buffers transform, and a buffer of one's own that transforms it; no node."""
 
 import dataclasses

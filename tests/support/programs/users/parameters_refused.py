@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A node that decides on parameters itself, and knows only its own, makes broadcasters and a listener."""
 
 import rclpy

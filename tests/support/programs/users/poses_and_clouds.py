@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Offline: what a camera saw, as poses and as a cloud of points, in the frame of the map."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A subclass of Buffer for a fleet: it knows which robot it belongs to, filters what comes, and counts."""
 
 import collections

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Listeners with the profile of sensor data, which other subscriptions of the program use, too."""
 
 import rclpy

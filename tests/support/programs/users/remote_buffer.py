@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A buffer client asks an action server, which answers from a buffer of its own, in the same program."""
 
 import threading

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """The thread that a listener spins serves the whole node: after unregister(), and after the end of main."""
 
 import threading

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A node of the tutorial's kind: a timer looks up where the other turtle is, and steers."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """Messages as some drivers send them: a rotation of zeros, clouds of integers, padded, without a row_step."""
 
 from array import array

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A subclass whose constructor does not call that of the listener; and calls of `__del__`."""
 
 import rclpy

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """
 Broadcasts the transforms of a robot at 50 Hz, once there is a subscriber: map, odom, base_link, camera.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
 """A DataLoader that makes batches as torch's does, but of arrays instead of tensors."""
 
 import numpy as np

@@ -195,7 +195,8 @@ cdef class BufferCore(Engine):
         self.insert(&batch)
         return self.report(&batch, None) if batch.needs_report else 0
 
-    cdef size_t _set_many(self, list messages, object authority, bint is_static, bint replace) except? 0:
+    cdef size_t _set_many(self, list messages, object authority, bint is_static, bint replace,
+                          bint logs_refused=True) except? 0:
         # Returns how many were accepted.
         cdef list keep = []
         cdef Batch batch
@@ -216,6 +217,8 @@ cdef class BufferCore(Engine):
                     self.replace(&batch)
             else:
                 self.insert(&batch)
+            if not logs_refused:
+                batch.refused = 0
             if batch.needs_report:
                 self.report(&batch, None)
             return batch.taken
@@ -286,6 +289,10 @@ cdef class BufferCore(Engine):
         transforms; the history of each frame is copied once.
         """
         return self._set_many(list(transforms), authority, static, replace)
+
+    def _tf2_try_to_replace(self, transforms: Iterable[TransformStamped], authority: str) -> int:
+        """As :meth:`set_transforms` with ``replace``, but refusals are not logged: another try follows."""
+        return self._set_many(list(transforms), authority, False, True, False)
 
     def set_transforms_cdr(
         self, data: bytes | bytearray | memoryview, authority: str = None, static: bool = False

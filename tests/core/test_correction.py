@@ -22,6 +22,7 @@ from model_terms import ModelError
 from numpy.testing import assert_allclose
 
 from tf2_py import BufferCore, ExtrapolationException, LookupException
+from tf2_py._objects import log
 from tf2_ros.correction import AUTHORITY, correct
 from tf2_ros.numpy import from_matrix, to_matrix
 
@@ -308,9 +309,11 @@ def test_random_buffers_hold_what_the_definition_says(seed):
 
 
 @pytest.mark.repeated
-def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old():
+def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old(monkeypatch):
     """A thread inserts between reading and writing, so that the first try is refused now and then."""
     buffer, begun, ended = BufferCore(Duration(seconds=0.3)), threading.Event(), threading.Event()
+    logged = []
+    monkeypatch.setattr(log, "refused", lambda *line: logged.append(line))
 
     def drive_on():
         start_ns = time.monotonic_ns()
@@ -334,4 +337,6 @@ def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old():
     finally:
         ended.set()
         thread.join()
+    assert buffer.statistics()["refused"]["replaced_together"] > 0
+    assert logged == []  # these tries are repeated
     buffer._self_check()

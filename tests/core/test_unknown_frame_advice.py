@@ -106,3 +106,24 @@ def test_a_lookup_that_is_repeated_compares_once_and_what_is_remembered_is_limit
     assert compared == names
     advice(buffer, names[0])
     assert compared[-1] == names[0]
+
+
+def test_a_frame_whose_transforms_were_refused_is_not_just_unknown():
+    buffer = knowing("base_link")
+    refused = transform("base_link", "arm", 1)
+    refused.transform.rotation.w = 0.0
+    buffer.set_transform(refused, "driver")
+    reason_text = "the rotation is too short or too long to be normalized"
+    assert advice(buffer, "arm") == f"Transforms of [arm] were refused, because {reason_text}"
+    assert advice(buffer, "lidar") == ""
+    refused.transform.rotation.w = 1.0
+    buffer.set_transform(refused, "driver")
+    assert buffer.can_transform_core("arm", "map", LATEST) == (True, "")
+
+
+def test_what_is_remembered_of_refused_frames_is_limited():
+    buffer = knowing("base_link")
+    for i in range(200):
+        buffer.set_transform(transform(f"part_{i}", f"part_{i}", 1), "driver")
+    remembered = [i for i in range(200) if "were refused" in advice(buffer, f"part_{i}")]
+    assert 1 <= len(remembered) <= 64

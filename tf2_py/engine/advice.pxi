@@ -4,7 +4,7 @@
 
 cdef enum:
     MOST_COMPARED = 200         # known names: comparing takes some 20 us for each, with the GIL held
-    MOST_REMEMBERED = 64        # suggestions
+    MOST_REMEMBERED = 64        # suggestions, and frames whose transforms were refused
 
 cdef int64_t SILENCE_NS = 100000000         # how often the topics are checked while nothing is new
 
@@ -14,7 +14,7 @@ cdef class Advice:
 
     def __cinit__(self):
         self._silence = ("", "")
-        self._suggestions = {}
+        self._suggestions, self._refusals = {}, {}
 
     cdef int ask(self, object find_silence) except -1:
         self._find_silence = find_silence
@@ -31,7 +31,7 @@ cdef class Advice:
         return 0
 
     cdef str extend(self, str text, str name, object list_names):
-        for sentence in (self.suggestion(name, list_names), self._state()):
+        for sentence in (self.suggestion(name, list_names), self._refusals.get(name), self._state()):
             if sentence:
                 text += f"{'' if text.endswith('?') else '.'} {sentence}"
         return text
@@ -50,6 +50,13 @@ cdef class Advice:
                 suggestions.clear()
             suggestions[name] = text
         return suggestions[name]
+
+    cdef int remember_refused(self, str child, uint32_t reasons) except -1:
+        if len(self._refusals) >= MOST_REMEMBERED:
+            self._refusals.clear()
+        because = log.because(reasons)
+        self._refusals[child] = f"Transforms of [{printable(child)}] were refused, because {because}"
+        return 0
 
     cdef object with_silence(self, object error, object buffer, bint dynamic_only):
         if self._silence[dynamic_only]:

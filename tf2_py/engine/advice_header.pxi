@@ -11,6 +11,7 @@ cdef class Advice:
     cdef tuple _silence             # which topics are silent: all topics, only those of dynamic transforms
     cdef int64_t _silence_until_ns  # steady time until which `_silence` is reused
     cdef dict _suggestions          # by unknown name, for the names that are known now
+    cdef dict _refusals             # by child, a sentence about the last transform that was refused
     cdef size_t _count              # number of known names
 
     # From now on, call this to find silent topics.
@@ -19,6 +20,8 @@ cdef class Advice:
     cdef int begin(self, object buffer, size_t count) except -1
     # The text of the error about an unknown name; `list_names` returns the known ones.
     cdef str extend(self, str text, str name, object list_names)
+    # A transform of this frame was refused, which errors say if they do not know the frame.
+    cdef int remember_refused(self, str child, uint32_t reasons) except -1
     # A question that suggests similar names; "": none is similar, or there are too many to compare.
     cdef str suggestion(self, str name, object list_names)
     # Adds to the error which topics are silent now: of all topics, or only of those of dynamic transforms.

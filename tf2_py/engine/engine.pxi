@@ -258,16 +258,18 @@ cdef class Engine:
         # Only what is printed is converted to text.
         cdef Throttle throttle = self._refusals
         cdef const Entry* entry
-        cdef uint64_t child
+        cdef uint64_t hashed
         cdef size_t i
         for i in range(batch.count if batch.refused else 0):
             entry = &batch.entries[i]
-            child = name_hash(entry.incoming.child, entry.incoming.child_size)
-            if entry.refused and throttle.passes((child, entry.refused)):
+            hashed = name_hash(entry.incoming.child, entry.incoming.child_size)
+            if entry.refused and throttle.passes((hashed, entry.refused)):
+                child = name_for_log(entry.incoming.child, entry.incoming.child_size)
+                self._advice.remember_refused(child, entry.refused)
                 log.refused(
                     entry.refused,
                     name_for_log(entry.incoming.parent, entry.incoming.parent_size),
-                    name_for_log(entry.incoming.child, entry.incoming.child_size),
+                    child,
                     name_for_log(batch.authority, batch.authority_size),
                     entry.incoming.stamp_ns,
                 )

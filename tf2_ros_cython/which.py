@@ -191,7 +191,8 @@ def _not_arranged() -> str:
 
 def _precedence(has_ours: bool, forks: list[str]) -> str:
     if os.environ.get("TF2_ROS_CYTHON") == "0":
-        return "the order of sys.path, because TF2_ROS_CYTHON=0 is set"
+        lacking = "; without another tf2, tf2-ros-cython is used" if has_ours else ""
+        return f"the order of sys.path, because TF2_ROS_CYTHON=0 is set{lacking}"
     if _installation.is_waiting():
         return (
             "the order of sys.path, because a distribution has installed tf2-ros-cython, which then waits "

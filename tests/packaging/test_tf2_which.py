@@ -39,3 +39,10 @@ def test_a_module_with_the_name_of_a_package_is_named(tmp_path):
     assert (imported.stdout, told.returncode) == (f"{file}\n", 1)
     assert f"\ntf2_ros: not a package, but the module {file}: rename it\n" in told.stdout
     assert "not installed" not in told.stdout.partition("\ntools: ")[0]
+
+
+def test_a_variable_that_has_no_effect_is_named(monkeypatch):
+    monkeypatch.setenv("TF2_ROS_CYTHON", "0")
+    told = subprocess.run([sys.executable, "-m", "tf2_ros_cython"], capture_output=True, text=True).stdout
+    expected = "because TF2_ROS_CYTHON=0 is set; without another tf2, tf2-ros-cython is used\n"
+    assert f"\nprecedence: the order of sys.path, {expected}" in told

@@ -39,7 +39,7 @@ def with_types(reference: str) -> str:
         texts = ((name, text.replace("\n", "\n   ")) for name, text in described_types().items())
         return place["head"] + "".join(f"\n.. py:data:: {name}\n\n   {text}\n" for name, text in texts) + "\n"
 
-    place = r"(?P<head>\.\. The types, by docs/tables\.py\n).*?(?=\.\. autoclass)"
+    place = r"(?P<head>\.\. The types, by docs/source_tables\.py\n).*?(?=\.\. autoclass)"
     return re.sub(place, written, reference, flags=re.DOTALL)
 
 

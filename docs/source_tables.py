@@ -3,7 +3,7 @@
 """
 Write the tables of the pages that are made of the sources: `python docs/source_tables.py`.
 
-`tools/docs/option_tables.py` does so for the pages of the tools. Tests compare the tables with the sources.
+Tests compare the tables with the sources.
 """
 
 import re
@@ -48,11 +48,11 @@ Table = list[list[str]]
 TABLES: Mapping[str, Callable[[], Table]] = {"refusals": refusals}
 
 
-def with_tables(page: str, tables: Mapping[str, Callable[[], Table]] = TABLES) -> str:
+def with_tables(page: str) -> str:
     """The text of a page, with the tables that it names as the sources have them now."""
 
     def written(place: re.Match[str]) -> str:
-        head, *rows = tables[place["name"]]()
+        head, *rows = TABLES[place["name"]]()
         lines = [f"| {' | '.join(row)} |" for row in (head, *rows)]
         lines.insert(1, "|---" * len(head) + "|")
         return place["head"] + "\n" + "\n".join(lines) + "\n"

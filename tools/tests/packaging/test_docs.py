@@ -5,7 +5,6 @@
 import ast
 import importlib
 import re
-import runpy
 import signal
 import subprocess
 import sys
@@ -129,12 +128,6 @@ def test_the_commands_of_a_page_name_options_targets_and_extras_that_exist(page)
                 assert {extra for extras in named for extra in extras.split(",")} <= EXTRAS, words
             case ["python", path, *_] if page in PAGES and not path.startswith("-"):
                 assert (ROOT / path).is_file() or path in FILES, words
-
-
-@by_name
-def test_the_tables_of_a_page_are_what_the_commands_say(page):
-    renewed = runpy.run_path(str(DOCS / "option_tables.py"))["renewed"]
-    assert renewed(page) == page.read_text(encoding="utf-8")
 
 
 IMAGE = re.compile(r"!\[([^\]]*)\]\(\S*?([\w-]+\.(?:svg|png))\)")

@@ -5,8 +5,6 @@ Read command lines, print and exit in the same way for all programs.
 
 A program is a module of ``tf2_ros_tools.programs`` with a ``PARSER`` and a ``main``. It imports ROS, NumPy
 and other libraries after the command line has been read, so that help is fast.
-
-STATUSES says what the exit statuses mean.
 """
 
 import math
@@ -32,15 +30,6 @@ SUCCESS = 0
 FAILURE = 1
 USAGE = 2
 INTERRUPTED = 130
-
-# For the documentation, too.
-STATUSES = {
-    SUCCESS: "the command did its work, and found no problem; or Ctrl-C ended a command that runs until then",
-    FAILURE: "the command failed, or could not write its output; `tf2_check`, and `check` of `tf2_bag`: "
-    "there are problems",
-    USAGE: "wrong usage; one line on standard error says what is wrong",
-    INTERRUPTED: "Ctrl-C or SIGTERM ended the command before there was a result",
-}
 
 # The last paragraph of the help of commands that run until they are interrupted.
 EXIT_STATUS = "Exit status: 0 when interrupted; 1 if the command failed; 2 after wrong usage."

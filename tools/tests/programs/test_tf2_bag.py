@@ -28,6 +28,7 @@ from tf2_ros_tools.programs.tf2_bag import PARSER, bag
 pytestmark = pytest.mark.ours
 
 SCANS = [100 * S + i * S // 4 + 7 for i in range(12)]
+HOPS = (("map", "odom"), ("odom", "base"))
 COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
@@ -152,6 +153,18 @@ class TestTrajectory:
         pytest.importorskip("matplotlib")
         written = str(tmp_path / "path.svg")
         assert run("plot", drive_mcap, "--path", "world", "base", *world, "-o", written)[0] == 0
+
+    def test_explain_names_no_publishers_of_corrected_samples(self, run, tmp_path):
+        sent = [Sent(i * S, "/tf", [Tf("map", "odom", i * S), Tf("odom", "base", i * S)]) for i in (1, 2, 3)]
+        sent += [Sent(ns, "/gps/tf", [Tf(*ends, ns)]) for ns in (3 * S // 2, 5 * S // 2) for ends in HOPS]
+        path = write_mcap(tmp_path / "two.mcap", sorted(sent, key=lambda one: one.log_ns))
+        (tmp_path / "own.tum").write_text("1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n")
+        how = ("--topic=/tf", "--topic=/gps/tf", "--trajectory", tmp_path / "own.tum", "map", "odom", "base")
+        for at in ("1.75", "2.75"):
+            out = run("explain", path, "map", "base", "--at", at, *how)[1]
+            assert "last from tf2_ros.correction" in out
+            named = [line for line in out.splitlines() if "these samples are from" in line]
+            assert named == ["base has 2 publishers, /gps/tf, /tf; these samples are from /gps/tf, /tf"]
 
     def test_stamps_of_kitti_are_in_another_file(self, run, drive_mcap, tmp_path):
         (tmp_path / "poses.txt").write_text("1 0 0 7 0 1 0 8 0 0 1 9\n" * 2)

@@ -263,7 +263,10 @@ def explain(options: Namespace) -> int:
         found = heard.buffer.explain(target, source, options.at)
     except TransformException as failure:
         raise RunError(pose_tables.why_unconnected(heard, target, source, failure)) from None
-    show(*str(found).splitlines(), *_publishers(heard, found.hops))
+    # The records of a frame that is corrected are those before the correction.
+    corrected = None if options.trajectory is None else _frame(options.trajectory[2])
+    hops = [hop for hop in found.hops if hop.frame != corrected]
+    show(*str(found).splitlines(), *_publishers(heard, hops))
     return SUCCESS
 
 

@@ -15,6 +15,7 @@ from making_bags import (
     STAMPED,
     S,
     Sent,
+    Tf,
     drive,
     posed,
     slam_path,
@@ -109,13 +110,23 @@ def test_poses_without_odometry_are_an_error_or_reported(path, tmp_path):
     assert_allclose(buffer.lookup_matrix("map", "base", BEGIN_NS), drift(times[:1])[0], atol=1e-9)
 
 
-def test_a_trajectory_of_another_time_is_refused(path, tmp_path):
+def test_if_no_pose_can_be_used_the_reason_is_that_of_the_first(path, tmp_path):
     early = written(tmp_path, STAMPS[:3] - 50 * S, drift(STAMPS[:3]))
-    with pytest.raises(
-        bag.BagError,
-        match="poses are from 50.000 to 50.200 s, but base in odom is known from 100.000 to 109.900 s",
+    inside = written(tmp_path, STAMPS[:3], drift(STAMPS[:3]), "inside.tum")
+    steps = [[Tf("map", "odom", ns), Tf("other", "base", ns)] for ns in STAMPS.tolist()]
+    apart = write_mcap(tmp_path / "apart.mcap", [Sent(own[0].ns, "/tf", own) for own in steps])
+    parked = [own[:1] + [Tf("odom", "base", own[0].ns)] * (i < 30) for i, own in enumerate(steps)]
+    old = write_mcap(tmp_path / "old.mcap", [Sent(own[0].ns, "/tf", own) for own in parked])
+    for recording, trajectory, how, text in (
+        (path, early, {}, "Requested time 50.000000000 but the earliest data is at time 100.000"),
+        (apart, inside, {}, "not part of the same tree"),
+        (old, inside, {"cache_time": 5.0}, "more than cache_time, 5.000000000 s, before 109.900000000 s"),
     ):
-        bag.load(path, trajectory=replace(early, on_missing="skip"))
+        for on_missing, none in (("raise", ""), ("skip", "none of its poses can be used: ")):
+            with pytest.raises(bag.BagError, match=rf"tum: {none}times\[0\]: .*{text}") as raised:
+                bag.load(recording, trajectory=replace(trajectory, on_missing=on_missing), **how)
+            advised = "leaves such poses out" in str(raised.value)
+            assert advised == (recording == path and on_missing == "raise")
 
 
 def test_a_rounded_stamp_at_an_end_of_the_odometry_is_used_there(tmp_path):
@@ -253,7 +264,7 @@ def test_a_path_without_stamps_or_in_another_frame_is_refused(tmp_path):
         others = [slam_path(S, POSES, topic) for topic in ("/b", "/c")]
         with pytest.raises(bag.BagError, match=text):
             load(*others, *([] if last is None else [last]))
-    with pytest.raises(bag.BagError, match="poses are from 0.000 to 0.000 s"):
+    with pytest.raises(bag.BagError, match=r"none of its poses .*: times\[0\]: expected a time above 0"):
         load(slam_path(S, unstamped), on_missing="skip")
     # Empty frames of poses are that of the path; a leading slash is that of ROS 1.
     empty = [posed(int(ns), 1.0, "", STAMPED, frame="") for ns in KEYFRAMES]

@@ -109,17 +109,18 @@ class Keyframes:
         :raises BagError: a pose cannot be used, or none can; or the frames are wrong.
         """
         one, (times_ns, poses) = self._trajectory, self._poses(buffer, recorded)
-        how: dict[str, Any] = {"before": one.before, "after": one.after, "on_missing": one.on_missing}
+        what = buffer, one.parent, one.child, one.moving, times_ns, poses
+        how: dict[str, Any] = {"before": one.before, "after": one.after}
+        none = ""
         try:
-            used = correct(buffer, one.parent, one.child, one.moving, times_ns, poses, **how)
+            if not correct(*what, **how, on_missing=one.on_missing):
+                none = "none of its poses can be used: "
+                correct(*what, **how)  # says why
         except (TransformException, ValueError) as error:
-            advice = '; on_missing="skip" leaves such poses out' * isinstance(error, ExtrapolationException)
-            raise BagError(f"{self._name}: {error} (times[0] is that of its first pose){advice}") from error
-        if not used:
-            spans = (times_ns.min(), times_ns.max()), self._known(buffer) or (0, 0)
-            given, known = (f"from {begin / S:.3f} to {end / S:.3f} s" for begin, end in spans)
-            frames = f"{printable(one.moving)} in {printable(one.child)}"
-            raise BagError(f"{self._name}: its poses are {given}, but {frames} is known {known}")
+            may_skip = one.on_missing == "raise" and isinstance(error, ExtrapolationException)
+            advice = '; on_missing="skip" leaves such poses out' * may_skip
+            text = f"{none}{error} (times[0] is that of its first pose){advice}"
+            raise BagError(f"{self._name}: {text}") from error
 
     def left_out(self, buffer: BufferCore, path: str | PathLike[str]) -> Iterator[str]:
         """

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Poses at the stamps of images: what a row says, and that many recordings are one table."""
 
+import csv
+
 import numpy as np
 import pytest
 from making_bags import STAMPED, S, Sent, Tf, drive, posed, scan, slam_path, write_mcap
@@ -112,6 +114,20 @@ class TestTrajectory:
         (tmp_path / "own.tum").write_text("100 8 0 0 0 0 0 1\n101 8 0 0 0 0 0 1\n")
         result = bag.map_recordings(runs, "map", FRAMES, out, **how)
         assert [*result.done] == runs[:1] and [*result.skipped] == runs[1:]
+
+    def test_poses_that_are_left_out_are_counted(self, runs, tmp_path):
+        (tmp_path / "early.tum").write_text("99 9 0 0 0 0 0 1\n101 9 0 0 0 0 0 1\n")
+        early = bag.Trajectory(tmp_path / "early.tum", "map", "odom", "base", on_missing="skip")
+        own = {runs[0]: None, runs[1]: early}
+        out = tmp_path / "tables"
+        text = "1 of the 2 poses in .*early.tum is left out, because base in odom is not known"
+        for how in ({}, {"out": out, "workers": 1}, {"out": out, "workers": 1}):  # the last one reads tables
+            with pytest.warns(UserWarning, match=f"4.mcap: {text}") as warned:
+                made(runs, trajectory=own, **how)
+            assert [(len(warned), one.filename) for one in warned] == [(1, __file__)]
+        rows = [*csv.DictReader((out / "_findings.csv").read_text().splitlines())]
+        kinds = [(row["file"], row["kind"]) for row in rows if row["kind"] in ("trajectory", "malformed")]
+        assert kinds == [(runs[1], "trajectory")]
 
     def test_a_trajectory_of_another_recording_is_refused(self, runs, tmp_path):
         one = bag.Trajectory("/slam/path", "map", "odom", "base")

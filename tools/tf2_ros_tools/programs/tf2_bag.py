@@ -113,7 +113,7 @@ def _heard_of(options: Namespace, at: str | None = None) -> Heard:
     from tf2_ros_tools.recordings.bag_loader import without_stamps
 
     heard = _read(options, at=at)
-    for text in (*heard.left_out, *without_stamps(heard.buffer)):
+    for text in (*heard.left_out, *heard.unused, *without_stamps(heard.buffer)):
         options.parser.warn(text)
     return heard
 

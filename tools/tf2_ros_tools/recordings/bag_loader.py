@@ -543,7 +543,8 @@ class Heard:
     the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
     stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
     ``left_out`` has a sentence for each topic of which something is left out or lost, ``absent`` says what
-    may explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics.
+    may explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics,
+    ``unused`` counts the poses of a trajectory that are left out.
     """
 
     buffer: "Buffer"
@@ -558,6 +559,7 @@ class Heard:
     left_out: list[str]
     absent: list[str]
     unset: list[str]
+    unused: list[str]
 
 
 def hear(
@@ -595,10 +597,11 @@ def hear(
     if end_ns is not None and what.end_ns is not None:
         end_ns = min(end_ns, what.end_ns)
     frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
+    unused: list[str] = []
     if what.trajectory is not None:
-        left_out += what.trajectory.left_out(buffer, path)
+        unused += what.trajectory.left_out(buffer, path)
         frames = [*dict.fromkeys([*frames, *buffer.frames()])]  # a trajectory may add some
-    own = (recorded.saved, left_out, absent, unset)
+    own = (recorded.saved, left_out, absent, unset, unused)
     return Heard(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)
 
 

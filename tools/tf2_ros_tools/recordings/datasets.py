@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import csv
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +23,13 @@ from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted, write_whole
 from tf2_ros_tools.recordings.bag_loader import TOPICS, PoseTopics, Topics, Urdfs
 from tf2_ros_tools.recordings.bag_reader import UNSET_NS, BagError
-from tf2_ros_tools.recordings.map_recordings import Recordings, Trajectories, find_recordings, map_recordings
+from tf2_ros_tools.recordings.map_recordings import (
+    UNUSED,
+    Recordings,
+    Trajectories,
+    find_recordings,
+    map_recordings,
+)
 from tf2_ros_tools.recordings.pose_tables import POSE, STAMP_NS
 
 if TYPE_CHECKING:
@@ -187,7 +195,8 @@ def dataset(
     :raises TypeError, ValueError: ``frames`` is a str, is empty or has equal names; or see
         :func:`tf2_ros_tools.bag.load`.
 
-    A recording that cannot be read does not stop the others; ``failed`` lists it.
+    A recording that cannot be read does not stop the others; ``failed`` lists it. A warning counts the poses
+    of a trajectory that are left out.
     """
     if isinstance(frames, str):
         raise TypeError(f"frames: expected a list of names, got a str: use [{frames!r}]")
@@ -216,8 +225,12 @@ def dataset(
             scheduler=scheduler,
             progress=progress,
         )
+        with open(result.findings, encoding="utf-8", newline="") as file:
+            unused = [row for row in csv.DictReader(file) if row["kind"] == UNUSED]
         written = {**result.done, **result.skipped}
         tables = {path: parquet.read_table(written[path]) for path in paths if path in written}
+    for row in unused:
+        warnings.warn(f"{row['file']}: {row['text']}", stacklevel=2)
     if not tables:
         path, problem = next(iter(result.failed.items()))
         raise BagError(problem if path in problem else f"{printable(path)}: {problem}")

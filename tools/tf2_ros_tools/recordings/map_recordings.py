@@ -105,13 +105,14 @@ Trajectories: TypeAlias = "Trajectory | Mapping[str, Trajectory | None] | None"
 S = 1_000_000_000
 # The metadata of a table that says what it was made from. The number changes with the format of this
 # metadata or of the table, and with the meaning of a request.
-KEY, FORMAT = b"tf2_ros.map_recordings", 7
+KEY, FORMAT = b"tf2_ros.map_recordings", 8
 
 
 # A line of the table of findings: file, kind, frame and text. Only the kind "summary" has numbers, too:
 # transforms, rows, valid, span_s (of the log times) and seconds (that the recording took).
 Row: TypeAlias = "dict[str, Any]"
 ERROR = "error"  # the kind of the only row of a recording without a table
+UNUSED = "trajectory"  # the kind of the row that counts the poses of a trajectory that are left out
 
 
 @dataclass(frozen=True)
@@ -199,7 +200,8 @@ def work(request: Request, recording: str, table: str, cache: str | None = None)
         lacks = [_row(recording, "lookup", text)]
     problems = [_row(recording, one.kind, one.text, one.frame) for one in report(heard).findings]
     summary["seconds"] = round(time.perf_counter() - begin, 3)
-    found = [summary, *lacks, *problems]
+    unused = [_row(recording, UNUSED, text) for text in heard.unused]
+    found = [summary, *lacks, *unused, *problems]
     metadata = json.dumps({**made_from, "found": found}).encode()
     columns = {"": tables[frames[0]]} if single else tables
     write_whole(table, as_parquet(columns, printable(recording), {KEY: metadata}))

@@ -4,6 +4,7 @@
 
 import hashlib
 import os
+import re
 from collections.abc import Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import astuple, dataclass, replace
@@ -193,6 +194,10 @@ def _of_topic(recorded: Recorded, topic: str, parent: str) -> Stamped:
 STAMP = "a stamp in seconds"
 TUM = f"8 numbers, {STAMP} and x y z qx qy qz qw"
 KITTI = "12 numbers, the first three rows of a matrix"
+# The names of columns of a quaternion, such as `q_w, q_x` or `qw [1] qx [1]`.
+W_FIRST = re.compile(
+    r"(?<![\w./-])([\w./-]*)w(?![\w./])(?:[^\w./\[(]|\[[^]]*\]|\([^)]*\))+\1x(?![\w./])", re.IGNORECASE
+)
 
 
 def _tum(name: str, content: bytes) -> Stamped:
@@ -222,7 +227,7 @@ def _read(
     for number, line in enumerate(content.decode("utf-8-sig", "replace").splitlines(), 1):
         text = line.strip()
         fields = text.lstrip("#").replace(",", " ").split()
-        if [field[-1] for field in fields[4:8]] == [*"wxyz"]:  # the names of columns
+        if W_FIRST.search(text):
             raise BagError(f"{name}, line {number}: expected {expected}, got qw before qx")
         is_heading = not rows and not any(map(str.isdigit, text))
         if not fields or text.startswith("#") or is_heading:

@@ -129,6 +129,18 @@ def test_if_no_pose_can_be_used_the_reason_is_that_of_the_first(path, tmp_path):
             assert advised == (recording == path and on_missing == "raise")
 
 
+def test_only_an_error_with_a_time_says_which_pose_has_it(path, optimized):
+    wrong = {
+        '"odm" .* does not exist': {"child": "odm"},
+        r"the path between them at times\[0\]": {"moving": "map"},
+    }
+    for text, changed in wrong.items():
+        with pytest.raises(bag.BagError, match=text) as raised:
+            bag.load(path, trajectory=replace(optimized, **changed))
+        explained = "(times[0] is that of its first pose)" in str(raised.value)
+        assert explained == ("moving" in changed)
+
+
 def test_a_rounded_stamp_at_an_end_of_the_odometry_is_used_there(tmp_path):
     begin_ns = 1_700_000_000_123_456_789
     path = write_mcap(tmp_path / "drive.mcap", drive(COUNT, begin_ns=begin_ns))
@@ -256,7 +268,8 @@ def test_a_path_without_stamps_or_in_another_frame_is_refused(tmp_path):
         "topic /slam/path: expected poses in 'map', got poses in 'odom'": slam_path(S, POSES, frame="odom"),
         r"poses\[2\]: expected a pose in 'map', got one in 'odom'": slam_path(S, mixed),
         "topic /slam/path: its last message has no poses": slam_path(S, []),
-        r"times\[0\]: expected a time above 0": slam_path(S, unstamped),
+        "/slam/path: 2 poses of 2 have the stamp 0: the publisher does not set it": slam_path(S, unstamped),
+        "/slam/path: 1 pose of 3 has the stamp 0: the publisher": slam_path(S, [*POSES[:2], unstamped[0]]),
         "topic /slam/path, log time 1000000000 ns": Sent(S, "/slam/path", b"\0\1\0\0ab", LAST.msgtype),
         "is neither a file nor a topic of .* with nav_msgs/msg/Path; .*: /b, /c": None,
     }
@@ -264,7 +277,7 @@ def test_a_path_without_stamps_or_in_another_frame_is_refused(tmp_path):
         others = [slam_path(S, POSES, topic) for topic in ("/b", "/c")]
         with pytest.raises(bag.BagError, match=text):
             load(*others, *([] if last is None else [last]))
-    with pytest.raises(bag.BagError, match=r"none of its poses .*: times\[0\]: expected a time above 0"):
+    with pytest.raises(bag.BagError, match="/slam/path: 2 poses of 2 have the stamp 0: the publisher"):
         load(slam_path(S, unstamped), on_missing="skip")
     # Empty frames of poses are that of the path; a leading slash is that of ROS 1.
     empty = [posed(int(ns), 1.0, "", STAMPED, frame="") for ns in KEYFRAMES]
@@ -340,12 +353,13 @@ def test_poses_that_are_left_out_are_reported_whether_a_cache_is_written_or_not(
     sent.append(sent[0]._replace(ns=BEGIN_NS - S))
     path = write_mcap(tmp_path / "drive.mcap", messages)
     in_file = kitti(tmp_path, KEYFRAMES - 5 * S, drift(KEYFRAMES))
-    for trajectory, text in (
-        (ON_TOPIC, "2 of the 20 poses in /slam/path"),
-        (in_file, "9 of the 18 poses in "),
+    for trajectory, text, unset in (
+        (ON_TOPIC, "2 of the 20 poses in /slam/path", " or the stamp is 0"),
+        (in_file, "9 of the 18 poses in ", ""),
     ):
+        text += f".* are left out, because base in odom is not known then or no longer kept{unset}$"
         for _ in range(2):
-            with pytest.warns(UserWarning, match=f"{text}.* are left out, because base in odom is not known"):
+            with pytest.warns(UserWarning, match=text):
                 skipping = replace(trajectory, on_missing="skip")
                 bag.load(path, trajectory=skipping, cache=tmp_path / "cache")
 
@@ -359,7 +373,7 @@ WRONG = {
     "1e40 0 0 0 0 0 0 1\n": "line 1: expected 8 numbers",
     "NaN 0 0 0 0 0 0 1\n": "line 1: expected 8 numbers",
     "100.5 0 0 0 0 0 0 0\n": "must have a finite, non-zero length",
-    "0 0 0 0 0 0 0 1\n": "expected a time above 0",
+    "0 0 0 0 0 0 0 1\n": "1 pose of 1 has the stamp 0: 0 is not the time of a transform",
     "# t x y z qw qx qy qz\n1 0 0 0 1 0 0 0\n": "line 1: expected 8 numbers.* got qw before qx",
     "t,x,y,z,qw,qx,qy,qz\n1,0,0,0,1,0,0,0\n": "line 1: expected 8 numbers.* got qw before qx",
     "1700000000123456789 0 0 0 0 0 0 1\n": "line 1: expected 8 numbers, a stamp in seconds",

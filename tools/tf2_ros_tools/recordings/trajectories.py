@@ -110,6 +110,12 @@ class Keyframes:
         :raises BagError: a pose cannot be used, or none can; or the frames are wrong.
         """
         one, (times_ns, poses) = self._trajectory, self._poses(buffer, recorded)
+        unset = int((times_ns == 0).sum())
+        if unset == len(times_ns) or unset and one.on_missing == "raise":
+            of_topic = self._in_files is None
+            why = "the publisher does not set it" if of_topic else "0 is not the time of a transform"
+            which = f"{counted(unset, 'pose')} of {len(times_ns)} {'has' if unset == 1 else 'have'}"
+            raise BagError(f"{self._name}: {which} the stamp 0: {why}")
         what = buffer, one.parent, one.child, one.moving, times_ns, poses
         how: dict[str, Any] = {"before": one.before, "after": one.after}
         none = ""
@@ -120,8 +126,8 @@ class Keyframes:
         except (TransformException, ValueError) as error:
             may_skip = one.on_missing == "raise" and isinstance(error, ExtrapolationException)
             advice = '; on_missing="skip" leaves such poses out' * may_skip
-            text = f"{none}{error} (times[0] is that of its first pose){advice}"
-            raise BagError(f"{self._name}: {text}") from error
+            first = " (times[0] is that of its first pose)" * ("times[" in str(error))
+            raise BagError(f"{self._name}: {none}{error}{first}{advice}") from error
 
     def left_out(self, buffer: BufferCore, path: str | PathLike[str]) -> Iterator[str]:
         """
@@ -143,7 +149,8 @@ class Keyframes:
         if left_out:
             are = "is" if left_out == 1 else "are"
             why = f"{printable(one.moving)} in {printable(one.child)} is not known then or no longer kept"
-            yield f"{left_out} of the {count} in {self._name} {are} left out, because {why}"
+            unset = " or the stamp is 0" * bool((times_ns == 0).any())
+            yield f"{left_out} of the {count} in {self._name} {are} left out, because {why}{unset}"
 
     def _known(self, buffer: BufferCore) -> tuple[int, int] | None:
         """Get the first and the last time of the odometry, in ns; None: it has none."""

@@ -20,13 +20,20 @@ cdef extern from "Python.h":
     unsigned long Py_TPFLAGS_HAVE_VECTORCALL
     unsigned long Py_TPFLAGS_METHOD_DESCRIPTOR
     void PyType_Modified(PyTypeObject* cls)
-    int Py_EnterRecursiveCall(const char* where) except -1
+    int Py_EnterRecursiveCall(const char* where)    # 1 or -1: it has set an error
     void Py_LeaveRecursiveCall()
     object PyMethod_New(object function, object instance)
     object PyVectorcall_Call(object callable, object args, object kwargs)
     Py_ssize_t PyVectorcall_NARGS(size_t count)
     object PyObject_Vectorcall(object callable, PyObject* const* args, size_t count, PyObject* names)
-    object PyObject_VectorcallMethod(object name, PyObject* const* args, size_t count, PyObject* names)
+    PyObject* PyObject_VectorcallMethod(object name, PyObject* const* args, size_t count, PyObject* names)
+
+cdef extern from *:
+    """
+    #define tf2_as_object(found) (found)
+    """
+    # Takes the new reference; if it is NULL, the error that is set is raised.
+    object tf2_as_object(PyObject* found)
 
 cdef enum:
     USUAL = 4       # self, target_frame, source_frame, time
@@ -79,11 +86,11 @@ cdef object _call(PyObject* called, PyObject* const* args, size_t count, PyObjec
     if names != NULL or not (given == USUAL or given == USUAL + 1 and args[USUAL] == <PyObject*>self.default):
         return PyObject_Vectorcall(self.function, args, count, names)
     # The core may be this again.
-    Py_EnterRecursiveCall(" while calling a method that looks up")
-    try:
-        answer = PyObject_VectorcallMethod(self.core, args, USUAL, NULL)
-    finally:
+    cdef PyObject* found = NULL
+    if Py_EnterRecursiveCall(" while calling a method that looks up") == 0:
+        found = PyObject_VectorcallMethod(self.core, args, USUAL, NULL)
         Py_LeaveRecursiveCall()
+    answer = tf2_as_object(found)
     if self.is_pair:
         can, _ = answer
         return bool(can)

@@ -500,7 +500,8 @@ class Buffer(BufferCore, BufferInterface):
 
     def _tf2_check(self) -> None:
         """Judge the ages of waits by what the clock shows now, because not every clock reports jumps."""
-        BufferCore._tf2_clock_jumped(self, partial(end_for, self))
+        if self.clock is not None:
+            BufferCore._tf2_clock_jumped(self, partial(end_for, self))
 
     def _tf2_now_ns(self) -> int:
         with suppress(Exception):  # an error must not be replaced by one of the program's own clock

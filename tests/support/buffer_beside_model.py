@@ -100,6 +100,7 @@ def same_answer(got, want):
 
 def without_advice(text):
     """The model does not judge which names resemble each other."""
+    text = re.sub(r"\.?(?<=[.?]) Transforms of \[[^]]*\] were refused, because [^.]*", "", text)
     return re.sub(r"\.? Did you mean \[.*\]\?$", "", text)
 
 

@@ -196,6 +196,8 @@ class Model(Listings, Policies, Explanations):
 
     def _replace(self, child, given, authority, static):
         wrong = [self._wrong(parent, child, *rest) for parent, *rest in given]
+        if not any(wrong) and self._is_of_other_kind(self.frames.get(child), static):
+            wrong = [["other_kind"]] * len(given)  # before the names become known
         if not any(wrong):
             given = given if static else sorted(given, key=lambda one: one[1])
             for name in (child, *[one[0] for one in given]):
@@ -221,13 +223,14 @@ class Model(Listings, Policies, Explanations):
         self.taken += len(given)
         return len(given)
 
+    def _is_of_other_kind(self, frame, static):
+        return frame is not None and bool(frame.samples) and frame.static != static
+
     def _wrong_beside(self, frame, given, static):
         """What is wrong with each of them, because of what the frame has."""
-        has_some = frame is not None and frame.samples
-        if has_some and frame.static != static:
-            return [["other_kind"]] * len(given)
         if static:
             return []
+        has_some = frame is not None and frame.samples
         newest_ns = max(given[-1][1], frame.newest_ns() if has_some else 0)
         return [["old_data"] if one[1] < newest_ns - self.cache_ns else [] for one in given]
 

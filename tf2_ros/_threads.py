@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Start and end the background threads of a process; callbacks that no executor runs wait for one of them."""
+"""Start and end the helper threads of a process; callbacks that no executor runs wait for one of them."""
 
 import threading
 from _thread import start_new_thread

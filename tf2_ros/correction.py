@@ -119,11 +119,13 @@ def correct(
     for tried in range(TRIES):
         margin_ns = (1 << tried >> 1) * (buffer.cache_time_ns // FRACTION)
         used, samples = _samples(edge, times_ns, matrices, before, after, on_missing == "skip", margin_ns)
-        # Other threads may insert newer samples meanwhile, so that some of these are too old.
-        if BufferCore._tf2_try_to_replace(buffer, samples, AUTHORITY) == len(samples):
+        # Other threads may insert meanwhile, so that some samples are too old. The last try logs them.
+        if tried + 1 < TRIES:
+            taken = BufferCore._tf2_try_to_replace(buffer, samples, AUTHORITY)
+        else:
+            taken = BufferCore.set_transforms(buffer, samples, AUTHORITY, replace=True)
+        if taken == len(samples):
             return used
-    if BufferCore.set_transforms(buffer, samples, AUTHORITY, replace=True) == len(samples):
-        return used
     raise ValueError(
         f"the buffer refused the samples of {child!r} in {parent!r}; its log line has the reason"
     )

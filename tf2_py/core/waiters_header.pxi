@@ -9,7 +9,7 @@ lacked, and is in one of three lists:
 - that of frames: it failed for the data of one frame at one time that is not 0;
 - that of the shape: a name is unknown, or the frames are not connected;
 - that of every insert: it asks for the latest common time, which any frame of its path can move, or under a
-  policy, or for another answer than the one that it has; or there is a loop on its way, or there may be.
+  policy, or for another answer than the one that it has; or its path contains, or may contain, a loop.
 
 An insert that changes the shape of the tree (see Change) tries all waiters. Any other one tries those that
 watch its frame at a time that has data now, and those of every insert. So after an insert no waiter is

@@ -3,11 +3,11 @@
 """
 Convert times and durations to nanoseconds.
 
-rclpy's Time and Duration keep their number behind two properties, one in Python and one of pybind11. By them,
-a lookup takes 0.8 us instead of 0.45. Reading a Time faster relies on this: ``_time_handle`` is a pybind11
-object, which holds, directly after the object head, a pointer to rcl's ``rcl_time_point_t``, which begins
-with the nanoseconds. This is checked once, with Times of known numbers; if it does not hold, the property is
-called. Tested with rclpy of ROS 2 Jazzy (CPython 3.10 to 3.13) and Kilted (to 3.14).
+rclpy's Time and Duration keep their number behind two properties, one in Python and one of pybind11. Through
+these, a lookup takes 0.8 us instead of 0.45. Reading a Time directly relies on this: ``_time_handle`` is a
+pybind11 object, which holds, directly after the object head, a pointer to rcl's ``rcl_time_point_t``, which
+begins with the nanoseconds. This is checked once, with Times of known numbers; if it does not hold, the
+property is called. Tested with rclpy of ROS 2 Jazzy (CPython 3.10 to 3.13) and Kilted (to 3.14).
 """
 
 TIMES_TO_USE = (

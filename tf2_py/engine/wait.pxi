@@ -98,8 +98,8 @@ cdef class Wait(WaiterOwner):
         """
         The answer as a new message; None: there is none, and the wait goes on.
 
-        A wait that judges ages is tried again by what the clock shows now: an answer that has become too old
-        is none, and one that this finds is not delivered otherwise.
+        A wait that judges ages is tried again by what the clock shows now: an outdated answer does not count,
+        and an answer that is found here is not delivered otherwise.
 
         :param anew: also if the answer was delivered before.
         :raises ValueError: a limit of the policy could never apply, which ends the wait.

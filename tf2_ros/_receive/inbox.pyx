@@ -142,7 +142,7 @@ cdef void _free_all_received(ReceivedMessages* messages) noexcept:
 
 
 cdef bint _begin_received(InboxState* inbox) noexcept nogil:
-    # Has an empty struct for the next message; False: there is no memory.
+    # Prepares an empty struct for the next message; False: there is no memory.
     cdef ReceivedMessage* received = inbox.received
     if received == NULL:
         received = inbox.received = <ReceivedMessage*>calloc(1, sizeof(ReceivedMessage))
@@ -435,7 +435,7 @@ INBOXES = Inboxes()
 
 
 cdef class Observer:
-    """Is observer of what was inserted."""
+    """Is notified after each insert."""
 
     def __cinit__(self, *_, **__):
         self.inboxes, self.receivers = LiveObjects(), LiveObjects()

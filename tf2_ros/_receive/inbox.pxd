@@ -135,7 +135,7 @@ cdef class Inbox(ReadHook):
     cdef Recording _recording       # keeps the records
     cdef bytes _prefix
     cdef object _reference          # called, gives the engine or None
-    cdef set _observers              # keeps what `observers` of the state refers to
+    cdef set _observers             # keeps what `observers` of the state refers to
     cdef object __weakref__
 
     # Without the GIL and the lock: one step of inserting what has arrived. Returns whether more may be left.

@@ -26,7 +26,6 @@ from tf2_ros_tools.recordings.bag_reader import BagError, Recorded, listed, open
 # The stamps of N poses in ns, and the poses in one of the forms that `correct` takes.
 Stamped: TypeAlias = tuple[NDArray[np.int64], Any]
 
-S = 1_000_000_000
 DIGITS = 9  # of nanoseconds after the decimal point
 # How far a stamp may be from the one that was rounded: many programs write microseconds.
 ROUNDED_NS = 1_000

@@ -44,11 +44,11 @@ def canonical(q):
 
 
 def climbed(hops):
-    """From the first frame up all hops."""
+    """From the first frame up all hops, composed from the top down."""
     made = IDENTITY
-    for i, hop in enumerate(hops):
+    for i, hop in enumerate(reversed(hops)):
         numbers = translation(hop.transform), rotation(hop.transform)
-        made = compose(numbers, made) if i else numbers
+        made = compose(made, numbers) if i else numbers
     return made
 
 

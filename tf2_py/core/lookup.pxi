@@ -162,14 +162,17 @@ cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const ui
                                int64_t time_ns, const Policy* policy, Transform* out,
                                int64_t* stamp_ns) noexcept nogil:
     # From frames[0] up all hops, as _hop; hops > 0. False, and `out` undefined: a history does not answer.
+    # Composed from the top down: so a hop's translation waits only for the rotation above it, not for the
+    # translations of all other hops.
     cdef Transform hop
-    cdef uint32_t i
-    if not _hop(tree, frames[0], time_ns, hints[0], policy, out, stamp_ns):
+    cdef uint32_t i = hops - 1
+    if not _hop(tree, frames[i], time_ns, hints[i], policy, out, stamp_ns):
         return False
-    for i in range(1, hops):
+    while i:
+        i -= 1
         if not _hop(tree, frames[i], time_ns, hints[i], policy, &hop, stamp_ns):
             return False
-        transform_compose(&hop, out, out)
+        transform_compose(out, &hop, out)
     return True
 
 

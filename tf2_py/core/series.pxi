@@ -4,7 +4,8 @@
 
 # Transforms of one batch of times at once, on plain arrays of doubles. All BATCH_TIMES entries are computed;
 # those from `count` on, and the missing ones, hold a filler. The numbers are those of history_transform_at
-# and of the functions in geometry_header.pxi, to the last bit.
+# and of the functions in geometry_header.pxi; a batch composes them from the ends of the path up, a single
+# lookup from the top down, so that the last digits may differ.
 
 cdef enum:
     BATCH_TIMES = 64        # times; all arrays of a SeriesWork fit into the first-level cache
@@ -300,8 +301,7 @@ cdef enum:
 
 
 cdef struct Rests:
-    # The first hops of one side of a path, as long as they are static. They are composed once, with the same
-    # numbers as at each time; those behind a moving one are not, because the numbers would differ.
+    # The first hops of one side of a path, as long as they are static, which are composed once.
     uint32_t hops
     Transform transform     # from the frame in which the path begins; the identity for no hops
 

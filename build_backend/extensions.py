@@ -14,8 +14,8 @@ from setuptools.command.build_ext import build_ext
 from . import built_version, install_layout, required_tools
 
 # No -ffast-math, because comparisons with NaN and infinity decide what is refused. No contraction into fused
-# multiply-adds, because the last bits would depend on the machine. No vectors out of straight-line code: where
-# quaternions are multiplied, GCC then shuffles more than it computes (a static hop: 15 instead of 11 ns).
+# multiply-adds, because the last bits would depend on the machine. No vectors out of straight-line code: for
+# products of quaternions, GCC shuffles more than it computes, and a static hop takes 15 ns instead of 11.
 COMPILE_ARGS = ["-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-tree-slp-vectorize"]
 # Python's flags add debug information, which would be three quarters of the installed size.
 NO_DEBUG_ARGS = ["-g0"]

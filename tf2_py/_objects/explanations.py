@@ -105,7 +105,8 @@ class Explanation(NamedTuple):
 
     ``transform``: the answer, a ``geometry_msgs/TransformStamped``. ``time_ns``: the time of the lookup in
     nanoseconds; for the time 0, the latest common time. ``hops``: a list of :class:`Hop`, from the source
-    frame up to the common ancestor, then down to the target frame. Their transforms, composed, are the answer.
+    frame up to the common ancestor, then down to the target frame. Composed, their transforms are the
+    answer.
 
     >>> from tf2_py import BufferCore
     >>> from geometry_msgs.msg import TransformStamped

@@ -42,17 +42,17 @@ message filters | users of tf2_ros in C++: messages wait for their transforms
 buffer server and client | programs without a buffer of their own: lookups by an action
     *buffer_client* *buffer_server* *buffer-server*
 waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and waits end at the arrival
-    tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* tf2_ros/_threads.py *call_queue*
-    tf2_ros/_background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
-    tf2_ros/_live_objects.py tf2_ros/_node_lifetimes.py tf2_ros/_buffer_fillers.py
-    *sources_without_node* docs/callbacks.md *ended_nodes* *ends_in_any_order* tf2_ros/_running_loop.py
+    tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* */threads.py *call_queue*
+    */background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
+    */live_objects.py */node_lifetimes.py tf2_ros/_buffer_fillers.py
+    *sources_without_node* docs/callbacks.md *ended_nodes* *ends_in_any_order* */running_loop.py
 forks and signals | users of multiprocessing and Ctrl-C: children and handlers do not hang
     *fork* *interrupt* *late_signals* *stack_at_alarm* *exits_while_active*
 receiver | nodes with a listener: transforms arrive without spinning, at a tenth of the CPU time
-    tf2_ros/_receive/* tf2_ros/_rcl.* tf2_ros/*listen* tf2_py/core/cdr* tf2_ros/_qos.py *hidden_nodes*
+    tf2_ros/_receive/* tf2_ros/_rcl.* tf2_ros/*listen* tf2_py/core/cdr* */_nodes/qos.py *hidden_nodes*
     tf2_py/engine/engine_hooks* tests/ros/test_inbox* *listener* *receiver* *reception* *lost_messages*
     *loses_messages* *rcl_declarations* *faulty_middleware* *fastdds* *known_faults* *partial_discovery*
-    *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder* *_publisher_names*
+    *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder* */publisher_names.py
     *takes_after* *frame_prefix* tf2_ros/_registration.py docs/several-robots.md docs/environment.md
 records and serialized messages | writers of recorders and bridges: bytes in and out, without ROS
     tf2_ros/records* tf2_ros/serialization* tests/ros/test_records.py
@@ -64,7 +64,7 @@ types of messages | users of tf2_geometry_msgs: do_transform_* and transform for
     tests/core/test_roll_pitch_yaw.py docs/adding-a-type.md *registered_types* *new-message-type*
     *new_message_type* *rotations*
 without ROS | laptops without ROS: the same imports, with stand-ins for messages
-    *without_ros* *message_standins* *messages_with_or_without* tf2_ros/_message_classes.py
+    *without_ros* *message_standins* *messages_with_or_without* */_messages.py
 installation beside other tf2 | users of a sourced ROS 2: the right tf2 is imported, and a command says which
     tf2_ros_cython/* *which* *sourced* docs/installing.md docs/package.md docs/switching.md
     *installing* *unknown_rclpy* *example_ros_package* *unbuilt*
@@ -93,7 +93,7 @@ measurements | readers of the claims about speed: each figure can be repeated
 searches for faults | users who rely on it: fuzzing, sanitizers, stress
     reliability/* *fuzz* docs/development/reliability.md *failing_allocations* *allocation_failures*
 build and release | packagers: wheels, debs and checks
-    build_backend/* setup.py release/* docs/*.py docs/development/release.md
+    build_backend/* setup.py release/* docs/*.py docs/development/release.md docs/development/distributions.md
     tests/packaging/* *typed* *type_checkers*
 examples and internals | readers of the code: where what is, and programs to begin with
     examples/* docs/development/* docs/testing.md docs/*.md

@@ -298,9 +298,9 @@ class Round:
             own_node = rclpy.create_node("stress_listener", parameter_overrides=WITHOUT_SERVICE)
             spins = way == 2
             listener = TransformListener(self.buffer, own_node, spin_thread=spins)
-        topics = listener._tf2_listening.topics
+        topics = listener._tf2_state.topics
         self.ending.wait(rng.uniform(0.1, 1.5))
-        receiver = listener._tf2_listening.receiver
+        receiver = listener._tf2_state.receiver
         if spins:
             listener.__exit__()
         else:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from tf2_py import BufferCore
 from tf2_py.printable import printable
-from tf2_ros._forking import LOCK
+from tf2_ros._process.forking import LOCK
 from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from typing import Any, TypeVar, cast
 
-from tf2_ros._message_classes import TransformStamped
+from tf2_ros._messages import TransformStamped
 
 _Object = TypeVar("_Object")
 _New = TypeVar("_New")

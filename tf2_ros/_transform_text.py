@@ -7,7 +7,7 @@ from typing import Any
 
 from tf2_py._internal import seconds, time_ns
 from tf2_py.printable import printable
-from tf2_ros._message_classes import numbers_of
+from tf2_ros._messages import numbers_of
 
 GIMBAL_LOCK = 0.99999  # sine of the pitch from which on roll and yaw turn about one axis, as in tf2
 

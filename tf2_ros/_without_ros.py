@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import NoReturn
 
-from tf2_ros._threads import callbacks
+from tf2_ros._process.threads import callbacks
 from tf2_ros._wait.pending import PendingFuture, call_all
 from tf2_ros_cython._ros_presence import absence
 

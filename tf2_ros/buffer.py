@@ -15,9 +15,9 @@ from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of, shortcut, time_ns
 from tf2_py.typing import DurationLike, DurationsLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
-from tf2_ros._background import check_regularly
 from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, is_filled, note_filler, silence_of
-from tf2_ros._message_classes import TransformStamped
+from tf2_ros._messages import TransformStamped
+from tf2_ros._process.background import check_regularly
 from tf2_ros._wait.changes import Changes
 from tf2_ros._wait.futures import TransformFuture, WakingFuture, end_for
 from tf2_ros._wait.lookup import Lookup
@@ -39,8 +39,8 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.time import Time
 
     from tf2_msgs.srv import FrameGraph
-    from tf2_ros._node_lifetimes import require_node
-    from tf2_ros._publisher_names import clock_publishers
+    from tf2_ros._nodes.node_lifetimes import require_node
+    from tf2_ros._nodes.publisher_names import clock_publishers
     from tf2_ros._rclpy import is_simulated, is_steady
 else:
     from tf2_ros._without_ros import Clock, InvalidHandle, is_simulated, is_steady, names_that_need_ros

@@ -14,7 +14,7 @@ import numpy as np
 from tf2_py import BufferCore, LookupException, TransformException
 from tf2_py._internal import as_times_ns, seconds, stamp_parts
 from tf2_ros._arguments import kind_of
-from tf2_ros._message_classes import TransformStamped
+from tf2_ros._messages import TransformStamped
 from tf2_ros.numpy import to_arrays, to_matrix
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from tf2_py._internal import (
     rotations_from_matrices,
     time_ns,
 )
-from tf2_ros._message_classes import (
+from tf2_ros._messages import (
     Header,
     Pose,
     PoseStamped,

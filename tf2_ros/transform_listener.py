@@ -19,11 +19,12 @@ from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import class_name
 from tf2_ros._arguments import SignatureOfInit, valid_prefix, with_prefix
-from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
-from tf2_ros._hidden_nodes import hidden_node
-from tf2_ros._node_lifetimes import require_node
-from tf2_ros._publisher_names import name_unfit_publishers
-from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
+from tf2_ros._nodes.hidden_nodes import hidden_node
+from tf2_ros._nodes.node_lifetimes import require_node
+from tf2_ros._nodes.publisher_names import name_unfit_publishers
+from tf2_ros._nodes.qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
+from tf2_ros._nodes.spinner import Spinner
+from tf2_ros._process.forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (
     destroy_subscription,
@@ -34,10 +35,10 @@ from tf2_ros._rclpy import (
     subscribe_in_loop,
 )
 from tf2_ros._receive.inbox import AUTHORITY
+from tf2_ros._receive.listener_state import ListenerState
 from tf2_ros._receive.listener_topics import Topic, describe_topics
 from tf2_ros._receive.listeners_and_silence import note_listener
-from tf2_ros._receive.receiver import ListenerGroup, Listening, Receiver
-from tf2_ros._spinner import Spinner
+from tf2_ros._receive.receiver import ListenerGroup, Receiver
 from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
@@ -134,7 +135,7 @@ class TransformListener:
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
 
-    _tf2_listening: Listening
+    _tf2_state: ListenerState
 
     __signature__ = SignatureOfInit()
 
@@ -143,7 +144,7 @@ class TransformListener:
         self = super().__new__(cls)
         # This makes __dict__. If the finalizer made it, the collector would keep all to which it refers, such
         # as the node, until its next run.
-        self.__dict__["_tf2_listening"] = Listening()
+        self.__dict__["_tf2_state"] = ListenerState()
         return self
 
     def __init__(
@@ -160,7 +161,7 @@ class TransformListener:
         prefix: str = "",
         recording: Recording | None = None,
     ) -> None:
-        listening = self._tf2_listening
+        listening = self._tf2_state
         if node is not None:
             require_node(
                 type(self).__name__, node, "create_subscription", buffer, "the buffer first, then the node"
@@ -196,11 +197,11 @@ class TransformListener:
     @property
     def buffer(self) -> Any:
         """The buffer that the listener fills; another one may be assigned."""
-        return self._tf2_listening.buffer
+        return self._tf2_state.buffer
 
     @buffer.setter
     def buffer(self, buffer: TransformSink) -> None:
-        listening = self._tf2_listening
+        listening = self._tf2_state
         refuse_inherited(self, listening.process)
         listening.buffer = buffer
         if listening.receiver is not None:
@@ -215,12 +216,12 @@ class TransformListener:
         The executor that spins the node inserts the transforms of other topics. Empty after the end of the
         listener, and in a forked child.
         """
-        receiver = self._tf2_listening.receiver
+        receiver = self._tf2_state.receiver
         return () if receiver is None else tuple(topic.name for topic in receiver.topics)
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""
-        self.__end(ends_thread=self._tf2_listening.owns_node)
+        self.__end(ends_thread=self._tf2_state.owns_node)
 
     def __del__(self) -> None:
         """
@@ -238,7 +239,7 @@ class TransformListener:
         self.__end()
 
     def __end(self, *, ends_thread: bool = True, waits: bool = True) -> None:
-        listening = self._tf2_listening
+        listening = self._tf2_state
         if is_inherited(listening.process):
             return  # it belongs to the parent
         if listening.spinner is not None and ends_thread:
@@ -253,7 +254,7 @@ class TransformListener:
 
     def __repr__(self) -> str:
         """Describe the topics: how many messages were received, and when the last one was."""
-        listening = self._tf2_listening
+        listening = self._tf2_state
         name = class_name(type(self))
         if is_inherited(listening.process):
             return f"<{name}: {FORKED}>"
@@ -271,7 +272,7 @@ class TransformListener:
 
     def __insert(self, method: str, data: TFMessage, insert: Callable[..., object]) -> None:
         """Count a message for this method, and insert its transforms with the prefix."""
-        listening = self._tf2_listening
+        listening = self._tf2_state
         for topic in listening.topics:
             if topic.method == method:
                 topic.arrivals.count()
@@ -280,7 +281,7 @@ class TransformListener:
 
     def __direct_buffer(self) -> BufferCore | None:
         """The buffer; None if user code would handle what is received or inserted."""
-        listening = self._tf2_listening
+        listening = self._tf2_state
         buffer: Any = listening.buffer
         is_direct = (
             isinstance(buffer, BufferCore)
@@ -293,7 +294,7 @@ class TransformListener:
 
     def __listen(self) -> None:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""
-        listening = self._tf2_listening
+        listening = self._tf2_state
         call_queue = listening.call_queue
         # An EventsExecutor has arrivals reported to itself.
         can_receive = call_queue is not None and call_queue.runner.uses_wait_sets and problem() is None
@@ -337,12 +338,12 @@ class TransformListener:
         """Leave all to an ``EventsExecutor`` that took the node while this subscribed."""
         # Either of the two may have had arrivals reported to itself last, and so instead of to the other.
         receiver.redirect(None)
-        for topic in self._tf2_listening.topics:
+        for topic in self._tf2_state.topics:
             destroy_subscription(self.node, topic.subscription)
             self.__subscribe(topic, needs_executor=True)
 
     def __spin(self) -> None:
-        listening = self._tf2_listening
+        listening = self._tf2_state
         # Only the listener uses a hidden node; a program's own keeps the program alive.
         owns = listening.owns_node
         spinner = Spinner(self.node, daemon=owns, at_end=self.node.destroy_node if owns else None)

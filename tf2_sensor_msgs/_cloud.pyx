@@ -22,7 +22,7 @@ from tf2_sensor_msgs._point_field_numbers cimport (
     number_size,
     number_store,
 )
-from tf2_sensor_msgs._avx2_triples cimport (
+from tf2_sensor_msgs._avx2_points cimport (
     FieldSpan,
     Knots,
     TimeSource,

@@ -60,7 +60,7 @@ def require_cloud(cloud):
 
 
 class Span(NamedTuple):
-    """What the numbers in a field of times are like; see FieldSpan in avx2_triples.h."""
+    """What the numbers in a field of times are like; see FieldSpan in avx2_points.h."""
 
     lowest: float
     highest: float

@@ -11,7 +11,7 @@ from paths import ROOT
 from project_sources import PYPROJECT, tomllib
 
 from tf2_py import _tf2_py
-from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH
+from tf2_ros._nodes.qos import DYNAMIC_DEPTH, STATIC_DEPTH
 
 pytestmark = pytest.mark.ours
 

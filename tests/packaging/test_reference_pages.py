@@ -10,7 +10,7 @@ from project_sources import PACKAGES
 
 from tf2_py import typing
 from tf2_ros import Buffer, StaticTransformBroadcaster, TransformBroadcaster, TransformListener
-from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH
+from tf2_ros._nodes.qos import DYNAMIC_DEPTH, STATIC_DEPTH
 
 pytestmark = pytest.mark.ours
 

@@ -143,7 +143,7 @@ async def test_the_thread_of_a_buffer_server_ends_before_its_action(tf2_ros, buf
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ActionServer, "destroy", note_and_destroy)
-        patch.setattr("tf2_ros._spinner.CALLBACK_END_WAIT_S", DEADLINE_S)
+        patch.setattr("tf2_ros._nodes.spinner.CALLBACK_END_WAIT_S", DEADLINE_S)
         async with AsyncNode("serving") as node:
             tf2_ros.BufferServer(buffer, node, "lookup").destroy()
     assert threads == []
@@ -180,7 +180,7 @@ async def test_reception_iterations_and_queued_futures_end_with_it(tf2_ros, buff
         await until(lambda: sender.count_subscribers("/tf") == 1)
         stream = aiter(tf2_ros.MessageFilter(None, buffer, "map", 10, node=node))
         step = asyncio.create_task(anext(stream))
-        queue = listener._tf2_listening.call_queue
+        queue = listener._tf2_state.call_queue
         await asyncio.sleep(0)
     assert listener.receives == ()
     with pytest.raises(StopAsyncIteration):

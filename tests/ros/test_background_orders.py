@@ -3,7 +3,8 @@
 """
 The background thread beside a thread that gives it work, line by line in many orders: nothing due is left.
 
-The lines are those of ``tf2_ros/_background.py``. The test has its own time, and its own event for the sleep.
+The lines are those of ``tf2_ros/_process/background.py``. The test has a time, and an event for the sleep, of
+its own.
 """
 
 import ast
@@ -16,11 +17,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from tf2_ros import _background
+from tf2_ros._process import background as module
 
 pytestmark = pytest.mark.ours
 
-FILE = _background.__file__
+FILE = module.__file__
 RANDOM_ORDERS = 100
 UNIT_NS = 100_000_000
 END_OF_CHECKS_NS = 5 * 10**9
@@ -110,7 +111,7 @@ class Order:
         self.now_ns, self.until_ns = 10**9, 0
         self.is_woken = self.is_stopped = False
         self.work, self.checked, self.wakes_ns, self.wrong = [], [], [], []
-        names = dict(vars(_background), FEW=2, time=SimpleNamespace(monotonic_ns=lambda: self.now_ns))
+        names = dict(vars(module), FEW=2, time=SimpleNamespace(monotonic_ns=lambda: self.now_ns))
         names["start_once"] = lambda *_: None  # it runs from the beginning
         exec(source, names)
         self.background = names["Background"](self)
@@ -172,12 +173,12 @@ class Order:
             self.checked.clear()
         next_ns = min([self.until_ns, *self.wakes_ns, *pending_ns])
         self.now_ns = max(self.now_ns, next_ns)
-        return next_ns < _background.NEVER_NS
+        return next_ns < module.NEVER_NS
 
 
 def source_of(*changes):
     """The compiled classes of the background thread, with some text replaced."""
-    text = inspect.getsource(_background)
+    text = inspect.getsource(module)
     for before, after in zip(changes[::2], changes[1::2], strict=True):
         assert text.count(before) == 1, before
         text = text.replace(before, after)

@@ -20,7 +20,7 @@ from rclpy.time import Time
 from spinning_nodes import at_once, spinning
 from waiting import DEADLINE_S, errors_so_far, until
 
-from tf2_ros._background import background
+from tf2_ros._process.background import background
 
 pytestmark = pytest.mark.ours
 

@@ -31,7 +31,7 @@ LATEST = Time()
 
 def taken(listener):
     """How many messages of dynamic transforms were taken."""
-    return listener._tf2_listening.topics[0].arrivals.taken()[0]
+    return listener._tf2_state.topics[0].arrivals.taken()[0]
 
 
 def output_with_own_settings(program, *arguments):

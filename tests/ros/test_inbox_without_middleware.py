@@ -23,7 +23,7 @@ from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer
-from tf2_ros._background import Background, add_owner
+from tf2_ros._process.background import Background, add_owner
 from tf2_ros._receive.inbox import Inbox, Inboxes, Observer
 from tf2_ros.records import Recording
 

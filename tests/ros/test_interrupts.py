@@ -24,9 +24,9 @@ from waiting import DEADLINE_S, until
 
 import tf2_py
 import tf2_ros
-from tf2_ros import _threads
-from tf2_ros._background import Background
-from tf2_ros._live_objects import LiveObjects
+from tf2_ros._process import threads
+from tf2_ros._process.background import Background
+from tf2_ros._process.live_objects import LiveObjects
 from tf2_ros._receive.inbox import Inboxes
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.call_runners import Runner
@@ -198,7 +198,7 @@ def background():
 def surplus_threads():
     """Background threads that run beside the one that is registered, or that are about to end."""
     alive = [thread for thread in threading.enumerate() if thread.name == "tf2_ros background"]
-    return [thread for thread in alive if thread not in _threads.running.values()]
+    return [thread for thread in alive if thread not in threads.running.values()]
 
 
 class Expires:
@@ -225,7 +225,7 @@ def test_an_interrupt_just_after_the_start_of_the_background_thread_leaves_one(m
 
     later, now = Expires(), Expires()
     with monkeypatch.context() as patch:
-        patch.setattr(_threads, "start_new_thread", interrupted_start)
+        patch.setattr(threads, "start_new_thread", interrupted_start)
         with pytest.raises(Interrupt):
             background.expire_at(time.monotonic_ns() + 10**15, later)
     background.expire_at(0, now)
@@ -291,7 +291,7 @@ def test_a_thread_whose_start_is_interrupted_ends(tf2_ros, node, buffer, monkeyp
 def test_of_several_threads_that_start_one_runs():
     ran = []
     for _ in range(5):
-        _threads.start_once("of the process", ran.append, "once")
+        threads.start_once("of the process", ran.append, "once")
     until(lambda: ran and "of the process" not in [one.name for one in threading.enumerate()])
     assert ran == ["once"]
 

@@ -27,7 +27,7 @@ def publisher(new_node):
 def topic(tf2_ros, buffer, node):
     """The topic /tf of a listener with a short queue."""
     with tf2_ros.TransformListener(buffer, node, qos=DEPTH) as listener:
-        yield listener._tf2_listening.topics[0]
+        yield listener._tf2_state.topics[0]
 
 
 def publish(publisher, count):
@@ -47,7 +47,7 @@ def send(publisher, count):
 def paused(tf2_ros, buffer, node):
     """A listener with a short queue whose messages nobody takes, and what ends that."""
     with tf2_ros.TransformListener(buffer, node, qos=DEPTH) as listener:
-        inbox = listener._tf2_listening.receiver.inbox
+        inbox = listener._tf2_state.receiver.inbox
         inbox.fill(None)
         yield listener, lambda: inbox.fill(buffer)
 
@@ -55,7 +55,7 @@ def paused(tf2_ros, buffer, node):
 class TestInTheQueueOfTheListener:
     def test_what_newer_messages_displace_is_counted_and_one_warning_says_so(self, paused, publisher, capfd):
         listener, go_on = paused
-        topic = listener._tf2_listening.topics[0]
+        topic = listener._tf2_state.topics[0]
         send(publisher, SENT)
         go_on()
         until(lambda: topic.lost() == (0, SENT - DEPTH))
@@ -70,12 +70,12 @@ class TestInTheQueueOfTheListener:
 
     def test_the_next_warning_comes_later_and_names_the_rest(self, paused, publisher, capfd, monkeypatch):
         listener, go_on = paused
-        topic = listener._tf2_listening.topics[0]
+        topic = listener._tf2_state.topics[0]
         send(publisher, SENT)
         go_on()
         until(lambda: "Lost 8 messages" in errors_so_far())
         monkeypatch.setattr("tf2_ros._receive.listener_topics.LOSS_WARNING_S", 10**6)
-        listener._tf2_listening.receiver.inbox.fill(None)
+        listener._tf2_state.receiver.inbox.fill(None)
         send(publisher, DEPTH + 1)
         go_on()
         until(lambda: topic.lost() == (0, SENT - DEPTH + 1))
@@ -95,7 +95,7 @@ class TestInTheQueueOfTheListener:
         keeps_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
         sent = 2 * max(keeps_all.depth, SENT)
         with tf2_ros.TransformListener(buffer, node, qos=keeps_all) as listener:
-            inbox, topic = listener._tf2_listening.receiver.inbox, listener._tf2_listening.topics[0]
+            inbox, topic = listener._tf2_state.receiver.inbox, listener._tf2_state.topics[0]
             inbox.fill(None)
             send(publisher, sent)
             inbox.fill(buffer)
@@ -104,7 +104,7 @@ class TestInTheQueueOfTheListener:
 
     def test_a_queue_that_was_full_and_publishers_that_end_lose_nothing(self, paused, new_node):
         listener, go_on = paused
-        topic = listener._tf2_listening.topics[0]
+        topic = listener._tf2_state.topics[0]
         node = new_node("sending")
         for number in range(3):
             publisher = node.create_publisher(TFMessage, "/tf", SENT)
@@ -113,7 +113,7 @@ class TestInTheQueueOfTheListener:
             until(lambda: listener.node.count_publishers("/tf") == 0)
             go_on()
             until(lambda number=number: topic.arrivals.taken()[0] == (number + 1) * DEPTH)
-            listener._tf2_listening.receiver.inbox.fill(None)
+            listener._tf2_state.receiver.inbox.fill(None)
         assert topic.lost() == (0, 0)
 
 
@@ -129,7 +129,7 @@ class TestOnTheWay:
         self, inserter, tf2_ros, buffer, node, executor, losing, capfd
     ):
         with tf2_ros.TransformListener(buffer, node) as listener:
-            until(lambda: listener._tf2_listening.topics[0].lost()[0] > 0, executor)
+            until(lambda: listener._tf2_state.topics[0].lost()[0] > 0, executor)
             warning = " on /tf: they did not reach the listener. Make the listener and publishers reliable"
             until(lambda: warning in errors_so_far(), executor)
             assert "lost; /tf_static" in repr(listener)
@@ -140,13 +140,13 @@ class TestOnTheWay:
             tf2_ros.TransformListener(buffer, node) as listener,
             tf2_ros.StaticTransformListener(tf2_ros.Buffer(), node, tf_static_topic="/tf") as latched,
         ):
-            topics = listener._tf2_listening.topics[0], latched._tf2_listening.topics[0]
+            topics = listener._tf2_state.topics[0], latched._tf2_state.topics[0]
             until(lambda: topics[0].lost()[0] > 0 and topics[1].arrivals.taken()[0] > 0)
             assert topics[1].lost() == (0, 0)
 
     def test_the_count_survives_the_subscription(self, tf2_ros, buffer, node, losing):
         listener = tf2_ros.TransformListener(buffer, node)
-        topic = listener._tf2_listening.topics[0]
+        topic = listener._tf2_state.topics[0]
         lost = until(lambda: topic.lost()[0])
         listener.unregister()
         gc.collect()

@@ -19,7 +19,7 @@ from spinning_nodes import spinning
 from waiting import DEADLINE_S, until
 
 from tf2_py import BufferCore
-from tf2_ros._background import background
+from tf2_ros._process.background import background
 
 pytestmark = pytest.mark.ours
 

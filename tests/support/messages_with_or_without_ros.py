@@ -10,7 +10,7 @@ try:
 except ModuleNotFoundError:
     from dataclasses import dataclass
 
-    from tf2_ros._message_classes import TransformStamped, time_msg
+    from tf2_ros._messages import TransformStamped, time_msg
 
     @dataclass(frozen=True)
     class Duration:

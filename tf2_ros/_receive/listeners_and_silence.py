@@ -9,7 +9,7 @@ from typing import Any
 
 from tf2_py import BufferCore
 from tf2_ros._buffer_fillers import ask_for_silence, note_filler
-from tf2_ros._live_objects import LiveObjects
+from tf2_ros._process.live_objects import LiveObjects
 from tf2_ros._receive.listener_topics import Topic
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
@@ -25,7 +25,7 @@ def note_listener(listener: Any) -> None:
     buffer = listener.buffer
     _listeners.add(listener)
     # A subclass that does not call __init__ may not have a node yet.
-    note_filler(getattr(listener, "node", None), buffer, listener._tf2_listening.call_queue)
+    note_filler(getattr(listener, "node", None), buffer, listener._tf2_state.call_queue)
     if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
         ask_for_silence(buffer, _silence)
 
@@ -33,7 +33,7 @@ def note_listener(listener: Any) -> None:
 def _open_topics(buffer: object) -> list[Topic]:
     """The topics on which the listeners of a buffer can receive anything."""
     listeners = [one for one in _listeners if getattr(one, "buffer", None) is buffer]
-    return [topic for listener in listeners for topic in listener._tf2_listening.topics if topic.is_open()]
+    return [topic for listener in listeners for topic in listener._tf2_state.topics if topic.is_open()]
 
 
 def _silence(buffer: object) -> tuple[str, str]:

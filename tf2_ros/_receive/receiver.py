@@ -11,8 +11,8 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import HistoryPolicy, QoSProfile
 
 from tf2_py import BufferCore
-from tf2_ros._background import add_owner
-from tf2_ros._forking import is_inherited
+from tf2_ros._process.background import add_owner
+from tf2_ros._process.forking import is_inherited
 from tf2_ros._rclpy import (
     context_was_shut_down,
     event_handlers,
@@ -66,13 +66,13 @@ class Receiver:
         self._process = os.getpid()
         # The destroyed ones remain hidden: an executor that has just met the event handler of one, and may
         # wait for it, raises InvalidHandle.
-        self._topics = self._group.hidden = listener._tf2_listening.topics
+        self._topics = self._group.hidden = listener._tf2_state.topics
         self._group.hides_all = False
         clock: Any = getattr(listener.buffer, "clock", None)
         handle = clock.handle if is_ros_clock(clock) else None
-        recording = listener._tf2_listening.recording
+        recording = listener._tf2_state.recording
         self._source = Subscriptions(recording is not None, handle)
-        self.inbox = Inbox(self._source, call_queue.hand_over, recording, listener._tf2_listening.prefix)
+        self.inbox = Inbox(self._source, call_queue.hand_over, recording, listener._tf2_state.prefix)
         if isinstance(runner, Observer):
             self.inbox.add_observer(runner)
         try:
@@ -146,23 +146,3 @@ class Receiver:
         if not any(one.arrivals.is_received for one in self._topics):
             self.stop()
         topic.destroy()
-
-
-class Listening:
-    """
-    What belongs to a listener, for the modules that receive for it.
-
-    Its fields have these values until the listener is made, and for good in a subclass that does not call
-    ``__init__``.
-    """
-
-    def __init__(self) -> None:
-        self.buffer: Any = None
-        self.topics: Sequence[Topic] = ()
-        self.prefix = ""
-        self.recording: Any = None
-        self.process: int | None = None
-        self.owns_node = False
-        self.spinner: Any = None  # the thread that spins the node
-        self.call_queue: Any = None  # of the node; None: that is of a program's own kind
-        self.receiver: Receiver | None = None  # None: executors take the messages

@@ -18,12 +18,12 @@ from functools import partial
 from threading import get_ident, main_thread
 
 from tf2_py._internal import log
-from tf2_ros._forking import is_inherited
 from tf2_ros._buffer_fillers import Fillers
-from tf2_ros._node_lifetimes import keep_in_children, node_has_ended
+from tf2_ros._nodes.node_lifetimes import node_has_ended
+from tf2_ros._process.background import check_regularly
+from tf2_ros._process.forking import is_inherited, keep_in_children
+from tf2_ros._process.threads import callbacks
 from tf2_ros._rclpy import context_was_shut_down
-from tf2_ros._background import check_regularly
-from tf2_ros._threads import callbacks
 from tf2_ros._wait.pending import call_all
 
 WARN_S = 10.0   # how long calls wait for what runs the node before a warning says so

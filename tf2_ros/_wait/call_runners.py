@@ -13,7 +13,7 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.waitable import Waitable
 
-from tf2_ros._forking import LOCK
+from tf2_ros._process.forking import LOCK
 from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, waits_for_sets, wake
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.executor_rounds import ExecutorRounds

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from tf2_py import BufferCore, TimeoutException
-from tf2_ros._message_classes import TransformStamped
+from tf2_ros._messages import TransformStamped
 from tf2_ros._wait.futures import TransformFuture
 
 

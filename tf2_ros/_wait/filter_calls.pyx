@@ -96,7 +96,7 @@ cdef class FilterCalls:
         return 0
 
 
-cdef class Waits:
+cdef class WaitsForAll:
     """
     The waits for several transforms, of which all are needed; it has the methods of a Wait.
 
@@ -172,9 +172,9 @@ cdef class FilteredMessage(Pending):
             first one is its result.
         :param policy: of ``policy_of``.
         """
-        cdef Waits several = None
+        cdef WaitsForAll several = None
         if len(needed) > 1:
-            several = self.wait = Waits(len(needed))
+            several = self.wait = WaitsForAll(len(needed))
         for frame, ns in needed:
             wait = BufferCore._wait(
                 buffer, frame, self.frame, ns, notify=self.answered, policy=policy, until_refused=True)
@@ -189,7 +189,7 @@ cdef class FilteredMessage(Pending):
         """Pass, unless the message lacks another transform; with an error, drop it."""
         if error is not None:
             answer, error = self._calls.refused(error)
-        elif isinstance(self.wait, Waits):
+        elif isinstance(self.wait, WaitsForAll):
             answer, error = self._outcome(self, None)
         return None if answer is None else self.end_or_queue(answer, error)
 

@@ -11,7 +11,8 @@ from typing import Any
 from rclpy.executors import Executor
 from rclpy.task import Future, Task
 
-from tf2_ros._background import background
+from tf2_ros._process.background import background
+from tf2_ros._process.threads import call_logged, start
 from tf2_ros._rclpy import (
     HEEDS_FUTURES,
     RESUMES_TASKS,
@@ -22,7 +23,6 @@ from tf2_ros._rclpy import (
     spun_executor,
     task_executor,
 )
-from tf2_ros._threads import call_logged, start
 from tf2_ros._wait.pending import PendingFuture, Waker
 
 STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task

@@ -16,5 +16,5 @@ broadcaster = StaticTransformBroadcaster(rclpy.create_node("sending"))
 broadcaster.sendTransform(mount)
 with TransformListener(buffer, node) as listener:
     buffer.lookup_transform("base", "camera", Time(), 60.0)
-    print("lost:", listener._tf2_listening.topics[1].lost())
+    print("lost:", listener._tf2_state.topics[1].lost())
 rclpy.shutdown()

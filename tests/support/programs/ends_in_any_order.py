@@ -54,7 +54,7 @@ def live_and_end(order, name, kind, spin_thread):
     buffer = tf2_ros.Buffer(node=node)
     buffer.node = node  # a program's own ways from the buffer to the node keep nothing alive
     listener = kind(buffer, node, spin_thread=spin_thread)
-    references = [weakref.ref(thing) for thing in (node, buffer, listener, listener._tf2_listening.receiver)]
+    references = [weakref.ref(thing) for thing in (node, buffer, listener, listener._tf2_state.receiver)]
     for what in order:
         if what == "unregister":
             listener.unregister()

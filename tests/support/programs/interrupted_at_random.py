@@ -23,7 +23,7 @@ from repetitions import first_seed
 from waiting import DEADLINE_S
 
 from tf2_ros import Buffer, BufferClient, MessageFilter, TransformException, TransformListener
-from tf2_ros._forking import LOCK
+from tf2_ros._process.forking import LOCK
 
 faulthandler.enable()
 random.seed(first_seed())

@@ -15,7 +15,7 @@ rclpy.init()
 node, buffer = rclpy.create_node("hearing"), Buffer()
 broadcaster = TransformBroadcaster(rclpy.create_node("sending"))
 with TransformListener(buffer, node) as listener:
-    inbox = listener._tf2_listening.receiver.inbox
+    inbox = listener._tf2_state.receiver.inbox
     inbox.fill(None)  # so that all of them wait
     until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
     for frame in FRAMES:

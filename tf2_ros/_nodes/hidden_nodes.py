@@ -7,7 +7,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from tf2_ros._node_lifetimes import keep_in_children
+from tf2_ros._process.forking import keep_in_children
 
 
 def hidden_node(prefix: str, owner: object, **options: Any) -> Node:

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: tf2-ros-cython contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-/* Transform triples of coordinates with the vector registers of AVX2; see _avx2_triples.pxd.
+/* Transform triples of coordinates with the vector registers of AVX2; see _avx2_points.pxd.
 
    Products and sums are those of the plain loop, in double precision and in the same order: the same bits. */
 

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Transform triples of coordinates with the vector registers of AVX2: what avx2_triples.h has."""
+"""Transform triples of coordinates with the vector registers of AVX2: what avx2_points.h has."""
 
 from libc.stddef cimport ptrdiff_t
 from libc.stdint cimport int64_t
 
 
-cdef extern from "tf2_sensor_msgs/avx2_triples.h":
+cdef extern from "tf2_sensor_msgs/avx2_points.h":
     bint wide_is_supported() noexcept nogil     # whether the machine can do what follows
     # x y z lie beside each other, in this machine's byte order, at the start of each of `count` points that
     # do not overlap. `source` and `target` may be the same if the steps are equal; otherwise `target_step` is

@@ -1,17 +1,15 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Refuse destroyed nodes, recognize those that have ended, and keep forked children from destroying nodes."""
+"""Refuse destroyed nodes, and recognize those that have ended."""
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 
-from tf2_py._internal import MalformedObjectError, keep_for_ever
+from tf2_py._internal import MalformedObjectError
 from tf2_ros._arguments import kind_of
-from tf2_ros._live_objects import LiveObjects
 from tf2_ros._rclpy import context_was_shut_down, handle_exists, is_node
 
 
@@ -49,23 +47,3 @@ def suppress_at_end(node: Any) -> Iterator[None]:
     except RuntimeError:
         if not node_has_ended(node):
             raise
-
-
-_of_middleware: LiveObjects[object] = LiveObjects()
-
-
-def keep_in_children(node_or_executor: object) -> None:
-    """
-    Never destroy a node or an executor, and what it refers to, in a forked child.
-
-    A child lacks the threads of the middleware, so destroying any part of a node may hang.
-    """
-    _of_middleware.add(node_or_executor)
-
-
-def _after_fork_in_child() -> None:
-    keep_for_ever(*_of_middleware)
-    _of_middleware.clear()
-
-
-os.register_at_fork(after_in_child=_after_fork_in_child)

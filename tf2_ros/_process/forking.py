@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Refuse what forked children inherited, and free the locks that they need."""
+"""In forked children, refuse what they inherited, free the locks that they need, and destroy no node."""
 
 import os
 import threading
 
-from tf2_py._internal import class_name
+from tf2_py._internal import class_name, keep_for_ever
+from tf2_ros._process.live_objects import LiveObjects
 
 FORKED = "dead in this forked process"  # in the representation of an inherited object
 
@@ -30,3 +31,23 @@ def refuse_inherited(one: object, process: int | None) -> None:
     if is_inherited(process):
         name = class_name(type(one))
         raise RuntimeError(f"this {name} is {FORKED}: create a new one after the fork")
+
+
+_of_middleware: LiveObjects[object] = LiveObjects()
+
+
+def keep_in_children(node_or_executor: object) -> None:
+    """
+    Never destroy a node or an executor, and what it refers to, in a forked child.
+
+    A child lacks the threads of the middleware, so destroying any part of a node may hang.
+    """
+    _of_middleware.add(node_or_executor)
+
+
+def _after_fork_in_child() -> None:
+    keep_for_ever(*_of_middleware)
+    _of_middleware.clear()
+
+
+os.register_at_fork(after_in_child=_after_fork_in_child)

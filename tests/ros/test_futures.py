@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import threading
+import time
 import weakref
 from contextlib import nullcontext
 
@@ -145,6 +146,20 @@ class TestTimeout:
             match=r"^Waited 0\.05 s for .*does not exist\. The buffer is empty: it has ",
         ):
             future.result()
+
+    def test_what_an_insert_has_answered_counts_although_it_was_not_tried_yet(self, buffer, tf2_py):
+        # An insert tries its waiters in steps; between two of them, a timeout may come first.
+        insert(buffer)
+        first = time.monotonic() + 0.4
+        futures = [
+            wait(buffer, Time(seconds=5), timeout=Duration(seconds=first + i * 12e-6 - time.monotonic()))
+            for i in range(4000)
+        ]
+        until(lambda: futures[400].done())
+        insert(buffer, 9.0)
+        until(lambda: all(future.done() for future in futures))
+        errors = [str(future.exception()) for future in futures if future.exception()]
+        assert [error for error in errors if "extrapolation" not in error] == []
 
     def test_none_at_all_ends_it_at_once(self, buffer, tf2_py):
         for timeout in (Duration(), Long(float("-inf"))):

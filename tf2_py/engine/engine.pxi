@@ -200,6 +200,13 @@ cdef class Engine:
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return is_waking or batch.done < batch.count
 
+    cdef void finish_wakes(self) noexcept nogil:
+        # So that whatever waits for what is inserted has its answer.
+        lock_acquire(&self._lock)
+        while self._waiters.ready != NULL:
+            wake_step(&self._waiters, &self._tree)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil:
         cdef Entry* entry = &batch.entries[batch.done]
         cdef Change* change = &self._waiters.change if self._waiters.count else NULL
@@ -753,7 +760,10 @@ cdef class Engine:
         if judged.policy.is_given and judged.policy.judges_age:
             self.read_clock(&judged, &reading)
         cdef Status status = self.lookup(&judged, &not_needed, &stamp_ns)
-        return None if status.code == STATUS_OK else self.error(query, status)
+        if status.code != STATUS_OK:
+            return self.error(query, status)
+        self.finish_wakes()
+        return None
 
     cdef list frame_facts(self, bint roots=False):
         catch_up(self)

@@ -46,6 +46,7 @@ cdef class Engine:
     # its names still exist. `insert` does the same with the whole batch; what takes longer than one slice
     # lets other threads run.
     cdef bint insert_some(self, Batch* batch) noexcept nogil
+    cdef void finish_wakes(self) noexcept nogil
     cdef void insert(self, Batch* batch)
     # Inserts the whole batch, which is not empty, in place of what its frames have from the first to the last
     # of its stamps, under one lock. Memory is either there for all of it, or nothing changes.

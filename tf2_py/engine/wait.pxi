@@ -129,7 +129,7 @@ cdef class Wait(WaiterOwner):
         return self._judges_age() and self._engine._must_look
 
     def reason(self):
-        """The exception that a lookup would raise now, or None."""
+        """The exception that a lookup would raise now. None: there is an answer, which waits have, too."""
         return self._engine.reason(&self._waiter.query)
 
     cpdef str lacks(self):

@@ -265,6 +265,25 @@ def test_calls_are_dropped_also_if_their_runner_cannot_leave(node):
         future.result()
 
 
+def test_a_finalizer_of_a_dropped_callback_does_not_end_its_future_again():
+    ended = []
+
+    class Callback:
+        def __call__(self, _):
+            """Do nothing."""
+
+        def __del__(self):
+            ended.append((future.done(), future.cancel()))
+
+    future = WakingFuture()
+    future.add_done_callback(Callback())
+    call = future.end_or_queue("an answer")
+    call.drop("the node was destroyed")
+    assert ended == [(True, None)]
+    with pytest.raises(TimeoutException, match="dropped, because the node was destroyed"):
+        future.result()
+
+
 class TestExecutors:
     @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
     def test_one_runs_them_in_their_order_one_at_a_time(self, queue, node, kind):

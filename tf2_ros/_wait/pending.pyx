@@ -190,10 +190,15 @@ cdef class PendingFuture(Pending):
 
     def drop(self, why):
         error = TimeoutException(f"The callbacks of this wait were dropped, because {why}")
-        if self._state == QUEUED:     # only now: making the error may run another thread
-            self.done_callbacks = []
+        none = []
+        if self._state == QUEUED:     # only now: what is made above may run another thread
+            # Cython frees the old value of an attribute before it stores the new one, and a finalizer that
+            # runs then may end this again. So these are kept until this has ended.
+            kept = self.done_callbacks, self._result
+            self.done_callbacks = none
             self._result, self._error = None, error
             self._end(DONE)
+            del kept
 
     cdef bint _runs_user_code(self) except -1:
         return len(self.done_callbacks) > 0

@@ -44,7 +44,7 @@ class Background:
     The background thread of some inboxes.
 
     A timer is an object with two methods: ``over()`` says whether nothing is left to do, and ``expire()``,
-    which is called when it is due, runs no code of a program.
+    which is called when it is due, runs no callback of a program; it may read a program's clock.
 
     Only the thread touches the heap. Other threads, signal handlers and finalizers append to ``_added``, and
     wake the thread if it would sleep for too long.

@@ -210,13 +210,14 @@ class TransformFuture(WakingFuture[TransformStamped]):
     :param begin_ns: the steady time from which the timeout counts. None: now.
 
     If the program itself inserts the missing data, the thread that does completes the future, and runs its
-    callbacks. If a listener receives it, a future without callbacks is completed at once, in any thread; one
-    with callbacks is queued, and completed together with them in the executor that spins the listener's node;
-    until then no timeout ends it. At the timeout, a pending one with callbacks is completed by the executor
-    that has the node of the buffer's latest listener; if none does at that moment, by a thread for callbacks.
+    callbacks. If a listener receives it, a future without callbacks of the program is completed at once, in
+    any thread, and wakes what awaits it; one with callbacks is queued, and completed together with them in
+    the executor that spins the listener's node; until then no timeout ends it. At the timeout, a pending one
+    with callbacks is completed by the executor that has the node of the buffer's latest listener; if none
+    does at that moment, by a thread for callbacks. Destroying a node ends no wait.
 
     The wait continues as long as something refers to the future. The buffer does if the future has a callback
-    or asyncio awaits it.
+    or is awaited.
     """
 
     def __init__(

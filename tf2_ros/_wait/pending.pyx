@@ -24,7 +24,8 @@ cdef tuple STATES = ("pending", "queued", "done", "cancelled")
 
 cdef class Pending:
     """
-    What ends once, with its callbacks. The first outcome counts, but `cancel` and `drop` replace a queued one.
+    What ends once, with its callbacks. The first outcome counts; only `cancel` and `drop` replace a queued
+    one.
 
     It is called to end it with the outcome that is queued. The call returns what has to be called next, after
     other work, or None.

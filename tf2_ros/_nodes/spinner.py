@@ -110,11 +110,9 @@ class Spinner:
 
 @atexit.register
 def _stop_spinning() -> None:
-    if not _running:
-        return
-    # After Ctrl-C, a thread of rclpy wakes all executors and shuts all contexts down. It does not notice when
-    # they are destroyed meanwhile, and crashes. This waits until it has ended. A forked child would wait for
-    # a thread that does not exist, or for another one in its place.
+    # After Ctrl-C, a thread of rclpy wakes all executors, also those of the program, and shuts all contexts
+    # down. It does not notice when they are destroyed meanwhile, and crashes. This waits until it has ended.
+    # A forked child would wait for a thread that does not exist, or for another one in its place.
     if not _lacks_signal_thread:
         uninstall_signal_handlers()
     for spinner in _running:

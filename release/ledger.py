@@ -93,7 +93,7 @@ measurements | readers of the claims about speed: each figure can be repeated
 searches for faults | users who rely on it: fuzzing, sanitizers, stress
     reliability/* *fuzz* docs/development/reliability.md *failing_allocations* *allocation_failures*
 build and release | packagers: wheels, debs and checks
-    build_backend/* setup.py release/* docs/*.py docs/development/release.md docs/development/distributions.md
+    build_backend/* setup.py release/* docs/*.py docs/development/release.md docs/development/packaging.md
     tests/packaging/* *typed* *type_checkers*
 examples and internals | readers of the code: where what is, and programs to begin with
     examples/* docs/development/* docs/testing.md docs/*.md

@@ -11,7 +11,7 @@ from time import perf_counter_ns
 import rclpy
 from geometry_msgs.msg import TransformStamped
 from load_publisher import Publisher, stamp_ns
-from measured_library import AUTHORITY
+from library_timing import AUTHORITY
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.time import Time

@@ -6,7 +6,7 @@ import os
 from ctypes import CDLL, POINTER, c_char_p, c_double, c_int64, c_size_t, c_void_p
 
 import numpy as np
-from measured_library import Library
+from library_timing import Library
 from trees_and_queries import QUERY, RECORD
 
 EMPTY = 1000

@@ -3,7 +3,7 @@
 """transform-tree, a library for Python that is written in Rust and needs no ROS."""
 
 import numpy as np
-from measured_library import Library, by_pair
+from library_timing import Library, by_pair
 
 
 class TfTree(Library):

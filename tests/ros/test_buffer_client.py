@@ -404,7 +404,7 @@ class TestThreads:
 
 @pytest.mark.ours
 def test_neither_dropped_responses_nor_a_server_that_is_half_discovered_end_a_lookup(tmp_path):
-    assert output_with_library("partial_discovery", tmp_path) == "robot\n"
+    assert output_with_library("half_discovered_server", tmp_path) == "robot\n"
 
 
 @pytest.mark.ours

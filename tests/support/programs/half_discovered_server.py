@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Asks a buffer server that is discovered in part, see `interposed/partial_discovery.c`."""
+"""Asks a buffer server that is discovered in part, see `interposed/half_discovered_server.c`."""
 
 import rclpy
 from making_objects import transform

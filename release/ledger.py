@@ -44,7 +44,7 @@ buffer server and client | programs without a buffer of their own: lookups by an
 waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and waits end at the arrival
     tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* */threads.py *call_queue*
     */background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
-    */live_objects.py */node_lifetimes.py tf2_ros/_buffer_fillers.py
+    */live_objects.py tf2_ros/_buffer_fillers.py
     *sources_without_node* docs/callbacks.md *ended_nodes* *ends_in_any_order* */running_loop.py
 forks and signals | users of multiprocessing and Ctrl-C: children and handlers do not hang
     *fork* *interrupt* *late_signals* *stack_at_alarm* *exits_while_active*
@@ -52,7 +52,7 @@ receiver | nodes with a listener: transforms arrive without spinning, at a tenth
     tf2_ros/_receive/* tf2_ros/_rcl.* tf2_ros/*listen* tf2_py/core/cdr* */_nodes/qos.py *hidden_nodes*
     tf2_py/engine/engine_hooks* tests/ros/test_inbox* *listener* *receiver* *reception* *lost_messages*
     *loses_messages* *rcl_declarations* *faulty_middleware* *fastdds* *known_faults* *half_discovered_server*
-    *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder* */publisher_names.py
+    *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder* */topic_publishers.py
     *takes_after* *frame_prefix* tf2_ros/_registration.py docs/several-robots.md docs/environment.md
 records and serialized messages | writers of recorders and bridges: bytes in and out, without ROS
     tf2_ros/records* tf2_ros/serialization* tests/ros/test_records.py

@@ -39,8 +39,8 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.time import Time
 
     from tf2_msgs.srv import FrameGraph
-    from tf2_ros._nodes.node_lifetimes import require_node
-    from tf2_ros._nodes.publisher_names import clock_publishers
+    from tf2_ros._nodes.ended_nodes import require_node
+    from tf2_ros._nodes.topic_publishers import clock_publishers
     from tf2_ros._rclpy import is_simulated, is_steady
 else:
     from tf2_ros._without_ros import Clock, InvalidHandle, is_simulated, is_steady, names_that_need_ros

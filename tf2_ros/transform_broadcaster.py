@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 from tf2_py._internal import MalformedObjectError, refused, serialize_as_ros
 from tf2_ros._arguments import kind_of
-from tf2_ros._nodes.node_lifetimes import require_node
+from tf2_ros._nodes.ended_nodes import require_node
 from tf2_ros._nodes.qos import transforms_qos
 from tf2_ros._process.forking import refuse_inherited
 

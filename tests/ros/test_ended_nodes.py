@@ -33,7 +33,7 @@ from tf2_ros import (
     TransformBroadcaster,
     TransformListener,
 )
-from tf2_ros._nodes.publisher_names import clock_publishers
+from tf2_ros._nodes.topic_publishers import clock_publishers
 
 pytestmark = pytest.mark.ours
 

@@ -14,7 +14,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions, get_current_signal_handlers_options, uninstall_signal_handlers
 
-from tf2_ros._nodes.node_lifetimes import node_has_ended
+from tf2_ros._nodes.ended_nodes import node_has_ended
 from tf2_ros._process.background import check_regularly
 from tf2_ros._process.forking import is_inherited, keep_in_children
 from tf2_ros._process.live_objects import LiveObjects

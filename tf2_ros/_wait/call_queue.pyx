@@ -19,7 +19,7 @@ from threading import get_ident, main_thread
 
 from tf2_py._internal import log
 from tf2_ros._buffer_fillers import Fillers
-from tf2_ros._nodes.node_lifetimes import node_has_ended
+from tf2_ros._nodes.ended_nodes import node_has_ended
 from tf2_ros._process.background import check_regularly
 from tf2_ros._process.forking import is_inherited, keep_in_children
 from tf2_ros._process.threads import callbacks

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from tf2_py.printable import printable
-from tf2_ros._nodes.node_lifetimes import suppress_at_end
+from tf2_ros._nodes.ended_nodes import suppress_at_end
 from tf2_ros._process.background import check_regularly
 from tf2_ros._rclpy import call_after, event_handlers
 

@@ -21,7 +21,7 @@ class Obeying:
 
     def __init__(self, *arguments, python=sys.executable, environment=os.environ):
         pipe = subprocess.PIPE
-        command = [str(python), str(Path(__file__).with_name("obeys_orders.py")), *arguments]
+        command = [str(python), str(Path(__file__).with_name("evaluates_stdin.py")), *arguments]
         self.process = subprocess.Popen(
             command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=environment
         )

@@ -51,7 +51,7 @@ def by_pair(queries):
         yield target, source, np.array([ns for _, _, ns in run])
 
 
-class Library:
+class MeasuredLibrary:
     """
     A library under measurement. A subclass defines its calls:
 

@@ -6,7 +6,7 @@ import os
 from ctypes import CDLL, POINTER, c_char_p, c_double, c_int64, c_size_t, c_void_p
 
 import numpy as np
-from library_timing import Library
+from library_timing import MeasuredLibrary
 from trees_and_queries import QUERY, RECORD
 
 EMPTY = 1000
@@ -21,7 +21,7 @@ FUNCTIONS = {
 }
 
 
-class Tf2(Library):
+class Tf2(MeasuredLibrary):
     def __init__(self):
         self.tf2, self.buffer = CDLL(os.environ["TF2_CPP"]), None
         for name, (result, *arguments) in FUNCTIONS.items():

@@ -4,7 +4,7 @@
 
 from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import TransformStamped
-from library_timing import AUTHORITY, Library
+from library_timing import AUTHORITY, MeasuredLibrary
 from rclpy.duration import Duration
 from rclpy.time import Time
 
@@ -22,7 +22,7 @@ def fill(message, child, parent, stamp_ns, pose):
     return message
 
 
-class Tf2(Library):
+class Tf2(MeasuredLibrary):
     ways = ("buffer", "core")
 
     def load(self, tree):

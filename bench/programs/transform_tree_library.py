@@ -3,10 +3,10 @@
 """transform-tree, a library for Python that is written in Rust and needs no ROS."""
 
 import numpy as np
-from library_timing import Library, by_pair
+from library_timing import MeasuredLibrary, by_pair
 
 
-class TfTree(Library):
+class TfTree(MeasuredLibrary):
     # Its plans are compiled before they are timed, as its users are meant to; "names" compiles none.
     ways, vector_ways = ("plan", "names"), ("vector",)
 

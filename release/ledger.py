@@ -21,7 +21,7 @@ CODE = (".py", ".pyx", ".pxd", ".pxi", ".c", ".h", ".cpp")
 # share. A file belongs to the first feature with a pattern for it; `*` also matches `/`.
 TABLE = """
 deskew | users of lidars: each point of a cloud at its own time
-    *deskew* *time_field* *point_field_numbers* *avx2* *knots*
+    *deskew* *time_field* *point_field_numbers* *avx2* *piecewise_linear*
 clouds, IMU, magnetometer | users of tf2_sensor_msgs: its functions, for every layout of a cloud
     tf2_sensor_msgs/* *cloud* tests/core/test_tf2_sensor_msgs.py
 rewriting the past | users of SLAM and of filters: new samples replace old ones at once

@@ -79,7 +79,7 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
     if package in _REGISTERED_BY:
         # Importing a package does not help.
         is_scan = getattr(key, "__name__", "") == "LaserScan"
-        advice = f"see docs/{'point-clouds.md#laser-scans' if is_scan else 'adding-a-type.md'}, or "
+        advice = f"see docs/{'point-clouds.md#laser-scans' if is_scan else 'message-types.md'}, or "
     else:
         advice = "" if package == "tf2_py" else "import the package that registers it, or "
     raise TypeException(

@@ -66,7 +66,7 @@ def test_a_function_of_the_table_has_its_line_in_the_stub_beside_its_source(pack
 
 
 def test_the_documentation_lists_the_types_of_the_tables():
-    page = root_of("tf2_ros") / "docs" / "adding-a-type.md"
+    page = root_of("tf2_ros") / "docs" / "message-types.md"
     rows = re.findall(
         r"^\| `(\w+)` \| (.*) \| (.*) \| `(\w+)` \|$", page.read_text(encoding="utf-8"), re.MULTILINE
     )

@@ -111,7 +111,7 @@ def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
 
 @pytest.mark.ours
 @pytest.mark.parametrize(
-    ("kind", "page"), [(LaserScan, "point-clouds.md#laser-scans"), (Range, "adding-a-type.md")], ids=str
+    ("kind", "page"), [(LaserScan, "point-clouds.md#laser-scans"), (Range, "message-types.md")], ids=str
 )
 def test_the_refusal_of_a_type_whose_package_is_imported_names_the_page(buffer, interface, kind, page):
     with pytest.raises(interface.TypeException, match=f"supported: see docs/{page}, or register a function"):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The package of docs/package.md: colcon builds it, its test passes, and its files fit each other."""
+"""The package of docs/creating-a-package.md: colcon builds it, its test passes, and its files agree."""
 
 import os
 import re
@@ -16,7 +16,7 @@ from processes import output_of
 
 pytestmark = pytest.mark.ours
 
-PAGE = ROOT / "docs" / "package.md"
+PAGE = ROOT / "docs" / "creating-a-package.md"
 # The first line of a block is a comment with the name of its file.
 NAME = re.compile(r"(?:# |<!-- )([\w./]+\.(?:xml|py|cfg))(?: -->)?\n")
 

@@ -53,7 +53,7 @@ receiver | nodes with a listener: transforms arrive without spinning, at a tenth
     tf2_py/engine/engine_hooks* tests/ros/test_inbox* *listener* *receiver* *reception* *lost_messages*
     *loses_messages* *rcl_declarations* *faulty_middleware* *fastdds* *known_faults* *half_discovered_server*
     *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder* */topic_publishers.py
-    *takes_after* *frame_prefix* tf2_ros/_registration.py docs/several-robots.md docs/environment.md
+    *takes_after* *frame_prefix* tf2_ros/_registration.py docs/several-robots.md docs/environment-and-qos.md
 records and serialized messages | writers of recorders and bridges: bytes in and out, without ROS
     tf2_ros/records* tf2_ros/serialization* tests/ros/test_records.py
 broadcasters | publishers of transforms: tf2_ros's classes

@@ -32,12 +32,12 @@ def variables_read():
 
 
 def test_the_page_of_the_environment_lists_the_variables_that_are_read():
-    page = (ROOT / "docs" / "environment.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "environment-and-qos.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `([A-Z0-9_]+)`", page, re.MULTILINE)) == variables_read()
 
 
 def test_the_page_of_the_environment_shows_the_profiles_that_are_used(node):
-    page = (ROOT / "docs" / "environment.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "environment-and-qos.md").read_text(encoding="utf-8")
     row = re.compile(r"^\|[^|]*\| `(/tf\w*)` \| ([\w ]+) \| ([\w ]+) \| ([\d,]+)", re.MULTILINE)
     shown = [(*words, int(depth.replace(",", ""))) for *words, depth in row.findall(page)]
     listener = TransformListener(Buffer(), node)

@@ -96,7 +96,7 @@ build and release | packagers: wheels, debs and checks
     build_backend/* setup.py release/* docs/*.py docs/development/release.md docs/development/packaging.md
     tests/packaging/* *typed* *type_checkers*
 examples and internals | readers of the code: where what is, and programs to begin with
-    examples/* docs/development/* docs/testing.md docs/*.md
+    examples/* docs/development/* docs/testing-your-code.md docs/*.md
 tests in common | maintainers: the model, recorded answers, users' programs
     tests/*
 """

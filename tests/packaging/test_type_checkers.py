@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Type checkers: what they say of a user's programs, in processes of their own, as docs/testing.md has it."""
+"""What type checkers say of a user's programs, as docs/testing-your-code.md has it."""
 
 import importlib.util
 import shutil

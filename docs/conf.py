@@ -15,7 +15,7 @@ import tf2_ros_tools
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 sys.path.insert(0, str(HERE))
-import page_sources  # noqa: E402
+import pages_for_sphinx  # noqa: E402
 
 for package in (tf2_ros, tf2_ros_tools):
     if not Path(package.__file__).is_relative_to(ROOT):
@@ -26,7 +26,7 @@ author = copyright = "tf2-ros-cython authors"
 version = release = tf2_ros.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
-root_doc = page_sources.INDEX
+root_doc = pages_for_sphinx.INDEX
 include_patterns = [
     "*.md",
     "docs/**.md",
@@ -59,4 +59,4 @@ nitpicky = True
 
 
 def setup(app) -> None:
-    app.connect("source-read", page_sources.read_page)
+    app.connect("source-read", pages_for_sphinx.read_page)

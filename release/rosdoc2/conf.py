@@ -9,7 +9,7 @@ import sys
 
 # Sphinx reads this file in the folder of the copy.
 sys.path.insert(0, "docs")
-import page_sources
+import pages_for_sphinx
 
 extensions = []
 # Last, rosdoc2's own copies of pages.
@@ -19,4 +19,4 @@ rosdoc2_settings = {"enable_autodoc": False}
 
 
 def setup(app) -> None:
-    app.connect("source-read", page_sources.read_page)
+    app.connect("source-read", pages_for_sphinx.read_page)

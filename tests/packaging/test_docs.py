@@ -173,11 +173,11 @@ def test_the_path_of_a_transform_is_drawn_as_its_script_says_and_names_the_code(
 @by_name
 def test_the_tables_of_a_page_are_what_the_sources_say(page):
     text = page.read_text(encoding="utf-8")
-    assert runpy.run_path(str(ROOT / "docs" / "source_tables.py"))["with_tables"](text) == text
+    assert runpy.run_path(str(ROOT / "docs" / "tables_from_sources.py"))["with_tables"](text) == text
 
 
 def test_the_types_in_the_reference_are_what_the_sources_say():
-    tables = runpy.run_path(str(ROOT / "docs" / "source_tables.py"))
+    tables = runpy.run_path(str(ROOT / "docs" / "tables_from_sources.py"))
     text = tables["REFERENCE"].read_text(encoding="utf-8")
     assert tables["with_types"](text) == text
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Write the tables of the pages that are made of the sources: `python docs/source_tables.py`.
+Write the tables of the pages that are made of the sources: `python docs/tables_from_sources.py`.
 
 Tests compare the tables with the sources.
 """
@@ -39,7 +39,7 @@ def with_types(reference: str) -> str:
         texts = ((name, text.replace("\n", "\n   ")) for name, text in described_types().items())
         return place["head"] + "".join(f"\n.. py:data:: {name}\n\n   {text}\n" for name, text in texts) + "\n"
 
-    place = r"(?P<head>\.\. The types, by docs/source_tables\.py\n).*?(?=\.\. autoclass)"
+    place = r"(?P<head>\.\. The types, by docs/tables_from_sources\.py\n).*?(?=\.\. autoclass)"
     return re.sub(place, written, reference, flags=re.DOTALL)
 
 

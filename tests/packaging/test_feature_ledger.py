@@ -7,7 +7,7 @@ import subprocess
 import pytest
 from paths import ROOT
 
-from release import ledger
+from release import feature_ledger as ledger
 
 pytestmark = pytest.mark.ours
 

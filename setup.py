@@ -59,7 +59,7 @@ setup(
             ["resource/package_run_dependencies/tf2_ros_cython"],
         ),
         ("share/tf2_ros_cython", ["package.xml", "resource/package.dsv"]),
-        ("share/tf2_ros_cython/hook", ["resource/packages.sh"]),
+        ("share/tf2_ros_cython/hook", ["resource/packages_on_pythonpath.sh"]),
     ],
     ext_modules=extensions.cython_extensions(ROOT),
     cmdclass={"build_ext": extensions.BuildExtensions, "install_lib": install_layout.InstallLib},

@@ -232,7 +232,7 @@ def test_the_setup_files_of_a_prefix_put_it_first(request, ros, tmp_path, shell,
     if shutil.which(shell) is None:
         pytest.skip(f"there is no {shell}")
     python = installing.new_venv(tmp_path / "venv")
-    hook = '. "$AMENT_CURRENT_PREFIX/share/tf2_ros_cython/hook/packages.sh"'
+    hook = '. "$AMENT_CURRENT_PREFIX/share/tf2_ros_cython/hook/packages_on_pythonpath.sh"'
     script = f'{hook}; {hook}; echo "$PYTHONPATH"; exec {python} -S -c "$1"'
     environment = sourced(ros, AMENT_CURRENT_PREFIX=str(system), TF2_ROS_CYTHON=value)
     environment["PYTHONPATH"] = f"{system / SITE}{os.pathsep}{environment['PYTHONPATH']}"
@@ -251,7 +251,7 @@ def test_tf2_which_says_that_a_distributions_waits_for_the_variable(system, ros,
     python = installing.new_venv(tmp_path / "venv")
     environment = sourced(ros, AMENT_CURRENT_PREFIX=str(system), TF2_ROS_CYTHON=value)
     environment["PYTHONPATH"] = f"{system / SITE}{os.pathsep}{environment['PYTHONPATH']}"
-    hook = '. "$AMENT_CURRENT_PREFIX/share/tf2_ros_cython/hook/packages.sh"'
+    hook = '. "$AMENT_CURRENT_PREFIX/share/tf2_ros_cython/hook/packages_on_pythonpath.sh"'
     told = run("sh", "-c", f"{hook}; exec {python} -S -m tf2_ros_cython", env=environment, cwd="/")
     assert told.returncode == status, told.stderr
     [precedence] = [line for line in told.stdout.splitlines() if line.startswith("precedence: ")]

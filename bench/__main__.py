@@ -58,7 +58,7 @@ SECTIONS = {
         ["overridden"],
     ),
     "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"]),
-    "online": Section("online.online", ROS2, rounds=5),
+    "online": Section("lookups_while_receiving.online", ROS2, rounds=5),
     "nodes": Section("many_nodes.many", (OURS,), ["apart", "together"], rounds=3),
     "frozen": Section("frozen_files.frozen", (OURS,), rounds=3),
 }

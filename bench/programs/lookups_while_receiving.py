@@ -3,7 +3,8 @@
 """
 Measure lookups while another process publishes the tree: the scenario "dynamic online" of evaluations of tf2.
 
-`online.py FRAMES` is that process: it publishes the static half of the frames once, and the others at 50 Hz.
+`lookups_while_receiving.py FRAMES` is that process: it publishes half of the frames once, as static, and the
+others at 50 Hz.
 """
 
 import itertools

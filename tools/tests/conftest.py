@@ -13,4 +13,4 @@ pytest_plugins = ["suite_fixtures", "fastdds_log"]
 os.environ["PYTHONPATH"] = os.pathsep.join([str(TOOLS), str(SUPPORT), os.environ.get("PYTHONPATH", "")])
 
 # Helpers that assert.
-pytest.register_assert_rewrite("live_feeds", "starting_programs")
+pytest.register_assert_rewrite("shared_feed_tests", "starting_programs")

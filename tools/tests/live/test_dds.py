@@ -8,7 +8,7 @@ import sys
 
 import installing
 import pytest
-from live_feeds import RobotFeed, matched, why
+from shared_feed_tests import RobotFeed, matched, why
 from obeying_processes import Obeying, OrderError
 from paths import ROOT
 from processes import run

@@ -11,7 +11,7 @@ import threading
 from contextlib import contextmanager
 
 import pytest
-from live_feeds import check_exit, why
+from shared_feed_tests import check_exit, why
 from obeying_processes import Obeying, OrderError
 from rclpy.serialization import serialize_message
 from robot_with_rclpy import made

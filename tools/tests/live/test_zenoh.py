@@ -14,7 +14,7 @@ import socket
 import sys
 
 import pytest
-from live_feeds import RobotFeed, matched, why
+from shared_feed_tests import RobotFeed, matched, why
 from obeying_processes import Obeying, OrderError
 from processes import run
 from waiting import DEADLINE_S

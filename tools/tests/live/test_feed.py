@@ -23,7 +23,7 @@ from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.diagnosis.findings import Limits
 from tf2_ros_tools.listening.session import Listening
 from tf2_ros_tools.live import Feed, Heard, Publisher, connect
-from tf2_ros_tools.live.session import FeedSession
+from tf2_ros_tools.live.feed_session import FeedSession
 
 pytestmark = pytest.mark.ours
 
@@ -399,7 +399,7 @@ def test_a_silent_publisher_is_a_problem_of_qos_only_after_the_discovery(monkeyp
         session = FeedSession(feed, "x://robot", None)
         [found] = session.findings()
         assert found.kind == "nothing"
-        monkeypatch.setattr("tf2_ros_tools.live.session.DISCOVERY_S", 0.0)
+        monkeypatch.setattr("tf2_ros_tools.live.feed_session.DISCOVERY_S", 0.0)
         [found] = session.findings()
     assert found.kind == "qos" and found.text.endswith(": /robot publishes it, but has sent nothing")
 

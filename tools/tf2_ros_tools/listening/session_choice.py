@@ -49,7 +49,7 @@ def session(
                 raise
             raise ImportError(f"{lack}; or listen without ROS 2: --live dds://") from lack
         return node_session(name, options, recording, topics=topics, cache_time=cache_time, qos=qos)
-    from tf2_ros_tools.live.session import live_session
+    from tf2_ros_tools.live.feed_session import live_session
 
     return live_session(options.live, recording, topics=topics, cache_time=cache_time)
 

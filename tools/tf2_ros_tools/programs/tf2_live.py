@@ -57,7 +57,7 @@ def live(options: Namespace) -> int:
     from tf2_ros.records import Recording
     from tf2_ros_tools.diagnosis.findings import Limits
     from tf2_ros_tools.listening.session import TOPICS, Listening
-    from tf2_ros_tools.live.session import live_session
+    from tf2_ros_tools.live.feed_session import live_session
 
     if options.output is not None:
         require("mcap", "bag")

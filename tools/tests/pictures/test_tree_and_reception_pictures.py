@@ -16,7 +16,7 @@ from tf2_ros.records import RECORD
 from tf2_ros_tools.common.program import RunError
 from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.diagnosis.stream_statistics import Stream
-from tf2_ros_tools.pictures.heard import NOT_YET, Row, heard_figure, heard_picture, heard_rows
+from tf2_ros_tools.pictures.reception_times import NOT_YET, Row, heard_figure, heard_picture, heard_rows
 from tf2_ros_tools.pictures.style import GAP, file_of
 from tf2_ros_tools.pictures.tree import drawn as render
 from tf2_ros_tools.pictures.tree import tree_dot

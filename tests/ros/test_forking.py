@@ -48,7 +48,7 @@ def test_children_of_a_process_whose_every_thread_is_busy(what, count, flood):
 
 def test_a_child_that_spins_a_node_of_its_own_exits():
     """It lacks the thread of rclpy that handles signals, and may have another one in its place."""
-    output_of(PROGRAMS / "forked_exits.py", 6, timeout=DEADLINE_S)
+    output_of(PROGRAMS / "exits_in_forked_children.py", 6, timeout=DEADLINE_S)
 
 
 def test_no_first_use_of_a_buffer_imports_anything():

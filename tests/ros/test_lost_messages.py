@@ -119,7 +119,7 @@ class TestInTheQueueOfTheListener:
 
 @pytest.fixture
 def losing():
-    process = start("loses_messages.py", "/tf", "50")
+    process = start("publishes_in_bursts.py", "/tf", "50")
     yield process
     end(process)
 

@@ -33,7 +33,7 @@ frozen files | trainers on many processes: one copy of a recording's transforms 
     *dying_worker*
 ages, tolerances, gaps | robots that must stop: no lookup silently uses old data
     tests/ros/test_max_age* */test_ages* tests/core/test_lookup_policies.py tests/core/test_clocks*
-    *model_ages* *ages_at* *clock_steps* *time_of_day* *time_is_set* docs/time.md
+    *model_ages* *clock_steps* *time_of_day* *time_is_set* docs/time.md
 lookups of many times, arrays | users of NumPy: thousands of lookups in one call
     tf2_py/core/series* tf2_py/engine/arrays* tf2_ros/numpy* tests/core/test_numpy.py *matri* *many_times*
     *vector_lookups* *test_lookups_at* *propagate_cov* *test_time_range* docs/arrays.md
@@ -45,15 +45,16 @@ waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and wa
     tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* */threads.py *call_queue*
     */background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
     */live_objects.py tf2_ros/_buffer_fillers.py
-    *sources_without_node* docs/callbacks.md *ended_nodes* *ends_in_any_order* */running_loop.py
+    *sources_without_node* docs/callbacks.md *ended_nodes* *ends_listeners_in_any_order* */running_loop.py
 forks and signals | users of multiprocessing and Ctrl-C: children and handlers do not hang
     *fork* *interrupt* *late_signals* *stack_at_alarm* *exits_while_active*
 receiver | nodes with a listener: transforms arrive without spinning, at a tenth of the CPU time
     tf2_ros/_receive/* tf2_ros/_rcl.* tf2_ros/*listen* tf2_py/core/cdr* */_nodes/qos.py *hidden_nodes*
-    tf2_py/engine/engine_hooks* tests/ros/test_inbox* *listener* *receiver* *reception_in_texts* *lost_messages*
-    *publishes_in_bursts* *rcl_declarations* *faulty_middleware* *fastdds* *known_faults* *half_discovered_server*
-    *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder* */topic_publishers.py
-    *takes_after* *frame_prefix* tf2_ros/_registration.py docs/several-robots.md docs/environment-and-qos.md
+    tf2_py/engine/engine_hooks* tests/ros/test_inbox* *listener* *receiver* *reception_in_texts*
+    *lost_messages* *publishes_in_bursts* *rcl_declarations* *faulty_middleware* *fastdds* *known_faults*
+    *half_discovered_server* *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder*
+    */topic_publishers.py *takes_after* *frame_prefix* tf2_ros/_registration.py docs/several-robots.md
+    docs/environment-and-qos.md
 records and serialized messages | writers of recorders and bridges: bytes in and out, without ROS
     tf2_ros/records* tf2_ros/serialization* tests/ros/test_records.py
 broadcasters | publishers of transforms: tf2_ros's classes

@@ -155,7 +155,8 @@ class TestEnd:
     def test_any_order_hundreds_of_times(self, flood, tmp_path, how):
         flood(200, 5)
         environment = with_library("stack_at_alarm", tmp_path)
-        program = (sys.executable, "-W", "error", "-W", IGNORED, PROGRAMS / "ends_in_any_order.py", how)
+        options = ("-W", "error", "-W", IGNORED)
+        program = (sys.executable, *options, PROGRAMS / "ends_listeners_in_any_order.py", how)
         done = tried(lambda: run(*program, env=environment))
         # Zenoh reports each message that arrives just after the end of its subscription.
         lines = done.stderr.splitlines()

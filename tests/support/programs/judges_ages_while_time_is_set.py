@@ -3,8 +3,8 @@
 """
 Judges ages while the time of day is set back.
 
-Run with `interposed/time_of_day.c` loaded: `ages_at_clock_back.py`. For each step it prints a line of JSON:
-what, and the outcome.
+Run with `interposed/time_of_day.c` loaded: `judges_ages_while_time_is_set.py`. For each step it prints a line
+of JSON: what, and the outcome.
 """
 
 import asyncio

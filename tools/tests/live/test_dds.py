@@ -8,11 +8,11 @@ import sys
 
 import installing
 import pytest
-from shared_feed_tests import RobotFeed, matched, why
 from obeying_processes import Obeying, OrderError
 from paths import ROOT
 from processes import run
 from ros_domains import claim_domain
+from shared_feed_tests import RobotFeed, matched, why
 from waiting import until
 
 from tf2_ros.serialization import serialize_arrays

@@ -11,10 +11,10 @@ import threading
 from contextlib import contextmanager
 
 import pytest
-from shared_feed_tests import check_exit, why
 from obeying_processes import Obeying, OrderError
 from rclpy.serialization import serialize_message
 from robot_with_rclpy import made
+from shared_feed_tests import check_exit, why
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage

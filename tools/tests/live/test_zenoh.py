@@ -14,9 +14,9 @@ import socket
 import sys
 
 import pytest
-from shared_feed_tests import RobotFeed, matched, why
 from obeying_processes import Obeying, OrderError
 from processes import run
+from shared_feed_tests import RobotFeed, matched, why
 from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours

@@ -391,8 +391,8 @@ def tree(options: Namespace) -> int:
 
 def plot(options: Namespace) -> int:
     """Plot receptions or a path; return the exit status."""
-    from tf2_ros_tools.pictures.reception_times import heard_picture
     from tf2_ros_tools.pictures.path import path_picture
+    from tf2_ros_tools.pictures.reception_times import heard_picture
     from tf2_ros_tools.pictures.style import refuse_plot, write_plot
     from tf2_ros_tools.recordings.report import report
 

@@ -54,8 +54,8 @@ def plot(options: Namespace) -> int:
     from tf2_ros_tools.diagnosis.findings import Limits
     from tf2_ros_tools.listening.session_choice import listening
     from tf2_ros_tools.live.wire import DISCOVERY_S
-    from tf2_ros_tools.pictures.reception_times import heard_picture
     from tf2_ros_tools.pictures.path import path_picture
+    from tf2_ros_tools.pictures.reception_times import heard_picture
     from tf2_ros_tools.pictures.style import refuse_plot, write_plot
 
     refuse_plot(options)

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.ours
 def test_where_arrivals_are_not_reported_executors_take_the_messages(tmp_path):
     fault = {"TF2_TEST_MIDDLEWARE": "no_arrivals"}
     printed = output_with_library(
-        "faulty_middleware", tmp_path, program="unknown_rclpy", **fault
+        "faulty_middleware", tmp_path, program="uses_unknown_rclpy", **fault
     ).splitlines()
     assert (printed[0], printed[-1]) == ("without an executor: nothing", "threads of listeners")
 

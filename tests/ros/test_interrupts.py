@@ -96,8 +96,8 @@ def each_line():
 )
 @pytest.mark.parametrize("how", [[], ["switch"], ["collector", "finalizer"]], ids=lambda how: "-".join(how))
 def test_chance_finds_nothing_that_hangs(how):
-    """By hand for minutes: ``cd tests/support; PYTHONPATH=. python programs/interrupted_at_random.py 60``."""
-    assert "[]" in output_of(PROGRAMS / "interrupted_at_random.py", 3, *how)
+    """By hand for minutes: ``cd tests/support; PYTHONPATH=. python programs/interrupts_at_random.py 60``."""
+    assert "[]" in output_of(PROGRAMS / "interrupts_at_random.py", 3, *how)
 
 
 def point(seconds):

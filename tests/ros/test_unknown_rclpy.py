@@ -27,7 +27,7 @@ THE_REST = ["filter", "on_change", "future", "await", "server and client", "thre
     ],
 )
 def test_what_it_lacks_is_done_without(missing, received):
-    assert output_of(PROGRAMS / "unknown_rclpy.py", *missing).splitlines() == [received, *THE_REST]
+    assert output_of(PROGRAMS / "uses_unknown_rclpy.py", *missing).splitlines() == [received, *THE_REST]
 
 
 def test_its_number_does_not_matter(tmp_path):
@@ -43,5 +43,5 @@ def test_its_number_does_not_matter(tmp_path):
         "print(rclpy_version(running_prefix()))"
     )
     assert output_of("-c", version, env=environment) == "99.0.0\n"
-    printed = output_of(PROGRAMS / "unknown_rclpy.py", env=environment)
+    printed = output_of(PROGRAMS / "uses_unknown_rclpy.py", env=environment)
     assert printed.splitlines() == [TOPICS, *THE_REST]

@@ -50,11 +50,13 @@ def end(process):
 
 
 class Peer:
-    """A node in another process, `programs/publishing_peer.py`: obeys commands, and reports that it did."""
+    """A node in another process, `programs/publishes_on_order.py`: obeys commands, and says that it did."""
 
     def __init__(self, *ros_arguments):
         arguments = ["--ros-args", *ros_arguments] if ros_arguments else []
-        self.process = start("publishing_peer.py", *arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.process = start(
+            "publishes_on_order.py", *arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
         self._lock = threading.Lock()  # a callback may send while the main thread waits for an answer
 
     def do(self, what, **how):

@@ -3,7 +3,7 @@
 """
 Signals that raise at random moments in waits, filters, listeners and a client; then everything still works.
 
-``interrupted_at_random.py SECONDS [switch | collector | finalizer]``; prints what does not work any more.
+``interrupts_at_random.py SECONDS [switch | collector | finalizer]``; prints what does not work any more.
 """
 
 import faulthandler

@@ -35,6 +35,7 @@ INTERRUPTED = 130
 EXIT_STATUS = "Exit status: 0 when interrupted; 1 if the command failed; 2 after wrong usage."
 
 _AGAIN_S = 0.01  # when an interrupt that was dropped is repeated
+# Both need ROS, as --namespace does: `--live` refuses them, and its error lists them.
 _ROS_ARGS, _QOS = "--ros-args", "--qos-reliability"
 _WIDTH = 80  # of the text of a help
 

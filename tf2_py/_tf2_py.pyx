@@ -1092,6 +1092,7 @@ cdef class BufferCore(Engine):
             linear[missing] = angular[missing] = float("nan")
         return linear, angular
 
+    # For lookupVelocityFullCore: one transform at one time, as a struct.
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:
         cdef Query query
         cdef int64_t stamp_ns

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-The engine: structs, and functions on them. It keeps no Python objects and knows nothing of ROS.
+The core: structs, and functions on them. It keeps no Python objects and knows nothing of ROS.
 
 One extension, composed of chapters. Each has a header, included here, and, if that declares more than inline
 functions, its code, included by ``_core.pyx``. A chapter uses those before it, in this order.

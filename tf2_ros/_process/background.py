@@ -11,7 +11,7 @@ What one thread of a process does with the GIL: it reports what inboxes have ins
 
 All are daemons, so that the interpreter does not wait for them before it runs the exit handlers, which end
 them. A forked child has none of them, and starts its own at their first use; what its parent's inboxes were
-doing is lost there. The threads that spin nodes are in ``_spinner``.
+doing is lost there. The threads that spin nodes are in ``tf2_ros._nodes.spinner``.
 """
 
 import atexit

@@ -15,7 +15,7 @@ from tf2_ros.records import Recording
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.feed import Feed, Heard
-from tf2_ros_tools.live.wire import EXAMPLES, Address, Publisher, Wire, parse
+from tf2_ros_tools.live.transport import EXAMPLES, Address, Publisher, Wire, parse
 
 __all__ = ["Broadcaster", "Feed", "Heard", "Publisher", "StaticBroadcaster", "connect"]
 

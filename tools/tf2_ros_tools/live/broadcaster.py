@@ -10,7 +10,7 @@ from tf2_py import BufferCore, stored_name
 from tf2_ros import TransformStamped
 from tf2_ros.records import Recording, refusal_text
 from tf2_ros.serialization import MessageSource, insert_messages, serialize_transforms
-from tf2_ros_tools.live.wire import Sender
+from tf2_ros_tools.live.transport import Sender
 
 OWN = "this program"  # the authority of what broadcasters send
 

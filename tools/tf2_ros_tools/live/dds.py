@@ -35,7 +35,7 @@ from cyclonedds.util import duration
 
 from tf2_py.printable import printable
 from tf2_ros_tools.common.output import first_names
-from tf2_ros_tools.live.wire import (
+from tf2_ros_tools.live.transport import (
     DISCOVERY_S,
     TYPE,
     Address,

@@ -17,7 +17,7 @@ from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
 from tf2_ros_tools.common.output import counted, three_digits
 from tf2_ros_tools.live.broadcaster import OWN, Broadcaster, StaticBroadcaster
-from tf2_ros_tools.live.wire import Publisher, Sender, Wire
+from tf2_ros_tools.live.transport import Publisher, Sender, Wire
 
 S = 1_000_000_000
 PERIOD_NS = 10 * S  # of the smallest delays that are kept, for the offset of the clocks

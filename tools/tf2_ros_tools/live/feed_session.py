@@ -15,7 +15,7 @@ from tf2_ros_tools.common.program import RunError, UsageError
 from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.live import connect
 from tf2_ros_tools.live.feed import Feed
-from tf2_ros_tools.live.wire import DISCOVERY_S
+from tf2_ros_tools.live.transport import DISCOVERY_S
 
 
 class FeedSession:

@@ -22,7 +22,16 @@ from zenoh import ext
 from zenoh.handlers import FifoChannel
 
 from tf2_ros_tools.common.output import first_names
-from tf2_ros_tools.live.wire import TYPE, Address, End, Publisher, Sender, Take, WireThread, refuse_options
+from tf2_ros_tools.live.transport import (
+    TYPE,
+    Address,
+    End,
+    Publisher,
+    Sender,
+    Take,
+    WireThread,
+    refuse_options,
+)
 
 log = logging.getLogger("tf2_ros_tools.live")
 

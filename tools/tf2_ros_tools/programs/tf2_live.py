@@ -20,7 +20,7 @@ from tf2_ros_tools.common.program import FAILURE, SUCCESS, Parser, RunError, pos
 if TYPE_CHECKING:
     from tf2_ros_tools.diagnosis.stream_statistics import Stream
     from tf2_ros_tools.live.feed import Heard
-    from tf2_ros_tools.live.wire import Publisher
+    from tf2_ros_tools.live.transport import Publisher
 
 LISTEN_S = 5.0  # after which DDS has found all publishers
 

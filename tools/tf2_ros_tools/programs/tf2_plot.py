@@ -53,7 +53,7 @@ def plot(options: Namespace) -> int:
     """Listen and plot; return the exit status."""
     from tf2_ros_tools.diagnosis.findings import Limits
     from tf2_ros_tools.listening.session_choice import listening
-    from tf2_ros_tools.live.wire import DISCOVERY_S
+    from tf2_ros_tools.live.transport import DISCOVERY_S
     from tf2_ros_tools.pictures.path import path_picture
     from tf2_ros_tools.pictures.reception_times import heard_picture
     from tf2_ros_tools.pictures.style import refuse_plot, write_plot

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The types of times and durations, for the signatures of this project and of programs."""
+"""Types of times, durations and a lookup's policy, for the signatures of this project and of programs."""
 
 from collections.abc import Mapping, Sequence
 from datetime import timedelta

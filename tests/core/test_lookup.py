@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a BufferCore answers."""
+"""Lookups of a BufferCore: times, paths and errors."""
 
 import types
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a BufferCore inserts, and what it refuses."""
+"""What a BufferCore refuses to insert, and what it logs of that."""
 
 import copy
 import math

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What follows from a line in a package's table of types: registration, names, and the stub that it needs."""
+"""Registered types: what follows from a line in a table of types, and which lines of a stub it needs."""
 
 import importlib
 import inspect

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the commands hear of publishers."""
+"""What commands know of publishers that have ended."""
 
 from tf2_ros_tools.nodes.node_session import NodeSession, filled_buffer
 

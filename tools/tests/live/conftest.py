@@ -1,5 +1,7 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
+"""Fixtures of the tests of feeds: processes that a test starts, and a free port."""
+
 import socket
 
 import pytest

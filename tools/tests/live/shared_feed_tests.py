@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is true of a feed from a robot, over DDS and over Zenoh."""
+"""Tests of a feed from a robot that DDS and Zenoh share, and helpers for those of each."""
 
 import pytest
 from obeying_processes import OrderError

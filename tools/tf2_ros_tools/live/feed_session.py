@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Let programs listen to a robot without ROS 2: what ``--live`` names."""
+"""Provide the session of a feed, for programs that listen without ROS 2: what ``--live`` names."""
 
 import logging
 import sys

@@ -92,7 +92,7 @@ class Run:
     def _run(self, name: str, function: str, who: str, variant: str) -> str | None:
         """Measure one of them for one round; what went wrong, if something did."""
         library = self.libraries[who]
-        command = [library.python, str(PROGRAMS / "measure.py"), who, function]
+        command = [library.python, str(PROGRAMS / "measure_section.py"), who, function]
         command += [json.dumps(self.sizes), str(self._out), *([variant] if variant else [])]
         environment = _environment() | library.environment
         try:

@@ -140,8 +140,8 @@ def _sources(fillers: Fillers) -> list[BufferSource]:
     return [one for one in fillers.known if isinstance(one, BufferSource)]
 
 
-def is_filled(buffer: Any) -> bool:
-    """Whether a listener or a source fills a ``Buffer``, or has filled it."""
+def has_filler(buffer: Any) -> bool:
+    """Whether a ``Buffer`` has, or has had, a listener or a source, so that a clock set back clears it."""
     fillers: Fillers = buffer._tf2_fillers
     return fillers.find_silence is not None or bool(_sources(fillers))
 
@@ -150,15 +150,15 @@ def silence_of(buffer: Any) -> tuple[str, str]:
     """What the errors of a ``Buffer`` say about what fills it, see ``BufferCore._ask_for_silence``."""
     fillers: Fillers = buffer._tf2_fillers
     sources = _sources(fillers)
-    if not is_filled(buffer):
-        return "" if _was_filled(buffer) else NEVER_FILLED, ""
+    if not has_filler(buffer):
+        return "" if _has_had_data(buffer) else NEVER_FILLED, ""
     found = [("", "") if fillers.find_silence is None else fillers.find_silence(buffer)]
     found += [(one.silence(True), one.silence(False)) for one in sources]
     with_static, without = (" and ".join(filter(None, clauses)) for clauses in zip(*found, strict=True))
     return with_static, without
 
 
-def _was_filled(buffer: Any) -> bool:
+def _has_had_data(buffer: Any) -> bool:
     counts = BufferCore.statistics(buffer)
     return bool(counts["frames"] or counts["taken"])
 

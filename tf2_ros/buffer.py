@@ -15,12 +15,12 @@ from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of, shortcut, time_ns
 from tf2_py.typing import DurationLike, DurationsLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
-from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, is_filled, note_filler, silence_of
+from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, has_filler, note_filler, silence_of
 from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import check_regularly
 from tf2_ros._wait.changes import Changes
 from tf2_ros._wait.futures import TransformFuture, WakingFuture, end_for
-from tf2_ros._wait.lookup import Lookup
+from tf2_ros._wait.lookup_arguments import Lookup
 from tf2_ros._wait.pending import ChangeSubscription
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._ros_presence import HAS_ROS, absence
@@ -494,7 +494,7 @@ class Buffer(BufferCore, BufferInterface):
             if shown[0] is clock:
                 passed_ns = before_ns - shown[2] if is_rclpys else 0
                 limit_ns = SYSTEM_JUMP_NS if is_rclpys else JUMP_BACK_S * 10**9
-                if shown[1] + passed_ns - now_ns >= limit_ns and is_filled(self):
+                if shown[1] + passed_ns - now_ns >= limit_ns and has_filler(self):
                     self.time_jump_callback(None)
         return now_ns, is_rclpys, True
 

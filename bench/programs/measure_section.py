@@ -3,7 +3,7 @@
 """
 Measure one section of one library, and write its rows to a file.
 
-Run: measure.py LIBRARY MODULE.FUNCTION SIZES OUT [VARIANT...]
+Run: measure_section.py LIBRARY MODULE.FUNCTION SIZES OUT [VARIANT...]
 """
 
 import importlib

@@ -234,6 +234,31 @@ def test_whatever_is_kept_while_threads_signals_and_finalizers_look_up_stays_as_
     assert found["left"] <= KEPT
 
 
+FIRST_USE = """
+import threading
+from making_objects import at, transform
+from tf2_py import BufferCore
+
+def use(child):
+    for second in range(300):
+        buffer.set_transform(transform("map", child, second), "x")
+        buffer.lookup_transform_core("map", child, at(0))
+
+buffer = BufferCore()
+threads = [threading.Thread(target=use, args=(f"c{number}",)) for number in range(4)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+print("done")
+"""
+
+
+@pytest.mark.parametrize("attempt", range(4))
+def test_the_first_messages_of_a_process_may_come_from_several_threads(attempt):
+    assert output_of("-c", FIRST_USE) == "done\n"
+
+
 AT_EXIT = """
 import atexit, gc
 from making_objects import at, transform

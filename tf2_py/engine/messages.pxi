@@ -33,11 +33,15 @@ cdef int load_layouts() except -1:
         return 0
     from tf2_py._objects.message_classes import Header, Quaternion, Transform, TransformStamped, Vector3
     load_time()
-    header_layout = Layout(Header, ("stamp", "frame_id"))
-    vector3_layout = Layout(Vector3, ("x", "y", "z"))
-    quaternion_layout = Layout(Quaternion, ("x", "y", "z", "w"))
-    transform_layout = Layout(Transform, ("translation", "rotation"))
-    transform_stamped_layout = Layout(TransformStamped, ("header", "child_frame_id", "transform"))
+    header = Layout(Header, ("stamp", "frame_id"))
+    vector3 = Layout(Vector3, ("x", "y", "z"))
+    quaternion = Layout(Quaternion, ("x", "y", "z", "w"))
+    transform = Layout(Transform, ("translation", "rotation"))
+    stamped = Layout(TransformStamped, ("header", "child_frame_id", "transform"))
+    # Other threads may have loaded them meanwhile, and use them. From here on, no code in Python runs.
+    if transform_stamped_layout is None:
+        header_layout, vector3_layout, quaternion_layout = header, vector3, quaternion
+        transform_layout, transform_stamped_layout = transform, stamped
     return 0
 
 

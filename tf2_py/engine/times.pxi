@@ -31,7 +31,9 @@ cdef int load_time() except -1:
     global time_layout
     if time_layout is None:
         from tf2_py._objects.message_classes import Time
-        time_layout = Layout(Time, ("sec", "nanosec"))
+        layout = Layout(Time, ("sec", "nanosec"))
+        if time_layout is None:     # else another thread has loaded it meanwhile
+            time_layout = layout
     return 0
 
 

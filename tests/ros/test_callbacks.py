@@ -284,6 +284,23 @@ def test_a_finalizer_of_a_dropped_callback_does_not_end_its_future_again():
         future.result()
 
 
+def test_a_finalizer_that_reads_what_a_future_waited_for_finds_it_or_nothing(buffer):
+    """A name belongs to the wait of a future, whose end may be the end of the name."""
+    seen = []
+
+    class Name(str):
+        __slots__ = ()
+
+        def __del__(self):
+            seen.append(future.wait)
+            future.expire()
+
+    future = buffer.wait_for_transform_async(Name("a"), "b", 0)
+    future.cancel()
+    assert future.cancelled()
+    assert seen == [None]
+
+
 class TestExecutors:
     @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
     def test_one_runs_them_in_their_order_one_at_a_time(self, queue, node, kind):

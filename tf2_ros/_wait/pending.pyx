@@ -81,10 +81,11 @@ cdef class Pending:
             self._end(CANCELLED)
 
     cdef int _end(self, State state) except -1:
+        wait = self.wait    # until `self` no longer refers to it: its end may run finalizers, see `drop`
         self._state = state
         self.kept.pop(self, None)
-        if self.wait is not None:
-            self.wait.cancel()
+        if wait is not None:
+            wait.cancel()
         self._call_back()
         self.wait = None
         return 0

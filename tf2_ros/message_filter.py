@@ -400,18 +400,22 @@ class MessageFilter(Generic[_Message]):
 
         :param otherwise: the reason to drop it if it lacks a transform.
         """
+        lack = ""
         try:
-            outcome: _Outcome | None = queued.take() or otherwise
+            outcome: _Outcome | None = queued.take()
+            if outcome is None and otherwise is not None:
+                # An insert that is under way may not have tried it yet; `lack` finishes that.
+                lack = queued.lack()
+                outcome = (None if lack else queued.take()) or otherwise
         except Exception as error:
             refused: tuple[_Outcome, str] = self._calls.refused(error)
             return refused
-        return outcome, self._text(queued, outcome)
+        return outcome, self._text(outcome, lack)
 
-    def _text(self, queued: FilteredMessage, outcome: _Outcome | None) -> str | None:
+    def _text(self, outcome: _Outcome | None, lack: str) -> str | None:
         """What is said of a message that is dropped now; None: it is not, or nobody wants to know."""
         if not isinstance(outcome, FilterFailureReason) or not self._calls.wants_text():
             return None
-        lack: str = queued.lack()
         if outcome is FilterFailureReason.QUEUE_FULL:
             return f"Another message has arrived while {counted(self._queue_size, 'message')} waited: {lack}"
         if outcome is FilterFailureReason.TIMEOUT:

@@ -719,6 +719,22 @@ class TestEnd:
         gc.collect()
         assert buffer.statistics()["waiters"] == 0
 
+    def test_at_the_timeout_it_has_the_answer_of_an_insert_that_is_under_way(self, tf2_ros, make):
+        class Due:
+            """A message whose transform was inserted, but not tried for this one before `lack` is called."""
+
+            answer = None
+
+            def take(self):
+                return self.answer
+
+            def lack(self):
+                self.answer = "an answer"
+                return ""
+
+        outcome = make().filter._outcome(Due(), tf2_ros.FilterFailureReason.TIMEOUT)
+        assert outcome == ("an answer", None)
+
     def test_the_repr_shows_frames_and_counts(self, make):
         script = make(frames="map odom\x1b", queue_size=1)
         script.run("M1 M2 !QUEUE_FULL:1")

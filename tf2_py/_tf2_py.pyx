@@ -528,7 +528,7 @@ cdef class BufferCore(Engine):
         **policy: Unpack[LookupPolicy],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
-        Look up one transform at many times, with the same results as single lookups.
+        Look up one transform at many times, with the results of single lookups up to rounding.
 
         :param target_frame: the frame to transform data into.
         :param source_frame: the frame of the data, or a sequence of F frames.

@@ -202,9 +202,7 @@ cdef class Engine:
 
     cdef void finish_wakes(self) noexcept nogil:
         # So that whatever waits for what is inserted has its answer.
-        lock_acquire(&self._lock)
-        while self._waiters.ready != NULL:
-            wake_step(&self._waiters, &self._tree)
+        self._lock_when_none_is_due()
         unlock_written(&self._lock, &self._tree, &self._waiters)
 
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil:
@@ -762,7 +760,8 @@ cdef class Engine:
         cdef Status status = self.lookup(&judged, &not_needed, &stamp_ns)
         if status.code != STATUS_OK:
             return self.error(query, status)
-        self.finish_wakes()
+        with nogil:
+            self.finish_wakes()
         return None
 
     cdef list frame_facts(self, bint roots=False):

@@ -26,11 +26,11 @@ from tf2_ros_tools.recordings.bag_reader import UNSET_NS, BagError
 from tf2_ros_tools.recordings.map_recordings import (
     UNUSED,
     Recordings,
-    Trajectories,
     find_recordings,
     map_recordings,
 )
 from tf2_ros_tools.recordings.pose_tables import POSE, STAMP_NS
+from tf2_ros_tools.recordings.trajectories import Trajectory
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -163,7 +163,7 @@ def dataset(
     topics: Topics = TOPICS,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
-    trajectory: Trajectories = None,
+    trajectory: Trajectory | None = None,
     cache: str | PathLike[str] | None = None,
     workers: int | None = None,
     scheduler: str | Client | None = None,
@@ -182,7 +182,7 @@ def dataset(
     :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see :func:`tf2_ros_tools.bag.load`.
     :param urdf: see :func:`tf2_ros_tools.bag.load`.
-    :param trajectory: see :func:`tf2_ros_tools.bag.map_recordings`.
+    :param trajectory: see :func:`tf2_ros_tools.bag.load`.
     :param cache: see :func:`tf2_ros_tools.bag.map_recordings`.
     :param workers: only with ``out``; the number of worker processes. None: one for each core.
     :param scheduler: only with ``out``; the address of a Dask scheduler, whose workers do the work.

@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from io import StringIO
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -34,7 +34,7 @@ from tf2_ros_tools.recordings.bag_loader import (
     progress_bar,
     wanted,
 )
-from tf2_ros_tools.recordings.bag_reader import SUFFIXES, UNFINISHED, BagError, listed, resolved
+from tf2_ros_tools.recordings.bag_reader import SUFFIXES, UNFINISHED, BagError, resolved
 from tf2_ros_tools.recordings.pose_tables import (
     as_parquet,
     look_up_frames,
@@ -43,7 +43,7 @@ from tf2_ros_tools.recordings.pose_tables import (
     unset_among,
 )
 from tf2_ros_tools.recordings.report import report
-from tf2_ros_tools.recordings.trajectories import Keyframes, Trajectory
+from tf2_ros_tools.recordings.trajectories import Trajectory
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -100,8 +100,6 @@ def _is_rosbag2(folder: str) -> bool:
 # Process one recording.
 
 
-# One that corrects each recording, or by the path of a recording.
-Trajectories: TypeAlias = "Trajectory | Mapping[str, Trajectory | None] | None"
 S = 1_000_000_000
 # The metadata of a table that says what it was made from. The number changes with the format of this
 # metadata or of the table, and with the meaning of a request.
@@ -233,19 +231,6 @@ def _made_from(request: Request, recording: str) -> dict[str, Any]:
     return made_from
 
 
-def _corrected(request: Request, paths: Sequence[str], trajectory: Trajectories) -> dict[str, Request]:
-    """Get the request of each recording, with its own trajectory."""
-    if not isinstance(trajectory, Mapping):
-        return dict.fromkeys(paths, request)
-    own = {resolved(path): None if one is None else Keyframes(one) for path, one in trajectory.items()}
-    if own.keys() != {*paths}:
-        raise ValueError(
-            "trajectory: expected the path of each recording; missing:"
-            f" {listed({*paths} - own.keys())}; not a recording: {listed(own.keys() - {*paths})}"
-        )
-    return {path: replace(request, what=replace(request.what, trajectory=own[path])) for path in paths}
-
-
 def _row(recording: str, kind: str, text: str, frame: str = "") -> Row:
     return {"file": printable(recording), "kind": kind, "frame": printable(frame), "text": printable(text)}
 
@@ -260,7 +245,7 @@ IGNORE_INTERRUPT = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 
 
 def outcomes(
-    requests: Mapping[str, Request],
+    request: Request,
     tables: Mapping[str, str],
     workers: int | None,
     scheduler: "str | Client | None",
@@ -269,7 +254,6 @@ def outcomes(
     """
     Process recordings, and yield each with its findings as soon as they are known.
 
-    :param requests: maps recordings to what is looked up.
     :param tables: maps recordings to the paths of their tables.
     :raises ModuleNotFoundError: a library is not installed in this process or in a worker.
     """
@@ -282,7 +266,7 @@ def outcomes(
     if scheduler is None and count < 2:
         for recording, table in tables.items():
             try:
-                yield recording, work(requests[recording], recording, table, cache)
+                yield recording, work(request, recording, table, cache)
             except Exception as error:
                 yield recording, _failed(recording, error)
         return
@@ -290,10 +274,10 @@ def outcomes(
     from distributed import Client
 
     if isinstance(scheduler, Client):
-        yield from _on_cluster(requests, tables, scheduler, cache)
+        yield from _on_cluster(request, tables, scheduler, cache)
         return
     with local_workers(count) if scheduler is None else Client(scheduler, set_as_default=False) as client:
-        yield from _on_cluster(requests, tables, client, cache)
+        yield from _on_cluster(request, tables, client, cache)
 
 
 @contextmanager
@@ -336,12 +320,12 @@ def local_workers(count: int) -> "Iterator[Client]":
 
 
 def _on_cluster(
-    requests: Mapping[str, Request], tables: Mapping[str, str], client: "Client", cache: str | None
+    request: Request, tables: Mapping[str, str], client: "Client", cache: str | None
 ) -> Iterator[tuple[str, list[Row]]]:
     from distributed import as_completed
 
     futures = [
-        client.submit(work, requests[recording], recording, table, cache, pure=False, retries=RETRIES)
+        client.submit(work, request, recording, table, cache, pure=False, retries=RETRIES)
         for recording, table in tables.items()
     ]
     recordings = dict(zip((one.key for one in futures), tables, strict=True))
@@ -425,7 +409,7 @@ def map_recordings(
     topics: Topics = TOPICS,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
-    trajectory: Trajectories = None,
+    trajectory: Trajectory | None = None,
     cache: "str | PathLike[str] | None" = None,
     workers: int | None = None,
     scheduler: "str | Client | None" = None,
@@ -456,8 +440,7 @@ def map_recordings(
     :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see :func:`tf2_ros_tools.bag.load`.
     :param urdf: see :func:`tf2_ros_tools.bag.load`.
-    :param trajectory: corrects each recording; or a mapping from the path of each recording to the one that
-        corrects it, or None; see :func:`tf2_ros_tools.bag.load`.
+    :param trajectory: corrects each recording; see :func:`tf2_ros_tools.bag.load`.
     :param cache: a folder in which the transforms of each recording are also frozen, so that ``load`` with
         this folder and the same topics, poses, robots and trajectory opens these files. A recording without
         such a file is not skipped.
@@ -469,36 +452,35 @@ def map_recordings(
     :param progress: whether to show a bar. None: only if standard error is a terminal, after one second.
     :raises FileNotFoundError: the folders contain no recording, or the file of a trajectory does not exist.
     :raises ValueError: both ``at`` and ``rate``, or both ``workers`` and ``scheduler``, were given; several
-        frames have no ``at``; ``rate`` is not above 0; ``workers`` is below 1; ``trajectory`` maps other
-        paths than those of the recordings; or the file of a trajectory is broken.
+        frames have no ``at``; ``rate`` is not above 0; ``workers`` is below 1; or the file of a
+        trajectory is broken.
     :raises InvalidArgumentException: a name of a frame is invalid.
     :raises ModuleNotFoundError: a library is not installed, or a worker does not have it.
     """
     source = source if isinstance(source, str) else list(source)
-    one = None if isinstance(trajectory, Mapping) else trajectory
-    request = Request(target, source, at, rate, wanted(topics, poses=poses, urdf=urdf, trajectory=one))
+    what = wanted(topics, poses=poses, urdf=urdf, trajectory=trajectory)
+    request = Request(target, source, at, rate, what)
     if workers is not None and scheduler is not None:
         raise ValueError("workers and scheduler are mutually exclusive: a scheduler has its own workers")
     if workers is not None and workers < 1:
         raise ValueError(f"workers: expected at least 1, got {workers}")
     paths = find_recordings(recordings)
-    requests = _corrected(request, paths, trajectory)
     out = os.path.abspath(out)
     os.makedirs(out, exist_ok=True)
     tables = {path: table_of(path, out) for path in paths}
     cache = None if cache is None else os.path.abspath(os.fsdecode(cache))
-    known = {path: done_before(requests[path], path, table) for path, table in tables.items()}
+    known = {path: done_before(request, path, table) for path, table in tables.items()}
     for path, rows in known.items():
         # What cannot be found is what an earlier run has left of a recording.
         if cache is not None and rows is not None and os.path.exists(path):
-            known[path] = rows if os.path.exists(cached_of(requests[path], path, cache).path) else None
+            known[path] = rows if os.path.exists(cached_of(request, path, cache).path) else None
     ended = {path: rows for path, rows in known.items() if rows is not None}
     skipped = {path: tables[path] for path in ended}
     left = {path: table for path, table in tables.items() if path not in ended}
     try:
         with (
             progress_bar("tables", len(left), " recordings", progress) as count,
-            closing(outcomes(requests, left, workers, scheduler, cache)) as results,
+            closing(outcomes(request, left, workers, scheduler, cache)) as results,
         ):
             for path, rows in results:
                 ended[path] = rows

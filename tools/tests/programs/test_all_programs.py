@@ -330,28 +330,6 @@ def test_names_on_the_command_line_are_shown_without_control_characters(line, fo
     assert "Traceback" not in err and out + err
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        ["tf2_echo", OTHER, "robot"],
-        ["tf2_check", "--expect", f"{OTHER}.yaml"],
-        ["static_transform_publisher", "--frame-id", "a", "--child-frame-id", "b", "--ros-args", "-r", OTHER],
-        ["tf2_bag", "lookup", "drive.mcap", "map", OTHER],
-        ["tf2_bag", "explain", "drive.mcap", "map", OTHER],
-        ["tf2_bag", "lookup", "drive.mcap", "map", "base", "--poses", f"/odometry=map,{OTHER}"],
-        ["tf2_bag", "info", "drive.mcap", "--topic", f"/tf={OTHER}"],
-        ["tf2_bag", "plot", "drive.mcap", OTHER],
-        ["tf2_bag", "plot", "drive.mcap", "--path", "map", OTHER],
-        ["tf2_bag", "batch", "runs", "--lookup", "map", OTHER, "--rate", "1", "--out", "tables"],
-    ],
-    ids=lambda line: " ".join(line).replace(OTHER, "..."),
-)
-def test_names_that_are_not_utf_8_are_refused(line, folder):
-    status, out, err = ended(*line)
-    assert (status, out, err.count("\n")) == (2, "", 1)
-    assert ascii(OTHER)[1:-1] in err and "' is not UTF-8 (see " in err
-
-
 def test_the_name_of_a_recording_need_not_be_utf_8(folder):
     os.rename("drive.mcap", f"{OTHER}.mcap")
     status, out, _ = ended("tf2_bag", "info", f"{OTHER}.mcap")

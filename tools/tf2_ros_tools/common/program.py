@@ -128,13 +128,6 @@ class Parser(ArgumentParser):
         :return: the options, with ``ros_arguments`` for ``rclpy.init``, the ``parser`` that has read them,
             and the name of the ``command``, if the program has any.
         """
-        if self._node:
-            # ROS gets all of them; its bindings raise for others, even for the name of a file.
-            for argument in arguments:
-                try:
-                    utf_8(argument)
-                except ArgumentTypeError as refusal:
-                    self.error(str(refusal))
         self._refuse_ros_with_live(arguments)
         own = self._without_ros_arguments(arguments)[1:]
         parse = self.parse_known_args if self._commands else self.parse_known_intermixed_args
@@ -268,16 +261,7 @@ def _after_unraisable(dropped: Any) -> None:
         sys.__unraisablehook__(dropped)
 
 
-# Names and numbers on a command line.
-
-
-def utf_8(text: str) -> str:
-    """For argparse: refuse bytes that are not UTF-8, which no name in ROS can contain."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        raise ArgumentTypeError(f"{text!r} is not UTF-8") from None
-    return text
+# Numbers on a command line.
 
 
 def _number(expected: str, accepts: Callable[[float], bool]) -> Callable[[str], float]:
@@ -378,7 +362,6 @@ def add_plot_options(made: ArgumentParser, default: str) -> None:
     made.add_argument(
         "frames",
         nargs="*",
-        type=utf_8,
         metavar="FRAME",
         default=[],
         help="plot only these frames, in this order",
@@ -386,7 +369,6 @@ def add_plot_options(made: ArgumentParser, default: str) -> None:
     made.add_argument(
         "--path",
         nargs=2,
-        type=utf_8,
         metavar=("TARGET", "SOURCE"),
         help="plot the path of the frame SOURCE in the frame TARGET",
     )

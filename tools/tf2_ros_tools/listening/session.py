@@ -146,8 +146,7 @@ class Listening:
     """
     Listens to transforms; made by :func:`listening`.
 
-    :meth:`drain` must be called every few seconds, as :meth:`listen` does. ``buffer`` and ``where`` are those
-    of the session.
+    :meth:`drain` must be called every few seconds, as :meth:`listen` does. ``buffer`` is that of the session.
     """
 
     def __init__(self, session: Session, recording: Recording, window_s: float | None) -> None:
@@ -156,11 +155,6 @@ class Listening:
         self._recording = recording
         self._streams = Streams(window_s)
         self._window_ns = None if window_s is None else round(window_s * S)
-
-    @property
-    def where(self) -> str:
-        """A phrase with the topics, and with what is published instead if that is known."""
-        return self.session.where
 
     def listen(self, seconds: float) -> None:
         """
@@ -217,8 +211,9 @@ class Listening:
             # With some middlewares, messages have no gids, or others than those of the graph.
             if alive and not {*alive, *self.session.names}.isdisjoint(gids):
                 alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
-            also, where = [*self._of_reception(now_ns), *self.session.findings()], self.where
+            also = [*self._of_reception(now_ns), *self.session.findings()]
             also += self._of_records(now_ns, publishers, alive_ids)
+            where = self.session.where
             findings = find(streams, limits, expectations, alive_ids, refused=refused, where=where, also=also)
         chain = None if ends is None else self._chain(ends, now_ns)
         if chain is not None and chain.frames is not None:

@@ -104,7 +104,7 @@ class _Screen(App[None]):
         self.failure: RunError | None = None  # why it has ended
         self._source = source
         self._streams: list[Stream] = []  # a row for each
-        self._order, self._reverse = "trouble", False
+        self._order = "trouble"
 
     def compose(self) -> ComposeResult:
         yield Static(id="summary", markup=False)
@@ -137,7 +137,6 @@ class _Screen(App[None]):
     # Keys.
 
     def action_sort(self, order: str) -> None:
-        self._reverse = order == self._order and not self._reverse
         self._order = order
         self._show()
 
@@ -175,8 +174,7 @@ class _Screen(App[None]):
     def _summary(self, report: Report) -> str:
         frames = counted(len({stream.frame for stream in report.streams}), "frame")
         found = counted(len(report.findings), "problem")
-        order = f"by {self._order}{', reversed' if self._reverse else ''}"
-        text = printable(f"{frames}, {found} {self._source}, {order}")
+        text = printable(f"{frames}, {found} {self._source}, by {self._order}")
         return text if report.chain is None else f"{printable(report.chain.text)}\n{text}"
 
     def _chosen(self, streams: Sequence[Stream], kinds: Kinds) -> list[Stream]:
@@ -184,7 +182,7 @@ class _Screen(App[None]):
         part, key = self.query_one(Input).value.lower(), ORDERS[self._order]
         found = [one for one in streams if part in f"{one.frame} {one.parent} {one.publisher}".lower()]
         found.sort(key=_name_of)  # in a report, the order of those of one frame varies
-        found.sort(key=lambda one: key(one, len(kinds[one.frame])), reverse=self._reverse)
+        found.sort(key=lambda one: key(one, len(kinds[one.frame])))
         return found
 
     def _fill(self, streams: list[Stream], kinds: Kinds) -> None:

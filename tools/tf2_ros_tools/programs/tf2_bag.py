@@ -34,7 +34,6 @@ from tf2_ros_tools.common.program import (
     non_negative_number,
     positive_number,
     run,
-    utf_8,
 )
 
 if TYPE_CHECKING:
@@ -564,7 +563,6 @@ def _add_trajectory(made: Parser) -> None:
     made.add_argument(
         "--trajectory",
         nargs=4,
-        type=utf_8,
         metavar=("FILE", "PARENT", "CHILD", "MOVING"),
         help="correct the transforms of the frame CHILD in PARENT by poses of the frame MOVING in PARENT: a "
         "file in TUM's format, or a topic of the recording with nav_msgs/Path; poses at times "
@@ -615,7 +613,7 @@ def _add_topic(made: Parser) -> None:
 
 
 def _topic(text: str) -> tuple[str, str]:
-    name, _, prefix = utf_8(text).partition("=")
+    name, _, prefix = text.partition("=")
     if not name:
         raise ArgumentTypeError(f"expected NAME or NAME=PREFIX, got {text!r}")
     return name, prefix
@@ -655,7 +653,7 @@ def _time(text: str) -> int:
 def _frame(name: str) -> str:
     from tf2_py import stored_name
 
-    return stored_name(utf_8(name))
+    return stored_name(name)
 
 
 def bag(options: Namespace) -> int:

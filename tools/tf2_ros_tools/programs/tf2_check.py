@@ -48,7 +48,7 @@ def check(options: Namespace) -> int:
     limits = Limits(min_rate=options.min_rate, max_delay=options.max_delay)
     with listening("tf2_check", options) as heard:
         heard.session.log_no_refusals()  # the findings count them, with the publishers
-        heard.session.info(f"Listening {heard.where} for {options.t:g} s...")
+        heard.session.info(f"Listening {heard.session.where} for {options.t:g} s...")
         heard.listen(options.t)
         report = heard.report(limits, expected)
     of_what = f"{counted(report.messages, 'message')}, {options.t:g} s"

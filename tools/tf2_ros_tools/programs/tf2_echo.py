@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from argparse import ArgumentTypeError, Namespace
+from argparse import Namespace
 from contextlib import suppress
 from functools import partial
 from math import degrees
@@ -41,7 +41,7 @@ RATE = 1.0  # prints per second, by default
 
 DIGITS = 3  # after the point, by default
 QUEUE_DEPTH = 100  # of dynamic transforms, as that of listeners
-MOST_DIGITS = 1074  # that a double can have after the point
+MOST_DIGITS = 17  # that a double has
 WIDTH = 6  # of the columns of the matrix, at least
 REPORT_S = 1.0  # between two log lines about a transform that is not available yet
 
@@ -64,12 +64,6 @@ EXAMPLE = """\
   tf2_echo map base_link --json --once       one line, for programs to read"""
 
 
-def _digits(text: str) -> int:
-    if not (text.isdecimal() and text.isascii() and int(text) <= MOST_DIGITS):
-        raise ArgumentTypeError(f"expected a whole number from 0 to {MOST_DIGITS}, got {text}")
-    return int(text)
-
-
 PARSER = Parser("tf2_echo", DESCRIPTION, EXAMPLE)
 PARSER.add_argument("target", metavar="TARGET", help="the frame to which data is transformed")
 PARSER.add_argument("source", metavar="SOURCE", help="the frame of the data")
@@ -87,7 +81,8 @@ PARSER.add_argument(
     "-p",
     "--precision",
     metavar="DIGITS",
-    type=_digits,
+    type=int,
+    choices=range(MOST_DIGITS + 1),
     default=DIGITS,
     help=f"number of decimals; {DIGITS} by default; not used with --json",
 )

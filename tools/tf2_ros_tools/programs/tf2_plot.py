@@ -65,7 +65,7 @@ def plot(options: Namespace) -> int:
         heard.listen(heard_s)
         records = heard.records()
         if not len(records):
-            raise RunError(f"no transform was received {heard.where}")
+            raise RunError(f"no transform was received {heard.session.where}")
         report = heard.report(Limits())
         begin = report.time - options.t
         of_records = (records, report.streams, heard.frames())

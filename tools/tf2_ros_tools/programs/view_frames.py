@@ -91,7 +91,7 @@ def view(options: Namespace) -> int:
         report = heard.report(Limits())
         if not heard.frames():
             advice = "publishers may take seconds to be found, so a longer -t may help"
-            raise RunError(f"no transform was received {heard.where}; {advice}")
+            raise RunError(f"no transform was received {heard.session.where}; {advice}")
         if options.text:
             found = [line_of(one) for one in report.findings]
             show(*heard.buffer.tree().splitlines(), *(["", *found] if found else []))

@@ -212,8 +212,7 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, f
 
 def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     """
-    Read the joints of a URDF. Python warnings report joints that mimic an unknown joint, and unexpanded xacro
-    outside joints and links.
+    Read the joints of a URDF. Python warnings report joints that mimic an unknown joint.
 
     :param source: the path of a file, or the text itself, whose first character is ``<``.
     :param prefix: a text to put in front of the names of all frames, for several robots. One leading ``/`` of
@@ -283,7 +282,8 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
         raise UrdfError(f"expected the root element <robot>, got <{printable(root.tag)}>")
     in_joints = [part for joint in root.findall("joint") for part in joint.iter()]
     values = [value for one in (*root.findall("link"), *in_joints) for value in one.attrib.values()]
-    if _of_xacro([*root, *in_joints]) or any("${" in one or "$(" in one for one in values):
+    is_of_xacro = any(one.tag.startswith("xacro:") for one in (*root, *in_joints))
+    if is_of_xacro or any("${" in one or "$(" in one for one in values):
         raise UrdfError(NOT_EXPANDED)
     links = _names(root, "link")
     _names(root, "joint")
@@ -294,17 +294,9 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
         for one in joints
         if one.type != "floating"
     )
-    problems = _unknown_mimics(joints)
-    if left := _of_xacro(root.iter()):
-        problems.append(
-            f"xacro was not expanded: {first_names(left)}; it is ignored, because it is not in a joint"
-        )
     floating = tuple(one.name for one in joints if one.type == "floating")
-    return Robot(root.get("name", ""), frames[_root(links, joints)], tuple(named), tuple(problems), floating)
-
-
-def _of_xacro(elements: Iterable[ElementTree.Element]) -> list[str]:
-    return [*dict.fromkeys(one.tag for one in elements if one.tag.startswith("xacro:"))]
+    problems = tuple(_unknown_mimics(joints))
+    return Robot(root.get("name", ""), frames[_root(links, joints)], tuple(named), problems, floating)
 
 
 def _frames(links: set[str], prefix: str) -> dict[str, str]:

@@ -241,25 +241,6 @@ def test_names_and_prefixes_of_feeds(what):
         Feed(**{what: "a\0b"})
 
 
-@pytest.mark.parametrize(
-    ("seconds", "error"),
-    [
-        (float("nan"), ValueError),
-        (float("inf"), ValueError),
-        (1e10, ValueError),
-        ("3", TypeError),
-        (None, TypeError),
-    ],
-)
-def test_a_wait_needs_a_number_of_seconds(seconds, error):
-    with Feed() as feed:
-        with pytest.raises(error, match="^seconds: expected a number"):
-            feed.wait_until_heard(seconds)
-        for none in (0, -1.0, float("-inf"), np.float32(0)):
-            with pytest.raises(TimeoutError):
-                feed.wait_until_heard(none)
-
-
 def test_a_feed_keeps_nothing_for_each_publisher():
     def take(publishers):
         for n in publishers:

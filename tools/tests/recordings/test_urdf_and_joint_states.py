@@ -167,6 +167,7 @@ def with_inside(text):
         with_inside('<gazebo><sensor:camera name="rgb"/></gazebo>'),
         with_inside('<gazebo sensor:name="rgb"><a:b:c/></gazebo>'),
         with_inside('<sensor:link name="d"/>'),
+        with_inside("<gazebo><xacro:sensor rate='${rate}'/></gazebo>"),
         # What comes before the declaration, and what the declaration says.
         f"\n{XML}{ONE}",
         f" \t\r\n{XML}\n{ONE}",
@@ -239,27 +240,6 @@ def test_names_are_read_in_the_encoding_of_the_file(declaration, encoding, comme
 def test_a_hostile_text_is_refused_without_taking_time_or_memory(text):
     with pytest.raises(urdf.UrdfError, match="^not XML: "):
         urdf.load(text)
-
-
-@pytest.mark.parametrize(
-    ("inside", "left"),
-    [
-        ('<material name="grey"><xacro:grey/></material>', "xacro:grey"),
-        ("<gazebo><xacro:sensor rate='${rate}'/></gazebo>", "xacro:sensor"),
-        (
-            '<link name="c"><visual><xacro:mesh/><xacro:grey/><xacro:mesh/></visual></link>',
-            "xacro:mesh, xacro:grey",
-        ),
-    ],
-)
-def test_xacro_that_concerns_no_joint_is_a_warning(inside, left):
-    links = LINKS.replace('<link name="c"/>', "") if "<link" in inside else LINKS
-    text = f"<robot>{links}{AB}{BC}{inside}</robot>"
-    said = f"^xacro was not expanded: {left}; it is ignored, because it is not in a joint$"
-    with pytest.warns(UserWarning, match=said) as caught:
-        robot = urdf.load(text)
-    assert [one.filename for one in caught] == [__file__]
-    assert len(robot.joints) == 2
 
 
 @pytest.mark.parametrize(

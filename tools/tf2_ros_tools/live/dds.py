@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Receive transforms from a robot over DDS, and send some, with Cyclone DDS."""
 
-import logging
 import os
 import socket
 import struct
@@ -33,7 +32,6 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from tf2_py.printable import printable
 from tf2_ros_tools.common.output import first_names
 from tf2_ros_tools.live.transport import (
     DISCOVERY_S,
@@ -47,8 +45,6 @@ from tf2_ros_tools.live.transport import (
     refuse_options,
 )
 
-log = logging.getLogger("tf2_ros_tools.live")
-
 DEPTH = 1000  # messages that wait while Python or the network is busy: 5 s of 200 Hz
 TAKEN = 100  # messages, at most, between two looks at whether the wire is closed
 TURNS = 100  # messages, at most, between two looks at anything else
@@ -61,7 +57,7 @@ RELIABLE = Policy.Reliability.Reliable(max_blocking_time=duration(seconds=1))
 CLOCK = "rt/clock"
 # Says which node has which publisher, by their gids: GUIDs, which Humble fills up with zeros.
 NODES = "ros_discovery_info"
-RANGES = "", "SUBNET", "LOCALHOST", "SYSTEM_DEFAULT", "OFF"  # of ROS_AUTOMATIC_DISCOVERY_RANGE
+WIDE_RANGES = "", "SUBNET", "SYSTEM_DEFAULT"  # of ROS_AUTOMATIC_DISCOVERY_RANGE
 GUID_BYTES = 16
 PREFIX_BYTES = 12  # of a GUID: which participant it is of
 GID_BYTES = 16, 24
@@ -312,13 +308,8 @@ def _configuration(address: Address) -> str:
         raise ConnectionError(
             f"{address.where}: ROS_AUTOMATIC_DISCOVERY_RANGE is OFF, so nothing can be found"
         )
-    is_local = discovery == "LOCALHOST" or os.environ.get("ROS_LOCALHOST_ONLY") == "1"
-    if discovery not in RANGES:
-        log.warning(
-            f"ROS_AUTOMATIC_DISCOVERY_RANGE: expected one of {', '.join(RANGES[1:])}, got "
-            f"{printable(discovery)}: robots are found on this machine only, as in ROS 2"
-        )
-        is_local = True
+    # As in ROS 2, an unknown range is this machine.
+    is_local = discovery not in WIDE_RANGES or os.environ.get("ROS_LOCALHOST_ONLY") == "1"
     peers = address.options.get("peers", "").split(",")
     peers += os.environ.get("ROS_STATIC_PEERS", "").split(";")
     peers += ["127.0.0.1"] if is_local else []

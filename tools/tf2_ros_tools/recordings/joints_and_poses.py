@@ -118,8 +118,6 @@ class Poses(Source):
         if not all(frames):
             self.leave_out("frame_id is not set" if frames[1] else "child_frame_id is not set")
             return tuple(frames), []
-        if "\0" in "".join(frames):
-            raise ValueError("a frame name must not contain a NUL character")
         self.named = True
         if self.msgtype == TRANSFORM:
             p, q = message.transform.translation, message.transform.rotation

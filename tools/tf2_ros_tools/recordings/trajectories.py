@@ -108,12 +108,6 @@ class Keyframes:
         :raises BagError: a pose cannot be used, or none can; or the frames are wrong.
         """
         one, (times_ns, poses) = self._trajectory, self._poses(buffer, recorded)
-        unset = int((times_ns == 0).sum())
-        if unset == len(times_ns) or unset and one.on_missing == "raise":
-            of_topic = self._in_files is None
-            why = "the publisher does not set it" if of_topic else "0 is not the time of a transform"
-            which = f"{counted(unset, 'pose')} of {len(times_ns)} {'has' if unset == 1 else 'have'}"
-            raise BagError(f"{self._name}: {which} the stamp 0: {why}")
         what = buffer, one.parent, one.child, one.moving, times_ns, poses
         how: dict[str, Any] = {"before": one.before, "after": one.after}
         none = ""

@@ -142,20 +142,6 @@ OF_TIMES_M = 238e-9 * (8 + 170)
 
 
 @every_driver
-@pytest.mark.parametrize("order", "<>")
-def test_each_point_is_moved_by_the_pose_of_its_own_time(buffer, driver, order):
-    cloud, points, times = measured(driver, order=order)
-    moved = deskew(cloud, buffer, "odom")
-    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype, OF_TIMES_M)
-    assert (moved.header.frame_id, stamp_ns(moved)) == ("odom", STAMP)
-    for name in points.dtype.names:
-        if name not in "xyz":
-            assert np.array_equal(points_of(moved, points.dtype)[name], points[name])
-    assert moved.fields == cloud.fields and moved.is_dense
-    assert len(moved.data) == len(cloud.data)
-
-
-@every_driver
 def test_a_deskewed_cloud_stays_as_it_is_when_it_is_deskewed_again(buffer, driver):
     """Each point has the time of the new stamp, in the unit of its field."""
     cloud, points, _ = measured(driver)
@@ -271,17 +257,6 @@ def test_a_point_1_ns_outside_the_data_has_no_transform(driver, outside):
     assert missing_in(moved, points.dtype) == [1235]
 
 
-def test_a_gap_between_samples_is_found_under_max_gap(buffer):
-    """Also where so little happens in it that no pose within is needed."""
-    still = Buffer(float("inf"))
-    for ns in (0, SWEEP // 4, SWEEP):
-        still.set_transform(transform("odom", "lidar", ns=STAMP + ns), "x")
-    cloud, points, times = measured("ouster")
-    deskew(cloud, still, "odom", max_gap=SWEEP / S)
-    with pytest.raises(ExtrapolationException, match=r"^points\[1000\], t = .* further apart than max_gap"):
-        deskew(cloud, still, "odom", max_gap=SWEEP / 2 / S)
-
-
 # What points lack.
 
 
@@ -301,20 +276,6 @@ def test_points_without_coordinates_do_not_decide_the_unit(buffer, driver, numbe
     points["x"][:3000], points["timestamp"][:3000] = np.nan, number
     moved = deskew(as_cloud(points, DRIVERS[driver][0]), buffer, "odom")
     assert missing_in(moved, points.dtype) == list(range(3000))
-
-
-def test_a_point_with_nan_needs_no_time(buffer):
-    for bad_time, driver in ((np.nan, "velodyne"), (1e9, "velodyne"), (0.0, "hesai"), (np.inf, "livox")):
-        cloud, points, times = measured(driver)
-        name = name_of_times(DRIVERS[driver][0])
-        for i, axis in ((0, "x"), (7, "y"), (1600, "z"), (3999, "z")):
-            points[axis][i] = np.nan
-            points[name][i] = bad_time
-        moved = points_of(deskew(as_cloud(points, DRIVERS[driver][0]), buffer, "odom"), points.dtype)
-        missing = np.isnan(xyz_of(moved)).all(axis=1)
-        assert np.flatnonzero(missing).tolist() == [0, 7, 1600, 3999]
-        wanted = expected(buffer, xyz_of(points)[~missing], times[~missing])
-        assert xyz_of(moved)[~missing] == pytest.approx(wanted, abs=3e-4)
 
 
 @pytest.mark.parametrize("driver", ["velodyne", "ouster", "livox"])
@@ -699,16 +660,6 @@ def test_a_loop_above_frames_that_do_not_move_leaves_the_points(how):
     assert_moved(moved, wanted, xyz_of(points), points.dtype)
 
 
-def test_a_parked_robot_moves_in_odom_though_it_rests(buffer):
-    parked = Buffer(Duration(seconds=100))
-    for ns in (START, STAMP, STAMP + S):
-        parked.set_transform(transform("odom", "base", ns=ns, xyz=(1, 2, 3)), "x")
-    parked.set_transform_static(transform("base", "lidar"), "x")
-    cloud, points, times = measured("ouster")
-    moved = deskew(cloud, parked, "odom")
-    assert_moved(moved, expected(parked, xyz_of(points), times), xyz_of(points), points.dtype)
-
-
 def test_a_sensor_that_never_moves_needs_none():
     still = Buffer()
     still.set_transform_static(transform("map", "lidar", xyz=(1, 2, 3)), "x")
@@ -801,13 +752,6 @@ def test_each_argument_of_the_table_is_taken(buffer):
     assert deskew(cloud, buffer, "odom", **given) == deskew(cloud, buffer, "odom")
 
 
-def test_a_buffer_without_a_node_will_do():
-    cloud, points, times = measured("ouster")
-    core = driving(make=BufferCore)
-    moved = deskew(cloud, core, "odom")
-    assert_moved(moved, expected(core, xyz_of(points), times), xyz_of(points), points.dtype)
-
-
 # Bytes that change meanwhile.
 
 
@@ -881,21 +825,6 @@ def test_few_poses_are_looked_up_for_many_points(buffer, monkeypatch):
     deskew(cloud, buffer, "odom")
     [poses] = found
     assert 0 < len(poses.matrices) < 1000
-
-
-def test_it_waits_for_the_transform_of_the_last_point(tf2_ros):
-    """An insert of another thread ends the wait."""
-    buffer = tf2_ros.Buffer(Duration(seconds=100))
-    buffer.set_transform(transform("odom", "lidar", ns=STAMP), "x")
-    cloud, points, times = measured("ouster")
-    with pytest.raises(ExtrapolationException):
-        deskew(cloud, buffer, "odom")
-    late = transform("odom", "lidar", ns=STAMP + SWEEP, xyz=(1, 0, 0))
-    thread = threading.Timer(0.1, lambda: buffer.set_transform(late, "x"))
-    thread.start()
-    moved = deskew(cloud, buffer, "odom", timeout=60)
-    thread.join()
-    assert_moved(moved, expected(buffer, xyz_of(points), times), xyz_of(points), points.dtype)
 
 
 @pytest.mark.parametrize("on_missing", ["raise", "nan"])

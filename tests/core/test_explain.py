@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import repetitions
 from buffer_beside_model import GOOD_PLACES, GOOD_TURNS, Pair, SetClock
-from exact_composition import composed_halves, composed_hops
-from making_objects import S, about_z, at_ns, insert, rotation, stamp_ns, transform, translation
+from exact_composition import composed_hops
+from making_objects import S, about_z, at_ns, insert, rotation, transform, translation
 from model_questions import compare_explained, compare_explained_full, some_policy
 from model_terms import TF2
 from rotations import Turn
@@ -81,15 +81,6 @@ def test_what_is_printed_names_samples_gaps_and_authorities(buffer):
         "  lidar ← base_link  static, last from /robot_state_publisher",
     ]
     assert lines(buffer.explain("map", "map", 5)) == ["map ← map at 0.000000005"]
-
-
-def test_time_0_is_the_latest_common_time_and_a_held_sample_keeps_its_stamp(buffer):
-    assert buffer.explain("map", "lidar", 0).time_ns == 12_800_000_000
-    found = buffer.explain("map", "lidar", 13 * S, tolerance={"odom": 1})
-    assert found.time_ns == 13 * S
-    assert [stamp_ns(hop.transform) for hop in found.hops] == [13 * S, 13 * S, 12_800_000_000]
-    assert stamp_ns(found.transform) == 12_800_000_000
-    assert [hop.gap for hop in found.hops] == [0, 0, 0.2]
 
 
 def test_two_times_have_an_explanation_each(buffer):
@@ -171,27 +162,6 @@ def test_a_path_of_a_thousand_hops_is_explained():
     ]
     assert [hop.last_authority for hop in found.hops[:2]] == ["a1999", "a1998"]
     assert composed_hops(found.hops) == (translation(found.transform), rotation(found.transform))
-
-
-def test_the_hops_composed_are_the_answer_to_the_last_bit():
-    random_ = np.random.default_rng(7)
-    parents = {"b": "a", "c": "b", "d": "c", "e": "b", "f": "e"}
-    buffer = BufferCore()
-    for child, parent in parents.items():
-        for stamp, q in zip(random_.integers(1, 9 * S, 12).tolist(), Turn.random(random_, 12).q, strict=True):
-            buffer.set_transform(transform(parent, child, ns=stamp, xyz=random_.normal(size=3), xyzw=q), "x")
-    firsts, lasts = zip(*[buffer.time_range("a", name) for name in "df"], strict=True)
-    first_ns, last_ns = max(firsts), min(lasts)
-    for target, source in itertools.permutations("abcdef", 2):
-        for ns in random_.integers(first_ns, last_ns, repetitions.times(20, 200)).tolist():
-            found = buffer.explain(target, source, ns)
-            answer = buffer.lookup_transform_core(target, source, at_ns(ns))
-            assert found.transform == answer
-            assert composed_hops(found.hops) == (translation(answer), rotation(answer))
-            full = buffer.explain_full(target, last_ns, source, ns, "e")
-            answer = buffer.lookup_transform_full_core(target, last_ns, source, ns, "e")
-            assert full.transform == answer
-            assert composed_halves(full) == (translation(answer), rotation(answer))
 
 
 @pytest.mark.usefixtures("no_refusals_logged")

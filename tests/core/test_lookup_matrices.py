@@ -48,16 +48,6 @@ def test_any_number_of_times_and_of_frames(buffer, count):
     assert buffer.lookup_matrices("map", [], times).shape == (0, count, 4, 4)
 
 
-def test_the_matrix_of_a_time_without_an_answer_is_nan(buffer):
-    times = [2 * S, 99 * S, 3 * S, 0]
-    for how in ({}, TWO_TIMES, {"max_gap": 1.0}):
-        matrices = buffer.lookup_matrices("map", "arm", times, on_missing="nan", **how)
-        assert np.isnan(matrices).all(axis=(1, 2)).tolist() == [False, True, False, False]
-        assert np.isfinite(matrices[[0, 2, 3]]).all()
-    with pytest.raises(ExtrapolationException, match=r"^times\[1\]: "):
-        buffer.lookup_matrices("map", "arm", times)
-
-
 # Where the matrix is written to.
 
 

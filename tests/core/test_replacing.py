@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`replace=True`: transforms take the place of what their frames had from the first to the last of them."""
 
-import math
 import random
 import threading
 
@@ -39,7 +38,7 @@ def replace(buffer, transforms, static=False):
     return buffer.set_transforms(transforms, "slam", static, replace=True)
 
 
-# The rule.
+# The rule, of which test_buffer_beside_model.py asks more.
 
 
 def test_what_lies_from_the_first_to_the_last_stamp_goes_whatever_its_parent():
@@ -50,96 +49,11 @@ def test_what_lies_from_the_first_to_the_last_stamp_goes_whatever_its_parent():
     assert "slam" in buffer.all_frames_as_yaml()
 
 
-def test_transforms_need_no_order_and_of_equal_stamps_the_last_counts():
-    buffer = filled()
-    assert replace(buffer, [*odom(7, 4), *odom(8, 2), *odom(9, 4, parent="world"), *odom(10, 3)]) == 4
-    assert samples(buffer)[1:5] == [(2, "map", 8), (3, "map", 10), (4, "world", 9), (5, "map", 0)]
-    assert buffer.statistics()["taken"] == 6 + 4
-
-
-def test_one_transform_replaces_all_of_its_stamp():
-    buffer = filled(1, 2, 3)
-    buffer.set_transforms([*odom(1, 2), *odom(2, 2)], "odometry")
-    assert buffer.set_transform(odom(9, 2)[0], "slam", replace=True) is None
-    assert samples(buffer) == [(1, "map", 0), (2, "map", 9), (3, "map", 0)]
-
-
-def test_without_it_samples_of_one_stamp_stay_beside_each_other_as_in_tf2():
-    buffer = filled(1, 2, 3)
-    buffer.set_transform(odom(9, 2)[0], "slam")
-    assert samples(buffer)[1:3] == [(2, "map", 0), (2, "map", 9)]
-
-
-def test_the_stamp_0_is_a_stamp_like_any_other():
-    buffer = filled(0, 1, 2)
-    replace(buffer, odom(9, 0, 1))
-    assert samples(buffer) == [(0, "map", 9), (1, "map", 9), (2, "map", 0)]
-
-
-def test_it_may_precede_or_follow_all_that_there_is():
-    buffer = filled(3, 4)
-    replace(buffer, odom(9, 1, 2))
-    replace(buffer, odom(8, 5))
-    assert [one[::2] for one in samples(buffer)] == [(1, 9), (2, 9), (3, 0), (4, 0), (5, 8)]
-
-
-def test_a_frame_may_be_new():
-    buffer = BufferCore()
-    assert replace(buffer, odom(9, 2, 1)) == 2
-    assert samples(buffer) == [(1, "map", 9), (2, "map", 9)]
-
-
-def test_each_frame_is_replaced_between_its_own_stamps():
-    buffer = filled()
-    buffer.set_transforms([transform("odom", "base", one) for one in range(1, 7)], "odometry")
-    replace(buffer, [transform("odom", "base", 5, (9, 0, 0)), *odom(9, 2), *odom(9, 3)])
-    assert [one[2] for one in samples(buffer)] == [0, 9, 9, 0, 0, 0]
-    assert [one[2] for one in samples(buffer, "base")] == [0, 0, 0, 0, 9, 0]
-
-
 def test_nothing_is_nothing():
     assert replace(filled(), []) == 0
 
 
-def test_pruning_counts_from_the_newest_stamp_that_there_is_then():
-    buffer = BufferCore(Duration(seconds=10.0))
-    buffer.set_transforms(odom(0, *range(1, 7)), "odometry")
-    replace(buffer, odom(9, 4, 13))
-    assert samples(buffer) == [(3, "map", 0), (4, "map", 9), (13, "map", 9)]
-
-
 # Refusals.
-
-REFUSED = {
-    "nan_input": transform("map", "odom", 3, (math.nan, 0, 0)),
-    "self_transform": transform("odom", "odom", 3),
-    "denormalized_quaternion": transform("map", "odom", 3, xyzw=(0, 0, 0, 0)),
-    "reserved_frame_id": transform("NO_PARENT", "odom", 3),
-}
-
-
-@pytest.mark.parametrize("reason", REFUSED)
-def test_a_refused_transform_refuses_the_replacement_of_its_frame_only(reason):
-    buffer = filled()
-    before = samples(buffer)
-    other = transform("odom", "base", 3, (9, 0, 0))
-    assert replace(buffer, [*odom(9, 2), REFUSED[reason], other, *odom(9, 5)]) == 1
-    assert samples(buffer) == before
-    assert samples(buffer, "base") == [(3, "odom", 9)]
-    refused = buffer.statistics()["refused"]
-    assert {why: count for why, count in refused.items() if count} == {reason: 1, "replaced_together": 2}
-
-
-def test_a_transform_that_is_too_old_refuses_it_too():
-    buffer = BufferCore(Duration(seconds=10.0))
-    buffer.set_transforms(odom(0, 20), "odometry")
-    assert replace(buffer, odom(9, 9, 11)) == 0
-    assert replace(buffer, odom(9, 1, 2)) == 0
-    assert replace(buffer, odom(9, 11, 22)) == 0
-    assert samples(buffer) == [(20, "map", 0)]
-    assert buffer.statistics()["refused"]["old_data"] == 1 + 2 + 1
-    assert replace(buffer, odom(9, 12, 22)) == 2
-    assert samples(buffer) == [(12, "map", 9), (22, "map", 9)]
 
 
 def in_ms(x, child, milliseconds):
@@ -187,25 +101,6 @@ def test_a_limit_of_frames_refuses_it():
     assert replace(buffer, [*odom(9, 2), *odom(9, 3, parent="new"), *odom(9, 4)]) == 0
     assert samples(buffer) == before
     assert buffer.statistics()["refused"]["too_many_frames"] == 3
-
-
-@pytest.mark.parametrize("static", [False, True])
-def test_no_frame_changes_its_kind(static):
-    buffer = filled()
-    buffer.set_transform_static(transform("odom", "camera"), "urdf")
-    before = buffer.histories().keys(), samples(buffer), samples(buffer, "camera")
-    wrong = odom(9, 1, 9) if static else [transform("odom", "camera", 1), transform("odom", "camera", 2)]
-    assert replace(buffer, wrong, static) == 0
-    assert (buffer.histories().keys(), samples(buffer), samples(buffer, "camera")) == before
-    assert buffer.statistics()["refused"]["other_kind"] == 2
-
-
-def test_a_static_frame_is_replaced_by_the_last_one_as_without_it():
-    buffer = BufferCore()
-    buffer.set_transform_static(transform("base", "camera", 5), "urdf")
-    given = [transform("base", "camera", 7, (1, 0, 0)), transform("base", "camera", 3, (2, 0, 0))]
-    assert replace(buffer, given, static=True) == 2
-    assert samples(buffer, "camera") == [(3, "base", 2)]
 
 
 # What is beside it.

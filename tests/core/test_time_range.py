@@ -9,10 +9,6 @@ from making_objects import S, at_ns, transform
 
 from tf2_py import (
     BufferCore,
-    ConnectivityException,
-    ExtrapolationException,
-    InvalidArgumentException,
-    LookupException,
 )
 
 pytestmark = pytest.mark.ours
@@ -45,40 +41,6 @@ def test_without_a_frame_that_moves_every_time_of_a_message_has_an_answer(buffer
         assert buffer.can_transform_core("lidar", "camera", at_ns(ns))[0]
     with pytest.raises(OverflowError):
         buffer.can_transform_core("lidar", "camera", at_ns(last + 1))
-
-
-@pytest.mark.parametrize(
-    ("frames", "error", "text"),
-    [
-        (
-            ("map", "kitchen"),
-            ConnectivityException,
-            "no.*between 'map' and 'kitchen'.*the root of kitchen is house",
-        ),
-        (
-            ("map", "cup"),
-            ExtrapolationException,
-            r"the oldest sample of cup \(parent base\) .* is 0\.000000020 s too new",
-        ),
-        (
-            ("map", "camra"),
-            LookupException,
-            r'"camra" passed to time_range argument source_frame .*\[camera\]',
-        ),
-        (("mop", "mop"), LookupException, r'"mop" passed to time_range argument target_frame .*\[map\]'),
-        (("/map", "base"), InvalidArgumentException, '"/map" passed to time_range'),
-        (("map", ""), InvalidArgumentException, '"" passed to time_range argument source_frame'),
-        (("map", None), TypeError, "source_frame: expected a str, got NoneType"),
-        (("map", "a"), LookupException, "contains a loop"),
-    ],
-)
-def test_frames_without_a_common_time_raise_what_their_lookup_raises(buffer, frames, error, text):
-    insert(buffer, "house", "kitchen", 1)
-    insert(buffer, "base", "cup", 70, 80)
-    insert(buffer, "a", "b", 1)
-    insert(buffer, "b", "a", 1)
-    with pytest.raises(error, match=text):
-        buffer.time_range(*frames)
 
 
 def test_a_walk_to_a_frame_above_the_path_that_has_no_data_there(buffer):

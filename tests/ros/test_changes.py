@@ -206,25 +206,6 @@ def show(buffer, seconds):
 class TestLimits:
     """What violates `max_age` or `max_gap` is skipped."""
 
-    def test_only_an_insert_fires_and_only_if_the_data_is_fresh(self, buffer):
-        seen = []
-        show(buffer, 100)
-        buffer.on_change("map", "base", lambda one: seen.append(stamp_ns(one) / S), max_age=0.5)
-        for clock, second, expected in (
-            (100, 99, []),  # too old
-            (100, 99.5, [99.5]),
-            (200, 150, [99.5]),  # staleness is not a change
-            (200, 200.5, [99.5, 200.5]),  # ahead of the clock
-            (200, 200, [99.5, 200.5]),  # no later one than that
-            (300, 299.75, [99.5, 200.5, 299.75]),
-        ):
-            before = [*seen]
-            show(buffer, clock)
-            buffer._tf2_check()
-            assert seen == before
-            insert(buffer, second)
-            assert seen == expected
-
     def test_a_clock_that_is_set_back_is_noticed(self, buffer):
         seen = []
         show(buffer, 200)
@@ -234,18 +215,6 @@ class TestLimits:
         show(buffer, 100)
         until(lambda: seen)
         assert seen == [100]
-
-    def test_each_frame_may_have_its_own_age(self, buffer):
-        seen = []
-        limits = {"odom": 3.0, "base": 1.0}
-        show(buffer, 100)
-        buffer.on_change("map", "base", lambda one: seen.append(stamp_ns(one) / S), max_age=limits)
-        for parent, child, second in (
-            *(("map", "odom", 98), ("odom", "base", 98), ("odom", "base", 98.5)),
-            *(("odom", "base", 99.5), ("map", "odom", 98.25), ("map", "odom", 98.25)),
-        ):
-            buffer.set_transform(transform(parent, child, second), "x")
-        assert seen == [98, 98.25]
 
     def test_a_gap_is_skipped_until_it_is_filled(self, buffer):
         seen = []

@@ -60,20 +60,6 @@ def test_frames_without_a_common_time_are_called_stale(tf2_ros, buffer):
         buffer.lookup_transform("map", "arm", LATEST, max_age=20)
 
 
-def test_a_moving_frame_whose_stamp_is_0_has_an_age(tf2_ros, buffer):
-    """Not its stamp but its kind decides whether a frame moves."""
-    insert(buffer, "base", "arm", 0)
-    buffer.set_transform_static(transform("arm", "hand", 0), "x")
-    assert buffer.ages("base", "hand") == {"arm": 100.0}
-    assert buffer.ages("map", "hand") == {"arm": 100.0, "base": 0.0625, "odom": 1.0}
-    for frames, limits in ((("base", "hand"), 1), (("arm", "base"), {"arm": 1}), (("map", "arm"), 1)):
-        with pytest.raises(tf2_ros.ExtrapolationException, match="of arm in base, at 0.0*, is 100.0* s old"):
-            buffer.lookup_transform(*frames, LATEST, max_age=limits)
-        assert not buffer.can_transform(*frames, LATEST, max_age=limits)
-    assert buffer.lookup_transform("base", "hand", LATEST, max_age=100)
-    assert buffer.lookup_transform("arm", "hand", LATEST, max_age=0)  # which is static
-
-
 def test_a_stamp_of_0_seems_not_to_be_set_to_a_clock_that_shows_the_date(tf2_ros):
     buffer = tf2_ros.Buffer()
     insert(buffer, "map", "base", 0)
@@ -271,20 +257,6 @@ def test_a_wait_ends_with_the_last_frame_that_was_stale(wait, buffer, node):
     assert pending.result(DEADLINE_S) == 199 * S
 
 
-def test_a_frame_that_has_become_stale_again_is_waited_for(wait, buffer, node):
-    simulate(node, seconds=200)
-    pending = wait(max_age={"odom": 1, "base": 2})
-    insert(buffer, "map", "odom", 199.5)
-    simulate(node, seconds=201)
-    insert(buffer, "odom", "base", 199, 201)  # which is enough, by the clock when the wait began
-    until(lambda: buffer.statistics()["waiters"] == 1)
-    insert(buffer, "odom", "base", 201.25)
-    until(lambda: buffer.statistics()["waiters"] == 1)
-    assert not pending.done()
-    insert(buffer, "map", "odom", 200.5)
-    assert pending.result(DEADLINE_S) == 200.5 * S
-
-
 @pytest.mark.parametrize("seconds", [99.9, 50])
 def test_waits_follow_a_clock_that_jumps_back(wait, buffer, node, seconds):
     simulate(node, seconds=200)
@@ -295,13 +267,6 @@ def test_waits_follow_a_clock_that_jumps_back(wait, buffer, node, seconds):
     insert(buffer, "map", "odom", seconds - 0.75, seconds - 0.25)
     insert(buffer, "odom", "base", seconds - 0.5)
     assert pending.result(DEADLINE_S) == round((seconds - 0.5) * S)
-
-
-def test_a_small_step_back_may_be_what_a_wait_lacks(wait, buffer, node):
-    simulate(node, seconds=100.5)
-    pending = wait(max_age=1.25)
-    simulate(node, seconds=100.25)
-    assert pending.result(DEADLINE_S) == 99 * S
 
 
 def test_simulated_time_that_begins_late(tf2_ros, node):

@@ -343,7 +343,10 @@ def _joint(element: ElementTree.Element, links: set[str]) -> Joint:
     parent, child = (_link(element, tag, where, links) for tag in ("parent", "child"))
     axis: Numbers = (1.0, 0.0, 0.0)
     if kind in (*TURNING, *SLIDING):
-        axis = _unit(_numbers(element.find("axis"), "xyz", where, "1 0 0"), where)
+        axis = _numbers(element.find("axis"), "xyz", where, "1 0 0")
+        if not 0.0 < (length := hypot(*axis)) < inf:
+            raise UrdfError(f"{where}: its axis must not be (0, 0, 0)")
+        axis = tuple(one / length for one in axis)
     mimic, follows = element.find("mimic"), None
     if mimic is not None:
         followed = _attribute(mimic, "joint", f"the mimic of {where}")
@@ -412,10 +415,3 @@ def _numbers(element: ElementTree.Element | None, name: str, where: str, default
         count = {1: "a finite number", 3: "three finite numbers"}[len(default.split())]
         raise UrdfError(f"{where}: {name}: expected {count}, got {text!r}")
     return numbers
-
-
-def _unit(axis: Numbers, where: str) -> Numbers:
-    length = hypot(*axis)
-    if not 0.0 < length < inf:
-        raise UrdfError(f"{where}: its axis must not be (0, 0, 0)")
-    return tuple(one / length for one in axis)

@@ -374,20 +374,15 @@ class Target(TransformBroadcaster):
         """Send these, unless they are none, or static ones that were sent before."""
         if self.use == POSE:
             for one in transforms:
-                self.pub_tf.publish(pose_of(one))
+                message = PoseStamped(header=one.header)
+                message.pose.orientation = one.transform.rotation
+                moved, place = one.transform.translation, message.pose.position
+                place.x, place.y, place.z = moved.x, moved.y, moved.z
+                self.pub_tf.publish(message)
         elif transforms != self._latched:
             if self.use == STATIC:
                 self._latched = transforms
             self.sendTransform(transforms)
-
-
-def pose_of(transform: TransformStamped) -> PoseStamped:
-    """Make the message of a rule for a pose."""
-    message = PoseStamped(header=transform.header)
-    message.pose.orientation = transform.transform.rotation
-    moved, place = transform.transform.translation, message.pose.position
-    place.x, place.y, place.z = moved.x, moved.y, moved.z
-    return message
 
 
 class Relaying:

@@ -117,12 +117,8 @@ def _heard_of(options: Namespace, at: str | None = None) -> Heard:
     return heard
 
 
-def _judged_of(options: Namespace) -> Heard:
-    """Read the transforms of the recording; the findings say what is left out, or has no stamp."""
-    return _read(options, counts_unset=True)
-
-
 def _read(options: Namespace, **how: Any) -> Heard:
+    """Read the transforms of the recording, of which findings say what is left out; ``how``: of ``hear``."""
     from tf2_ros_tools.recordings.bag_loader import hear, wanted
 
     what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
@@ -157,7 +153,7 @@ def info(options: Namespace) -> int:
     if not options.json:
         # First, because transforms that cannot be read end the command.
         show(f"{options.file}: {size:,} bytes", *_contents(topics, *span_ns))
-    heard = _judged_of(options)
+    heard = _read(options, counts_unset=True)
     said = report(heard)
     if options.json:
         contents = {"file": options.file, "bytes": size, "topics": [*map(asdict, topics)]}
@@ -181,7 +177,7 @@ def check(options: Namespace) -> int:
 
     expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
-    said = report(_judged_of(options), limits, expected)
+    said = report(_read(options, counts_unset=True), limits, expected)
     # Silence about these must not be taken for health.
     unknown = "; a saved buffer has no times of reception: delays are unknown" if said.saved else ""
     return conclude(options, said, _what(said) + unknown, {"file": options.file})

@@ -144,12 +144,6 @@ class Keyframes:
             unset = " or the stamp is 0" * bool((times_ns == 0).any())
             yield f"{left_out} of the {count} in {self._name} {are} left out, because {why}{unset}"
 
-    def _known(self, buffer: BufferCore) -> tuple[int, int] | None:
-        """Get the first and the last time of the odometry, in ns; None: it has none."""
-        with suppress(TransformException):
-            return buffer.time_range(self._trajectory.child, self._trajectory.moving)
-        return None
-
     def _poses(self, buffer: BufferCore, recorded: Any) -> Stamped:
         """
         Get the poses, with the stamps that were rounded at the ends of the odometry.
@@ -157,8 +151,9 @@ class Keyframes:
         :param recorded: not needed if the poses are in files.
         """
         times_ns, poses = self._in_files or _of_topic(recorded, self._name, self._trajectory.parent)
-        for end_ns in self._known(buffer) or ():
-            times_ns = np.where(abs(times_ns - end_ns) <= ROUNDED_NS, end_ns, times_ns)
+        with suppress(TransformException):  # there is no odometry
+            for end_ns in buffer.time_range(self._trajectory.child, self._trajectory.moving):
+                times_ns = np.where(abs(times_ns - end_ns) <= ROUNDED_NS, end_ns, times_ns)
         return times_ns, poses
 
 

@@ -283,9 +283,9 @@ class Buffer(BufferCore, BufferInterface):
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
 
         If a listener receives the transform, done callbacks run in the executor that spins the listener's
-        node. **Until that node is spun, the future stays pending, even past its timeout.** If this program
-        inserts the transform, they run in the inserting thread. The page "Callbacks, threads and executors"
-        of the documentation has all cases.
+        node. **Until that node is spun, such a future stays queued, even past its timeout;** one without done
+        callbacks is done at once. If this program inserts the transform, they run in the inserting thread.
+        The page "Callbacks, threads and executors" of the documentation has all cases.
 
         With an invalid name, the future holds an ``InvalidArgumentException`` at once. With ``max_age``, the
         transform is fresh when it arrives; what :meth:`lookup_transform_async` returns is also fresh when the

@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from known_faults import tried
+from excused_faults import tried
 from paths import ROOT
 from processes import killed, run
 from waiting import DEADLINE_S

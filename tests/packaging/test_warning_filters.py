@@ -14,7 +14,7 @@ pytestmark = pytest.mark.ours
 OUTCOMES = """
 import gc, threading, warnings
 
-from known_faults import KnownFault
+from excused_faults import KnownFault
 
 def warn_of_module(module, text, category):
     warnings.warn_explicit(text, category, f"{module}.py", 1, module)

@@ -11,8 +11,8 @@ import weakref
 
 import pytest
 from async_node_standin import AsyncNode
+from excused_faults import accept
 from geometry_msgs.msg import PointStamped
-from known_faults import accept
 from making_objects import transform
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor

@@ -9,8 +9,8 @@ import re
 import sys
 
 import pytest
+from excused_faults import tried
 from forked_children import in_a_child
-from known_faults import tried
 from making_objects import transform
 from paths import PROGRAMS
 from processes import output_of, run

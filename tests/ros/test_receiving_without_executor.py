@@ -6,9 +6,9 @@ import sys
 import threading
 
 import pytest
+from excused_faults import tried
 from forked_children import in_a_child
 from interposed_libraries import with_library
-from known_faults import tried
 from making_objects import at, translation
 from paths import PROGRAMS
 from processes import run

@@ -7,7 +7,7 @@ import sys
 import warnings
 
 import pytest
-from known_faults import ATTEMPTS, KnownFault, accept, fault_in, tried
+from excused_faults import ATTEMPTS, KnownFault, accept, fault_in, tried
 
 pytestmark = pytest.mark.ours
 

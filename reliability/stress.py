@@ -25,7 +25,7 @@ import time
 import warnings
 
 from reliability.own_ros_domain import use_own_domain
-from reliability.stress_growth import BOUNDS, growth, sample
+from reliability.process_growth import BOUNDS, growth, sample
 
 ROUND_S = 5.0
 

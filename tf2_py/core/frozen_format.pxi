@@ -284,5 +284,5 @@ cdef FrozenProblem frozen_read(FileMapping* mapping, bint checks_samples, Tree* 
     if text != NULL:
         return _problem_of_frame(frame, text)
     tree.taken = header.sample_count
-    tree.is_frozen = True
+    tree.equals_file = True
     return _samples_problem(header, tree) if checks_samples else _problem_of(NULL)

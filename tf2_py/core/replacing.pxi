@@ -265,7 +265,7 @@ cdef bint replacing_apply(Replacing* replacing, Tree* tree, Batch* batch, uint32
     for i in range(replacing.count):
         one = &replacing.frames[i]
         if one.frame != NO_FRAME:
-            tree.is_frozen = False
+            tree.equals_file = False
         if one.is_built:
             _exchange(one, tree, authority)
     for i in range(replacing.count):

@@ -7,7 +7,7 @@ What each frame of a call becomes is built beside its history. When all are buil
 without memory nothing has changed. Of a frame, either all transforms of the call are accepted, or none.
 """
 
-# Uses: types, geometry, names, history, tree, cdr.
+# Uses: types, geometry, names, history, tree, batch.
 
 cdef struct Given:
     # One transform of a call.

@@ -185,7 +185,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     cdef uint32_t count = history.count
     cdef size_t bytes_before = history_allocated(history)
     cdef size_t growth_limit = tree_bytes_left(tree)
-    tree.is_frozen = False      # a repeated sample, too, has another authority, and prunes
+    tree.equals_file = False    # a repeated sample, too, has another authority, and prunes
     sample.transform = incoming.transform
     sample.parent = parent
     sample.reserved = 0
@@ -234,7 +234,7 @@ cdef bint tree_has_one_way_up(const Tree* tree, FrameId frame) noexcept nogil:
 
 cdef void tree_clear(Tree* tree) noexcept nogil:
     cdef uint32_t id
-    tree.is_frozen = False
+    tree.equals_file = False
     for id in range(1, tree.names.count):
         if tree.histories[id].kind == HISTORY_DYNAMIC:
             tree.samples -= tree.histories[id].count
@@ -265,7 +265,7 @@ cdef void _hide_isolated(Tree* tree) noexcept nogil:
 cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil:
     cdef History* history = &tree.histories[frame]
     cdef bint had_samples = history.count > 0
-    tree.is_frozen = False
+    tree.equals_file = False
     tree.samples -= history.count
     tree.history_bytes -= history_allocated(history)
     history_free(history)

@@ -25,7 +25,7 @@ cdef struct Tree:
     Limits limits                   # of the buffer
     uint32_t hidden                 # frames whose names count as unknown
     FrameId last_child              # of the last insert
-    bint is_frozen                  # it was opened from a frozen file, and holds what that file holds
+    bint equals_file                # it was opened from a frozen file, and holds what that file holds
     uint64_t work                   # extra cost of all inserts so far; 1 is the cost of an ordinary insert
     uint64_t samples                # in all histories
     size_t history_bytes            # allocated for all histories

@@ -386,13 +386,13 @@ cdef class Engine:
         return self._replace_tree(&opened, frozen)
 
     cdef dict frozen_state(self):
-        cdef bint is_frozen
+        cdef bint equals_file
         catch_up(self)
         lock_acquire(&self._lock)
-        is_frozen = self._tree.is_frozen
+        equals_file = self._tree.equals_file
         lock_release(&self._lock)
         frozen = self._frozen
-        return frozen.as_state() if is_frozen and frozen is not None and frozen.is_there() else None
+        return frozen.as_state() if equals_file and frozen is not None and frozen.is_there() else None
 
     cdef int _replace_tree(self, const Tree* tree, frozen=None) except -1:
         cdef Tree old

@@ -23,7 +23,7 @@ cdef class Engine:
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
-    cdef object _frozen                 # the FrozenFile that was opened; valid if _tree.is_frozen
+    cdef object _frozen                 # the FrozenFile that was opened; valid if _tree.equals_file
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef uint64_t _removals             # of inboxes
     # Under _lock: no later than what the clock shows. After their first attempt, waits judge ages by it, so

@@ -64,8 +64,8 @@ class Receiver:
         self._context = listener.node.context
         self._runner = runner = call_queue.runner
         self._process = os.getpid()
-        # The destroyed ones remain hidden: an executor that has just met the event handler of one, and may
-        # wait for it, raises InvalidHandle.
+        # Destroyed subscriptions remain hidden: an executor that has just met the event handler of one, and
+        # may wait for it, raises InvalidHandle.
         self._topics = self._group.hidden = listener._tf2_state.topics
         self._group.hides_all = False
         clock: Any = getattr(listener.buffer, "clock", None)

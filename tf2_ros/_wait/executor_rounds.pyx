@@ -4,7 +4,7 @@
 Take part in the rounds of rclpy's executors: before one sleeps, and after it wakes.
 
 This is Cython because executors have thousands of rounds a second, and because no signal handler can
-interrupt it halfway. What it relies on inside rclpy is tested by tests/ros/test_programs_that_spin.py; the
+interrupt it halfway. What it relies on inside rclpy is tested by tests/ros/test_executor_rounds.py; the
 Python part is ``tf2_ros._rclpy``.
 """
 

@@ -27,7 +27,7 @@ from project_sources import words_of_sources
 from starting_programs import ended, heard
 from tool_pages import ALL_PAGES, PAGES, provide_torch, run_program
 from tool_paths import DOCS, TOOLS
-from tool_sources import PACKAGES, PYPROJECT
+from tool_project import PACKAGES, PYPROJECT
 from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours

@@ -16,7 +16,7 @@ from documentation_pages import blocks, commands
 from starting_programs import broadcasting, command, heard, running
 from tool_pages import ALL_PAGES
 from tool_paths import SAMPLES
-from tool_sources import PYPROJECT
+from tool_project import PYPROJECT
 from waiting import DEADLINE_S, until
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("runs 60 programs, some for half a minute")]

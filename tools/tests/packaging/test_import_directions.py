@@ -12,7 +12,7 @@ import pytest
 from paths import ROOT
 from public_names import ADDED, NAMES, OURS
 from tool_paths import TOOLS
-from tool_sources import PACKAGES
+from tool_project import PACKAGES
 
 pytestmark = pytest.mark.ours
 

@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 from processes import output_of, run
 from project_sources import PYPROJECT as CORE
 from tool_paths import TOOLS
-from tool_sources import PYPROJECT
+from tool_project import PYPROJECT
 
 pytestmark = pytest.mark.ours
 

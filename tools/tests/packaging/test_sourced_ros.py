@@ -10,7 +10,7 @@ import pytest
 from installing import INDEX, sourced
 from sourced_installations import Installation, Workspace, distribution_with_tf2
 from tool_paths import TOOLS
-from tool_sources import PYPROJECT
+from tool_project import PYPROJECT
 
 pytestmark = [
     pytest.mark.ours,

@@ -8,7 +8,7 @@ from environment_without_ros import make_world
 from project_sources import modules
 from tool_pages import provide_torch, run_program
 from tool_paths import DOCS, TOOLS
-from tool_sources import PACKAGES, PYPROJECT
+from tool_project import PACKAGES, PYPROJECT
 
 pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
 

@@ -23,7 +23,7 @@ from making_objects import S
 from processes import run
 from starting_programs import ROBOT, broadcasting, ended, heard, needs_dot, running
 from tool_paths import TOOLS
-from tool_sources import PYPROJECT
+from tool_project import PYPROJECT
 from waiting import DEADLINE_S, until
 
 from tf2_ros_tools.listening.session import Pace

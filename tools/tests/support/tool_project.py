@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Read the sources of the tools; see `project_sources.py` of the core."""
+"""The pyproject.toml and the packages of the tools; see `project_sources.py` of the core."""
 
 import sys
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Read and write TFMessage in plain CDR, version 1 (OMG DDS-RTPS 2.5, clause 10)."""
+"""Batches of transforms, and TFMessage in plain CDR, version 1 (OMG DDS-RTPS 2.5, clause 10)."""
 
 cdef extern from *:
     """

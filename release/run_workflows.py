@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Run the jobs of the GitHub workflows here: `python -m release.workflow_jobs [--list] [WORD…]`.
+Run the jobs of the GitHub workflows here: `python -m release.run_workflows [--list] [WORD…]`.
 
 Each job gets a fresh clone of the last commit, and runs its steps in order. Artifacts go from job to job.
 What this machine cannot do is reported: other systems, containers, publishing, and what others' actions do.
@@ -186,7 +186,7 @@ def run(jobs, root=ROOT):
 
 
 def main(arguments=None):
-    parser = argparse.ArgumentParser(prog="python -m release.workflow_jobs", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m release.run_workflows", description=__doc__)
     parser.add_argument(
         "words", nargs="*", metavar="WORD", help="only the jobs with one of these in their names"
     )

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The jobs of the GitHub workflows, run here step by step."""
+"""How the jobs of GitHub workflows are run here; none of them is."""
 
 import subprocess
 import sys
@@ -11,7 +11,7 @@ from paths import ROOT
 pytestmark = pytest.mark.ours
 
 sys.path.insert(0, str(ROOT))
-from release import workflow_jobs  # noqa: E402
+from release import run_workflows  # noqa: E402
 
 WORKFLOW = """
 jobs:
@@ -70,8 +70,8 @@ def test_the_jobs_run_in_order_and_what_cannot_run_is_named(tmp_path):
     for command in (["init"], ["add", "."], [*"-c user.name=t -c user.email=t@t commit -m t".split()]):
         subprocess.run(["git", *command], cwd=tmp_path, check=True, capture_output=True)
     (tmp_path / "flow.yml").write_text(WORKFLOW)
-    jobs = workflow_jobs.jobs_of(tmp_path / "flow.yml")
-    found = workflow_jobs.run(jobs, tmp_path)
+    jobs = run_workflows.jobs_of(tmp_path / "flow.yml")
+    found = run_workflows.run(jobs, tmp_path)
     results = {
         str(job).removeprefix("flow.yml "): result.partition(" after ")[0] for job, result in found.items()
     }
@@ -90,7 +90,7 @@ def test_the_jobs_run_in_order_and_what_cannot_run_is_named(tmp_path):
 
 def test_every_job_of_the_workflows_has_a_name_of_its_own():
     jobs = [
-        job for path in (ROOT / ".github" / "workflows").glob("*.yml") for job in workflow_jobs.jobs_of(path)
+        job for path in (ROOT / ".github" / "workflows").glob("*.yml") for job in run_workflows.jobs_of(path)
     ]
     names = {str(job) for job in jobs}
     assert {"ci.yml core", "ci.yml pypi (3.11, .ci/run)", "wheels.yml stubs", "wheels.yml publish"} <= names

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Batches of transforms that are inserted together, read from and written to serialized tf2_msgs/TFMessage."""
+"""Batches of transforms that are inserted together; serialized tf2_msgs/TFMessage, read and written."""
 
 # Uses: types, names, waiters.
 

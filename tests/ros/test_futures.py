@@ -38,11 +38,12 @@ atexit.register(lambda: print(names()))  # after all others
 
 import rclpy
 from tf2_ros import Buffer
+from tf2_ros._process import threads
 
 rclpy.init()
 buffer = Buffer()
 future = buffer.wait_for_transform_async("map", "robot", 0, timeout=3600.0)
-while "tf2_ros background" not in names():
+while not threads.running:  # a thread that has only just begun is not waited for
     time.sleep(0.01)
 """
 WITHOUT_A_THREAD = """

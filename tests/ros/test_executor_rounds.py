@@ -8,10 +8,10 @@ import threading
 import time
 
 import pytest
-from making_objects import at, transform
+from making_objects import at
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning_nodes import EXECUTOR, Observer, knows, repeated, shut_down_at_sleep, spinning
+from spinning_nodes import EXECUTOR, Observer, repeated, shut_down_at_sleep, spinning
 from waiting import DEADLINE_S, until
 
 from tf2_ros._wait.call_runners import call_queue_of
@@ -237,94 +237,3 @@ class TestSpinOnce:
         with sending(peer()):
             executor.spin_until_future_complete(task, timeout_sec=DEADLINE_S)
         assert task.result() == "there"
-
-
-class TestPrograms:
-    def test_a_buffer_of_another_kind_is_filled_once_it_is_assigned(self, buffer, listener, executor, peer):
-        class Recorder:
-            def __init__(self):
-                self.seen = []
-
-            def set_transform(self, transform, authority):
-                self.seen.append((transform.child_frame_id, authority, threading.current_thread()))
-
-        publisher = peer()
-        publisher.send(("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"), executor)
-        recorder = listener.buffer = Recorder()
-        publisher.send(("map", "robot", 2 * S, 1))
-        until(lambda: recorder.seen, executor)
-        assert recorder.seen == [("robot", "default_authority", threading.current_thread())]
-
-    def test_a_node_that_wraps_the_callbacks_of_its_subscriptions(self, ros, tf2_ros, buffer, peer):
-        received = []
-
-        class Wrapping(ros.node.Node):
-            def create_subscription(self, msg_type, topic, callback, *arguments, **options):
-                def wrapped(message):
-                    received.append((topic, type(message).__name__))
-                    callback(message)
-
-                return super().create_subscription(msg_type, topic, wrapped, *arguments, **options)
-
-        node = Wrapping("wrapping")
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        tf2_ros.TransformListener(buffer, node)
-        peer().send(("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"), executor)
-        assert received == [("/tf", "TFMessage")]
-        executor.shutdown()
-        node.destroy_node()
-
-    def test_a_fake_node_with_the_arguments_of_tf2_alone(self, tf2_ros, buffer):
-        class Fake:
-            def __init__(self):
-                self.made, self.destroyed, self.sent = {}, [], []
-
-            def create_subscription(self, msg_type, topic, callback, qos_profile, callback_group=None):
-                self.made[topic] = callback
-                return topic
-
-            def create_publisher(self, msg_type, topic, qos_profile):
-                return type("Publisher", (), {"publish": staticmethod(self.sent.append)})()
-
-            def destroy_subscription(self, subscription):
-                self.destroyed.append(subscription)
-
-        node = Fake()
-        listener = tf2_ros.TransformListener(buffer, node)
-        for broadcaster in (tf2_ros.TransformBroadcaster(node), tf2_ros.StaticTransformBroadcaster(node)):
-            broadcaster.sendTransform(transform("map", "robot", 1))
-            node.made["/tf"](node.sent.pop())
-        assert buffer.can_transform("map", "robot", LATEST)
-        listener.unregister()
-        assert node.destroyed == ["/tf", "/tf_static"]
-
-    def test_the_graph_shows_what_tf2_shows(self, tf2_ros, new_node):
-        def seen():
-            whose = (node.get_name(), node.get_namespace())
-            return {
-                "nodes": node.get_node_names(),
-                "parameters": [parameter.name for parameter in node.get_parameters_by_prefix("").values()],
-                "services": dict(node.get_service_names_and_types_by_node(*whose)),
-                "publishers": dict(node.get_publisher_names_and_types_by_node(*whose)),
-                "subscribers": dict(node.get_subscriber_names_and_types_by_node(*whose)),
-                "clients": node.get_client_names_and_types_by_node(*whose),
-            }
-
-        node = new_node("shown")
-        until(lambda: node.get_name() in node.get_node_names())
-        before = seen()
-        buffer = tf2_ros.Buffer(node=node)
-        tf2_ros.TransformListener(buffer, node)
-        tf2_ros.TransformBroadcaster(node)
-        tf2_ros.StaticTransformBroadcaster(node)
-        kind = {topic: ["tf2_msgs/msg/TFMessage"] for topic in ("/tf", "/tf_static")}
-        until(lambda: len(seen()["subscribers"]) == len(before["subscribers"]) + 2)
-        assert seen() == {
-            **before,
-            "services": {**before["services"], "/tf2_frames": ["tf2_msgs/srv/FrameGraph"]},
-            "publishers": {**before["publishers"], **kind},
-            "subscribers": {**before["subscribers"], **kind},
-        }

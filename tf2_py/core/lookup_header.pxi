@@ -58,11 +58,11 @@ cdef int64_t limit_of_name(const FrameLimits* limits, const char* name, size_t s
 cdef struct Lack:
     # What one side of a path lacks for a time. NULL: no such frame.
     const History* first        # of the first frame without an answer, on the way up
-    const History* furthest     # of the one whose data is furthest from the time
+    const History* furthest     # of the frame whose data is furthest from the time
     FrameId furthest_frame
-    const History* refused      # of the first one that has an answer, which the policy refuses ...
+    const History* refused      # of the first frame whose answer the policy refuses
     FrameId refused_frame
-    Gap refusal                 # ... for this reason
+    Gap refusal                 # why the policy refuses it
 
 
 cdef void lack_init(Lack* lack) noexcept nogil

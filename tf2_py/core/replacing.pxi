@@ -258,10 +258,11 @@ cdef bint replacing_apply(Replacing* replacing, Tree* tree, Batch* batch, uint32
             names_drop(&tree.names, known)
             tree.history_bytes -= replacing.growth
             return False
-        one.is_refused = refused != 0
-        for k in range(one.first, one.end if refused else one.first):
-            entry = &batch.entries[replacing.given[k].entry]
-            entry.refused = entry.refused or refused
+        if refused:
+            one.is_refused = True
+            for k in range(one.first, one.end):
+                entry = &batch.entries[replacing.given[k].entry]
+                entry.refused = entry.refused or refused
     for i in range(replacing.count):
         one = &replacing.frames[i]
         if one.frame != NO_FRAME:

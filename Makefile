@@ -68,7 +68,7 @@ help:
 	@echo "$$HELP"
 
 # Two processes for each core, because tests wait for others half of their time; those of big machines would wait for
-# each other. The tests of a file share what it makes; tests/support/suite_fixtures.py orders the files. If a process
+# each other. The tests of a file share what it makes; tests/support/suite_plugin.py orders the files. If a process
 # dies, xdist would wait for ever instead of ending.
 PYTEST = $(PY) -m pytest --numprocesses=$$((2 * $$(nproc))) --maxprocesses=8 --dist=loadfile \
 	--no-loadscope-reorder --max-worker-restart=0

@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parent
 # setuptools runs this file without its folder on the path.
 sys.path.insert(0, str(ROOT))
 
-from build_backend import extensions, install_layout  # noqa: E402
+from build_backend import extensions, install_command  # noqa: E402
 
 # `colcon build --symlink-install` runs this file in a folder of its own, with links to the packages alone.
 for name in ("pyproject.toml", "README.md", "LICENSE"):
@@ -62,6 +62,6 @@ setup(
         ("share/tf2_ros_cython/hook", ["resource/packages_on_pythonpath.sh"]),
     ],
     ext_modules=extensions.cython_extensions(ROOT),
-    cmdclass={"build_ext": extensions.BuildExtensions, "install_lib": install_layout.InstallLib},
+    cmdclass={"build_ext": extensions.BuildExtensions, "install_lib": install_command.InstallLib},
     zip_safe=False,
 )

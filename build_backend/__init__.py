@@ -22,7 +22,7 @@ from setuptools.build_meta import (
     prepare_metadata_for_build_wheel,
 )
 
-from . import install_layout, required_tools
+from . import install_command, required_tools
 
 __all__ = [
     "build_editable",
@@ -44,7 +44,7 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     """
     for left in Path("build").glob("lib*"):
         shutil.rmtree(left)
-    install_layout.choose(config_settings)
+    install_command.choose(config_settings)
     return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
 
 

@@ -11,7 +11,7 @@ import numpy
 from setuptools import Extension, find_packages
 from setuptools.command.build_ext import build_ext
 
-from . import built_version, install_layout, required_tools
+from . import built_version, install_command, required_tools
 
 # No -ffast-math, because comparisons with NaN and infinity decide what is refused. No contraction into fused
 # multiply-adds, because the last bits would depend on the machine. No vectors out of straight-line code: for
@@ -88,7 +88,7 @@ class BuildExtensions(build_ext):
         self.copy_file(str(self._made), str(self._made.relative_to(self.build_lib)))
         if self.editable_mode:
             # The wheel of an editable installation has no other files of the project.
-            install_layout.copy_pth(self.get_finalized_command("install").install_lib)
+            install_command.copy_pth(self.get_finalized_command("install").install_lib)
 
     def _cythonize(self):
         """

@@ -13,9 +13,9 @@ ROOT = Path(__file__).resolve().parent
 # setuptools runs this file without its folder on the path.
 sys.path.insert(0, str(ROOT))
 
-from backend import build_command, build_tf2_msgs, ros_to_build_for  # noqa: E402
+from backend import build_command, messages_extension, ros_to_build_for  # noqa: E402
 
-PACKAGE = ROOT / "src" / build_tf2_msgs.NAME
+PACKAGE = ROOT / "src" / messages_extension.NAME
 RELEASE = ros_to_build_for.release()
 MANIFEST = (PACKAGE / "package.xml").read_text(encoding="utf-8")
 VERSION = re.search(r"<version>([\d.]+)</version>", MANIFEST)
@@ -44,10 +44,10 @@ setup(
     install_requires=["numpy>=1.21", *ros_to_build_for.ros_wheels()],
     # A folder below: started in this one, Python finds the installed package and not the sources.
     package_dir={"": "src"},
-    packages=[build_tf2_msgs.NAME],
-    package_data={build_tf2_msgs.NAME: ["package.xml", "msg/*.msg", "srv/*.srv", "action/*.action"]},
+    packages=[messages_extension.NAME],
+    package_data={messages_extension.NAME: ["package.xml", "msg/*.msg", "srv/*.srv", "action/*.action"]},
     include_package_data=False,
-    ext_modules=[build_tf2_msgs.MessagesExtension(PACKAGE)],
+    ext_modules=[messages_extension.MessagesExtension(PACKAGE)],
     cmdclass={"build_ext": build_command.BuildMessages, "sdist": SourcesOfRelease},
     zip_safe=False,
 )

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fixtures and options are those of tests/support/suite_fixtures.py, which the tools' tests share."""
+"""Fixtures and options are those of tests/support/suite_plugin.py, which the tools' tests share."""
 
-pytest_plugins = ["suite_fixtures", "fastdds_log"]
+pytest_plugins = ["suite_plugin", "fastdds_log"]

@@ -11,7 +11,7 @@ import os
 import sys
 
 from inserts_and_memory import Following
-from library_timing import STEP_NS
+from measured_library import STEP_NS
 from our_library import BATCH, Ours
 from trees_and_queries import Tree, chain
 

@@ -6,7 +6,7 @@ import ctypes
 import itertools
 import os
 
-from library_timing import STEP_NS
+from measured_library import STEP_NS
 from trees_and_queries import bushy, chain
 
 FRAMES = 50

@@ -4,7 +4,7 @@
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
-from library_timing import AUTHORITY, by_pair
+from measured_library import AUTHORITY, by_pair
 from rclpy.serialization import serialize_message
 from tf2_python import Tf2, fill
 

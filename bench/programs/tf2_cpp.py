@@ -6,7 +6,7 @@ import os
 from ctypes import CDLL, POINTER, c_char_p, c_double, c_int64, c_size_t, c_void_p
 
 import numpy as np
-from library_timing import MeasuredLibrary
+from measured_library import MeasuredLibrary
 from trees_and_queries import QUERY, RECORD
 
 EMPTY = 1000

@@ -4,7 +4,7 @@
 
 from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import TransformStamped
-from library_timing import AUTHORITY, MeasuredLibrary
+from measured_library import AUTHORITY, MeasuredLibrary
 from rclpy.duration import Duration
 from rclpy.time import Time
 

@@ -3,7 +3,7 @@
 """transform-tree, a library for Python that is written in Rust and needs no ROS."""
 
 import numpy as np
-from library_timing import MeasuredLibrary, by_pair
+from measured_library import MeasuredLibrary, by_pair
 
 
 class TfTree(MeasuredLibrary):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from setuptools.command.build_ext import build_ext
 
-from . import build_tf2_msgs, ros_to_build_for
+from . import messages_extension, ros_to_build_for
 
 
 class BuildMessages(build_ext):
@@ -27,14 +27,14 @@ class BuildMessages(build_ext):
             fcntl.flock(self._lock, fcntl.LOCK_EX)
         [ext] = self.extensions
         made = Path(self.build_lib, self.get_ext_filename(ext.name))
-        if self.force or not build_tf2_msgs.is_current(ext, made):
-            build_tf2_msgs.generate(ext, Path(self.build_temp, build_tf2_msgs.NAME))
+        if self.force or not messages_extension.is_current(ext, made):
+            messages_extension.generate(ext, Path(self.build_temp, messages_extension.NAME))
         super().run()
 
     def build_extension(self, ext):
         if ext.generated is None:
             return
-        build_tf2_msgs.build(
+        messages_extension.build(
             ext, self.compiler, Path(self.get_ext_fullpath(ext.name)).parent, self.build_temp
         )
         super().build_extension(ext)
@@ -44,4 +44,6 @@ class BuildMessages(build_ext):
         self.force = True
         super().copy_extensions_to_source()
         [ext] = self.extensions
-        build_tf2_msgs.copy_made(Path(self.build_lib, build_tf2_msgs.NAME), ext.source, self.copy_file)
+        messages_extension.copy_made(
+            Path(self.build_lib, messages_extension.NAME), ext.source, self.copy_file
+        )

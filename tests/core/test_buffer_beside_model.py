@@ -8,7 +8,7 @@ import random
 import re
 
 import pytest
-import repetitions
+import random_runs
 from buffer_beside_model import (
     AUTHORITIES,
     FRAMES,
@@ -24,9 +24,9 @@ from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 from model import Model
-from model_questions import CHANGES, QUESTIONS, ask, compare_ranges
 from model_terms import STAMPS_END, ModelError, S
 from pickles_and_copies import WAYS as WAYS_TO_TRAVEL
+from questions_beside_model import CHANGES, QUESTIONS, ask, compare_ranges
 from recorded_answers import SCENARIOS, check_answer, number
 
 from tf2_py.typing import LookupPolicy
@@ -175,7 +175,7 @@ class Machine(RuleBasedStateMachine):
 
 TestBufferAndModel = pytest.mark.repeated(Machine.TestCase)
 TestBufferAndModel.settings = settings(
-    max_examples=repetitions.times(20, 60),
+    max_examples=random_runs.times(20, 60),
     stateful_step_count=25,
     phases=[Phase.generate, Phase.shrink],
     suppress_health_check=list(HealthCheck),
@@ -195,7 +195,7 @@ small_links = st.tuples(pairs_of_frames, small_stamps, st.sampled_from([False, F
 @example([("ba", 5, False), ("ab", 2, False), ("be", 8, False), ("eb", 7, False), ("be", 2, False)])
 @example([("ea", 0, True), ("ad", 1, False), ("de", 1, False)])
 @example([("ab", 3, False), ("ac", 0, False), ("db", 5, False), ("ba", 0, True), ("be", 0, True)])
-@settings(max_examples=repetitions.times(150, 3000), deadline=None)
+@settings(max_examples=random_runs.times(150, 3000), deadline=None)
 def test_ranges_and_ages_of_small_trees(transforms):
     pair = Pair()
     pair.init(2**62)

@@ -13,7 +13,7 @@ from pathlib import PosixPath
 
 import numpy as np
 import pytest
-import repetitions
+import random_runs
 from buffer_beside_model import GOOD_PLACES, GOOD_TURNS, Pair, place, same_rotation
 from making_objects import S, about_z, transform
 from messages_with_or_without_ros import Duration
@@ -328,7 +328,7 @@ def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old(monkeyp
     thread.start()
     try:
         assert begun.wait(60)
-        for _ in range(repetitions.times(100, 1000)):
+        for _ in range(random_runs.times(100, 1000)):
             times = np.arange(time.monotonic_ns() - S, time.monotonic_ns(), S // 200)
             poses = np.tile(planar(1, 2, 0.5), (len(times), 1, 1))
             used = correct(buffer, *EDGE, times, poses, before="hold", on_missing="skip")

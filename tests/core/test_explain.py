@@ -8,12 +8,12 @@ import random
 
 import numpy as np
 import pytest
-import repetitions
+import random_runs
+from bit_exact_composition import composed_hops
 from buffer_beside_model import GOOD_PLACES, GOOD_TURNS, Pair, SetClock
-from exact_composition import composed_hops
 from making_objects import S, about_z, at_ns, insert, rotation, transform, translation
-from model_questions import compare_explained, compare_explained_full, some_policy
 from model_terms import TF2
+from questions_beside_model import compare_explained, compare_explained_full, some_policy
 from rotations import Turn
 
 from tf2_py import BufferCore, Explanation, FullExplanation, Hop
@@ -165,7 +165,7 @@ def test_a_path_of_a_thousand_hops_is_explained():
 
 
 @pytest.mark.usefixtures("no_refusals_logged")
-@pytest.mark.parametrize("seed", range(repetitions.times(12, 60)))
+@pytest.mark.parametrize("seed", range(random_runs.times(12, 60)))
 def test_explanations_of_small_trees_are_those_of_the_model(seed):
     """With several parents, loops, stamps of 0, equal ones, one sample, and frames that become static."""
     dice, pair = random.Random(seed), Pair()

@@ -18,7 +18,7 @@ import pytest
 from frozen_format import FRAME, HEADER, LINE, FrozenFile
 from making_objects import S, about_z, transform
 from pickles_and_copies import check_copy, filled, held
-from repetitions import first_seed, times
+from random_runs import first_seed, times
 from waiting import DEADLINE_S
 
 from tf2_py import BufferCore, TransformException

@@ -11,7 +11,7 @@ from cdr_encoder import encode
 from compiling_extensions import compiled
 from making_objects import S, at, at_ns, stamp_ns, transform
 from messages_with_or_without_ros import Duration
-from repetitions import times
+from random_runs import times
 
 from tf2_py import ExtrapolationException
 

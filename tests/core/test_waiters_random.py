@@ -12,7 +12,7 @@ import os
 from contextlib import suppress
 
 import pytest
-import repetitions
+import random_runs
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
@@ -24,7 +24,7 @@ from tf2_py._internal import policy_of
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
 
-RUNS = int(os.environ.get("WAITERS_RUNS", repetitions.times(150, 300)))
+RUNS = int(os.environ.get("WAITERS_RUNS", random_runs.times(150, 300)))
 FRAMES = ("a", "b", "c", "d", "e")
 MOST_PENDING = 8
 

@@ -10,10 +10,10 @@ from processes import run
 pytestmark = pytest.mark.ours
 
 CONFTEST = """
-import suite_fixtures
+import suite_plugin
 
-suite_fixtures.PROBE_S, suite_fixtures.HUNG_S = 1, 8
-pytest_plugins = ["suite_fixtures"]
+suite_plugin.PROBE_S, suite_plugin.HUNG_S = 1, 8
+pytest_plugins = ["suite_plugin"]
 """
 HANGS = """
 import ctypes

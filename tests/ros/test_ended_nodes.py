@@ -14,12 +14,12 @@ from async_node_standin import AsyncNode
 from excused_faults import accept
 from geometry_msgs.msg import PointStamped
 from making_objects import transform
+from random_runs import seeds
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from repetitions import seeds
 from rosgraph_msgs.msg import Clock
 from spinning_nodes import shut_down
 from waiting import until

@@ -11,13 +11,13 @@ import os
 import random
 
 import pytest
-import repetitions
+import random_runs
 from buffer_beside_model import as_model_tells, of_buffer, of_model, same_answer, same_kind
 from geometry_msgs.msg import PointStamped
 from making_objects import S, transform
 from model import Model
-from model_questions import arguments_of, begun
 from model_terms import Policy
+from questions_beside_model import arguments_of, begun
 from rclpy.duration import Duration
 from simulated_clock import simulate
 
@@ -26,7 +26,7 @@ from tf2_ros import MessageFilter
 
 pytestmark = pytest.mark.ours
 
-RUNS = int(os.environ.get("MAX_AGE_RUNS", repetitions.times(400, 10_000)))
+RUNS = int(os.environ.get("MAX_AGE_RUNS", random_runs.times(400, 10_000)))
 STEPS = 40
 CACHE_NS = 30
 FRAMES = ("map", "odom", "base", "arm", "lidar", "hand")  # each is below one that comes before it
@@ -312,7 +312,7 @@ def quiet():
 @pytest.mark.timeout(7200)
 def test_random_trees_clocks_and_waits_answer_as_the_model_says(tf2_ros, node, quiet):
     buffer = tf2_ros.Buffer(node=node)
-    seeds = range(repetitions.first_seed(), repetitions.first_seed() + RUNS)
+    seeds = range(random_runs.first_seed(), random_runs.first_seed() + RUNS)
     if "MAX_AGE_SEED" in os.environ:
         seeds = (int(os.environ["MAX_AGE_SEED"]),)
     for seed in seeds:

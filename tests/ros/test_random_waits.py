@@ -11,10 +11,10 @@ from collections import Counter
 
 import pytest
 from making_objects import S, at_ns, transform
+from random_runs import seeds
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
-from repetitions import seeds
 from spinning_nodes import spinning
 from waiting import DEADLINE_S, until
 

@@ -5,8 +5,8 @@
 import numpy as np
 import pytest
 from making_objects import S, at, transform
+from random_runs import times
 from rclpy.duration import Duration
-from repetitions import times
 from spinning_nodes import repeated
 from waiting import DEADLINE_S, until
 

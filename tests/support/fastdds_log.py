@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-# suite_fixtures.py creates the folder, for each process of `pytest -n`; fastdds.xml names the variable.
+# suite_plugin.py creates the folder, for each process of `pytest -n`; fastdds.xml names the variable.
 LOG = Path(os.environ["ROS_LOG_DIR"], "fastdds.log")
 os.environ["TF2_TEST_FASTDDS_LOG"] = str(LOG)
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What holds of every target of fuzzing; see `reliability/fuzz`."""
 
-from repetitions import times
+from random_runs import times
 
 from reliability.fuzz.targets import corpus, target
 

@@ -11,7 +11,6 @@ rotations x y z w.
 import math
 import sys
 
-from model_ages_and_limits import Policies
 from model_explanations import Explanations
 from model_listings import Listings
 from model_math import (
@@ -27,6 +26,7 @@ from model_math import (
     slerp,
     turned,
 )
+from model_policies import Policies
 from model_terms import NEWEST, RESERVED, STAMPS_END, TF2, ModelError, S, limit_of, seconds
 
 MOST_OF_ONE_STAMP = 64  # samples; then the newest replaces the one before it

@@ -23,7 +23,7 @@ from itertools import count, pairwise
 
 from making_objects import S, at_ns, rotation, stamp_ns, transform, translation
 from messages_with_or_without_ros import TransformStamped
-from repetitions import first_seed
+from random_runs import first_seed
 
 from tf2_py import BufferCore
 from tf2_ros.serialization import serialize_transforms

@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from repetitions import seeds
+from random_runs import seeds
 
 from tf2_ros.records import RECORD
 from tf2_ros_tools.common.program import UsageError

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from making_objects import S, about_z, stamp_ns, transform, translation
+from random_runs import seeds
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from repetitions import seeds
 from scipy.spatial.transform import Rotation
 from starting_programs import running
 from waiting import DEADLINE_S, until

@@ -10,8 +10,8 @@ from time import perf_counter_ns
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
-from library_timing import AUTHORITY
 from load_publisher import Publisher, stamp_ns
+from measured_library import AUTHORITY
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.time import Time

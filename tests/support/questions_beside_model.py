@@ -11,6 +11,7 @@ import itertools
 import math
 
 import numpy as np
+from bit_exact_composition import composed_halves, composed_hops
 from buffer_beside_model import (
     FRAMES,
     ODD_NAMES,
@@ -24,7 +25,6 @@ from buffer_beside_model import (
     same_kind,
     same_velocity,
 )
-from exact_composition import composed_halves, composed_hops
 from geometry_msgs.msg import PointStamped
 from making_objects import S, stamp_ns
 from model_math import added, canonical, turned

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
-import repetitions
+import random_runs
 from hypothesis.internal.conjecture import providers
 from paths import ROOT, SUPPORT
 from processes import Peer, end, start
@@ -144,12 +144,12 @@ def pytest_configure(config):
         "markers", "long(why): run by `pytest --all` only, as it takes long or needs more than the others"
     )
     config.addinivalue_line("markers", "repeated: more often by `pytest --all` and `pytest --long`")
-    repetitions.all_of_them = config.getoption("--all") or config.getoption("--long")
+    random_runs.all_of_them = config.getoption("--all") or config.getoption("--long")
     seed = config.getoption("--seed")
     # The processes of `pytest -n` have it from the first one, and so have the tests' own programs.
     if not hasattr(config, "workerinput"):
-        os.environ[repetitions.VARIABLE] = str(random.randrange(10**6)) if seed == "new" else seed
-    config.option.hypothesis_seed = os.environ[repetitions.VARIABLE]
+        os.environ[random_runs.VARIABLE] = str(random.randrange(10**6)) if seed == "new" else seed
+    config.option.hypothesis_seed = os.environ[random_runs.VARIABLE]
     if config.getoption("--reference"):
         _reveal_reference()
     elif config.getoption("--record"):
@@ -181,7 +181,7 @@ def _is_left_out(item, only_long):
 
 
 def pytest_report_header(config):
-    return f"seed {repetitions.first_seed()}: `pytest --seed` repeats a run with another one"
+    return f"seed {random_runs.first_seed()}: `pytest --seed` repeats a run with another one"
 
 
 def _reveal_reference():

@@ -38,7 +38,7 @@ lookups of many times, arrays | users of NumPy: thousands of lookups in one call
     tf2_py/core/series* tf2_py/engine/arrays* tf2_ros/numpy* tests/core/test_numpy.py *matri* *many_times*
     *vector_lookups* *test_lookups_at* *propagate_cov* *test_time_range* docs/arrays.md
 message filters | users of tf2_ros in C++: messages wait for their transforms
-    tf2_ros/message_filter* *filter_calls* *test_message_filter* examples/message_filter.py
+    tf2_ros/message_filter* *filtered_messages* *test_message_filter* examples/message_filter.py
 buffer server and client | programs without a buffer of their own: lookups by an action
     *buffer_client* *buffer_server* *buffer-server*
 waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and waits end at the arrival
@@ -94,10 +94,11 @@ measurements | readers of the claims about speed: each figure can be repeated
 searches for faults | users who rely on it: fuzzing, sanitizers, stress
     reliability/* *fuzz* docs/development/reliability.md *failing_allocations* *allocation_failures*
 build and release | packagers: wheels, debs and checks
-    build_backend/* setup.py release/* docs/*.py docs/development/release.md docs/development/packaging.md
+    build_backend/* setup.py release/* docs/*.py docs/development/release.md
+    docs/development/distribution-packages.md
     tests/packaging/* *typed* *type_checkers*
 examples and internals | readers of the code: where what is, and programs to begin with
-    examples/* docs/development/* docs/testing-your-code.md docs/*.md
+    examples/* docs/development/* docs/tests-and-types.md docs/*.md
 tests in common | maintainers: the model, recorded answers, users' programs
     tests/*
 """

@@ -25,9 +25,9 @@ from tf2_py._objects.errors import (
 from tf2_py._objects.explanations import Explanation as Explanation
 from tf2_py._objects.explanations import FullExplanation as FullExplanation
 from tf2_py._objects.explanations import Hop as Hop
+from tf2_py._objects.frame_names import stored_name as stored_name
 from tf2_py._objects.listings import FrameInfo as FrameInfo
 from tf2_py._objects.listings import History as History
-from tf2_py._objects.listings import stored_name as stored_name
 from tf2_ros_cython._version import __version__ as __version__
 
 # What `import *` imports from tf2's package.

@@ -13,8 +13,8 @@ from tf2_py._objects import message_classes as message_classes
 from tf2_py._objects.errors import MalformedObjectError as MalformedObjectError
 from tf2_py._objects.errors import bad_name as bad_name
 from tf2_py._objects.errors import class_name as class_name
-from tf2_py._objects.errors import is_invalid_name as is_invalid_name
 from tf2_py._objects.errors import seconds as seconds
+from tf2_py._objects.frame_names import is_invalid_name as is_invalid_name
 from tf2_py._tf2_py import FOR_EVER_NS as FOR_EVER_NS
 from tf2_py._tf2_py import as_times_ns as as_times_ns
 from tf2_py._tf2_py import duration_ns as duration_ns
@@ -24,7 +24,7 @@ from tf2_py._tf2_py import mask_of as mask_of
 from tf2_py._tf2_py import matrices_from_rotations as matrices_from_rotations
 from tf2_py._tf2_py import normalise as normalise
 from tf2_py._tf2_py import policy_of as policy_of
-from tf2_py._tf2_py import refused as refused
+from tf2_py._tf2_py import refused_transforms as refused_transforms
 from tf2_py._tf2_py import rotations_from_matrices as rotations_from_matrices
 from tf2_py._tf2_py import serialize_as_ros as serialize_as_ros
 from tf2_py._tf2_py import shortcut as shortcut

@@ -48,7 +48,7 @@ from numbers import Integral, Real
 from stat import S_ISREG
 from threading import get_ident, main_thread
 
-from tf2_py._objects import errors, explanations, frozen_origin, listings, log
+from tf2_py._objects import errors, explanations, frame_names, frozen_file, listings, log
 # Programs also import them from tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,
@@ -75,6 +75,7 @@ include "engine/message_layouts.pxi"
 include "engine/times.pxi"
 include "engine/messages.pxi"
 include "engine/kept_messages.pxi"
+include "engine/sent_messages.pxi"
 include "engine/arrays.pxi"
 include "engine/advice.pxi"
 include "engine/queries_and_errors.pxi"
@@ -387,7 +388,7 @@ cdef class BufferCore(Engine):
             )
         try:
             if "frozen" in state:
-                path, is_copy, expected = frozen_origin.from_state(state)
+                path, is_copy, expected = frozen_file.from_state(state)
                 self.open_frozen(path, is_copy, expected)
             else:
                 self.restore(dict(state))
@@ -409,10 +410,10 @@ cdef class BufferCore(Engine):
         :param path: the file.
         :raises OSError: the file cannot be written; an existing file remains unchanged.
         """
-        from tf2_py.files import whole_file
+        from tf2_py.atomic_files import whole_file
         with whole_file(path) as file:
             self.write_frozen(file)
-            frozen_origin.protect(file)
+            frozen_file.protect(file)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, copy: bool = False) -> BufferCore:

@@ -18,9 +18,9 @@ from tf2_ros._arguments import kind_of, require_callable
 from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, has_filler, note_filler, silence_of
 from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import check_regularly
-from tf2_ros._wait.changes import Changes
+from tf2_ros._wait.changes_iterator import Changes
 from tf2_ros._wait.futures import TransformFuture, WakingFuture, end_for
-from tf2_ros._wait.lookup_arguments import Lookup
+from tf2_ros._wait.lookup_or_wait import Lookup
 from tf2_ros._wait.pending import ChangeSubscription
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._ros_presence import HAS_ROS, absence

@@ -35,7 +35,7 @@ from tf2_ros._rclpy import runs_in_loop
 from tf2_ros._wait.call_queue import CallQueue
 from tf2_ros._wait.call_runners import ExecutorRunner
 from tf2_ros._wait.futures import TransformFuture
-from tf2_ros._wait.lookup_arguments import Lookup
+from tf2_ros._wait.lookup_or_wait import Lookup
 
 __all__ = ["BufferServer"]
 

@@ -35,7 +35,7 @@ from tf2_ros._process.background import background, check_regularly
 from tf2_ros._process.forking import FORKED, LOCK, is_inherited, refuse_inherited
 from tf2_ros._rclpy import destroy_subscription
 from tf2_ros._wait.call_runners import ExecutorRunner, call_queue_of
-from tf2_ros._wait.filter_calls import FilterCalls, FilteredMessage
+from tf2_ros._wait.filtered_messages import FilterCalls, FilteredMessage
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer import Buffer
 

@@ -14,7 +14,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._internal import MalformedObjectError, refused, serialize_as_ros
+from tf2_py._internal import MalformedObjectError, refused_transforms, serialize_as_ros
 from tf2_ros._arguments import kind_of
 from tf2_ros._nodes.ended_nodes import require_node
 from tf2_ros._nodes.qos import transforms_qos
@@ -59,7 +59,7 @@ class Broadcaster:
                 text = f"sendTransform: expected a TransformStamped, or several, got {kind_of(one)}"
                 raise MalformedObjectError(text)  # a TypeError, and an AttributeError as in tf2
         if self._tf2_strict:
-            for _, why in refused(transforms):
+            for _, why in refused_transforms(transforms):
                 raise ValueError(why)
         return transforms
 
@@ -70,7 +70,7 @@ class Broadcaster:
         serialized = serialize_as_ros(transforms) if takes_bytes else None
         if serialized is None:
             self.pub_tf.publish(TFMessage(transforms=transforms))
-            unwanted = refused(transforms)
+            unwanted = refused_transforms(transforms)
         else:
             data, unwanted = serialized
             self.pub_tf.publish(data)

@@ -35,10 +35,10 @@ from tf2_ros._rclpy import (
     subscribe_in_loop,
 )
 from tf2_ros._receive.inbox import AUTHORITY
+from tf2_ros._receive.listener_receiver import ListenerGroup, Receiver
 from tf2_ros._receive.listener_state import ListenerState
 from tf2_ros._receive.listener_topics import Topic, describe_topics
 from tf2_ros._receive.listeners_and_silence import note_listener
-from tf2_ros._receive.receiver import ListenerGroup, Receiver
 from tf2_ros._wait.call_runners import call_queue_of
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording

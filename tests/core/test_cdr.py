@@ -15,7 +15,7 @@ from making_objects import at, transform
 from rclpy.serialization import deserialize_message, serialize_message
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._tf2_py import refused, serialize_as_ros
+from tf2_py._tf2_py import refused_transforms, serialize_as_ros
 from tf2_ros.serialization import serialize_arrays, serialize_transforms
 
 pytestmark = pytest.mark.ours
@@ -136,7 +136,7 @@ nanoseconds = st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1)
 def test_the_bytes_say_what_the_messages_say(rows):
     messages = [transform(p, c, ns=ns, xyz=xyz, xyzw=xyzw) for p, c, ns, xyz, xyzw in rows]
     data, bad = serialize_as_ros(messages)
-    assert bad == refused(messages)
+    assert bad == refused_transforms(messages)
     # What ROS's own bytes hold in the padding is arbitrary; so they are compared with those of an encoder by
     # the book, in length with ROS's, and by reading them back.
     assert data == encode(messages) == serialize_transforms(messages)

@@ -24,7 +24,7 @@ from sensor_msgs.msg import Imu, PointCloud2, PointField
 
 import tf2_sensor_msgs as tf2
 from tf2_py import BufferCore
-from tf2_sensor_msgs._point_arrays import read_points
+from tf2_sensor_msgs._point_cloud2 import read_points
 
 pytestmark = pytest.mark.ours
 

@@ -6,7 +6,7 @@ import pytest
 from making_objects import at, transform
 
 from tf2_py import BufferCore
-from tf2_py._objects import errors
+from tf2_py._objects import frame_names
 
 pytestmark = pytest.mark.ours
 
@@ -97,8 +97,10 @@ def test_long_names_and_in_a_big_tree_nothing_is_compared():
 
 
 def test_a_lookup_that_is_repeated_compares_once_and_what_is_remembered_is_limited(monkeypatch):
-    compared, closest = [], errors.closest
-    monkeypatch.setattr(errors, "closest", lambda name, known: compared.append(name) or closest(name, known))
+    compared, closest = [], frame_names.closest
+    monkeypatch.setattr(
+        frame_names, "closest", lambda name, known: compared.append(name) or closest(name, known)
+    )
     buffer = knowing("base_link")
     names = [f"bas_link{i}" for i in range(65)]
     for name in names:

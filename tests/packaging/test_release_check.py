@@ -73,7 +73,9 @@ def test_each_kind_of_file_has_the_facts(filled_in):
         "README.md": ["git clone https://github.com/robots/tf2-ros-cython.git\n"],
         "docs/installing.md": ["git clone https://github.com/robots/tf2-ros-cython.git`"],
         "SECURITY.md": ["or write to ada@robots.example."],
-        "docs/development/packaging.md": ["  url: https://github.com/robots/tf2-ros-cython.git\n"],
+        "docs/development/distribution-packages.md": [
+            "  url: https://github.com/robots/tf2-ros-cython.git\n"
+        ],
     }
     for name, texts in held.items():
         text = (filled_in / name).read_text()

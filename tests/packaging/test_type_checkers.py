@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What type checkers say of a user's programs, as docs/testing-your-code.md has it."""
+"""What type checkers say of a user's programs, as docs/tests-and-types.md has it."""
 
 import importlib.util
 import shutil

@@ -20,7 +20,7 @@ from waiting import DEADLINE_S, until
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 from tf2_ros._nodes.qos import lookup_qos
-from tf2_ros._wait.lookup_arguments import Lookup
+from tf2_ros._wait.lookup_or_wait import Lookup
 
 pytestmark = pytest.mark.ours
 

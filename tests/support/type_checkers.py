@@ -15,7 +15,7 @@ from processes import run
 # Its program is for an environment without ROS 2, where messages have no types.
 WITHOUT_ROS = "installing.md"
 # Has mypy's settings. Messages have no types: mypy takes them for Any, pyright reads their source.
-SETTINGS = ROOT / "docs" / "testing-your-code.md"
+SETTINGS = ROOT / "docs" / "tests-and-types.md"
 # The wrapper of pyright fetches nothing.
 OFFLINE = {"PYRIGHT_PYTHON_USE_BUNDLED_PYRIGHT": "1", "PYRIGHT_PYTHON_IGNORE_WARNINGS": "1"}
 

@@ -2,19 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The exceptions of lookups, and the texts of errors and waits."""
 
-from collections.abc import Iterable
-from difflib import get_close_matches  # not in `closest`: a child forked meanwhile would wait for ever
-
+from tf2_py._objects.frame_names import MOST_SUGGESTED, is_invalid_name
 from tf2_py.printable import printable
 
 NS_PER_S = 1_000_000_000
 YEAR_NS = 365 * 86400 * NS_PER_S
 SHORTEST_WAIT_NS = 1_000_000  # texts do not mention a shorter wait
-
-MOST_SUGGESTED = 3
-LONGEST = 100  # characters; longer names, which any sender may choose, are not compared
 IN_1970 = "The requested time is in 1970: is it in the wrong unit, or simulated time?"
-QUOTES = frozenset('"[]')  # programs search error texts for the names between these
 
 
 class TransformException(Exception):
@@ -69,11 +63,6 @@ def seconds(ns: int) -> str:
     sign = "-" if ns < 0 else ""
     whole, rest = divmod(abs(ns), NS_PER_S)
     return f"{sign}{whole}.{rest:09d}"
-
-
-def is_invalid_name(name: str) -> bool:
-    """Whether every lookup refuses this name, because it is empty or begins with a ``/``."""
-    return not name or name[0] == "/"
 
 
 # Programs parse these texts with regular expressions that were written for tf2; see
@@ -242,29 +231,6 @@ def limit_without_effect(name: str, argument: str, is_static: bool, instead: lis
         f"{text}has no parent. A limit applies to the transform of a frame from its parent: limit "
         f"{some or 'a child'} instead"
     )
-
-
-# Which known frame names resemble an unknown one.
-
-
-def closest(name: str, known: Iterable[str]) -> list[str]:
-    """
-    The known names that resemble ``name`` most, best first, at most MOST_SUGGESTED of them.
-
-    Case is ignored. Names that differ only in their namespace, as ``robot1/base_link`` and ``base_link``,
-    come first.
-    """
-    if len(name) > LONGEST:
-        return []
-    wanted = name.casefold()
-    folded = {one.casefold(): one for one in known if len(one) <= LONGEST and QUOTES.isdisjoint(one)}
-    similar = get_close_matches(wanted, folded, MOST_SUGGESTED)
-    moved = [one for one in folded if _last_part(one) == _last_part(wanted)]
-    return [folded[one] for one in dict.fromkeys([*moved, *similar])][:MOST_SUGGESTED]
-
-
-def _last_part(name: str) -> str:
-    return name.rpartition("/")[2]
 
 
 # What a wait waits for, what it lacks, and how it ended without an answer.

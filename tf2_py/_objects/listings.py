@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tf2_py._objects.errors import NS_PER_S, class_name, seconds
+from tf2_py._objects.frame_names import stored_name
 from tf2_py.printable import counted, printable
 
 if TYPE_CHECKING:
@@ -20,19 +21,6 @@ LONGEST_SIMPLE_KEY = 1000  # YAML looks for the colon within 1024 characters
 INDENT = "  "  # of the tree
 MAX_DEPTH = 40  # deeper frames are not indented further
 YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
-
-
-def stored_name(name: str) -> str:
-    """
-    Get the name under which buffers store a frame that a transform calls ``name``: without one leading ``/``.
-
-    Lookups expect this name. They do not remove a ``/``, but refuse a name that begins with one.
-
-    >>> from tf2_py import stored_name
-    >>> stored_name("/base_link")
-    'base_link'
-    """
-    return name.removeprefix("/")  # as `name_strip` in C
 
 
 class FrameInfo(NamedTuple):

@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Batches of transforms that are inserted together; serialized tf2_msgs/TFMessage, read and written."""
 
-# Uses: types, names, waiters.
-
-# Transforms that are inserted together: those of one message or of one call.
+# Uses: types, names, waiters, cdr.
 
 cdef struct Entry:
     Incoming incoming

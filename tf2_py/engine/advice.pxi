@@ -44,7 +44,7 @@ cdef class Advice:
         if self._count > MOST_COMPARED:
             return f"With more than {MOST_COMPARED} frames, no similar names are suggested"
         if name not in suggestions:
-            found = errors.closest(name, list_names())
+            found = frame_names.closest(name, list_names())
             text = f"Did you mean {' or '.join([f'[{printable(one)}]' for one in found])}?" if found else ""
             if len(suggestions) >= MOST_REMEMBERED:
                 suggestions.clear()

@@ -281,7 +281,7 @@ cdef int _require_sound(str path, const FileMapping* mapping, FrozenProblem prob
 
 
 cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
-    # Makes a tree from a file, and returns the frozen_origin.FrozenFile. `is_copy`: read it into memory of
+    # Makes a tree from a file, and returns the frozen_file.FrozenFile. `is_copy`: read it into memory of
     # this process. `expected`: the FrozenFile from which a pickled buffer was opened, whose samples are not
     # checked again; or None. ValueError: it is not a frozen file, is damaged, or another one is expected;
     # OSError: it cannot be opened. If it raises, there is no tree.
@@ -305,7 +305,7 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
         with nogil:
             problem = frozen_check_index(mapping)
         _require_sound(name, mapping, problem)
-        found = frozen_origin.FrozenFile(
+        found = frozen_file.FrozenFile(
             name, (<const FrozenHeader*>mapping.start).checksum, facts.st_size, facts.st_mtime_ns,
             facts.st_dev, facts.st_ino,
         )

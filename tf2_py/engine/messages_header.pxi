@@ -20,9 +20,6 @@ cdef str name_for_log(const char* text, size_t size)
 # `keep` receives a reference to every object that `out` points into. If it is None, the caller must hold
 # `message` and run no Python code while it uses `out`.
 cdef int read_transform_stamped(object message, Incoming* out, list keep) except -1
-# Whether all parts are exactly of rosidl's classes, with fields of the exact types, and a stamp whose
-# nanoseconds are below a second. Only then does read_transform_stamped read everything in the message.
-cdef bint is_exact_transform_stamped(object message) except -1
 # A Transform, or the `transform` of a TransformStamped. As in tf2, a rotation whose squared length is below
 # the epsilon of a double, and so also a zero one, means no rotation. ValueError if it is not finite.
 cdef int read_transform(object message, Transform* out) except -1

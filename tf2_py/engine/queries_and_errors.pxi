@@ -92,7 +92,7 @@ cdef str _unexpected(str name, str call, waits):
     from tf2_py.typing import LookupPolicy      # needs NumPy
 
     text = f"{call}() got an unexpected keyword argument {name!r}"
-    meant = errors.closest(name, ("timeout", *LookupPolicy.__annotations__))
+    meant = frame_names.closest(name, ("timeout", *LookupPolicy.__annotations__))
     if meant and meant[0] == "timeout" and not waits:
         text += ". It does not wait: first call lookup_transform or can_transform with a timeout"
     elif meant:
@@ -176,7 +176,7 @@ cdef tuple _ends(const Query* query, Status status):
 
 
 cdef object name_error(str name, str argument, str call, Advice advice, object list_names):
-    if errors.is_invalid_name(name):
+    if frame_names.is_invalid_name(name):
         return errors.bad_name(name, argument, call)
     unknown = str(errors.bad_name(name, argument, call))
     return errors.LookupException(advice.extend(unknown, name, list_names))

@@ -5,8 +5,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+from tf2_ros._receive.listener_receiver import Receiver
 from tf2_ros._receive.listener_topics import Topic
-from tf2_ros._receive.receiver import Receiver
 
 
 class ListenerState:

@@ -15,7 +15,7 @@ from making_objects import transform
 from pickles_and_copies import held
 from robot_of_all_joints import ARM, NAMES, joint_state
 
-from tf2_py.files import whole_file
+from tf2_py.atomic_files import whole_file
 from tf2_ros import Buffer
 from tf2_ros_tools import bag
 from tf2_ros_tools.programs.tf2_bag import PARSER

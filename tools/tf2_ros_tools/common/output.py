@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from tf2_py.files import whole_file
+from tf2_py.atomic_files import whole_file
 from tf2_py.printable import printable
 
 MOST_NAMES = 5  # in a list

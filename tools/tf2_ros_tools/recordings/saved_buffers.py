@@ -18,7 +18,7 @@ from typing import Any, BinaryIO, TypeVar, overload
 import numpy as np
 
 from tf2_py import BufferCore
-from tf2_py.files import whole_file
+from tf2_py.atomic_files import whole_file
 from tf2_py.printable import printable
 from tf2_ros import Buffer
 from tf2_ros.serialization import serialize_arrays

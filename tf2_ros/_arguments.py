@@ -5,8 +5,7 @@
 import inspect
 from typing import Any
 
-from tf2_py import stored_name
-from tf2_py._internal import FOR_EVER_NS, MalformedObjectError, duration_ns
+from tf2_py._internal import FOR_EVER_NS, duration_ns
 
 
 class SignatureOfInit:
@@ -32,33 +31,3 @@ def optional_timeout_ns(timeout: Any, argument: str = "timeout") -> int | None:
 def kind_of(value: Any) -> str:
     """The name of a value's class; for a class, which may have been passed for an object, its own name."""
     return f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
-
-
-def valid_prefix(prefix: str) -> str:
-    """The prefix; raises an error if no frame name can begin with it."""
-    if not isinstance(prefix, str):
-        raise TypeError(f"prefix: expected a str, got {type(prefix).__name__}")
-    if "\0" in prefix:
-        raise ValueError(f"prefix: expected a str without NUL, got {prefix!r}")
-    return prefix
-
-
-def with_prefix(prefix: str, name: str) -> str:
-    """A frame name of a message with a prefix before it, for a transform; as `batch_prefix` in C."""
-    return prefix + stored_name(name) if name not in ("", "/") else ""
-
-
-def frame_of(header: Any, prefix: str) -> Any:
-    """The frame to look up for a message: that of its header, with a prefix before it if there is one."""
-    return stored_name(with_prefix(valid_prefix(prefix), header.frame_id)) if prefix else header.frame_id
-
-
-def source_of(stamped: Any, prefix: str) -> tuple[Any, Any]:
-    """The frame to look up for a message, as :func:`frame_of`, and its stamp."""
-    try:
-        header = stamped.header
-    except AttributeError:
-        kind = kind_of(stamped)
-        text = f"object_stamped: expected an object with a header, such as PoseStamped, got {kind}"
-        raise MalformedObjectError(text) from None
-    return frame_of(header, prefix), header.stamp

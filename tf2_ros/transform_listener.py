@@ -18,12 +18,13 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import class_name
-from tf2_ros._arguments import SignatureOfInit, valid_prefix, with_prefix
+from tf2_ros._arguments import SignatureOfInit
 from tf2_ros._nodes.ended_nodes import require_node
 from tf2_ros._nodes.hidden_nodes import hidden_node
 from tf2_ros._nodes.qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
 from tf2_ros._nodes.spinner import Spinner
 from tf2_ros._nodes.topic_publishers import name_unfit_publishers
+from tf2_ros._prefix import valid_prefix, with_prefix
 from tf2_ros._process.forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (

@@ -80,6 +80,8 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
         # Importing a package does not help.
         is_scan = getattr(key, "__name__", "") == "LaserScan"
         advice = f"see docs/{'point-clouds.md#laser-scans' if is_scan else 'message-types.md'}, or "
+    elif key is str:
+        advice = "pass the message first, then the frame, or "
     else:
         advice = "" if package == "tf2_py" else "import the package that registers it, or "
     raise TypeException(

@@ -107,6 +107,8 @@ def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
     said = "Type <class 'int'> is not loaded or supported"  # as tf2
     assert str(caught.value).startswith(f"{said}: import the package")
     assert caught.value.errstr == str(caught.value)
+    with pytest.raises(interface.TypeException, match="supported: pass the message first, then the frame"):
+        buffer.transform("map", PoseStamped())
 
 
 @pytest.mark.ours

@@ -17,8 +17,8 @@ from std_msgs.msg import Header
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
-from tf2_py._internal import class_name
-from tf2_ros._arguments import SignatureOfInit
+from tf2_py._internal import MalformedObjectError, class_name
+from tf2_ros._arguments import SignatureOfInit, kind_of
 from tf2_ros._nodes.ended_nodes import require_node
 from tf2_ros._nodes.hidden_nodes import hidden_node
 from tf2_ros._nodes.qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
@@ -96,6 +96,7 @@ class TransformListener:
     :param recording: a :class:`tf2_ros.records.Recording`, which records the sender and time of each
         transform. Call its ``take`` regularly: it has a limited capacity.
     :raises NotImplementedError: ``recording`` is given, but an executor would take messages, see below.
+    :raises TypeError: ``buffer`` has neither of the two methods, or is a class, or ``node`` is not a node.
     :raises ValueError: ``spin_thread`` is True for a node that an event loop runs, or ``prefix`` contains a
         NUL character.
 
@@ -185,6 +186,9 @@ class TransformListener:
             topic.is_own = _is_method_of(TransformListener, self, topic.method)
         listening.buffer = buffer
         try:
+            # A callback of a program's own may do without.
+            if all(topic.is_own for topic in listening.topics):
+                _require_buffer(type(self).__name__, buffer)
             if is_node(self.node):
                 listening.call_queue = call_queue_of(self.node)
             self.__listen()
@@ -357,6 +361,14 @@ def _is_method_of(kind: type, one: object, name: str) -> bool:
     """Whether an object's method is that of a class, and no other code."""
     method = getattr(one, name)
     return getattr(method, "__func__", None) is getattr(kind, name) and method.__self__ is one
+
+
+def _require_buffer(call: str, buffer: object) -> None:
+    """Refuse what no transform can be inserted into; as an AttributeError, which tf2 raises for the first."""
+    if isinstance(buffer, type) or not (
+        hasattr(buffer, "set_transform") or hasattr(buffer, "set_transform_static")
+    ):
+        raise MalformedObjectError(f"{call}: expected a buffer with set_transform, got {kind_of(buffer)}")
 
 
 def _prefixed(prefix: str, transform: TransformStamped) -> TransformStamped:

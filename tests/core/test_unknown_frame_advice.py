@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the error about an unknown frame says beyond that: which known name may have been meant."""
 
+import math
+
 import pytest
 from making_objects import at, transform
 
@@ -117,6 +119,9 @@ def test_a_frame_whose_transforms_were_refused_is_not_just_unknown():
     buffer.set_transform(refused, "driver")
     reason_text = "the rotation is too short or too long to be normalized"
     assert advice(buffer, "arm") == f"Transforms of [arm] were refused, because {reason_text}"
+    refused.transform.rotation.w = math.nan  # which also has no length
+    buffer.set_transform(refused, "driver")
+    assert advice(buffer, "arm") == "Transforms of [arm] were refused, because a number is NaN"
     assert advice(buffer, "lidar") == ""
     refused.transform.rotation.w = 1.0
     buffer.set_transform(refused, "driver")

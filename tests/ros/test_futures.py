@@ -148,6 +148,16 @@ class TestTimeout:
         ):
             future.result()
 
+    def test_its_text_says_that_a_wait_for_the_past_is_no_use(self, buffer, tf2_py):
+        insert(buffer, 9.0)
+        future = wait(buffer, Time(seconds=5), timeout=SHORT)
+        until(future.done)
+        with pytest.raises(tf2_py.TimeoutException, match="a wait brings newer transforms, not older ones$"):
+            future.result()
+        future = wait(buffer, Time(seconds=10), timeout=SHORT)
+        until(future.done)
+        assert "not older ones" not in str(future.exception())
+
     def test_what_an_insert_has_answered_counts_although_it_was_not_tried_yet(self, buffer, tf2_py):
         # An insert tries its waiters in steps; between two of them, a timeout may come first.
         insert(buffer)

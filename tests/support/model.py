@@ -59,11 +59,11 @@ class Gap(Exception):
         self.is_late = is_late  # the sample follows the time
 
 
-def gap(name, time, sample, text, where, newest_ns):
+def gap(name, time, sample, text, which, newest_ns):
     """That of a frame without data at a time, which a sample is next to."""
     stamp, parent = sample[:2]
     missing = abs(time - stamp)
-    which, how = where
+    how = "too new" if stamp > time else "too old"
     sample_text = f"the {which} sample of {name} (parent {parent}) at {seconds(stamp)}"
     addition = f"{sample_text} is {seconds(missing)} s {how}"
     year = 365 * 86400 * 10**9
@@ -130,16 +130,16 @@ class Frame:
             return (last[1], last[2:])
         if len(samples) == 1:
             tf2s = f"at time {seconds(time)}, but only time {seconds(last[0])} is in the buffer"
-            raise gap(name, time, last, tf2s, ("only", "away"), last[0])
+            raise gap(name, time, last, tf2s, "only", last[0])
         if time == first[0]:
             return (first[1], first[2:])
         requested = f"Requested time {seconds(time)} but the"
         if time > last[0]:
             tf2s = f"into the future.  {requested} latest data is at time {seconds(last[0])}"
-            raise gap(name, time, last, tf2s, ("newest", "too old"), last[0])
+            raise gap(name, time, last, tf2s, "newest", last[0])
         if time < first[0]:
             tf2s = f"into the past.  {requested} earliest data is at time {seconds(first[0])}"
-            raise gap(name, time, first, tf2s, ("oldest", "too new"), last[0])
+            raise gap(name, time, first, tf2s, "oldest", last[0])
         older = [sample for sample in samples if sample[0] <= time][-1]
         newer = [sample for sample in samples if sample[0] > time][0]
         if older[1] == newer[1]:

@@ -8,6 +8,7 @@ from tf2_py.printable import printable
 NS_PER_S = 1_000_000_000
 YEAR_NS = 365 * 86400 * NS_PER_S
 SHORTEST_WAIT_NS = 1_000_000  # texts do not mention a shorter wait
+TOO_NEW = "too new"
 IN_1970 = "The requested time is in 1970: is it in the wrong unit, or simulated time?"
 
 
@@ -137,11 +138,8 @@ def extrapolation(
     if gap == "empty":
         lack = f"the buffer has no sample of {child}"
     else:
-        which, how = {
-            "future": ("newest", "too old"),
-            "past": ("oldest", "too new"),
-            "single": ("only", "away"),
-        }[gap]
+        which = {"future": "newest", "past": "oldest", "single": "only"}[gap]
+        how = TOO_NEW if edge_ns > requested_ns else "too old"
         apart = seconds(abs(requested_ns - edge_ns))
         lack = f"the {which} sample of {child} (parent {parent}) at {seconds(edge_ns)} is {apart} s {how}"
         if edge_ns < requested_ns and 0 < now_ns < requested_ns:
@@ -244,12 +242,18 @@ def after_wait(reason: str, waited_ns: int) -> str:
     """The error text of a lookup after a wait. Programs parse the reason, so the duration follows it."""
     if waited_ns < SHORTEST_WAIT_NS:
         return reason
-    return f"{reason}{'' if reason.endswith(('.', '?')) else '.'} Waited {_duration(waited_ns)} s"
+    end = "" if reason.endswith((".", "?")) else "."
+    return f"{reason}{end} Waited {_duration(waited_ns)} s{_why_no_use(reason)}"
 
 
 def timed_out(reason: object, waited_ns: int) -> str:
     """The error text of a future after its timeout."""
-    return f"Waited {_duration(waited_ns)} s for the transform: {reason}"
+    return f"Waited {_duration(waited_ns)} s for the transform: {reason}{_why_no_use(str(reason))}"
+
+
+def _why_no_use(reason: str) -> str:
+    # A listener that has just begun receives nothing from before; programs ask for the time of their start.
+    return "; a wait brings newer transforms, not older ones" if TOO_NEW in reason else ""
 
 
 def in_vain(why: str, waited_ns: int) -> str:

@@ -59,8 +59,9 @@ def raised(error: BaseException, where: str = "In a callback") -> None:
 def because(reasons: int) -> str:
     """The reasons for which a transform is refused, as text."""
     tags = {tag for tag, _, _ in _named(reasons)}
-    # Two empty names are the same as well, which explains nothing.
+    # Two empty names are the same as well, and the length of a rotation with a NaN is none.
     explained = {"TF_SELF_TRANSFORM"} if {"TF_NO_FRAME_ID", "TF_NO_CHILD_FRAME_ID"} <= tags else set()
+    explained |= {"TF_DENORMALIZED_QUATERNION"} if "TF_NAN_INPUT" in tags else set()
     return " and ".join(reason for tag, _, reason in _named(reasons) if tag not in explained)
 
 

@@ -532,7 +532,13 @@ cdef object _transformed_polygon(object polygon, const Transform* transform):
 
 
 cdef object _transformed_poses(object poses, const Transform* transform):
-    return [transformed_pose(pose, transform) for pose in poses]
+    cdef list done = []
+    try:
+        for pose in poses:
+            done.append(transformed_pose(pose, transform))
+    except ValueError as error:
+        raise ValueError(f"poses[{len(done)}]: {error}") from None
+    return done
 
 
 def do_transform_polygon(polygon: Polygon, transform: TransformStamped | Transform) -> Polygon:

@@ -67,11 +67,16 @@ def do_transform_path(path: Path, transform: TransformStamped) -> Path:
     :raises ValueError: a pose has a frame other than the path's, or a rotation is not finite.
     """
     cdef Transform tf
+    cdef list content = []
     read_transform(transform, &tf)
     path_frame = get_field(header_layout, get_field(path_layout, path, "header"), "frame_id")
     new_frame = target_frame(transform)
     poses = get_field(path_layout, path, "poses")
-    content = [_transformed_step(step, &tf, path_frame, new_frame) for step in poses]
+    try:
+        for step in poses:
+            content.append(_transformed_step(step, &tf, path_frame, new_frame))
+    except ValueError as error:
+        raise ValueError(f"poses[{len(content)}]: {error}") from None
     return stamped(path_layout, "poses", content, transform)
 
 

@@ -136,12 +136,13 @@ def every_part(message):
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf], ids=str)
 def test_a_rotation_of_the_data_that_is_not_finite_is_a_value_error(cls, t, number):
     message = Maker(17).message(cls)
+    which = r"poses\[\d\]: " if hasattr(message, "poses") else ""
     for quaternion in [part for part in every_part(message) if isinstance(part, Quaternion)]:
         for name in "xyzw":
             before = getattr(quaternion, name)
             setattr(quaternion, name, float(number))
             with pytest.raises(
-                ValueError, match="^(orientation|rotation|quaternion): expected finite numbers"
+                ValueError, match=f"^{which}(orientation|rotation|quaternion): expected finite numbers"
             ):
                 apply(message, t)
             setattr(quaternion, name, before)

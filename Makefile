@@ -153,6 +153,7 @@ lint: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
+	@echo "Compiling for Cython's performance hints: half a minute"
 	$(PY) -m build_backend.cython_hints $(PACKAGES)
 	$(PY) -m mypy $(PACKAGES) tools/tf2_ros_tools
 	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
@@ -185,7 +186,7 @@ $(VENV)/messages.stamp: $(MESSAGES_SOURCES) | $(VENV_STAMP)
 	@touch $@
 
 $(VENV)/installed.stamp: $(SOURCES) $(MESSAGES) | $(VENV_STAMP)
-	$(call step,Compiling the project: up to 3 minutes on two cores,$(PY) -m pip install --editable $(PROJECT))
+	$(call step,Compiling what has changed: at first up to 3 minutes on two cores,$(PY) -m pip install --editable $(PROJECT))
 	@touch $@
 
 $(VENV)/test.stamp: pyproject.toml

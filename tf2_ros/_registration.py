@@ -82,8 +82,10 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
         advice = f"see docs/{'point-clouds.md#laser-scans' if is_scan else 'message-types.md'}, or "
     elif key is str:
         advice = "pass the message first, then the frame, or "
+    elif package == "tf2_py":  # a class that stands in for a message of ROS 2
+        advice = "without ROS 2, use to_matrix of tf2_ros.numpy, or buffer.transform_points, or "
     else:
-        advice = "" if package == "tf2_py" else "import the package that registers it, or "
+        advice = "import the package that registers it, or "
     raise TypeException(
         f"Type {key} is not loaded or supported: {advice}register a function with tf2_ros.{method}"
     )

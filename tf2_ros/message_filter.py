@@ -320,7 +320,10 @@ class MessageFilter(Generic[_Message]):
             return f"<{name}: into {frames}: {FORKED}>"
         counts = self.statistics()
         dropped = sum(counts["dropped"].values())
-        facts = f"{counts['waiting']} waiting, {counts['passed']} passed, {dropped} dropped"
+        facts = (
+            f"{counts['received']} received, {counts['waiting']} waiting, {counts['passed']} passed, "
+            f"{dropped} dropped"
+        )
         return f"<{name}: into {frames}: {facts}{', closed' if self._closed else ''}>"
 
     def statistics(self) -> _Statistics:

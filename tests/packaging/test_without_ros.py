@@ -49,6 +49,11 @@ assert not {"rclpy", "geometry_msgs", "tf2_msgs"} & {*sys.modules}
 """)
 
 
+def test_a_message_that_cannot_be_transformed_here_is_told_what_can(world):
+    said = world.lacks("import tf2_ros; tf2_ros.Buffer().transform(tf2_ros.PoseStamped(), 'map')")
+    assert ": without ROS 2, use to_matrix of tf2_ros.numpy, or buffer.transform_points, or register" in said
+
+
 def test_the_program_of_the_page_works(world):
     assert world.does(program(ROOT / "docs" / "installing.md")) == "0.3\n"
 

@@ -708,7 +708,7 @@ class TestEnd:
                 raise ZeroDivisionError
         assert len(list(node.subscriptions)) == before
         name = "tf2_ros.MessageFilter: into map"
-        assert repr(filter) == f"<{name}: 0 waiting, 0 passed, 0 dropped, closed>"
+        assert repr(filter) == f"<{name}: 1 received, 0 waiting, 0 passed, 0 dropped, closed>"
         assert filter.statistics()["cleared"] == 1
 
     def test_one_that_is_dropped_leaves_no_waiter(self, tf2_ros, node, buffer):
@@ -739,4 +739,4 @@ class TestEnd:
         script = make(frames="map odom\x1b", queue_size=1)
         script.run("M1 M2 !QUEUE_FULL:1")
         name = "tf2_ros.MessageFilter: into map and odom\\x1b"
-        assert repr(script.filter) == f"<{name}: 1 waiting, 0 passed, 1 dropped>"
+        assert repr(script.filter) == f"<{name}: 2 received, 1 waiting, 0 passed, 1 dropped>"

@@ -70,6 +70,7 @@ def new_laptop(processes, port):
 
 @pytest.fixture
 def laptop(bridge, new_laptop):
+    """For tests without a topic: the server loses what begins while a client connects."""
     return new_laptop()
 
 
@@ -105,18 +106,19 @@ def test_a_topic_that_begins_later_and_begins_again(bridge, new_laptop):
 
 
 def test_other_topics_and_a_prefix(bridge, new_laptop):
-    laptop = new_laptop("topic='robot1/tf', static_topic='/robot1/tf_static', prefix='robot1/'")
     bridge.do(
         "offer('/robot1/tf'); offer('/robot1/tf_static'); "
         f"send('/robot1/tf_static', '{CAMERA}', latches=True)"
     )
+    laptop = new_laptop("topic='robot1/tf', static_topic='/robot1/tf_static', prefix='robot1/'")
     bridge.until("channels['/robot1/tf'].has_sinks()")
     bridge.do(f"send('/robot1/tf', '{BASE}')")
     laptop.until("robot.buffer.can_transform('robot1/map', 'robot1/camera', 0)")
 
 
-def test_nothing_is_lost_while_a_call_holds_the_gil(bridge, laptop):
+def test_nothing_is_lost_while_a_call_holds_the_gil(bridge, new_laptop):
     bridge.do("offer('/tf')")
+    laptop = new_laptop()
     bridge.until("channels['/tf'].has_sinks()")
     bridge.do(f"send('/tf', '{MANY}', 600, 200)")
     laptop.until("robot.topics['/tf'].count > 0")
@@ -167,8 +169,9 @@ def test_a_bridge_without_the_topics(laptop):
     )
 
 
-def test_a_bridge_that_does_not_send_the_right_messages(bridge, laptop):
+def test_a_bridge_that_does_not_send_the_right_messages(bridge, new_laptop):
     bridge.do("offer('/tf', 'tf2_msgs/TFMessage', 'ros1'); offer('/tf_static')")
+    laptop = new_laptop()
     laptop.until("len(robot.publishers()) == 2")
     assert why(laptop) == (
         "TimeoutError: nothing has been received on /tf or /tf_static in 0.5 s: the bridge has /tf as "
@@ -177,14 +180,16 @@ def test_a_bridge_that_does_not_send_the_right_messages(bridge, laptop):
     )
 
 
-def test_what_a_bridge_says_of_a_type_cannot_steer_a_terminal(bridge, laptop):
+def test_what_a_bridge_says_of_a_type_cannot_steer_a_terminal(bridge, new_laptop):
     bridge.do(r"offer('/tf', 'X\x1b]0;', 'cdr\n')")
+    laptop = new_laptop()
     laptop.until("robot.publishers()")
     assert r"the bridge has /tf as X\x1b]0; in cdr\n, but this feed reads only" in why(laptop)
 
 
-def test_simulated_time_is_refused(bridge, laptop, port):
+def test_simulated_time_is_refused(bridge, new_laptop, port):
     bridge.do("offer('/clock', 'rosgraph_msgs/msg/Clock')")
+    laptop = new_laptop()
     text = "/clock is published, and simulated time is not supported"
     with pytest.raises(OrderError, match=f"^ConnectionError: ws://127.0.0.1:{port} has ended.*{text}"):
         laptop.do(f"robot.wait_until_heard({SECONDS})")
@@ -324,8 +329,9 @@ def test_a_feed_closes_while_the_bridge_pings_and_never_reads():
         assert not closing.is_alive()
 
 
-def test_a_callback_that_exits_ends_the_feed(bridge, laptop):
+def test_a_callback_that_exits_ends_the_feed(bridge, new_laptop):
     bridge.do("offer('/tf')")
+    laptop = new_laptop()
     bridge.until("channels['/tf'].has_sinks()")
     check_exit(laptop, lambda: bridge.do(f"send('/tf', '{BASE}')"))
 

@@ -5,7 +5,6 @@
 import fcntl
 import json
 import os
-import random
 import re
 import resource
 import select
@@ -25,8 +24,6 @@ from starting_programs import ROBOT, broadcasting, ended, heard, needs_dot, runn
 from tool_paths import TOOLS
 from tool_project import PYPROJECT
 from waiting import DEADLINE_S, until
-
-from tf2_ros_tools.listening.session import Pace
 
 pytestmark = pytest.mark.ours
 
@@ -224,21 +221,6 @@ def test_a_program_goes_on_after_a_stall(line, stall):
     for one in (reading, writing):
         os.close(one)
     assert (process.returncode, "Traceback" in err) == (0, False), err
-
-
-@pytest.mark.parametrize("rate", [1e-300, 0.01, 1.0, 30.0, 100_000.0, 1e300])
-def test_missed_ticks_are_skipped_and_the_others_keep_their_times(rate):
-    generator = random.Random(rate)
-    pace = Pace(1.0 / rate)
-    begin_ns, period_ns = pace.due_ns, max(round(min(1.0 / rate, 1e9) * S), 1)
-    now_ns = begin_ns
-    for _ in range(1000):
-        now_ns += round(generator.expovariate(2.0) * period_ns)
-        before_ns = pace.due_ns
-        pace.advance(now_ns)
-        assert (pace.due_ns - begin_ns) % period_ns == 0
-        assert now_ns < pace.due_ns <= max(before_ns, now_ns + period_ns)
-    assert 0.0 < Pace(1.0 / rate).next_s() <= period_ns / S
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parse command lines, format output, read files and report missing libraries, for all other folders."""
+"""What the other folders share: command lines, loops, output, rotations, files and optional libraries."""
 
 __all__: list[str] = []

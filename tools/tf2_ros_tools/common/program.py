@@ -12,6 +12,7 @@ import os
 import re
 import signal
 import sys
+import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from decimal import Decimal
@@ -259,6 +260,12 @@ def _after_unraisable(dropped: Any) -> None:
         signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
     else:
         sys.__unraisablehook__(dropped)
+
+
+def wait_until_interrupted() -> NoReturn:
+    """Wait in the main thread until Ctrl-C or SIGTERM."""
+    while True:
+        time.sleep(1.0)
 
 
 # Numbers on a command line.

@@ -10,7 +10,7 @@ from tf2_ros.records import Recording
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NoReturn, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,41 +23,8 @@ from tf2_ros_tools.diagnosis.stream_statistics import Refused, Stream, Streams, 
 from tf2_ros_tools.diagnosis.texts import milliseconds
 
 S = 1_000_000_000
-LONGEST_PERIOD_S = 1e9  # about what time.sleep accepts, in seconds
 TOPICS = ("/tf", "/tf_static")  # of dynamic and of static transforms
 DRAIN_S = 1.0  # the longest time between two calls of `drain`
-
-
-def wait() -> NoReturn:
-    """Wait in the main thread until Ctrl-C or SIGTERM."""
-    while True:
-        time.sleep(1.0)
-
-
-class Pace:
-    """
-    The ticks of a loop, at a constant rate from now on.
-
-    Missed ticks are skipped, whether the process was stopped, its output had to wait for a reader, or the
-    loop is slower than the rate. The others keep their times.
-
-    :param period_s: from one tick to the next, in seconds.
-    """
-
-    def __init__(self, period_s: float) -> None:
-        self._period_ns = max(round(min(period_s, LONGEST_PERIOD_S) * S), 1)
-        self.due_ns = time.monotonic_ns()  # when the next tick is due
-
-    def advance(self, now_ns: int) -> None:
-        """If the next tick is due at this time of the monotonic clock, go on to the first one after it."""
-        missed = max(now_ns - self.due_ns, -1) // self._period_ns + 1
-        self.due_ns += missed * self._period_ns
-
-    def next_s(self) -> float:
-        """Go on to the next tick; return how long to wait for it, in seconds, which is above 0."""
-        now_ns = time.monotonic_ns()
-        self.advance(now_ns)
-        return (self.due_ns - now_ns) / S
 
 
 @dataclass(frozen=True)

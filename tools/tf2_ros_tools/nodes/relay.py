@@ -30,6 +30,7 @@ from tf2_py import BufferCore, FrameInfo, TransformException, stored_name
 from tf2_py.printable import printable
 from tf2_ros import TransformBroadcaster
 from tf2_ros_tools.common.output import not_known
+from tf2_ros_tools.common.pace import Pace
 from tf2_ros_tools.common.program import UsageError
 from tf2_ros_tools.common.yaml_files import (
     NOT_NEGATIVE,
@@ -42,7 +43,6 @@ from tf2_ros_tools.common.yaml_files import (
     read_list,
 )
 from tf2_ros_tools.diagnosis.stream_statistics import path_to_root
-from tf2_ros_tools.listening.session import Pace
 
 S = 1_000_000_000
 LATEST = 0  # asks a buffer for the newest time at which it has everything that a lookup needs

@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from tf2_py.printable import printable
 from tf2_ros_tools.common.output import counted
-from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, finite_number, run
+from tf2_ros_tools.common.program import (
+    SUCCESS,
+    Parser,
+    RunError,
+    UsageError,
+    finite_number,
+    run,
+    wait_until_interrupted,
+)
 from tf2_ros_tools.common.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
 if TYPE_CHECKING:
@@ -132,7 +140,6 @@ def publish(options: Namespace) -> NoReturn:
     from tf2_ros_tools.nodes.spun_node import spun_node
 
     from tf2_ros import StaticTransformBroadcaster
-    from tf2_ros_tools.listening.session import wait
 
     transforms = transforms_of(options)
     # Many of them run on one robot.
@@ -150,7 +157,7 @@ def publish(options: Namespace) -> NoReturn:
                 q.x, q.y, q.z, q.w = (part / length for part in (q.x, q.y, q.z, q.w))
         log.info(_summary(options, transforms))
         StaticTransformBroadcaster(node).sendTransform(transforms)
-        wait()
+        wait_until_interrupted()
 
 
 def _summary(options: Namespace, transforms: list[TransformStamped]) -> str:

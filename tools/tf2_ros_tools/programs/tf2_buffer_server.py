@@ -7,7 +7,14 @@ from argparse import Namespace
 from functools import partial
 from typing import Any, NoReturn
 
-from tf2_ros_tools.common.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
+from tf2_ros_tools.common.program import (
+    EXIT_STATUS,
+    SUCCESS,
+    Parser,
+    UsageError,
+    run,
+    wait_until_interrupted,
+)
 
 DEFAULT_BUFFER_SIZE_S = 120.0
 
@@ -28,7 +35,6 @@ def serve(options: Namespace) -> NoReturn:
     from rcl_interfaces.msg import ParameterDescriptor
 
     from tf2_ros import Buffer, BufferServer, TransformListener
-    from tf2_ros_tools.listening.session import wait
 
     summary = "how far each frame's history reaches back, in seconds"
     with spun_node("tf_buffer", options) as node:
@@ -40,7 +46,7 @@ def serve(options: Namespace) -> NoReturn:
         with TransformListener(buffer, node):
             server = BufferServer(buffer, node, "tf2_buffer_server")
             try:
-                wait()
+                wait_until_interrupted()
             finally:
                 server.destroy()
 

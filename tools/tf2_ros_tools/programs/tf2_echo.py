@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from tf2_py.printable import printable
 from tf2_ros_tools.common.output import first_names, show, show_json
+from tf2_ros_tools.common.pace import Pace
 from tf2_ros_tools.common.program import (
     FAILURE,
     SUCCESS,
@@ -105,7 +106,6 @@ add_live_option(PARSER)
 def echo(options: Namespace) -> int:
     """Print until interrupted, or as the options say; return the exit status."""
     from tf2_py import TransformException
-    from tf2_ros_tools.listening.session import Pace
     from tf2_ros_tools.listening.session_choice import session
 
     if None not in (options.rate, options.old_rate):

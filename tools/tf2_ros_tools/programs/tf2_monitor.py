@@ -15,6 +15,7 @@ from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
 from tf2_ros_tools.common.output import counted, show, show_json
+from tf2_ros_tools.common.pace import Pace
 from tf2_ros_tools.common.program import (
     EXIT_STATUS,
     SUCCESS,
@@ -73,8 +74,6 @@ def monitor(options: Namespace) -> int:
 
 
 def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> NoReturn:
-    from tf2_ros_tools.listening.session import Pace
-
     interval_s = INTERVAL_S if options.interval is None else options.interval
     what = " -> ".join(options.frames) or "all frames"
     say = heard.session.info if options.json else show

@@ -10,7 +10,14 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from tf2_ros_tools.common.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
+from tf2_ros_tools.common.program import (
+    EXIT_STATUS,
+    SUCCESS,
+    Parser,
+    UsageError,
+    run,
+    wait_until_interrupted,
+)
 
 DESCRIPTION = """\
 Publish a robot's transforms until interrupted: fixed joints on /tf_static, and movable joints on /tf, for \
@@ -37,7 +44,6 @@ def publish(options: Namespace) -> NoReturn:
     """Publish until interrupted."""
     from tf2_ros_tools.nodes.spun_node import spun_node
 
-    from tf2_ros_tools.listening.session import wait
     from tf2_ros_tools.nodes.state_publisher import StatePublisher
     from tf2_ros_tools.urdf import decoded
 
@@ -52,7 +58,7 @@ def publish(options: Namespace) -> NoReturn:
     # The name under which files of parameters configure it.
     with spun_node("robot_state_publisher", options) as node:
         StatePublisher(node, description)
-        wait()
+        wait_until_interrupted()
 
 
 main = partial(run, PARSER, publish, interrupted=SUCCESS)

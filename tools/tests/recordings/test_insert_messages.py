@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Messages of any source, which `insert_messages` of the core inserts and records."""
+
+import pytest
+from making_bags import Sent, Tf, drive, raw
+
+from tf2_py import BufferCore
+from tf2_ros.records import Recording
+from tf2_ros.serialization import MessageSource, insert_messages
+
+pytestmark = pytest.mark.ours
+
+SENT = drive(2)[:3]
+MESSAGES = [(one.topic, one.log_ns, raw(one)) for one in SENT]
+SOURCES = [MessageSource("/tf"), MessageSource("/tf_static", True)]
+
+
+def test_what_a_small_recording_has_no_place_for_comes_in_arrays():
+    recording, arrays = Recording(3), []
+    insert_messages(BufferCore(), MESSAGES, SOURCES, recording=recording, records=arrays)
+    assert [len(one) for one in (*arrays, recording.take())] == [3, 2]
+    assert recording.lost == 0
+
+
+def test_the_numbers_of_static_transforms_are_noted_once_each():
+    mount, moved = Tf("base", "camera", 0, (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8)), (4.0, 5.0, 6.0)
+    sent = [[mount, mount._replace(xyz=moved)], [mount._replace(child="lidar")]]
+    messages = [("/tf_static", 1, raw(Sent(1, "/tf_static", one))) for one in sent]
+    recording = Recording()
+    insert_messages(BufferCore(), [*messages, MESSAGES[1]], SOURCES, recording=recording)
+    values = recording.values()
+    assert values == [(1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8), (*moved, 0.0, 0.0, 0.6, 0.8)]
+    records = recording.take()
+    assert records["value"][:3].tolist() == [0, 1, 0]
+    assert not records["static"][3:].any() and (records["value"][3:] >= len(values)).all()
+    assert recording.values() is values
+
+
+def test_so_many_numbers_of_static_transforms_are_noted():
+    moving = [Tf("base", "camera", 0, (float(i), 0.0, 0.0)) for i in range(70_000)]
+    recording = Recording()
+    message = ("/tf_static", 1, raw(Sent(1, "/tf_static", moving)))
+    insert_messages(BufferCore(), [message], SOURCES, recording=recording)
+    assert len(recording.values()) == 65_536
+    assert len(recording.take()) == 70_000 and recording.lost == 0
+
+
+def test_a_malformed_message_is_an_error_or_left_out():
+    messages = [*MESSAGES[:2], ("/tf", 11, b"nonsense"), *MESSAGES[2:]]
+    buffer, found = BufferCore(), []
+    with pytest.raises(ValueError, match="malformed TFMessage"):
+        insert_messages(buffer, messages, SOURCES)
+    assert buffer.frames()["odom"].count == 1
+    buffer = BufferCore()
+    assert insert_messages(buffer, messages, SOURCES, on_malformed=lambda *what: found.append(what)) == 4
+    assert buffer.frames()["odom"].count == 2
+    assert [what[:2] for what in found] == [("/tf", 11)]
+
+
+@pytest.mark.parametrize(
+    "how", [{}, {"on_broken": lambda error, last_ns: OSError(f"{error} after {last_ns}")}]
+)
+def test_an_error_of_the_iteration_is_raised_or_explained(how):
+    def broken():
+        yield from MESSAGES
+        raise OSError("it ends")
+
+    buffer = BufferCore()
+    with pytest.raises(OSError, match=f"^it ends{f' after {SENT[2].log_ns}' if how else ''}$"):
+        insert_messages(buffer, broken(), SOURCES, **how)
+    assert "camera" in buffer, "what came before is kept"

@@ -14,71 +14,22 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from making_objects import S, transform, translation
+from feed_helpers import Wire, message, seen
+from making_objects import S, translation
 from waiting import DEADLINE_S, until
 
 from tf2_ros import Buffer, TransformException
 from tf2_ros.records import Recording
-from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.diagnosis.findings import Limits
 from tf2_ros_tools.listening.session import Listening
-from tf2_ros_tools.live import Feed, Heard, Publisher, connect
+from tf2_ros_tools.live import Feed, Heard, Publisher
 from tf2_ros_tools.live.feed_session import FeedSession
 
 pytestmark = pytest.mark.ours
 
-
-def message(parent="map", child="base", x=1.0, seconds=1.0, count=1):
-    """A serialized TFMessage."""
-    frames = [(parent, child if n == 0 else f"{child}{n}") for n in range(count)]
-    numbers = np.tile([x, 0, 0, 0, 0, 0, 1], (count, 1))
-    return serialize_arrays(frames, np.full(count, round(seconds * S)), numbers)
-
-
-def seen(feed, parent="map", child="base"):
-    return translation(feed.buffer.lookup_transform(parent, child, 0))[0]
-
-
-class Wire:
-    """A wire that notes what it is asked for."""
-
-    counts_losses = True
-
-    def __init__(self, refusal=None, reasons=None):
-        self.refusal, self.reasons = refusal, reasons or {}
-        self.take = self.end = None
-        self.closed = 0
-        self.sent = []
-
-    def open(self, take, end):
-        if self.refusal is not None:
-            raise self.refusal
-        self.take, self.end = take, end
-
-    def close(self):
-        self.closed += 1
-
-    def publishers(self):
-        return [Publisher("/tf", "/robot", "")]
-
-    def why_silent(self, topic, seconds):
-        return self.reasons.get(topic, "")
-
-    def sender(self, topic, is_static):
-        return Sender(self, topic)
-
-
-class Sender:
-    def __init__(self, wire, topic):
-        self.wire, self.topic = wire, topic
-
-    def send(self, data):
-        self.wire.sent.append((self.topic, data))
-
-
 PIPE = """
 import struct, sys
-from test_feed import message
+from feed_helpers import message
 for n in range(100):
     data = message(x=n, seconds=1 + n)
     sys.stdout.buffer.write(struct.pack("<I", len(data)) + data)
@@ -491,121 +442,11 @@ def test_messages_that_all_arrive_late_are_warned_of_once(monkeypatch, caplog):
     assert record.getMessage().startswith("x://robot: messages arrive 1000 s after the robot sent them")
 
 
-@pytest.fixture
-def broadcasting():
-    with Feed(name="x://robot", wire=Wire()) as feed:
-        yield feed
-
-
-def test_broadcasters_send_and_the_buffer_has_it(broadcasting):
-    feed = broadcasting
-    feed.broadcaster().sendTransform(transform("map", "base", 1.0, (1, 0, 0)))
-    moving = feed.broadcaster()
-    assert moving is feed.broadcaster() and feed.static_broadcaster() is feed.static_broadcaster()
-    moving.sendTransform([transform("map", "a", 1.0), transform("map", "b", 1.0)])
-    assert [topic for topic, _ in feed._wire.sent] == ["/tf", "/tf"]
-    again = Feed()
-    for _, data in feed._wire.sent:
-        again.take(data, False)
-    assert sorted(again.buffer.frames()) == sorted(feed.buffer.frames()) == ["a", "b", "base", "map"]
-    assert "broadcaster: 'this program'" in feed.buffer.all_frames_as_yaml()
-    assert feed.topics["/tf"].count == 0  # nothing was heard from the robot
-
-
-def test_a_static_broadcaster_sends_the_last_of_each_child_again(broadcasting):
-    feed = broadcasting
-    fixed = feed.static_broadcaster()
-    mount = transform("base", "camera", xyz=(1, 0, 0))
-    fixed.sendTransform(mount)
-    mount.transform.translation.x = 5.0  # a program may use its message again
-    fixed.sendTransform(transform("base", "lidar", xyz=(2, 0, 0)))
-    fixed.sendTransform(iter([transform("base", "lidar", xyz=(3, 0, 0))]))
-    again = Feed()
-    again.take(feed._wire.sent[-1][1], True)
-    assert (seen(again, "base", "camera"), seen(again, "base", "lidar")) == (1, 3)
-    with pytest.raises(TypeError):
-        fixed.sendTransform([transform("base", "gripper"), None])
-    fixed.sendTransform(transform("base", "imu"))
-    assert len(feed._wire.sent) == 4
-    again.take(feed._wire.sent[-1][1], True)
-    assert sorted(again.buffer.frames()) == ["base", "camera", "imu", "lidar"]
-
-
-def test_a_static_broadcaster_keeps_one_transform_of_a_frame_with_and_without_a_slash(broadcasting):
-    feed = broadcasting
-    fixed = feed.static_broadcaster()
-    for x, child in enumerate(("/dock", "dock", "/dock", "dock")):
-        fixed.sendTransform(
-            [transform("map", child, xyz=(-1, 0, 0)), transform("/map", child, xyz=(x, 0, 0))]
-        )
-        late = Feed()
-        late.take(feed._wire.sent[-1][1], True)
-        assert seen(feed, "map", "dock") == seen(late, "map", "dock") == x
-
-
-def named(child):
-    """With a name that ROS's own class would not accept."""
-    one = transform("map", "base")
-    one._child_frame_id = child
-    return one
-
-
-@pytest.mark.parametrize(
-    "what", [None, "text", [transform("map", "base"), 5], named(5), named(None), [named("a"), named(b"b")]]
-)
-@pytest.mark.parametrize("kind", ["broadcaster", "static_broadcaster"])
-def test_what_is_not_a_transform_is_refused_and_nothing_sent(broadcasting, kind, what):
-    with pytest.raises(TypeError, match="expected a (geometry_msgs/TransformStamped|str)"):
-        getattr(broadcasting, kind)().sendTransform(what)
-    assert broadcasting._wire.sent == []
-
-
-@pytest.mark.parametrize(
-    ("parent", "child", "numbers", "reason"),
-    [
-        ("map", "map", {}, "frame_id and child_frame_id are the same"),
-        ("map", "", {}, "child_frame_id is not set"),
-        ("map", "arm", {"xyz": (float("nan"), 0, 0)}, "a number is NaN"),
-        ("map", "arm", {"xyzw": (0, 0, 0, 0)}, "the rotation is too short or too long to be normalized"),
-    ],
-)
-@pytest.mark.parametrize("kind", ["broadcaster", "static_broadcaster"])
-def test_what_every_buffer_refuses_is_not_sent(broadcasting, kind, parent, child, numbers, reason):
-    broadcaster = getattr(broadcasting, kind)()
-    invalid = transform(parent, child, 1.0, **numbers)
-    which = f"from frame_id '{parent}' to child_frame_id '{child}'"
-    with pytest.raises(ValueError, match=f"^the transform {which} is not sent: {reason}$"):
-        broadcaster.sendTransform([transform("map", "base"), invalid])
-    assert broadcasting._wire.sent == []
-    broadcaster.sendTransform(transform("map", "base", 1.0))
-    assert sorted(broadcasting.buffer.frames()) == ["base", "map"]
-
-
-def test_a_rotation_of_another_length_is_sent_with_one_warning(broadcasting, capfd):
-    long = transform("map", "base", 1.0, xyzw=(0, 0, 0, 2))
-    for _ in range(3):
-        broadcasting.broadcaster().sendTransform(long)
-    broadcasting.static_broadcaster().sendTransform(transform("map", "arm"))
-    assert len(broadcasting._wire.sent) == 4
-    # By the broadcaster, and by the buffer of the feed.
-    assert capfd.readouterr().err.count("has a rotation of length 2") <= 2
-
-
-def test_broadcasters_end(broadcasting):
-    feed = broadcasting
-    one = feed.broadcaster()
-    feed.close()
-    with pytest.raises(ConnectionError, match="^x://robot has ended .it was closed.$"):
-        one.sendTransform(transform("map", "base"))
-    with pytest.raises(ConnectionError, match="^x://robot has ended .it was closed.$"):
-        feed.broadcaster()
-    with pytest.raises(ConnectionError, match=r"^the feed cannot send; use a feed from connect\(\)$"):
-        Feed().broadcaster()
-
-
 INTERRUPTED = """
+from feed_helpers import Wire, message
 from interrupting import interrupt_at_each_line
-from test_feed import Feed, Wire, message, transform
+from making_objects import transform
+from tf2_ros_tools.live import Feed
 
 def make():
     feed = Feed(wire=Wire())
@@ -641,8 +482,11 @@ def test_a_signal_handler_may_call_a_feed_whatever_it_interrupts():
 
 
 FORKED = """
-import os, sys
-from test_feed import Feed, Wire, message, transform
+import os
+from feed_helpers import Wire, message
+from making_objects import transform
+from tf2_ros_tools.live import Feed
+
 feed = Feed(name="x://robot", wire=Wire())
 feed.take(message(), False)
 senders = feed.broadcaster(), feed.static_broadcaster()
@@ -683,7 +527,9 @@ def test_a_forked_child_refuses_the_feed_of_its_parent():
 
 FORKED_AT_ANY_TIME = """
 import os, signal, threading
-from test_feed import Feed, Wire, message, transform
+from feed_helpers import Wire, message
+from making_objects import transform
+from tf2_ros_tools.live import Feed
 from waiting import DEADLINE_S
 
 feed = Feed(wire=Wire())
@@ -721,83 +567,3 @@ os._exit(0)
 
 def test_a_forked_child_waits_for_no_lock_of_its_parent():
     assert run_here(FORKED_AT_ANY_TIME) == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ({"where": "robot"}, "expected an address such as zenoh://robot:7447"),
-        ({"where": "dds://robot"}, "give the robot's address as dds://.peers=192.168.0.7"),
-        ({"where": "dds://?peer=x"}, "unknown option 'peer'; dds:// accepts peers"),
-        ({"where": "dds://robot:seven"}, "expected an address such as"),
-        ({"where": "dds://", "domain": -1}, "domain: expected a number from 0 to 232, got -1"),
-        ({"where": "dds://", "domain": "1"}, "domain: expected a number from 0 to 232, got '1'"),
-        ({"where": "dds://", "domain": True}, "domain: expected a number from 0 to 232, got True"),
-        ({"where": "ws://robot:0"}, "got 'ws://robot:0': a port is a number from 1 to 65535$"),
-        ({"where": "zenoh://robot:0"}, "got 'zenoh://robot:0': a port is a number from 1 to 65535$"),
-        ({"where": "zenoh://robot:70000"}, "got 'zenoh://robot:70000': Port out of range"),
-        (
-            {"where": "ws://robot/bridge"},
-            "'ws://robot/bridge': only a host, a port and options are understood",
-        ),
-        ({"where": "ws://me:pass@robot"}, "only a host, a port and options are understood"),
-        ({"where": "dds://?peers=robot#1"}, "only a host, a port and options are understood"),
-        ({"where": "dds://", "topic": ""}, "expected the name of a topic, such as /tf, got ''"),
-        (
-            {"where": "dds://", "topic": "tf_static"},
-            "topic and static_topic must differ, but both are '/tf_static'",
-        ),
-    ],
-)
-def test_arguments_of_connect(arguments, text):
-    with pytest.raises(ValueError, match=text):
-        connect(**arguments)
-
-
-@pytest.mark.parametrize("where", [None, b"dds://", 5])
-def test_an_address_is_a_str(where):
-    with pytest.raises(TypeError, match="^where: expected a str, such as zenoh://robot:7447, "):
-        connect(where)
-
-
-@pytest.mark.parametrize("domain", ["seven", "233"])
-def test_a_domain_of_the_environment_must_be_a_number(monkeypatch, domain):
-    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
-    with pytest.raises(ValueError, match=f"^ROS_DOMAIN_ID: expected a number from 0 to 232, got '{domain}'$"):
-        connect("dds://")
-
-
-LACKS_DDS = "; PyPI lacks it for Python 3.14 and for Linux on ARM: use ws:// and foxglove_bridge there"
-
-
-@pytest.mark.parametrize(
-    ("where", "library", "extra", "advice"),
-    [
-        ("dds://", "cyclonedds", "dds", LACKS_DDS),
-        ("zenoh://127.0.0.1", "zenoh", "zenoh", ""),
-        ("zenoh://127.0.0.1", "xxhash", "zenoh", ""),
-        ("ws://127.0.0.1", "websockets", "foxglove", ""),
-    ],
-)
-def test_a_library_is_missing(where, library, extra, advice, monkeypatch):
-    if library == "xxhash":
-        pytest.importorskip("zenoh")
-    monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(ModuleNotFoundError) as raised:
-        connect(where)
-    assert str(raised.value) == f"{library} is not installed: pip install 'tf2-ros-tools[{extra}]'{advice}"
-
-
-@pytest.mark.parametrize(
-    ("where", "library", "text"),
-    [
-        ("zenoh://", "zenoh", "expected the host of a router, as in zenoh://robot:7447"),
-        ("zenoh://robot?peers=1", "zenoh", "unknown option 'peers'; zenoh:// accepts none"),
-        ("ws://", "websockets", "expected the host of a bridge, as in ws://robot:8765"),
-        ("ws://robot?peers=1", "websockets", "unknown option 'peers'; ws:// accepts none"),
-    ],
-)
-def test_an_address_lacks_a_host_or_has_an_unknown_option(where, library, text):
-    pytest.importorskip(library)
-    with pytest.raises(ValueError, match=f"{text}$"):
-        connect(where)

@@ -81,8 +81,8 @@ live feeds | laptops beside a robot: its transforms over DDS, Zenoh or Foxglove,
     tools/*/live/* tools/*live* tools/*laptop* tools/*robot_with* tools/*zenoh* tools/*foxglove*
 diagnosis and pictures | whoever looks for a fault: tf2_check, tf2_monitor, tf2_echo, view_frames, plots
     tools/*check* tools/*monitor* tools/*echo* tools/*view_frames* tools/*picture* tools/*plot* tools/*stream*
-    tools/*finding* tools/*/diagnosis/* tools/*listening* tools/*session* tools/*spun* tools/*roll_pitch*
-    tools/*output* tools/*view*
+    tools/*finding* tools/*/diagnosis/* tools/*listening* tools/*session* tools/*spun* tools/*filled_buffer*
+    tools/*roll_pitch* tools/*output* tools/*view*
 relay and static publisher | several robots or machines: transforms from one to the other, and from a command
     tools/*relay* tools/*static_transform*
 commands in common | users of all commands: options, texts and exit codes alike

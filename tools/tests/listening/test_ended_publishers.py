@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What commands know of publishers that have ended."""
 
-from tf2_ros_tools.nodes.node_session import NodeSession, filled_buffer
+from tf2_ros_tools.nodes.filled_buffer import filled_buffer
+from tf2_ros_tools.nodes.node_session import NodeSession
 
 from making_objects import S
 from waiting import until

@@ -8,7 +8,8 @@ Prints a line of JSON: when the transforms were received, and what a report says
 """
 
 # First, as in the programs of the project.
-from tf2_ros_tools.nodes.node_session import NodeSession, filled_buffer
+from tf2_ros_tools.nodes.filled_buffer import filled_buffer
+from tf2_ros_tools.nodes.node_session import NodeSession
 
 import json
 import sys

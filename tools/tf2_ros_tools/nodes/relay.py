@@ -8,7 +8,7 @@ buffer: it chooses transforms, thins them out, and names them anew. ``Relaying``
 node: it subscribes and publishes.
 """
 
-from tf2_ros_tools.nodes.node_session import filled_buffer
+from tf2_ros_tools.nodes.filled_buffer import filled_buffer
 
 import math
 import re

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from graphlib import CycleError, TopologicalSorter
-from math import cos, hypot, inf, isfinite, sin
+from math import hypot, inf, isfinite
 from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
@@ -28,6 +28,7 @@ from tf2_py.printable import printable
 from tf2_ros.numpy import to_matrix
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.common.output import first_names
+from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy
 
 __all__ = ["Joint", "Robot", "UrdfError", "load"]
 
@@ -191,20 +192,6 @@ def unmatched(robot: Robot, names: Iterable[str], without: Collection[str] = ())
     lack = [one.name for one in movable if one.mimic is None and one.name not in given]
     text = f"{first_names(unknown)} {'is not a joint' if len(unknown) == 1 else 'are not joints'} of the URDF"
     return f"{text}; missing there: {first_names(lack)}" if lack else text
-
-
-def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Get the quaternion x y z w of these turns; it has length one."""
-    # The product of the three turns, that about z on the left; J. Diebel, Representing Attitude, 2006.
-    sr, cr = sin(roll / 2), cos(roll / 2)
-    sp, cp = sin(pitch / 2), cos(pitch / 2)
-    sy, cy = sin(yaw / 2), cos(yaw / 2)
-    return (
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-        cr * cp * cy + sr * sp * sy,
-    )
 
 
 # Read a URDF.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Roll, pitch and yaw of rotations."""
+"""Roll, pitch and yaw of rotations, and back."""
 
 import math
 
@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
-from tf2_ros_tools.urdf import quaternion_from_rpy
+from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy, rpy_from_matrices
 
 pytestmark = pytest.mark.ours
 

@@ -23,6 +23,7 @@ from tf2_ros_tools.common.program import (
     run,
     wait_until_interrupted,
 )
+from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy
 from tf2_ros_tools.common.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
 if TYPE_CHECKING:
@@ -219,8 +220,6 @@ def transform_of(label: str, given: Any) -> TransformStamped:
         raise ValueError(f"{label}: {' and '.join(FRAMES)} must differ, but both are {frame!r}")
     rotation = tuple(read.get(name, float(name == "qw")) for name in QUATERNION)
     if read.keys() & set(EULER):
-        from tf2_ros_tools.urdf import quaternion_from_rpy
-
         if read.keys() & set(QUATERNION):
             raise ValueError(f"{label}: quaternion and Euler angles are mutually exclusive")
         rotation = quaternion_from_rpy(*(read.get(name, 0.0) for name in EULER))

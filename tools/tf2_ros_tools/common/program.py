@@ -7,7 +7,6 @@ A program is a module of ``tf2_ros_tools.programs`` with a ``PARSER`` and a ``ma
 and other libraries after the command line has been read, so that help is fast.
 """
 
-import math
 import os
 import re
 import signal
@@ -15,11 +14,8 @@ import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable
-from decimal import Decimal
 from difflib import get_close_matches
 from io import TextIOWrapper
-from os.path import splitext
-from pathlib import Path
 from textwrap import fill
 from types import FrameType
 from typing import Any, NoReturn
@@ -266,123 +262,3 @@ def wait_until_interrupted() -> NoReturn:
     """Wait in the main thread until Ctrl-C or SIGTERM."""
     while True:
         time.sleep(1.0)
-
-
-# Numbers on a command line.
-
-
-def _number(expected: str, accepts: Callable[[float], bool]) -> Callable[[str], float]:
-    """For argparse: read a number as Python's ``float`` does, and refuse the others in words."""
-
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            raise ArgumentTypeError(f"{text!r} is not a number") from None
-        if not (math.isfinite(value) and accepts(value)):
-            raise ArgumentTypeError(f"expected {expected}, got {text}")
-        return value
-
-    return read
-
-
-finite_number = _number("a finite number", lambda value: True)
-positive_number = _number("a number above 0", lambda value: value > 0.0)
-non_negative_number = _number("0 or more", lambda value: value >= 0.0)
-_stamp = _number("seconds since 1970, before the year 2262", lambda value: 0.0 <= value * 1e9 < 2**63)
-
-
-def nanoseconds(text: str) -> int:
-    """Read seconds and return nanoseconds, exactly; a float cannot hold all digits of a stamp."""
-    _stamp(text)
-    return round(Decimal(text.strip()) * 10**9)
-
-
-# Formats of files, which follow from the extensions of their names.
-
-
-def format_of(name: str) -> str:
-    """The format that the extension of a file's name means."""
-    return splitext(name)[1][1:].lower()
-
-
-def ending_in(*formats: str) -> Callable[[str], str]:
-    """For argparse: accept the names of files with one of these extensions, which are given without a dot."""
-
-    def checked(name: str) -> str:
-        if format_of(name) not in formats:
-            raise ArgumentTypeError(f"expected a name that ends in {listed_endings(*formats)}, got {name!r}")
-        return name
-
-    return checked
-
-
-def listed_endings(*formats: str) -> str:
-    """List extensions in a text."""
-    *others, last = (f".{one}" for one in formats)
-    return f"{', '.join(others)} or {last}" if others else last
-
-
-# Options that several programs have.
-
-
-# The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
-KINDS = tuple(
-    "nothing qos clock clocks roots loop parents publishers mixed values refused unnormalised unset stale "
-    "future gap rate missing parent delay static malformed lost".split()
-)
-
-
-def add_check_options(made: ArgumentParser) -> None:
-    """Add the options for expectations, limits and ignored kinds."""
-    summary = "report differences from this YAML file; tf2_check -h ends with an example"
-    made.add_argument("--expect", metavar="FILE", type=Path, help=summary)
-    summary = "minimum rate of each dynamic frame"
-    made.add_argument("--min-rate", type=positive_number, metavar="HZ", help=summary)
-    made.add_argument(
-        "--max-delay",
-        type=non_negative_number,
-        metavar="S",
-        help="maximum delay of each dynamic transform; by default, the average delay of a frame may be 1 s "
-        "or 3 of its periods, whichever is longer",
-    )
-    made.add_argument(
-        "--ignore",
-        action="append",
-        choices=KINDS,
-        metavar="KIND",
-        default=[],
-        help="do not report this kind of problem; may be given several times; the kinds are "
-        f"{', '.join(KINDS)}",
-    )
-
-
-PLOTS = ("png", "svg", "pdf")
-
-
-def add_plot_options(made: ArgumentParser, default: str) -> None:
-    """
-    Add what is plotted, some frames or a path, and the file.
-
-    :param default: the name of the file without ``-o``, for the help.
-    """
-    made.add_argument(
-        "frames",
-        nargs="*",
-        metavar="FRAME",
-        default=[],
-        help="plot only these frames, in this order",
-    )
-    made.add_argument(
-        "--path",
-        nargs=2,
-        metavar=("TARGET", "SOURCE"),
-        help="plot the path of the frame SOURCE in the frame TARGET",
-    )
-    add_output(made, *PLOTS, more=f"; by default {default}")
-
-
-def add_output(made: ArgumentParser, *formats: str, more: str = "") -> None:
-    """Add the file that is written; ``more`` is the end of its help."""
-    summary = f"write this {listed_endings(*formats)} file{more}"
-    made.add_argument("-o", "--output", metavar="FILE", type=ending_in(*formats), help=summary)

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
+from tf2_ros_tools.common.options import format_of
 from tf2_ros_tools.common.output import write_whole
-from tf2_ros_tools.common.program import UsageError, format_of
+from tf2_ros_tools.common.program import UsageError
 
 Records = NDArray[np.void]
 

@@ -18,13 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
-from tf2_ros_tools.common.output import counted, first_names, show, show_json, three_digits, write_whole
-from tf2_ros_tools.common.program import (
-    FAILURE,
-    SUCCESS,
-    Parser,
-    RunError,
-    UsageError,
+from tf2_ros_tools.common.options import (
     add_check_options,
     add_output,
     add_plot_options,
@@ -33,8 +27,9 @@ from tf2_ros_tools.common.program import (
     nanoseconds,
     non_negative_number,
     positive_number,
-    run,
 )
+from tf2_ros_tools.common.output import counted, first_names, show, show_json, three_digits, write_whole
+from tf2_ros_tools.common.program import FAILURE, SUCCESS, Parser, RunError, UsageError, run
 
 if TYPE_CHECKING:
     from argparse import _MutuallyExclusiveGroup

@@ -6,8 +6,9 @@ import sys
 from argparse import Namespace
 from functools import partial
 
+from tf2_ros_tools.common.options import add_check_options, positive_number
 from tf2_ros_tools.common.output import counted
-from tf2_ros_tools.common.program import Parser, add_check_options, add_live_option, positive_number, run
+from tf2_ros_tools.common.program import Parser, add_live_option, run
 
 PARSER = Parser(
     "tf2_check",

@@ -14,8 +14,9 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from tf2_ros_tools.common.optional_libraries import require
+from tf2_ros_tools.common.options import positive_number
 from tf2_ros_tools.common.output import counted, show, show_json, three_digits
-from tf2_ros_tools.common.program import FAILURE, SUCCESS, Parser, RunError, positive_number, run
+from tf2_ros_tools.common.program import FAILURE, SUCCESS, Parser, RunError, run
 
 if TYPE_CHECKING:
     from tf2_ros_tools.diagnosis.stream_statistics import Stream

@@ -7,16 +7,9 @@ import time
 from argparse import Namespace
 from functools import partial
 
+from tf2_ros_tools.common.options import add_plot_options, positive_number
 from tf2_ros_tools.common.output import counted, show
-from tf2_ros_tools.common.program import (
-    SUCCESS,
-    Parser,
-    RunError,
-    add_live_option,
-    add_plot_options,
-    positive_number,
-    run,
-)
+from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, add_live_option, run
 
 S = 1_000_000_000
 

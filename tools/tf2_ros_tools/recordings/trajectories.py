@@ -19,8 +19,8 @@ from tf2_py import BufferCore, ExtrapolationException, TransformException
 from tf2_py.printable import printable
 from tf2_ros.correction import correct
 from tf2_ros.numpy import to_nanoseconds
+from tf2_ros_tools.common.options import nanoseconds
 from tf2_ros_tools.common.output import counted
-from tf2_ros_tools.common.program import nanoseconds
 from tf2_ros_tools.recordings.bag_reader import BagError, Recorded, listed, open_recording, typestore
 
 # The stamps of N poses in ns, and the poses in one of the forms that `correct` takes.

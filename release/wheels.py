@@ -59,8 +59,9 @@ core/test_registered_types packaging/test_conda packaging/test_run_workflows pac
 packaging/test_license
 """.split()
 OF_SOURCES_OF_TOOLS = """
-packaging/test_docs packaging/test_fuzz_corpus packaging/test_import_directions packaging/test_packaging
-packaging/test_sourced_ros packaging/test_type_checkers packaging/test_without_ros programs/test_all_programs
+packaging/test_demo packaging/test_docs packaging/test_fuzz_corpus packaging/test_import_directions
+packaging/test_packaging packaging/test_sourced_ros packaging/test_type_checkers packaging/test_without_ros
+programs/test_all_programs
 """.split()
 
 

@@ -1,17 +1,15 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What gets installed of the tools, and the demo."""
+"""What gets installed of the tools."""
 
 import importlib.metadata
 import shutil
-import sys
 import tarfile
 import zipfile
 
 import installing
 import pytest
 from packaging.requirements import Requirement
-from processes import output_of, run
 from project_sources import PYPROJECT as CORE
 from tool_paths import TOOLS
 from tool_project import PYPROJECT
@@ -34,16 +32,6 @@ def test_an_install_needs_numpy_and_a_core_that_fits():
     assert CORE["project"]["version"] in always["tf2-ros-cython"].specifier
 
 
-def test_a_command_without_the_core_says_in_one_line_that_it_is_missing():
-    code = "import sys; sys.modules['tf2_ros_cython'] = None; import tf2_ros_tools.programs.tf2_bag"
-    ended = run(sys.executable, "-c", code)
-    assert (ended.returncode, ended.stdout) == (1, "")
-    assert ended.stderr == (
-        "tf2-ros-tools needs tf2-ros-cython, which this Python does not have: in a clone of tf2-ros-cython, "
-        "pip install .\n"
-    )
-
-
 def test_the_manifest_has_the_version_of_the_project():
     manifest = (TOOLS / "package.xml").read_text(encoding="utf-8")
     assert f"<version>{PYPROJECT['project']['version']}</version>" in manifest
@@ -63,12 +51,3 @@ def test_the_source_distribution_holds_tests_pages_and_samples(project, tmp_path
         held = {name.partition("/")[2] for name in opened.getnames()}
     assert {"package.xml", "setup.cfg", "LICENSE", "resource/tf2_ros_tools", "tf2_ros_tools/py.typed"} <= held
     assert {"tests/conftest.py", "docs/recordings.md", "docs/samples/drive/drive.mcap", "demo.py"} <= held
-
-
-def test_the_demo_shows_a_recording_its_path_and_its_faults_and_a_robot():
-    pytest.importorskip("zenoh")
-    shown = output_of(TOOLS / "demo.py", cwd=TOOLS)
-    assert "base_link was not received for 1.2 s" in shown and "camera has 2 parents" in shown
-    picture = TOOLS / "build" / "path.png"
-    assert f"The picture is {picture}\n" in shown and picture.read_bytes().startswith(b"\x89PNG")
-    assert "base_link (" in shown and "camera (static)" in shown and "- Translation: [" in shown

@@ -260,6 +260,16 @@ def test_another_tf2_py_is_named(folder):
     assert done.stderr.startswith(f"{missing}; tf2_which shows")
 
 
+def test_a_command_without_the_core_says_in_one_line_that_it_is_missing():
+    code = "import sys; sys.modules['tf2_ros_cython'] = None; import tf2_ros_tools.programs.tf2_bag"
+    done = run(sys.executable, "-c", code)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == (
+        "tf2-ros-tools needs tf2-ros-cython, which this Python does not have: in a clone of tf2-ros-cython, "
+        "pip install .\n"
+    )
+
+
 # Names: they cannot steer the terminal, nor pretend to be a line of the program.
 
 HOSTILE = "x\x1b[2J\x7f\x9b1m\u202e\nno problems"

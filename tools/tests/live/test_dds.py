@@ -16,7 +16,7 @@ from shared_feed_tests import RobotFeed, matched, why
 from waiting import until
 
 from tf2_ros.serialization import serialize_arrays
-from tf2_ros_tools.live.transport import parse
+from tf2_ros_tools.live.address import parse
 
 pytestmark = pytest.mark.ours
 

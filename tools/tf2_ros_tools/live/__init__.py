@@ -13,9 +13,10 @@ A robot's transforms on a machine without ROS 2, over DDS, Zenoh or foxglove_bri
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
 from tf2_ros_tools.common.optional_libraries import require
+from tf2_ros_tools.live.address import EXAMPLES, Address, parse
 from tf2_ros_tools.live.broadcaster import Broadcaster, StaticBroadcaster
 from tf2_ros_tools.live.feed import Feed, Heard
-from tf2_ros_tools.live.transport import EXAMPLES, Address, Publisher, Wire, parse
+from tf2_ros_tools.live.transport import Publisher, Wire
 
 __all__ = ["Broadcaster", "Feed", "Heard", "Publisher", "StaticBroadcaster", "connect"]
 

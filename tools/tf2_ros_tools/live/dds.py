@@ -33,17 +33,8 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from tf2_ros_tools.common.output import first_names
-from tf2_ros_tools.live.transport import (
-    DISCOVERY_S,
-    TYPE,
-    Address,
-    End,
-    Publisher,
-    Sender,
-    Take,
-    WireThread,
-    refuse_options,
-)
+from tf2_ros_tools.live.address import Address, refuse_options
+from tf2_ros_tools.live.transport import DISCOVERY_S, TYPE, End, Publisher, Sender, Take, WireThread
 
 DEPTH = 1000  # messages that wait while Python or the network is busy: 5 s of 200 Hz
 TAKEN = 100  # messages, at most, between two looks at whether the wire is closed

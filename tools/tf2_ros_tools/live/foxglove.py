@@ -17,7 +17,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from tf2_py.printable import printable
-from tf2_ros_tools.live.transport import Address, End, Publisher, Sender, Take, WireThread, refuse_options
+from tf2_ros_tools.live.address import Address, refuse_options
+from tf2_ros_tools.live.transport import End, Publisher, Sender, Take, WireThread
 
 log = logging.getLogger("tf2_ros_tools.live")
 

@@ -22,16 +22,8 @@ from zenoh import ext
 from zenoh.handlers import FifoChannel
 
 from tf2_ros_tools.common.output import first_names
-from tf2_ros_tools.live.transport import (
-    TYPE,
-    Address,
-    End,
-    Publisher,
-    Sender,
-    Take,
-    WireThread,
-    refuse_options,
-)
+from tf2_ros_tools.live.address import Address, refuse_options
+from tf2_ros_tools.live.transport import TYPE, End, Publisher, Sender, Take, WireThread
 
 log = logging.getLogger("tf2_ros_tools.live")
 

@@ -33,10 +33,9 @@ from tf2_ros_tools.recordings.bag_reader import (
     listed,
     open_recording,
     resolved,
-    stamps_of,
-    topics_without_stamps,
     typestore,
 )
+from tf2_ros_tools.recordings.header_stamps import stamps_of, topics_without_stamps
 from tf2_ros_tools.recordings.joints_and_poses import (
     JOINT_STATE,
     NAMED,

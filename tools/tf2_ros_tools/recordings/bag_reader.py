@@ -6,19 +6,16 @@ import errno
 import os
 import re
 import shutil
-import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from itertools import islice
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
@@ -39,8 +36,6 @@ _Made = TypeVar("_Made")
 
 S = 1_000_000_000
 LAST_NS = (1 << 63) - 1  # log times are int64
-# In place of a stamp of 0, which is not set: to lookups, 0 means the latest time, and this, NaT, no time.
-UNSET_NS = -(1 << 63)
 # The name of the metadata with which a file begins that a buffer has saved.
 SAVED = b"tf2_ros_cython.buffer"
 # What repairs a file, by its extension.
@@ -60,7 +55,6 @@ LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # what a file begins 
 LOGS = {"-wal": b"", "-journal": b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"}
 # The types of topics with transforms; ROS 1 has two names for the same message.
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-HEADER = "std_msgs/msg/Header"
 
 
 class BagError(ValueError):
@@ -129,7 +123,7 @@ class Recorded:
         self._reader = reader
         self._tool = _tool_of(parts[0]) if parts else REINDEX
         for one in reader.connections:
-            for text in (one.topic, one.msgtype, _encoding(one)):
+            for text in (one.topic, one.msgtype, encoding_of(one)):
                 if not isinstance(text, str):  # SQLite and YAML accept any type
                     raise ValueError(
                         f"the name, type or encoding of a topic is {text!r}, which is not a text"
@@ -139,7 +133,7 @@ class Recorded:
             own = self.connections([name])
             types = " and ".join(dict.fromkeys(full_name(one.msgtype) for one in own))
             self.topics[name] = RecordedTopic(
-                name, types, sum(one.msgcount for one in own), _encoding(own[0])
+                name, types, sum(one.msgcount for one in own), encoding_of(own[0])
             )
         # A damaged file may contain any time.
         self.start_ns: int | None = int(np.int64(reader.start_time)) if reader.message_count else None
@@ -185,7 +179,7 @@ class Recorded:
         messages: Iterator[RawMessage] = self._reader.messages(connections, start_ns, stop)
         if start_ns is None and stop is None:
             messages = self._complete(messages, connections)
-        is_foreign = any(_encoding(one) != "cdr" for one in connections)  # those of a topic may differ
+        is_foreign = any(encoding_of(one) != "cdr" for one in connections)  # those of a topic may differ
         if is_foreign:
             return self._converted(messages) if convert else messages
         return _decompressed(messages)
@@ -221,7 +215,7 @@ class Recorded:
         # From ROS 1 to CDR, with the types of ROS 2: the conversion removes the `seq` of a header.
         store = typestore()
         for connection, log_ns, raw in messages:
-            msgtype, encoding = connection.msgtype, _encoding(connection)
+            msgtype, encoding = connection.msgtype, encoding_of(connection)
             if msgtype in foxglove_messages.TYPES:
                 raw = self.of_foxglove(connection, log_ns, raw, foxglove_messages.tf_message)
             elif encoding == "ros1":
@@ -559,7 +553,7 @@ class ForeignMcap:
 
     def decoder(self, connection: "Connection") -> Callable[[bytes], Any]:
         """Get the function that decodes the messages of a connection of Foxglove."""
-        if _encoding(connection) == foxglove_messages.JSON:
+        if encoding_of(connection) == foxglove_messages.JSON:
             return foxglove_messages.from_json
         if connection.id not in self._decoders:
             require("mcap_protobuf", "bag")
@@ -584,7 +578,8 @@ class ForeignMcap:
         return Connection(channel.id, channel.topic, msgtype, definition, "", count, ext, self)
 
 
-def _encoding(connection: "Connection") -> str:
+def encoding_of(connection: "Connection") -> str:
+    """Get the encoding of a connection's messages; ``ros1`` of a .bag, which names none."""
     return getattr(connection.ext, "serialization_format", "ros1")
 
 
@@ -593,87 +588,3 @@ def typestore() -> "Typestore":
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.LATEST)
-
-
-def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
-    """
-    Read the stamps of all messages of a topic whose messages begin with a ``std_msgs/Header``, or are those
-    of Foxglove.
-
-    :return: nanoseconds, in the order of the recording; UNSET_NS if a stamp is not set.
-    :raises BagError: the topic does not exist, its messages begin with something else, or one cannot be read.
-    """
-    name = f"{printable(recorded.path)}, topic {printable(topic)}"
-    if topic not in recorded.topics:
-        raise BagError(f"{name}: this topic does not exist; the topics are {listed(recorded.topics)}")
-    about = recorded.topics[topic]
-    try:
-        stamped = _is_stamped(recorded, about)
-    except Exception as error:  # the parsers define error classes only for some kinds of damage
-        where = f"topic {printable(topic)}, definition of its type"
-        raise explained(error, recorded.path, where) from error
-    if not stamped:
-        raise BagError(f"{name}: {printable(about.msgtype)} does not begin with a {HEADER}")
-    found = np.array([*_stamps(recorded, about)], np.int64)
-    found[found == 0] = UNSET_NS
-    return found
-
-
-def topics_without_stamps(recorded: Recorded) -> Iterator[tuple[str, int]]:
-    """
-    Get the topics whose publishers do not set the stamps of their messages, and how many have none.
-
-    The first ten messages of each topic decide whether all are read, so that images usually are not.
-    """
-    for about in recorded.topics.values():
-        # To RViz, the stamp 0 of a marker means that it stays where it is.
-        if about.msgtype.startswith("visualization_msgs/"):
-            continue
-        # What a topic that nobody asked for has instead of stamps does not matter here.
-        with suppress(Exception):
-            if not _is_stamped(recorded, about) or 0 not in islice(_stamps(recorded, about), 10):
-                continue
-            stamps = np.array([*_stamps(recorded, about)], np.int64)
-            # Before a node receives a simulated time, its time is 0.
-            unset = int(np.count_nonzero(stamps[np.argmax(stamps != 0) :] == 0))
-            if unset > 1:
-                yield about.name, unset
-
-
-def _is_stamped(recorded: Recorded, about: RecordedTopic) -> bool:
-    if foxglove_messages.is_stamped(about.msgtype, about.encoding):
-        return True
-    return all(map(_begins_with_header, recorded.connections([about.name])))
-
-
-def _stamps(recorded: Recorded, about: RecordedTopic) -> Iterator[int]:
-    for connection, log_ns, raw in recorded.checked(recorded.raw([about.name], convert=False)):
-        encoding = _encoding(connection)  # the channels of a topic may differ
-        if foxglove_messages.is_stamped(about.msgtype, encoding):
-            yield recorded.of_foxglove(connection, log_ns, raw, foxglove_messages.stamp_ns)
-            continue
-        try:
-            yield _stamp_ns(encoding, raw)
-        except (ValueError, IndexError, struct.error) as error:
-            recorded.malformed(about.name, log_ns, error)
-
-
-def _stamp_ns(encoding: str, raw: Raw) -> int:
-    # Four bytes come first: the encapsulation, whose second byte is odd for little-endian numbers; in ROS 1,
-    # the `seq` of the header.
-    order = "<" if encoding == "ros1" or raw[1] & 1 else ">"
-    sec, nanosec = struct.unpack_from(f"{order}iI", raw, 4)
-    return int(sec) * S + int(nanosec)
-
-
-def _begins_with_header(connection: "Connection") -> bool:
-    from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import get_types_from_msg
-
-    msgtype, (form, text) = full_name(connection.msgtype), connection.msgdef
-    if form == MessageDefinitionFormat.MSG:
-        types = get_types_from_msg(text, msgtype)
-    else:
-        types = typestore().fielddefs
-    _, fields = types.get(msgtype, ([], []))
-    return msgtype == HEADER or (bool(fields) and fields[0][1][1] == HEADER)

@@ -22,7 +22,8 @@ from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted, write_whole
 from tf2_ros_tools.recordings.bag_loader import TOPICS, PoseTopics, Topics, Urdfs
-from tf2_ros_tools.recordings.bag_reader import UNSET_NS, BagError
+from tf2_ros_tools.recordings.bag_reader import BagError
+from tf2_ros_tools.recordings.header_stamps import UNSET_NS
 from tf2_ros_tools.recordings.map_recordings import (
     UNUSED,
     Recordings,

@@ -16,7 +16,7 @@ from tf2_py import BufferCore, ConnectivityException, TransformException
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.diagnosis.stream_statistics import moving_on, path_to_root, stamps_on, taken
-from tf2_ros_tools.recordings.bag_reader import UNSET_NS
+from tf2_ros_tools.recordings.header_stamps import UNSET_NS
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer

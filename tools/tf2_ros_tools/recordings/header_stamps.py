@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Read the stamps in the headers of recorded messages, of any type that has one."""
+
+import struct
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_py.printable import printable
+from tf2_ros_tools.recordings import foxglove_messages
+from tf2_ros_tools.recordings.bag_reader import (
+    BagError,
+    Raw,
+    Recorded,
+    RecordedTopic,
+    S,
+    encoding_of,
+    explained,
+    full_name,
+    listed,
+    typestore,
+)
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
+
+# In place of a stamp of 0, which is not set: to lookups, 0 means the latest time, and this, NaT, no time.
+UNSET_NS = -(1 << 63)
+HEADER = "std_msgs/msg/Header"
+
+
+def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
+    """
+    Read the stamps of all messages of a topic whose messages begin with a ``std_msgs/Header``, or are those
+    of Foxglove.
+
+    :return: nanoseconds, in the order of the recording; UNSET_NS if a stamp is not set.
+    :raises BagError: the topic does not exist, its messages begin with something else, or one cannot be read.
+    """
+    name = f"{printable(recorded.path)}, topic {printable(topic)}"
+    if topic not in recorded.topics:
+        raise BagError(f"{name}: this topic does not exist; the topics are {listed(recorded.topics)}")
+    about = recorded.topics[topic]
+    try:
+        stamped = _is_stamped(recorded, about)
+    except Exception as error:  # the parsers define error classes only for some kinds of damage
+        where = f"topic {printable(topic)}, definition of its type"
+        raise explained(error, recorded.path, where) from error
+    if not stamped:
+        raise BagError(f"{name}: {printable(about.msgtype)} does not begin with a {HEADER}")
+    found = np.array([*_stamps(recorded, about)], np.int64)
+    found[found == 0] = UNSET_NS
+    return found
+
+
+def topics_without_stamps(recorded: Recorded) -> Iterator[tuple[str, int]]:
+    """
+    Get the topics whose publishers do not set the stamps of their messages, and how many have none.
+
+    The first ten messages of each topic decide whether all are read, so that images usually are not.
+    """
+    for about in recorded.topics.values():
+        # To RViz, the stamp 0 of a marker means that it stays where it is.
+        if about.msgtype.startswith("visualization_msgs/"):
+            continue
+        # What a topic that nobody asked for has instead of stamps does not matter here.
+        with suppress(Exception):
+            if not _is_stamped(recorded, about) or 0 not in islice(_stamps(recorded, about), 10):
+                continue
+            stamps = np.array([*_stamps(recorded, about)], np.int64)
+            # Before a node receives a simulated time, its time is 0.
+            unset = int(np.count_nonzero(stamps[np.argmax(stamps != 0) :] == 0))
+            if unset > 1:
+                yield about.name, unset
+
+
+def _is_stamped(recorded: Recorded, about: RecordedTopic) -> bool:
+    if foxglove_messages.is_stamped(about.msgtype, about.encoding):
+        return True
+    return all(map(_begins_with_header, recorded.connections([about.name])))
+
+
+def _stamps(recorded: Recorded, about: RecordedTopic) -> Iterator[int]:
+    for connection, log_ns, raw in recorded.checked(recorded.raw([about.name], convert=False)):
+        encoding = encoding_of(connection)  # the channels of a topic may differ
+        if foxglove_messages.is_stamped(about.msgtype, encoding):
+            yield recorded.of_foxglove(connection, log_ns, raw, foxglove_messages.stamp_ns)
+            continue
+        try:
+            yield _stamp_ns(encoding, raw)
+        except (ValueError, IndexError, struct.error) as error:
+            recorded.malformed(about.name, log_ns, error)
+
+
+def _stamp_ns(encoding: str, raw: Raw) -> int:
+    # Four bytes come first: the encapsulation, whose second byte is odd for little-endian numbers; in ROS 1,
+    # the `seq` of the header.
+    order = "<" if encoding == "ros1" or raw[1] & 1 else ">"
+    sec, nanosec = struct.unpack_from(f"{order}iI", raw, 4)
+    return int(sec) * S + int(nanosec)
+
+
+def _begins_with_header(connection: "Connection") -> bool:
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import get_types_from_msg
+
+    msgtype, (form, text) = full_name(connection.msgtype), connection.msgdef
+    if form == MessageDefinitionFormat.MSG:
+        types = get_types_from_msg(text, msgtype)
+    else:
+        types = typestore().fielddefs
+    _, fields = types.get(msgtype, ([], []))
+    return msgtype == HEADER or (bool(fields) and fields[0][1][1] == HEADER)

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draws the pictures in docs/images of the robot of examples/demo.py: `make pictures`, in two minutes.
+"""
+Draws the pictures in docs/images and tools/docs/images: `make pictures`, in two minutes.
 
-Each is what a program draws, or shows on a terminal, while that robot drives. The bar chart of lookups is
-drawn of the results of `make bench`.
+Most are what a program draws, or shows on a terminal, while a robot drives: the robot of examples/demo.py,
+that of docs/getting-started.md, or that with faults, of faulty_robot.py. Two others are drawn by programs in
+docs: the bar chart of lookups, from the results of `make bench`, and the path of a transform.
 """
 
 import contextlib

@@ -87,7 +87,7 @@ def test_the_programs_show_the_first_robot_as_the_page_says(line, tmp_path):
 
 
 def test_the_recorder_saves_what_it_received_until_ctrl_c(tmp_path, peer):
-    code = named_programs(DOCS / "saved-buffers.md")["record.py"]
+    code = named_programs(DOCS / "recordings.md")["record.py"]
     # It says when it has received everything: interrupted before that, there might be nothing to save.
     received = 'print(buffer.can_transform("map", "camera", 1_000_000_000, timeout=60), flush=True)'
     code = code.replace("        time.sleep(60)", f"        {received}\n        time.sleep(60)")

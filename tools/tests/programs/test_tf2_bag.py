@@ -327,6 +327,51 @@ class TestOtherTopics:
         assert parquet.read_table(table).to_pydict()["x"] == [i / 10 for i in range(20)]
 
 
+class TestAdvice:
+    """What is said where a frame may be missing because its topic is."""
+
+    @pytest.mark.parametrize(
+        ("messages", "options", "said"),
+        [
+            (
+                [one for one in drive() if one.topic == "/tf"],
+                [],
+                "no static transforms were recorded: they are sent once, .*; `urdf` or `--urdf` computes",
+            ),
+            (
+                [one._replace(topic=f"/a{one.topic}") if one.topic != "/tf" else one for one in drive()],
+                [],
+                "no static transforms are read: `topics` or `--topic` reads those on /a/tf_static",
+            ),
+            ([*drive(), *series("/odom", ODOMETRY)], ["--poses", "/empty"], "topic /empty has no messages"),
+            (
+                [*drive(), *series("/odom", ODOMETRY)],
+                ["--poses", "/gone=map,gps"],
+                "there is no topic /gone; the topics of its type are /empty, /odom",
+            ),
+            (
+                [*drive(), *series("/odom", ODOMETRY)],
+                ["--urdf", "/states=arm.urdf"],
+                "there is no topic /states; the topics of its type are none",
+            ),
+        ],
+    )
+    def test_is_given_with_an_unknown_frame(self, run, messages, options, said, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "arm.urdf").write_text(ARM)
+        path = write_mcap(tmp_path / "run.mcap", messages, topics=[("/empty", ODOMETRY)])
+        with pytest.raises(RunError, match=f'"mast" passed to lookupTransform .* does not exist.*; {said}'):
+            run("lookup", path, "map", "mast", *options)
+        status, printed, _ = run("info", path, *options)
+        assert status == 0 and re.search(f"^{said}", printed, re.MULTILINE)
+
+    def test_is_given_where_there_is_no_transform_at_all(self, run, tmp_path):
+        path = write_mcap(tmp_path / "run.mcap", [], topics=[("/empty", ODOMETRY)])
+        status, printed, _ = run("check", path, "--poses", "/empty")
+        assert status == 1
+        assert "nothing: no transform was received (topic /empty has no messages)" in printed
+
+
 def test_a_library_that_the_end_needs_is_missed_before_the_recording_is_read(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(MissingLibraryError, match="pyarrow is not installed: pip install"):

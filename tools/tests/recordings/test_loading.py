@@ -200,6 +200,47 @@ def test_the_channels_of_a_topic_may_have_several_encodings(tmp_path):
     assert bag.stamps(path, "/one").tolist() == [5 * S + 6, 7 * S + 8]
 
 
+def test_a_folder_of_several_encodings_is_read_file_by_file(tmp_path):
+    path = write_folder(tmp_path / "run", drive())
+    metadata = path / "metadata.yaml"
+    metadata.write_text(
+        metadata.read_text().replace("serialization_format: cdr", "serialization_format: json", 1)
+    )
+    text = "a topic is not in CDR, or .* load its files one by one: run.mcap$"
+    with pytest.raises(bag.BagError, match=text):
+        bag.load(path)
+    assert bag.load(path / "run.mcap").can_transform("map", "base", 101 * S)
+
+
+@pytest.mark.parametrize("schema", [b"\xb2\xff\x00", b"\x0a\x03abc", b"# caf\xe9\nint32 x\n"])
+@pytest.mark.parametrize("encoding", ["protobuf", "flatbuffer", "ros2msg"])
+@pytest.mark.parametrize("profile", ["", "ros2"])
+def test_other_topics_may_have_any_schema(schema, encoding, profile, tmp_path):
+    path = tmp_path / "run.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start(profile)
+        other = writer.register_channel("/other", "cdr", writer.register_schema("x/msg/Y", encoding, schema))
+        writer.add_message(other, 1, schema, 1)
+        text, _ = store().generate_msgdef(TF, ros_version=2)
+        tf = writer.register_channel("/tf", "cdr", writer.register_schema(TF, "ros2msg", text.encode()))
+        writer.add_message(tf, S, raw(Sent(S, "/tf", [Tf("map", "base", S, (1, 2, 3))])), S)
+        writer.finish()
+    [(_, _, found)] = bag.transforms(path)
+    assert found.transform.translation.z == 3.0
+
+
+@pytest.mark.parametrize("form", [*FORMATS, "protobuf", "json"])
+def test_a_recorded_name_ends_at_a_nul(form, tmp_path):
+    """As a received one does; some drivers in C++ send such names."""
+    tf = [Sent(S, "/tf", [Tf("map\0\0", "base\0lidar", S, (1, 2, 3))])]
+    if form in FORMATS:
+        buffer = bag.load(FORMATS[form](tmp_path, tf))
+    else:
+        buffer = bag.load(write_foxglove(tmp_path / "run.mcap", tf, form))
+    assert set(buffer.frames()) == {"map", "base"}
+
+
 # What is kept.
 
 

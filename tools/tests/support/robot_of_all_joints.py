@@ -42,7 +42,8 @@ ARM = """<?xml version="1.0"?>
   <transmission name="motor"><joint name="lift"/></transmission>
 </robot>
 """
-NAMES = ("lift", "roll", "extend")
+NAMES = ("lift", "roll", "extend")  # of the joints that others do not move
+FRAMES = ("shoulder", "wheel", "slide", "finger", "thumb")  # that move
 
 
 def pose(xyz=(0, 0, 0), rotation=None):

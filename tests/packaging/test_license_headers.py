@@ -1,16 +1,28 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How the copyright and the license are written into a source."""
+"""Every source states its copyright and its license; reuse finds both for every other file."""
 
+import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 from paths import ROOT
 
 pytestmark = pytest.mark.ours
+cloned = pytest.mark.skipif(not (ROOT / ".git").exists(), reason="this is not a clone")
 
 sys.path.insert(0, str(ROOT))
-from release.license_headers import HASH, SLASHES, XML, header, style_of, with_header, without_header  # noqa: E402
+from release.license_headers import (  # noqa: E402
+    HASH,
+    SLASHES,
+    XML,
+    header,
+    sources,
+    style_of,
+    with_header,
+    without_header,
+)
 
 
 @pytest.mark.parametrize(
@@ -48,3 +60,18 @@ def test_an_empty_file_stays_empty(style):
 @pytest.mark.parametrize("name", ["README.md", "a.svg", "a.msg", "LICENSE"])
 def test_pages_and_data_have_no_header(name):
     assert style_of(name) is None
+
+
+@cloned
+def test_every_source_has_the_header():
+    texts = {path: (path.read_text(encoding="utf-8"), style) for path, style in sources()}
+    assert len(texts) > 500
+    lacking = [path for path, (text, style) in texts.items() if with_header(text, style) != text]
+    assert lacking == [], "run python -m release.license_headers"
+
+
+@cloned
+@pytest.mark.skipif(find_spec("reuse") is None, reason="needs reuse")
+def test_reuse_finds_copyright_and_license_of_every_file():
+    ended = subprocess.run([sys.executable, "-m", "reuse", "lint"], cwd=ROOT, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stdout

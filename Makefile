@@ -110,7 +110,7 @@ pictures: $(VENV)/installed.stamp
 	$(MAKE) -C tools pictures
 
 guard: $(VENV)/installed.stamp
-	$(PY) -m bench.instruction_guard
+	$(PY) -m bench.instruction_counts
 
 # Long searches for faults, see docs/development/reliability.md. OPTIONS go to the program, as
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.

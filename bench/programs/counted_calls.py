@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Make calls of this project between marks, so that bench/instruction_guard.py can count their instructions.
+Make calls of this project between marks, so that bench/instruction_counts.py can count their instructions.
 
 `counted_calls.py CASE=COUNT...` makes, of each case, COUNT calls and then twice as many.
 """

@@ -4,7 +4,7 @@
 
 import pytest
 
-from bench.instruction_guard import TOLERANCE, TOLERANCE_OTHER_PYTHON, compare
+from bench.instruction_counts import TOLERANCE, TOLERANCE_OTHER_PYTHON, compare
 
 pytestmark = pytest.mark.ours
 
@@ -22,7 +22,7 @@ def test_a_changed_count_fails_until_the_baseline_is_renewed(capsys, change, sai
     assert compare(of(change), BASELINE) == 1
     printed = capsys.readouterr().out
     assert [line.split()[-1] for line in printed.splitlines()[2:4]] == ["before", said]
-    assert "run python -m bench.instruction_guard --renew" in printed
+    assert "run python -m bench.instruction_counts --renew" in printed
     assert compare(of(change), of(change)) == 0
 
 

@@ -3,9 +3,10 @@
 """
 Count instructions with callgrind, regardless of the load of the machine.
 
-`python -m bench.instruction_guard` compares the instructions of a few calls with `instruction_baseline.json`,
-as multiples of the instructions of a reference, a piece of pure Python. A count that has fallen fails, too,
-because an old baseline would hide the next regression. `--renew` writes a new baseline.
+`python -m bench.instruction_counts` compares the instructions of a few calls with
+`instruction_baseline.json`, as multiples of the instructions of a reference, a piece of pure Python. A count
+that has fallen fails, too, because an old baseline would hide the next regression. `--renew` writes a new
+baseline.
 
 The kind of processor does not matter: on every x86-64 machine with AVX2, valgrind presents the same one,
 without AVX-512, to NumPy, glibc and our own functions with clones for AVX2. The build of Python matters, and
@@ -109,7 +110,7 @@ def compare(present: Mapping[str, Any], baseline: Mapping[str, Any]) -> int:
         print(f"  {case:34}{ratio * present['reference']:10.0f}{ratio:9.3f} {was}  {found}")
     if failed:
         print(
-            "guard: failed. If the change is wanted, run python -m bench.instruction_guard --renew "
+            "guard: failed. If the change is wanted, run python -m bench.instruction_counts --renew "
             "and give the reason in the commit."
         )
     return int(failed)
@@ -117,7 +118,7 @@ def compare(present: Mapping[str, Any], baseline: Mapping[str, Any]) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     description = "Count the instructions of a few calls, and fail if a count has changed."
-    parser = argparse.ArgumentParser(prog="python -m bench.instruction_guard", description=description)
+    parser = argparse.ArgumentParser(prog="python -m bench.instruction_counts", description=description)
     parser.add_argument("--renew", action="store_true", help="write the present counts as the new baseline")
     renew = parser.parse_args(arguments).renew
     if shutil.which("valgrind") is None:

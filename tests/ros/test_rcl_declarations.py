@@ -101,8 +101,3 @@ def test_without_a_function_of_rcl_nothing_is_called():
     assert said.startswith("rclpy's library lacks functions that listeners need: ")
     assert "undefined symbol: rcl_took_serialized_message" in said
     assert is_the_same == "True"
-
-
-def test_a_release_is_known_by_its_name_or_by_its_version():
-    assert _ros_in_use.describe("10.0.10") == "Lyrical (rclpy 10.0.10)"
-    assert _ros_in_use.describe("99.0.1") == "of rclpy 99.0.1"

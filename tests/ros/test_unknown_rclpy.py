@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""With an rclpy that nobody knows yet, everything works, if need be through executors."""
+"""An rclpy that nobody knows yet: everything works, if need be through executors; texts give its version."""
 
 import os
 from pathlib import Path
@@ -9,6 +9,8 @@ import pytest
 import rclpy
 from paths import PROGRAMS
 from processes import output_of
+
+from tf2_ros_cython import _ros_in_use
 
 pytestmark = pytest.mark.ours
 
@@ -45,3 +47,8 @@ def test_its_number_does_not_matter(tmp_path):
     assert output_of("-c", version, env=environment) == "99.0.0\n"
     printed = output_of(PROGRAMS / "uses_unknown_rclpy.py", env=environment)
     assert printed.splitlines() == [TOPICS, *THE_REST]
+
+
+def test_a_release_is_known_by_its_name_or_by_its_version():
+    assert _ros_in_use.describe("10.0.10") == "Lyrical (rclpy 10.0.10)"
+    assert _ros_in_use.describe("99.0.1") == "of rclpy 99.0.1"

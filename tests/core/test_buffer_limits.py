@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The limits of what a buffer holds: frames, bytes, authorities, samples of one stamp."""
+"""The limits of what a buffer holds: frames, bytes, authorities, samples of one stamp, time."""
 
 import pytest
 from making_objects import at, transform, translation
+from messages_with_or_without_ros import Duration
 
 from tf2_py import BufferCore
 
@@ -86,3 +87,11 @@ class TestLimits:
         # Once it is the oldest stamp of several, its first sample answers, as in tf2.
         buffer.set_transform(transform("map", "base", 2), "test")
         assert translation(buffer.lookup_transform_core("map", "base", at(1)))[0] == 0
+
+
+def test_a_wrong_cache_time_is_refused_and_init_again_changes_nothing():
+    buffer = with_pose()
+    for wrong, error in (("10", TypeError), (object(), TypeError), (Duration(seconds=-1), ValueError)):
+        with pytest.raises(error, match="^cache_time: expected "):
+            buffer.__init__(wrong)
+    assert answers(buffer)

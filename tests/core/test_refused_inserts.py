@@ -10,9 +10,8 @@ from types import SimpleNamespace as N
 import pytest
 from cdr_encoder import encode
 from making_objects import S, at, rotation, transform
-from messages_with_or_without_ros import Duration
 
-NAN, INF = math.nan, math.inf
+NAN = math.nan
 
 
 @pytest.fixture
@@ -244,12 +243,3 @@ class TestManyAtOnce:
 
         assert buffer.set_transforms([first, Evil()], "x") == 2
         assert frames(buffer) == ["o" + "d" * 40, "map", "evil"]
-
-
-@pytest.mark.ours
-def test_a_wrong_cache_time_is_refused_and_init_again_changes_nothing(buffer):
-    buffer.set_transform(transform("map", "odom", 1), "x")
-    for wrong, error in (("10", TypeError), (object(), TypeError), (Duration(seconds=-1), ValueError)):
-        with pytest.raises(error, match="^cache_time: expected "):
-            buffer.__init__(wrong)
-    assert buffer.can_transform_core("map", "odom", at(1)) == (1, "")

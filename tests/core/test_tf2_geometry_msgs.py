@@ -4,6 +4,7 @@
 
 import array
 import math
+import textwrap
 from collections import UserList
 from types import SimpleNamespace
 
@@ -26,6 +27,7 @@ from hypothesis import strategies as st
 from making_objects import about_z, transform
 from nav_msgs.msg import Path
 from numpy.testing import assert_allclose
+from processes import output_of
 from random_messages import AWKWARD_TURNS, Maker, transforms, turns
 
 import tf2_geometry_msgs as tf2
@@ -212,3 +214,18 @@ def test_an_affine_matrix_is_built_and_taken_apart():
     assert_allclose(_transform_to_affine(transform("a", "b", 1, (1, 2, 3), (0.5, 0.5, 0.5, 0.5))), affine)
     with pytest.raises(AttributeError):
         _transform_to_affine(PoseWithCovarianceStamped())
+
+
+@ours
+def test_geometry_needs_no_nav_msgs():
+    program = """
+        import importlib.abc, sys
+        class Without(importlib.abc.MetaPathFinder):
+            def find_spec(self, name, path, target=None):
+                if name.partition(".")[0] == "nav_msgs":
+                    raise ModuleNotFoundError(f"No module named {name!r}", name="nav_msgs")
+        sys.meta_path.insert(0, Without())
+        from tf2_geometry_msgs import __all__ as names
+        print("do_transform_pose" in names, "do_transform_path" in names)
+    """
+    assert output_of("-c", textwrap.dedent(program)).split() == ["True", "False"]

@@ -12,8 +12,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from expected_transforms import transformed
-from geometry_msgs.msg import Quaternion
+from geometry_msgs.msg import PointStamped, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from leaks import assert_nothing_is_left
@@ -21,6 +22,7 @@ from making_objects import S, stamp_ns, transform
 from numpy.testing import assert_allclose
 from random_messages import Maker, transforms
 from sensor_msgs.msg import Imu, PointCloud2, PointField
+from std_msgs.msg import Header
 
 import tf2_sensor_msgs as tf2
 from tf2_py import BufferCore
@@ -79,6 +81,18 @@ def test_a_cloud_keeps_its_own_stamp_and_gets_the_frame_of_the_transform(cloud, 
         assert getattr(got, field) == getattr(cloud, field)
     got.header.stamp.sec, got.fields[0].name = 0, "changed"
     assert cloud == before and stamp_ns(t) == 7_250_000_000
+
+
+def test_a_cloud_without_a_time_is_transformed_by_the_latest_and_keeps_its_stamp(cloud, tf2_ros):
+    buffer = tf2_ros.Buffer()
+    for seconds in (1, 2, 3):
+        buffer.set_transform(latest := transform("map", "base", seconds, (seconds, 0, 0)), "x")
+    cloud.header.stamp = Time()
+    got = buffer.transform(cloud, "map")
+    assert (got.header.frame_id, stamp_ns(got)) == ("map", 0)
+    assert got.data == tf2.do_transform_cloud(cloud, latest).data
+    point = PointStamped(header=Header(frame_id="base"))
+    assert stamp_ns(buffer.transform(point, "map")) == 3_000_000_000  # that of the transform
 
 
 def numbers_of(cloud, kind="<f4"):

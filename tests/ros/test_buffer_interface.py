@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Transforming objects through a buffer, and the tables of functions for that."""
 
+import textwrap
+
 import pytest
 from geometry_msgs.msg import (
     PointStamped,
+    PolygonInstanceStamped,
     PoseStamped,
     QuaternionStamped,
     Vector3Stamped,
@@ -15,7 +18,7 @@ from paths import ROOT
 from processes import output_of
 from rclpy.duration import Duration
 from rclpy.time import Time
-from sensor_msgs.msg import LaserScan, PointCloud2, Range
+from sensor_msgs.msg import JointState, LaserScan, PointCloud2, Range
 from std_msgs.msg import Header
 from waiting import until
 
@@ -100,6 +103,26 @@ class TestTransform:
         assert grown.can_transform("moon", "robot", Time(), return_debug_tuple=True) == (False, "unknown")
 
 
+class Unknown:
+    """A type that nobody registers."""
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(
+    ("message", "new_type", "cure"),
+    [
+        (JointState(), None, r"JointState'> is not .*TransformRegistration\(\)\.add"),
+        (PolygonInstanceStamped(), None, r"PolygonInstanceStamped'> is not .*TransformRegistration\(\)\.add"),
+        (Unknown(), None, r"Unknown'> is not .*TransformRegistration\(\)\.add"),
+        (PointStamped(), Unknown, r"Unknown'> is not .*ConvertRegistration\(\)\.add_from_msg"),
+    ],
+)
+def test_an_unknown_type_is_refused_by_name_and_with_a_cure(buffer, interface, message, new_type, cure):
+    message.header = Header(frame_id="robot")
+    with pytest.raises(interface.TypeException, match=cure):
+        buffer.transform(message, "map", new_type=new_type)
+
+
 @pytest.mark.ours
 def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
     with pytest.raises(interface.TypeException) as caught:
@@ -135,6 +158,31 @@ def test_a_registration_of_a_programs_own_wins(when):
     ]
     # In a process of its own: what is registered, stays.
     assert output_of("-c", "\n".join(program)) == "mine\n"
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(
+    ("package", "name", "provider"),
+    [
+        ("geometry_msgs", "PointStamped", "tf2_geometry_msgs"),
+        ("nav_msgs", "Path", "tf2_geometry_msgs"),
+        ("sensor_msgs", "Imu", "tf2_sensor_msgs"),
+    ],
+)
+def test_importing_tf2_ros_alone_is_enough(package, name, provider):
+    program = f"""
+        import sys, tf2_ros
+        from {package}.msg import {name}
+        from geometry_msgs.msg import TransformStamped
+        buffer = tf2_ros.Buffer()
+        buffer.set_transform_static(
+            TransformStamped(header=tf2_ros.Header(frame_id="map"), child_frame_id="base"), "x"
+        )
+        print("{provider}" in sys.modules)
+        print(buffer.transform({name}(header=tf2_ros.Header(frame_id="base")), "map").header.frame_id)
+        print("{provider}" in sys.modules)
+    """
+    assert output_of("-c", textwrap.dedent(program)).split() == ["False", "map", "True"]
 
 
 def test_registrations_can_be_printed(buffer, interface, capsys):

@@ -11,6 +11,7 @@ import time
 from functools import partial
 
 import pytest
+from forked_children import in_a_child
 from making_objects import transform
 from paths import PROGRAMS, SUPPORT
 from processes import output_of
@@ -21,7 +22,8 @@ from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros._receive import receiver
-from tf2_ros._receive.subscriptions import Subscriptions
+from tf2_ros._receive.inbox import Inbox
+from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 
 pytestmark = pytest.mark.ours
 
@@ -209,3 +211,24 @@ def test_where_the_middleware_refuses_the_executor_takes_the_messages(
         assert listener.receives == ()
         peer().send(("map", "robot", 1 * S, 5))
         until(lambda: "robot" in buffer, executor)
+
+
+def test_no_python_runs_while_the_inboxes_are_locked():
+    """A finalizer might, and take the lock again."""
+
+    class Handle:
+        __enter__ = __exit__ = lambda *_: None
+
+        @property
+        def pointer(self):
+            return topic.taken()[0]  # takes the lock
+
+    topic, source = TopicArrivals(), Subscriptions()
+    inbox = Inbox(source, print)
+
+    def subscribe():
+        with pytest.raises(RuntimeError, match="does not report arrivals"):
+            source.subscribe(topic, Handle(), "/tf", False, 1)
+
+    assert in_a_child(subscribe) == 0
+    inbox.close()

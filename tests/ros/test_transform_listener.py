@@ -8,7 +8,8 @@ import sys
 import threading
 
 import pytest
-from interposed_libraries import output_with_library
+from excused_faults import tried
+from interposed_libraries import output_with_library, with_library
 from making_objects import at, transform, translation
 from paths import PROGRAMS
 from processes import run
@@ -28,6 +29,9 @@ pytestmark = pytest.mark.usefixtures("inserter")
 
 S = 10**9
 LATEST = Time()
+# Of lark, which rclpy imports with its first node.
+IGNORED = "ignore:module 'sre_:DeprecationWarning"
+by_the_inbox = pytest.mark.parametrize("inserter", ["inbox"])
 OF_ITS_OWN = re.compile("__|_tf2_|_[A-Z]")  # names that a program would not use
 # The methods of tf2's BufferCore, which is written in C.
 OF_THE_CORE = {
@@ -279,6 +283,22 @@ class TestThread:
         assert not listener.dedicated_listener_thread.is_alive()
 
     @pytest.mark.ours
+    @by_the_inbox
+    def test_a_constructor_that_fails_leaves_no_thread(self, tf2_ros, buffer, node):
+        class Failing(tf2_ros.TransformListener):
+            def _TransformListener__spin(self):
+                assert self.receives
+                raise KeyError("too late")
+
+        before = threading.active_count()
+        for _ in range(50):
+            with pytest.raises(KeyError, match="too late"):
+                Failing(buffer, node, spin_thread=True)
+        assert list(node.subscriptions) == []
+        # Fewer: a thread of an earlier test may have ended meanwhile.
+        until(lambda: threading.active_count() <= before)
+
+    @pytest.mark.ours
     @pytest.mark.parametrize("whose", ["its own", "a program's"])
     def test_a_shutdown_that_wakes_nobody_ends_it(self, tf2_ros, buffer, ros, node, whose):
         """After a signal, rclpy wakes executors before it shuts down, and they may sleep again in between."""
@@ -348,3 +368,41 @@ class TestEnd:
             "late_signals", tmp_path, "interrupted", inserter, program="exits_while_active"
         )
         assert printed == "at the end\nafter the end\n"
+
+    @pytest.mark.ours
+    @by_the_inbox
+    @pytest.mark.timeout(600)  # may be repeated; each end has a limit of its own
+    @pytest.mark.parametrize("how", ["spun", "not spun"])
+    def test_any_order_hundreds_of_times(self, flood, tmp_path, how):
+        flood(200, 5)
+        environment = with_library("stack_at_alarm", tmp_path)
+        options = ("-W", "error", "-W", IGNORED)
+        program = (sys.executable, *options, PROGRAMS / "ends_listeners_in_any_order.py", how)
+        done = tried(lambda: run(*program, env=environment))
+        # Zenoh reports each message that arrives just after the end of its subscription.
+        lines = done.stderr.splitlines()
+        assert [line for line in lines if "[rmw_zenoh_cpp]: SubscriberCallback triggered" not in line] == []
+        assert (done.returncode, done.stdout) == (0, "nothing is left\n")
+
+    @pytest.mark.ours
+    @by_the_inbox
+    def test_an_executor_that_has_just_met_an_event_handler_does_not_wait_for_it(self, listener, node):
+        """If another thread destroys the subscription then, the executor would raise InvalidHandle."""
+        met = [one for one in node.waitables if one.callback_group is listener.group]
+        assert met
+        listener.unregister()
+        assert not any(map(listener.group.can_execute, met))
+
+    @pytest.mark.ours
+    @by_the_inbox
+    def test_one_subscription_may_be_destroyed_alone(self, buffer, listener, node, peer):
+        publisher = peer()
+        publisher.send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"))
+        node.destroy_subscription(listener.tf_sub)
+        until(lambda: node.count_subscribers("/tf") == 0)
+        publisher.send_without_subscriber(("map", "unsubscribed", 1 * S, 1))
+        publisher.send(("robot", "arm", 0, 1), static=True)
+        until(knows(buffer, "arm"))
+        assert not buffer.can_transform("map", "unsubscribed", LATEST)
+        assert listener.receives

@@ -3,7 +3,7 @@
 """
 Print the rows of docs/performance.md that come from bench/results, and draw them as docs/images/speed.svg.
 
-`make pictures` draws; tests/packaging/test_docs.py compares the rows with the page.
+`make pictures` draws; tests/packaging/test_facts_on_pages.py compares the rows with the page.
 """
 
 import re

@@ -3,7 +3,6 @@
 """The documentation: its programs run, its commands work, its links lead somewhere, its names exist."""
 
 import re
-import runpy
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -152,34 +151,6 @@ def test_the_commands_of_a_page_name_targets_files_and_extras_that_exist(page):
                 assert all((ROOT / path).exists() for path in paths if path.startswith("tests/")), words
             case ["python", path, *_] if not path.startswith("-"):
                 assert (ROOT / path).is_file() or path in FILES, words
-
-
-def test_the_figures_of_lookups_are_those_of_the_results():
-    rows = output_of(ROOT / "docs" / "speed_figures.py", cwd=ROOT).splitlines()
-    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
-    assert [row for row in rows if row not in page] == []
-
-
-def test_the_path_of_a_transform_is_drawn_as_its_script_says_and_names_the_code():
-    figure = runpy.run_path(str(ROOT / "docs" / "data_path_figure.py"))
-    for name, has_names in figure["PICTURES"].items():
-        drawn = (ROOT / "docs" / "images" / name).read_text(encoding="utf-8")
-        assert drawn == figure["picture"](has_names), "python docs/data_path_figure.py"
-        names = re.findall(r'class="code">([^<]+)<', drawn)
-        assert bool(names) == has_names
-        assert set(re.findall(r"\w+", " ".join(names))) <= words_of_sources()
-
-
-@by_name
-def test_the_tables_of_a_page_are_what_the_sources_say(page):
-    text = page.read_text(encoding="utf-8")
-    assert runpy.run_path(str(ROOT / "docs" / "tables_from_sources.py"))["with_tables"](text) == text
-
-
-def test_the_types_in_the_reference_are_what_the_sources_say():
-    tables = runpy.run_path(str(ROOT / "docs" / "tables_from_sources.py"))
-    text = tables["REFERENCE"].read_text(encoding="utf-8")
-    assert tables["with_types"](text) == text
 
 
 # Links and names.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Facts that pages state and sources decide: numbers, versions, names of distributions and extras."""
+"""Facts that pages state and sources decide: numbers, versions, names, and generated tables and figures."""
 
 import re
 import runpy
@@ -8,9 +8,11 @@ import runpy
 import pytest
 from documentation_pages import PAGES, SPAN, prose
 from paths import ROOT
-from project_sources import PYPROJECT, tomllib
+from processes import output_of
+from project_sources import PYPROJECT, tomllib, words_of_sources
 
 from tf2_py import _tf2_py
+from tf2_ros import Buffer, StaticTransformBroadcaster, TransformBroadcaster, TransformListener
 from tf2_ros._nodes.qos import DYNAMIC_DEPTH, STATIC_DEPTH
 
 pytestmark = pytest.mark.ours
@@ -47,6 +49,20 @@ CONFORMANCE = first_number(
 )
 def test_a_number_on_a_page_is_that_of_the_sources(page, pattern, value):
     assert first_number(pattern, text_of(page)) == value
+
+
+def test_the_page_of_the_environment_shows_the_profiles_that_are_used(node):
+    page = (ROOT / "docs" / "environment-and-qos.md").read_text(encoding="utf-8")
+    row = re.compile(r"^\|[^|]*\| `(/tf\w*)` \| ([\w ]+) \| ([\w ]+) \| ([\d,]+)", re.MULTILINE)
+    shown = [(*words, int(depth.replace(",", ""))) for *words, depth in row.findall(page)]
+    listener = TransformListener(Buffer(), node)
+    broadcasters = TransformBroadcaster(node), StaticTransformBroadcaster(node)
+    used = []
+    for one in (listener.tf_sub, listener.tf_static_sub, *(each.pub_tf for each in broadcasters)):
+        qos = one.qos_profile
+        words = (policy.name.lower().replace("_", " ") for policy in (qos.reliability, qos.durability))
+        used.append((one.topic_name, *words, qos.depth))
+    assert shown == used
 
 
 LENGTHS = ("1 hop", "4 hops", "10 hops")
@@ -168,3 +184,31 @@ def test_the_range_of_pythons_on_a_page_is_that_of_the_package(page):
     ranges = re.findall(r"Python (3\.\d+) to (3\.\d+)", " ".join(prose(page).split()))
     of_fuzzer = ("3.11", "3.13")  # atheris
     assert {*ranges} <= {(PYTHONS[0], PYTHONS[-1]), of_fuzzer}
+
+
+def test_the_figures_of_lookups_are_those_of_the_results():
+    rows = output_of(ROOT / "docs" / "speed_figures.py", cwd=ROOT).splitlines()
+    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+    assert [row for row in rows if row not in page] == []
+
+
+def test_the_path_of_a_transform_is_drawn_as_its_script_says_and_names_the_code():
+    figure = runpy.run_path(str(ROOT / "docs" / "data_path_figure.py"))
+    for name, has_names in figure["PICTURES"].items():
+        drawn = (ROOT / "docs" / "images" / name).read_text(encoding="utf-8")
+        assert drawn == figure["picture"](has_names), "python docs/data_path_figure.py"
+        names = re.findall(r'class="code">([^<]+)<', drawn)
+        assert bool(names) == has_names
+        assert set(re.findall(r"\w+", " ".join(names))) <= words_of_sources()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_tables_of_a_page_are_what_the_sources_say(page):
+    text = page.read_text(encoding="utf-8")
+    assert runpy.run_path(str(ROOT / "docs" / "tables_from_sources.py"))["with_tables"](text) == text
+
+
+def test_the_types_in_the_reference_are_what_the_sources_say():
+    tables = runpy.run_path(str(ROOT / "docs" / "tables_from_sources.py"))
+    text = tables["REFERENCE"].read_text(encoding="utf-8")
+    assert tables["with_types"](text) == text

@@ -9,8 +9,7 @@ from paths import ROOT
 from project_sources import PACKAGES
 
 from tf2_py import typing
-from tf2_ros import Buffer, StaticTransformBroadcaster, TransformBroadcaster, TransformListener
-from tf2_ros._nodes.qos import DYNAMIC_DEPTH, STATIC_DEPTH
+from tf2_ros import Buffer, TransformListener
 
 pytestmark = pytest.mark.ours
 
@@ -34,26 +33,6 @@ def variables_read():
 def test_the_page_of_the_environment_lists_the_variables_that_are_read():
     page = (ROOT / "docs" / "environment-and-qos.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `([A-Z0-9_]+)`", page, re.MULTILINE)) == variables_read()
-
-
-def test_the_page_of_the_environment_shows_the_profiles_that_are_used(node):
-    page = (ROOT / "docs" / "environment-and-qos.md").read_text(encoding="utf-8")
-    row = re.compile(r"^\|[^|]*\| `(/tf\w*)` \| ([\w ]+) \| ([\w ]+) \| ([\d,]+)", re.MULTILINE)
-    shown = [(*words, int(depth.replace(",", ""))) for *words, depth in row.findall(page)]
-    listener = TransformListener(Buffer(), node)
-    broadcasters = TransformBroadcaster(node), StaticTransformBroadcaster(node)
-    used = []
-    for one in (listener.tf_sub, listener.tf_static_sub, *(each.pub_tf for each in broadcasters)):
-        qos = one.qos_profile
-        words = (policy.name.lower().replace("_", " ") for policy in (qos.reliability, qos.durability))
-        used.append((one.topic_name, *words, qos.depth))
-    assert shown == used
-
-
-def test_the_page_of_security_counts_the_messages_that_a_listener_queues():
-    page = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
-    shown = f"{DYNAMIC_DEPTH} messages of `/tf` and {STATIC_DEPTH:,} of `/tf_static`"
-    assert shown in " ".join(page.split())
 
 
 @pytest.mark.parametrize("cls", [Buffer, TransformListener])

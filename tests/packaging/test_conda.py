@@ -8,6 +8,7 @@ import sys
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
 from paths import ROOT
 from project_sources import PYPROJECT, tomllib
 
@@ -27,6 +28,20 @@ def test_the_version_and_the_checksum_of_an_archive_are_written_into_the_recipe(
     repository = owner.owner_facts()["repository"]
     assert recipe["source"]["url"] == f"{repository}/archive/refs/tags/v${{{{ version }}}}.tar.gz"
     assert "#" in text  # its comments stay
+
+
+def test_the_recipe_for_conda_requires_what_the_project_does():
+    recipe = yaml.safe_load(RECIPE.read_text(encoding="utf-8"))
+    project = PYPROJECT["project"]
+    assert recipe["context"]["version"] == project["version"]
+    assert recipe["about"]["summary"] == project["description"]
+
+    def bounds(requirements):
+        wanted = map(Requirement, requirements)
+        return {one.name.lower(): one.specifier for one in wanted if one.name not in ("python", "pip")}
+
+    assert bounds(recipe["requirements"]["host"]) == bounds(PYPROJECT["build-system"]["requires"])
+    assert bounds(recipe["requirements"]["run"]) == bounds(project["dependencies"])
 
 
 def test_rattler_build_renders_the_recipe_for_each_python():

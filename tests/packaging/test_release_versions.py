@@ -7,7 +7,6 @@ import sys
 
 import pytest
 import yaml
-from packaging.requirements import Requirement
 from paths import ROOT
 from project_sources import PYPROJECT
 
@@ -72,20 +71,6 @@ def test_a_tag_needs_the_version_and_headings_in_the_changelogs(copied):
     assert contradictions(root, f"v{VERSION}") == [
         f"tf2-ros-cython: CHANGELOG.md has no heading for {VERSION}"
     ]
-
-
-def test_the_recipe_for_conda_requires_what_the_project_does():
-    recipe = yaml.safe_load((ROOT / "release" / "conda" / "recipe.yaml").read_text(encoding="utf-8"))
-    project = PYPROJECT["project"]
-    assert recipe["context"]["version"] == project["version"]
-    assert recipe["about"]["summary"] == project["description"]
-
-    def bounds(requirements):
-        wanted = map(Requirement, requirements)
-        return {one.name.lower(): one.specifier for one in wanted if one.name not in ("python", "pip")}
-
-    assert bounds(recipe["requirements"]["host"]) == bounds(PYPROJECT["build-system"]["requires"])
-    assert bounds(recipe["requirements"]["run"]) == bounds(project["dependencies"])
 
 
 def test_messages_are_published_for_the_releases_that_an_extra_installs():

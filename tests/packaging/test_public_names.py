@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The names that programs import: a change here is a change for them.
 
-`api_names.json` lists what the packages of tf2 0.36 (Jazzy, with sensor_msgs_py) offer, made from them.
+`tf2_names.json` lists what the packages of tf2 0.36 (Jazzy, with sensor_msgs_py) offer, made from them.
 """
 
 import importlib

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The public names: those of tf2 0.36, of which `api_names.json` was made, and those of this project."""
+"""The public names: those of tf2 0.36, of which `tf2_names.json` was made, and those of this project."""
 
 import json
 
 from paths import TESTS
 
-NAMES = json.loads((TESTS / "packaging" / "api_names.json").read_text())
+NAMES = json.loads((TESTS / "packaging" / "tf2_names.json").read_text())
 # What later releases of tf2 add.
 ADDED = {
     "tf2_ros": {"DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC"},

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What somebody has begun to read stays as it is, whatever is written meanwhile."""
+"""A copy holds what its buffer held when it was begun, whatever is written meanwhile."""
 
 import numpy as np
 import pytest

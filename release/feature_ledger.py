@@ -36,7 +36,7 @@ ages, tolerances, gaps | robots that must stop: no lookup silently uses old data
     *model_policies* *clock_steps* *time_of_day* *time_is_set* docs/time.md
 lookups of many times, arrays | users of NumPy: thousands of lookups in one call
     tf2_py/core/series* tf2_py/engine/arrays* tf2_ros/numpy* tests/core/test_numpy.py *matri* *many_times*
-    *vector_lookups* *test_lookups_at* *propagate_cov* *test_time_range* docs/arrays.md
+    *test_lookups_at* *propagate_cov* *test_time_range* docs/arrays.md
 message filters | users of tf2_ros in C++: messages wait for their transforms
     tf2_ros/message_filter* *filtered_messages* *test_message_filter* examples/message_filter.py
 buffer server and client | programs without a buffer of their own: lookups by an action

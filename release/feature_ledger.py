@@ -33,7 +33,7 @@ frozen files | trainers on many processes: one copy of a recording's transforms 
     *dying_worker*
 ages, tolerances, gaps | robots that must stop: no lookup silently uses old data
     tests/ros/test_max_age* */test_ages* tests/core/test_lookup_policies.py tests/core/test_clocks*
-    *model_policies* *clock_steps* *time_of_day* *time_is_set* docs/time.md
+    *model_policies* *time_of_day* *time_is_set* docs/time.md
 lookups of many times, arrays | users of NumPy: thousands of lookups in one call
     tf2_py/core/series* tf2_py/engine/arrays* tf2_ros/numpy* tests/core/test_numpy.py *matri* *many_times*
     *test_lookups_at* *propagate_cov* *test_time_range* docs/arrays.md

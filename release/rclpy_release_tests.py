@@ -29,7 +29,7 @@ PROCESSES = f"--numprocesses={min(2 * len(os.sched_getaffinity(0)), 8)}"
 TESTS = [PROCESSES, "--dist=loadfile", "--no-loadscope-reorder", "--max-worker-restart=0", "tests/ros"]
 # Files that test nothing of executors, tasks, clients or receivers, which are what differs between releases.
 BY_TURNS = """
-ages arguments buffer_interface waits_at_clock_steps max_age max_age_random faulty_middleware
+ages arguments buffer_interface waits_while_system_time_is_set max_age max_age_random faulty_middleware
 frame_prefix rcl_declarations inbox_without_middleware readers_beside_writers records tf2_msgs
 """.split()
 

@@ -42,8 +42,8 @@ message filters | users of tf2_ros in C++: messages wait for their transforms
 buffer server and client | programs without a buffer of their own: lookups by an action
     *buffer_client* *buffer_server* *buffer-server*
 waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and waits end at the arrival
-    tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* */threads.py *call_queue*
-    */background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
+    tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* */threads.py
+    *test_threads* *call_queue* */background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
     */live_objects.py tf2_ros/_buffer_fillers.py
     *sources_without_node* docs/callbacks.md *ended_nodes* *ends_listeners_in_any_order* */running_loop.py
 forks and signals | users of multiprocessing and Ctrl-C: children and handlers do not hang

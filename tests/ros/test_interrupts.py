@@ -17,7 +17,7 @@ import pytest
 from geometry_msgs.msg import PointStamped
 from making_objects import at, transform
 from paths import PROGRAMS
-from processes import output_of, run
+from processes import output_of
 from rclpy.time import Time
 from spinning_nodes import spinning
 from waiting import DEADLINE_S, until
@@ -233,16 +233,6 @@ def test_an_interrupt_just_after_the_start_of_the_background_thread_leaves_one(m
     until(lambda: not surplus_threads())
 
 
-def test_timeouts_have_a_thread_if_there_is_no_memory_for_its_object(monkeypatch, background):
-    def without_memory(_):
-        raise MemoryError
-
-    wait = Expires()
-    monkeypatch.setattr(threading.Thread, "start", without_memory)
-    background.expire_at(0, wait)
-    assert wait.expired.wait(DEADLINE_S)
-
-
 def test_a_call_that_is_put_stays_although_a_signal_handler_raises(node):
     call_queue = CallQueue(node, Runner())
     call_queue.runner.wake = lambda: None
@@ -286,40 +276,3 @@ def test_a_thread_whose_start_is_interrupted_ends(tf2_ros, node, buffer, monkeyp
         tf2_ros.TransformListener(buffer, node, spin_thread=True)
     monkeypatch.undo()
     until(lambda: "tf2_ros listener" not in [thread.name for thread in threading.enumerate()])
-
-
-def test_of_several_threads_that_start_one_runs():
-    ran = []
-    for _ in range(5):
-        threads.start_once("of the process", ran.append, "once")
-    until(lambda: ran and "of the process" not in [one.name for one in threading.enumerate()])
-    assert ran == ["once"]
-
-
-NEARLY_FULL = """
-import sys
-import threading
-
-import rclpy
-import tf2_ros
-
-start = threading.Thread.start
-
-
-def refused(thread):
-    if thread.name in ("tf2_ros receiver", "tf2_ros background"):
-        raise RuntimeError("can't start new thread")
-    start(thread)
-
-
-threading.Thread.start = refused
-rclpy.init()
-node = rclpy.create_node("nearly_full")
-listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
-"""
-
-
-def test_a_process_with_room_for_one_more_thread_ends_without_an_error():
-    # The thread that was to start another one does its work.
-    done = run(sys.executable, "-c", NEARLY_FULL)
-    assert (done.returncode, done.stderr) == (0, "")

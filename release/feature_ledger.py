@@ -88,7 +88,7 @@ relay and static publisher | several robots or machines: transforms from one to 
 commands in common | users of all commands: options, texts and exit codes alike
     tools/*
 tf2_msgs wheels | users of PyPI's ROS 2: the messages that it lacks
-    messages/*
+    messages/* *tf2_msgs_packaging*
 measurements | readers of the claims about speed: each figure can be repeated
     bench/* tools/bench/* docs/performance.md *instruction_counts*
 searches for faults | users who rely on it: fuzzing, sanitizers, stress

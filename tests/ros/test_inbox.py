@@ -21,7 +21,6 @@ from spinning_nodes import repeated
 from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros._receive import receiver
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 
@@ -68,76 +67,6 @@ class TestWithoutAReader:
         ctypes.PyDLL(None).usleep(2_500_000)
         process.wait()
         until(lambda: buffer.statistics()["taken"] == 300)
-
-
-class TestEventsExecutor:
-    @pytest.fixture
-    def events_executor(self, ros):
-        experimental = pytest.importorskip("rclpy.experimental")
-        executor = experimental.EventsExecutor()
-        yield executor
-        for node in executor.get_nodes():
-            executor.remove_node(node)
-        executor.spin_once(timeout_sec=0.01)
-
-    def spin(self, executor, condition):
-        # Not `until`: the rounds of this executor end when the time is over, whatever has happened.
-        deadline = time.monotonic() + DEADLINE_S
-        while not condition():
-            assert time.monotonic() < deadline
-            executor.spin_once(timeout_sec=0.05)
-
-    def test_a_listener_may_be_moved_to_it_and_back_and_one_made_in_it(
-        self, tf2_ros, buffer, listener, node, peer, executor, events_executor
-    ):
-        publisher, second, ticks = peer(), tf2_ros.Buffer(), itertools.count()
-        node.create_timer(0.01, lambda: next(ticks))
-        publisher.send(("map", "before", 1 * S, 5))
-        until(lambda: "before" in buffer, executor)
-        executor.remove_node(node)
-        events_executor.add_node(node)
-        self.spin(events_executor, lambda: listener.receives == ())
-        with tf2_ros.TransformListener(second, node) as other:
-            assert other.receives == ()
-            publisher.matched(2)
-            publisher.send(("map", "beside", 1 * S, 5))
-            publisher.send(("map", "fixed", 0, 5), static=True)
-            self.spin(
-                events_executor, lambda: "beside" in buffer and "fixed" in buffer and "beside" in second
-            )
-        events_executor.remove_node(node)
-        executor.add_node(node)
-        publisher.send(("map", "after", 1 * S, 5))
-        until(lambda: "after" in buffer, executor)
-        assert listener.receives == ()
-        assert next(ticks) > 0
-
-    @pytest.mark.parametrize("is_first", [True, False])
-    def test_it_may_take_the_node_while_a_listener_subscribes(
-        self, tf2_ros, buffer, node, peer, events_executor, monkeypatch, is_first
-    ):
-        """The middleware reports arrivals to whoever asked last."""
-
-        class Racing(Subscriptions):
-            def subscribe(self, *arguments):
-                if not is_first:
-                    super().subscribe(*arguments)
-                if node.executor is None:
-                    events_executor.add_node(node)
-                    events_executor.spin_once(timeout_sec=0.05)
-                if is_first:
-                    super().subscribe(*arguments)
-
-        publisher = peer()
-        monkeypatch.setattr(receiver, "Subscriptions", Racing)
-        with tf2_ros.TransformListener(buffer, node) as listener:
-            assert listener.receives == ()
-            publisher.matched(1)
-            publisher.send(("map", "robot", 1 * S, 5))
-            publisher.send(("map", "fixed", 0, 5), static=True)
-            self.spin(events_executor, lambda: "robot" in buffer and "fixed" in buffer)
-        # The executor keeps a subscription until it has looked.
-        self.spin(events_executor, lambda: not any(map(node.count_subscribers, ("/tf", "/tf_static"))))
 
 
 def test_buffers_are_exchanged_while_threads_read_and_wait(tf2_ros, node, flood):
@@ -195,22 +124,6 @@ def test_an_answer_is_not_lost_with_the_listener_that_received_it(tf2_ros, buffe
             sys.setswitchinterval(interval)
         until(future.done)
         until(lambda: publisher.get_subscription_count() == 0)
-
-
-def test_where_the_middleware_refuses_the_executor_takes_the_messages(
-    tf2_ros, buffer, node, peer, executor, monkeypatch
-):
-    from tf2_ros._receive import receiver
-
-    class Refused(receiver.Subscriptions):
-        def subscribe(self, *_):
-            raise RuntimeError("not implemented")
-
-    monkeypatch.setattr(receiver, "Subscriptions", Refused)
-    with tf2_ros.TransformListener(buffer, node) as listener:
-        assert listener.receives == ()
-        peer().send(("map", "robot", 1 * S, 5))
-        until(lambda: "robot" in buffer, executor)
 
 
 def test_no_python_runs_while_the_inboxes_are_locked():

@@ -10,7 +10,8 @@ import types
 from unittest import mock
 
 import pytest
-from waiting_without_node import DEADLINE_S, S, insert, once_waiting, until
+from making_objects import S, insert, transform
+from waiting import DEADLINE_S, once_waiting, until
 
 import tf2_ros
 
@@ -34,29 +35,29 @@ class TestClocks:
         return made
 
     def test_ages_are_counted_by_it(self, buffer):
-        insert(buffer, 99 * S)
+        insert(buffer, "map", "base", 99)
         assert buffer.ages("map", "base") == {"base": 1.0}
         assert buffer.can_transform("map", "base", 0, max_age=1)
         assert not buffer.can_transform("map", "base", 0, max_age=0.5)
 
     def test_a_jump_back_clears(self, buffer):
-        insert(buffer, 99 * S)
+        insert(buffer, "map", "base", 99)
         buffer.ages("map", "base")
         buffer.clock.ns = 99 * S + 1
         assert buffer.ages("map", "base")
         buffer.clock.ns = 98 * S
         with pytest.raises(tf2_ros.TransformException):
             buffer.ages("map", "base")
-        insert(buffer, 97 * S)
+        insert(buffer, "map", "base", 97)
         assert buffer.ages("map", "base") == {"base": 1.0}
 
     @pytest.mark.parametrize("how", ["filled by the program", "copied"])
     def test_a_jump_back_clears_only_what_a_source_fills(self, buffer, how):
         if how == "copied":
-            insert(buffer, 99 * S)
+            insert(buffer, "map", "base", 99)
         kept = copy.copy(buffer) if how == "copied" else tf2_ros.Buffer()
         kept.clock = self.Clock()
-        insert(kept, 99 * S)
+        insert(kept, "map", "base", 99)
         assert kept.ages("map", "base") == {"base": 1.0}
         kept.clock.ns = 50 * S
         assert kept.ages("map", "base") == {"base": -49.0}
@@ -72,21 +73,21 @@ class TestClocks:
     )
     def test_it_may_be_any_object_that_has_now(self, buffer, new_clock):
         buffer.clock = new_clock()
-        insert(buffer, 99 * S)
+        insert(buffer, "map", "base", 99)
         assert buffer.ages("map", "base") == {"base": 1.0}
         assert not buffer.can_transform("map", "base", 0, max_age=0.5)
 
     def test_a_jump_back_is_noticed_also_by_a_call_that_raises(self, buffer):
-        insert(buffer, 99 * S)
+        insert(buffer, "map", "base", 99)
         buffer.ages("map", "base")
         buffer.clock.ns = 50 * S
         with pytest.raises(tf2_ros.LookupException, match="nowhere"):
             buffer.ages("map", "nowhere")
-        insert(buffer, 49 * S)
+        insert(buffer, "map", "base", 49)
         assert buffer.ages("map", "base") == {"base": 1.0}
 
     def test_a_clock_may_begin_below_0(self, buffer):
-        insert(buffer, 1 * S)
+        insert(buffer, "map", "base", 1)
         buffer.clock.ns = -5 * S
         buffer.ages("map", "base")
         buffer.clock.ns = 2 * S
@@ -94,7 +95,7 @@ class TestClocks:
 
     @pytest.mark.parametrize("overtaken_by", [30, 80])
     def test_a_reading_that_another_thread_overtakes_is_not_a_jump(self, buffer, overtaken_by):
-        insert(buffer, 9 * S)
+        insert(buffer, "map", "base", 9)
         is_read, may_return = threading.Event(), threading.Event()
 
         def read_slowly():
@@ -125,7 +126,7 @@ class TestClocks:
             deadline = time.monotonic() + DEADLINE_S
             # The buffer is cleared when the step is noticed, also of what has just arrived.
             while buffer.statistics()["waiters"] and time.monotonic() < deadline:
-                insert(buffer, 50 * S)
+                insert(buffer, "map", "base", 50)
                 time.sleep(0.001)
 
         thread = once_waiting(buffer, set_back)
@@ -145,7 +146,7 @@ class TestClocks:
         future = buffer.wait_for_transform_async("map", "base", 0, max_age=3.0, timeout=DEADLINE_S)
         buffer.clock.now = lambda: 1 // 0
         if ends == "by an insert":
-            insert(buffer, 99 * S)
+            insert(buffer, "map", "base", 99)
         until(future.done)
         with pytest.raises(ZeroDivisionError):
             future.result()
@@ -153,12 +154,12 @@ class TestClocks:
 
     def test_one_that_shows_no_time(self, buffer):
         buffer.clock.now = lambda: "noon"
-        insert(buffer, 99 * S)
+        insert(buffer, "map", "base", 99)
         with pytest.raises(TypeError, match="the time of the buffer's clock"):
             buffer.ages("map", "base")
 
     def test_without_one_there_is_the_system_time(self):
         buffer = tf2_ros.Buffer()
-        insert(buffer, time.time_ns())
+        buffer.set_transform(transform("map", "base", ns=time.time_ns()), "x")
         assert 0 <= buffer.ages("map", "base")["base"] < DEADLINE_S
         assert buffer.clock.now() is not None

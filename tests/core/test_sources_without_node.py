@@ -9,7 +9,8 @@ import pickle
 import weakref
 
 import pytest
-from waiting_without_node import DEADLINE_S, insert, once_waiting
+from making_objects import S, insert
+from waiting import DEADLINE_S, once_waiting
 
 import tf2_ros
 
@@ -50,36 +51,36 @@ class TestSources:
         thread.join()
 
     def test_waits_that_begin_afterwards_end_and_what_is_there_is_found(self, buffer, source):
-        insert(buffer, 5)
+        insert(buffer, "map", "base", 5)
         source.end("it was closed")
         source.end("again")
         with pytest.raises(tf2_ros.ExtrapolationException, match=ENDED):
-            buffer.lookup_transform("map", "base", 6, timeout=DEADLINE_S)
-        assert buffer.lookup_transform("map", "base", 5, timeout=DEADLINE_S).child_frame_id == "base"
+            buffer.lookup_transform("map", "base", 6 * S, timeout=DEADLINE_S)
+        assert buffer.lookup_transform("map", "base", 5 * S, timeout=DEADLINE_S).child_frame_id == "base"
         assert repr(source) == "<BufferSource 'the robot': the robot has ended (it was closed)>"
 
     def test_the_wait_goes_on_while_another_fills_the_buffer(self, buffer, source):
         other = buffer.add_source("another")
         source.end()
-        thread = once_waiting(buffer, lambda: insert(buffer, 5))
+        thread = once_waiting(buffer, lambda: insert(buffer, "map", "base", 5))
         assert buffer.lookup_transform("map", "base", 0, timeout=DEADLINE_S).child_frame_id == "base"
         thread.join()
         thread = once_waiting(buffer, other.end)
         with pytest.raises(tf2_ros.ExtrapolationException, match="^another has ended, which ended the wait"):
-            buffer.lookup_transform("map", "base", 6, timeout=DEADLINE_S)
+            buffer.lookup_transform("map", "base", 6 * S, timeout=DEADLINE_S)
         thread.join()
 
     def test_a_new_one_takes_the_place_of_one_that_has_ended(self, buffer, source):
         source.end()
         buffer.add_source("another")
-        thread = once_waiting(buffer, lambda: insert(buffer, 5))
+        thread = once_waiting(buffer, lambda: insert(buffer, "map", "base", 5))
         assert buffer.lookup_transform("map", "base", 0, timeout=DEADLINE_S).child_frame_id == "base"
         thread.join()
 
     def test_copies_have_no_source(self, buffer, source):
         source.end()
         for copied in (copy.copy(buffer), pickle.loads(pickle.dumps(buffer))):
-            thread = once_waiting(copied, lambda one=copied: insert(one, 5))
+            thread = once_waiting(copied, lambda one=copied: insert(one, "map", "base", 5))
             assert copied.lookup_transform("map", "base", 0, timeout=DEADLINE_S).child_frame_id == "base"
             thread.join()
 
@@ -95,15 +96,15 @@ class TestSources:
             tf2_ros.LookupException, match=r"empty: nothing has been received on /tf for 3 s$"
         ):
             buffer.lookup_transform("map", "base", 0)
-        insert(buffer, 5)
+        insert(buffer, "map", "base", 5)
         with pytest.raises(
             tf2_ros.ExtrapolationException, match=r"; nothing has been received on /tf for 3 s$"
         ):
-            buffer.lookup_transform("map", "base", 6)
+            buffer.lookup_transform("map", "base", 6 * S)
         assert {*asked} == {True, False}
         source.end()
-        with pytest.raises(tf2_ros.ExtrapolationException, match=r"is 0\.000000001 s too old$"):
-            buffer.lookup_transform("map", "base", 6)
+        with pytest.raises(tf2_ros.ExtrapolationException, match=r"is 1\.000000000 s too old$"):
+            buffer.lookup_transform("map", "base", 6 * S)
 
     def test_of_several_all_say_it(self, buffer):
         buffer.add_source("one", lambda _: "nothing has been received on /one")

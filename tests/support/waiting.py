@@ -47,6 +47,18 @@ def answered(ask, executor):
     return until(response)
 
 
+def once_waiting(buffer, call):
+    """Call in a thread, once a wait of the buffer is pending."""
+
+    def run():
+        until(lambda: buffer.statistics()["waiters"])
+        call()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread
+
+
 def seconds_of(call):
     """How long a call took, and what it raised."""
     begin = time.monotonic()

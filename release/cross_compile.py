@@ -33,8 +33,8 @@ PLATFORMS = ("manylinux2014_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_
 TESTS = """
 test_unknown_frame_advice test_recorded_answers test_lookup_error_texts test_buffer_limits
 test_buffer_memory test_history_search test_table_of_names test_listings test_copies_in_one_state
-test_buffer_without_node test_printable test_lookups_at_many_times test_many_times_beside_writers
-test_waiters
+test_buffer_without_node test_waits_without_node test_printable test_lookups_at_many_times
+test_many_times_beside_writers test_waiters
 """.split()
 # It compiles another extension, and there is no compiler that runs on ARM.
 LEFT_OUT = "tests/core/test_waiters.py::test_an_answer_takes_the_lock_once_after_the_insert"

@@ -44,7 +44,7 @@ NOT_HERE = {
 }
 # Tests that start threads, or fork while threads exist, and call the extensions in them.
 THREADED = """
-core/test_waits_in_forked_children core/test_lookup core/test_buffer_without_node
+core/test_waits_in_forked_children core/test_lookup core/test_waits_without_node
 core/test_lookups_at_many_times core/test_many_times_beside_writers core/test_pickles_and_copies
 core/test_waiters core/test_waiters_random
 ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_executor_rounds ros/test_forking

@@ -3,9 +3,6 @@
 """A buffer without a node and without ROS's classes: with ROS and, by test_without_ros.py, without it."""
 
 import pickle
-import signal
-import threading
-import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,12 +28,6 @@ def buffer(tf2_ros):
     for stamp_s in (10, 15, 20):
         buffer.set_transform(transform(tf2_ros, float(stamp_s), stamp_s * S), "example")
     return buffer
-
-
-def after(seconds, do):
-    thread = threading.Timer(seconds, do)
-    thread.start()
-    return thread
 
 
 class TestLookups:
@@ -82,50 +73,6 @@ class TestLookups:
         tf2_ros.TransformRegistration().add(Ahead, do_transform)
         moved = buffer.transform(Ahead(1.0, "camera"), "base_link")
         assert (moved.x, moved.header.frame_id) == (21.0, "base_link")
-
-
-class TestWaits:
-    def test_one_ends_when_another_thread_inserts(self, buffer, tf2_ros):
-        late = transform(tf2_ros, 30.0, 30 * S)
-        one, two = ("base_link", "camera", 30 * S), ("camera", 30 * S, "camera", 30 * S, "base_link")
-        for wait, arguments in (
-            (buffer.lookup_transform, one),
-            (buffer.can_transform, one),
-            (buffer.lookup_transform_full, two),
-            (buffer.can_transform_full, two),
-        ):
-            buffer.clear()
-            thread = after(0.05, lambda: buffer.set_transform(late, "example"))
-            begin = time.monotonic()
-            assert wait(*arguments, 60.0)
-            assert time.monotonic() - begin < 30.0
-            thread.join()
-
-    @pytest.mark.parametrize("timeout", [0.05, SimpleNamespace(sec=0, nanosec=50_000_000)])
-    def test_one_in_vain_says_how_long_it_was(self, buffer, tf2_ros, timeout):
-        begin = time.monotonic()
-        with pytest.raises(tf2_ros.ExtrapolationException, match=r"\. Waited 0\.05 s$"):
-            buffer.lookup_transform("base_link", "camera", 30 * S, timeout)
-        assert time.monotonic() - begin >= 0.05
-        can, reason = buffer.can_transform(
-            "base_link", "camera", 30 * S, timeout=timeout, return_debug_tuple=True
-        )
-        assert not can and reason.endswith(". Waited 0.05 s")
-
-    def test_control_c_ends_one(self, buffer):
-        main = threading.main_thread().ident
-
-        def interrupt():
-            while buffer.statistics()["waiters"] == 0:
-                time.sleep(0.005)
-            signal.pthread_kill(main, signal.SIGINT)
-
-        thread = after(0, interrupt)
-        begin = time.monotonic()
-        with pytest.raises(KeyboardInterrupt):
-            buffer.lookup_transform("base_link", "lidar", 0, timeout=60.0)
-        assert time.monotonic() - begin < 30.0
-        thread.join()
 
 
 def test_a_refused_transform_is_logged(buffer, tf2_ros, capfd, caplog):

@@ -1,18 +1,59 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Waiting without a node: with asyncio and in threads, in an environment with or without ROS."""
+"""Waiting without a node: blocked, with asyncio and in callbacks, in an environment with or without ROS."""
 
 import asyncio
 import gc
+import signal
 import threading
+import time
+from types import SimpleNamespace
 
 import pytest
 from making_objects import S, insert
-from waiting import once_waiting, until
+from waiting import DEADLINE_S, PROMPT_S, once_waiting, until
 
 import tf2_ros
 
 pytestmark = pytest.mark.ours
+
+
+class TestBlocking:
+    def test_one_ends_when_another_thread_inserts(self):
+        buffer = tf2_ros.Buffer()
+        one, two = ("map", "base", 5 * S), ("base", 5 * S, "base", 5 * S, "map")
+        for wait, arguments in (
+            (buffer.lookup_transform, one),
+            (buffer.can_transform, one),
+            (buffer.lookup_transform_full, two),
+            (buffer.can_transform_full, two),
+        ):
+            buffer.clear()
+            thread = once_waiting(buffer, lambda: insert(buffer, "map", "base", 5))
+            begin = time.monotonic()
+            assert wait(*arguments, DEADLINE_S)
+            assert time.monotonic() - begin < PROMPT_S
+            thread.join()
+
+    @pytest.mark.parametrize("timeout", [0.05, SimpleNamespace(sec=0, nanosec=50_000_000)])
+    def test_one_in_vain_says_how_long_it_was(self, timeout):
+        buffer = tf2_ros.Buffer()
+        insert(buffer, "map", "base", 5)
+        begin = time.monotonic()
+        with pytest.raises(tf2_ros.ExtrapolationException, match=r"\. Waited 0\.05 s$"):
+            buffer.lookup_transform("map", "base", 6 * S, timeout)
+        assert time.monotonic() - begin >= 0.05
+        can, reason = buffer.can_transform("map", "base", 6 * S, timeout=timeout, return_debug_tuple=True)
+        assert not can and reason.endswith(". Waited 0.05 s")
+
+    def test_control_c_ends_one(self):
+        buffer, main = tf2_ros.Buffer(), threading.main_thread().ident
+        thread = once_waiting(buffer, lambda: signal.pthread_kill(main, signal.SIGINT))
+        begin = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            buffer.lookup_transform("map", "base", 0, timeout=DEADLINE_S)
+        assert time.monotonic() - begin < PROMPT_S
+        thread.join()
 
 
 class TestAwaiting:

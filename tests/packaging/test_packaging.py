@@ -11,11 +11,12 @@ import zipfile
 
 import pytest
 import setuptools
-from installing import OURS, Prefix, backend_at, build, checkout_copy, sourced, unsourced
+from installing import OURS, backend_at, build, checkout_copy, unsourced
 from paths import ROOT
 from processes import output_of, run
 from setuptools._distutils.core import run_setup
 from setuptools.command.develop import develop
+from sourced_installations import Prefix, sourced
 
 from tf2_ros_cython import which
 

@@ -13,11 +13,22 @@ from xml.etree import ElementTree
 import installing
 import numpy
 import pytest
-from installing import INDEX, OURS, PACKAGES, SITE, Prefix, sourced, unsourced
+from installing import OURS, PACKAGES, SITE, unsourced
 from paths import ROOT
 from processes import run
 from project_sources import PYPROJECT
-from sourced_installations import OWNERS, Installation, Workspace, add_tf2_ros_py, distribution_with_tf2
+from sourced_installations import (
+    INDEX,
+    OWNERS,
+    Installation,
+    Prefix,
+    Workspace,
+    add_tf2_ros_py,
+    copy_messages,
+    distribution,
+    distribution_with_tf2,
+    sourced,
+)
 
 sys.path.insert(0, str(ROOT))
 from release import unpacking_debs
@@ -406,14 +417,14 @@ def test_beside_a_workspaces_fork_none_of_ours_is_used(installation, ros, tmp_pa
 
 def test_a_folder_of_sources_is_no_fork(in_venv, ros, tmp_path):
     overlay = Prefix(tmp_path / "overlay")
-    (overlay.path / installing.SITE / "tf2_ros").mkdir(parents=True)
-    (overlay.path / installing.SITE / "tf2_ros" / "package.xml").touch()
+    (overlay.path / SITE / "tf2_ros").mkdir(parents=True)
+    (overlay.path / SITE / "tf2_ros" / "package.xml").touch()
     assert in_venv.owners(sourced(overlay, ros)) == all_of("ours", tf2_msgs=messages_of(ros))
 
 
 def test_beside_a_workspaces_fork_ours_does_not_replace_what_is_missing(in_venv, ros, tmp_path):
     overlay = Prefix(tmp_path / "overlay").add_stubs("fork", "tf2_ros")
-    bare = installing.distribution(tmp_path / "bare")
+    bare = distribution(tmp_path / "bare")
     told = in_venv.run(sourced(overlay, bare), "-m", "tf2_ros_cython").stdout.splitlines()
     assert f"tf2_py: not found; {NOT_MIXED}" in told
 
@@ -520,7 +531,7 @@ def test_messages_of_another_release_or_none_are_refused_with_what_to_install(
         f"ModuleNotFoundError: tf2_ros needs tf2_msgs, which is missing in ROS 2 {name} (rclpy {version}) in "
     )
     assert lacking in said
-    installing.copy_messages(tmp_path / "messages")
+    copy_messages(tmp_path / "messages")
     environment["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'messages'}"
     refused = in_venv.run(environment, "-c", "import tf2_ros").stderr
     assert f"ImportError: the tf2_msgs in {tmp_path / 'messages' / 'tf2_msgs'} was built for" in refused

@@ -9,9 +9,10 @@ import sys
 import tarfile
 
 import pytest
-from installing import Prefix, backend_at, build, messages_copy
+from installing import backend_at, build, messages_copy
 from packaging.requirements import Requirement
 from paths import ROOT
+from sourced_installations import Prefix
 
 # By its place and not by the path, as in test_packaging.py.
 messages = backend_at(ROOT / "messages" / "backend", "messages_backend").ros_to_build_for

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Set up installations: copies of the checkout, a ROS 2 to source, Pythons of their own."""
+"""Set up installations: copies of the checkout, builds of them, Pythons and Debian systems of their own."""
 
 import importlib.util
 import os
@@ -22,7 +22,6 @@ SITE = Path("lib", f"python{sys.version_info.major}.{sys.version_info.minor}", "
 PACKAGES = SITE / "tf2_ros_cython" / "packages"
 PIP_INSTALL = ("install", "--quiet", "--no-deps", "--no-index")
 BUILT = ("*.so", "*.egg-info", "__pycache__", "_built.py", "_release.py", "build")
-INDEX = Path("share", "ament_index", "resource_index", "packages")
 
 
 def backend_at(folder, name):
@@ -91,64 +90,6 @@ def setup_install(project, root, prefix):
     command = ["setup.py", "-q", "install", "--root", str(root), "--prefix", prefix]
     output_of(*command, "--install-lib", f"{prefix}/{SITE}", cwd=project)
     return Path(root, prefix.lstrip("/"))
-
-
-class Prefix:
-    """A folder that AMENT_PREFIX_PATH may name, with Python packages and their markers."""
-
-    def __init__(self, path):
-        self.path = Path(path)
-        (self.path / SITE).mkdir(parents=True)
-        (self.path / INDEX).mkdir(parents=True)
-
-    def mark(self, *packages):
-        for package in packages:
-            (self.path / INDEX / package).touch()
-        return self
-
-    def add_stubs(self, owner, *packages):
-        """Packages that say whose they are."""
-        for package in packages:
-            folder = self.path / SITE / package
-            folder.mkdir()
-            (folder / "__init__.py").write_text(f"OWNER = {owner!r}\n")
-        return self.mark(*packages)
-
-
-def distribution(path):
-    """A ROS 2 made of the wheels of this environment, which hold no tf2."""
-    prefix = Prefix(path)
-    installed = Path(sysconfig.get_path("purelib"))
-    for entry in installed.iterdir():
-        ours = entry.name.startswith(("tf2_", "__editable__", "ros_wheels_bootstrapper"))
-        if not ours and entry.suffix != ".pth":
-            (prefix.path / SITE / entry.name).symlink_to(entry)
-    for library in Path(sys.prefix, "lib").glob("lib*.so*"):
-        (prefix.path / "lib" / library.name).symlink_to(library)
-    (prefix.path / "include").symlink_to(Path(sys.prefix, "include"))
-    for package in Path(sys.prefix, "share").iterdir():
-        if package.name not in ("ament_index", "tf2_ros_cython"):
-            (prefix.path / "share" / package.name).symlink_to(package)
-    return prefix.mark(
-        *(marker.name for marker in Path(sys.prefix, INDEX).iterdir() if "tf2" not in marker.name)
-    )
-
-
-def copy_messages(folder, *left_out):
-    """The tf2_msgs of this environment, copied into a folder."""
-    [source] = importlib.util.find_spec("tf2_msgs").submodule_search_locations
-    shutil.copytree(source, folder / "tf2_msgs", ignore=shutil.ignore_patterns("__pycache__", *left_out))
-
-
-def sourced(*prefixes, **more):
-    """The environment of a shell that sourced these prefixes, the overlay first."""
-    environment = unsourced()
-    environment["AMENT_PREFIX_PATH"] = os.pathsep.join(str(prefix.path) for prefix in prefixes)
-    environment["PYTHONPATH"] = os.pathsep.join(str(prefix.path / SITE) for prefix in prefixes)
-    libraries = [prefix.path / "lib" for prefix in prefixes]
-    libraries += [folder for prefix in prefixes for folder in (prefix.path / SITE).glob("ros_*.libs")]
-    environment["LD_LIBRARY_PATH"] = os.pathsep.join(map(str, libraries))
-    return {**environment, **more}
 
 
 def unsourced():

@@ -7,8 +7,7 @@ import shutil
 
 import installing
 import pytest
-from installing import INDEX, sourced
-from sourced_installations import Installation, Workspace, distribution_with_tf2
+from sourced_installations import INDEX, Installation, Workspace, distribution_with_tf2, sourced
 from tool_paths import TOOLS
 from tool_project import PYPROJECT
 

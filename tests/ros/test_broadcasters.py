@@ -6,9 +6,9 @@ import math
 from functools import partial
 
 import pytest
+from calls_in_threads import at_once
 from making_objects import transform, translation
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
-from spinning_nodes import at_once
 from waiting import until
 
 from tf2_msgs.msg import TFMessage

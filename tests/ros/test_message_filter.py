@@ -13,6 +13,7 @@ from functools import partial
 from types import SimpleNamespace
 
 import pytest
+from calls_in_threads import at_once
 from cdr_encoder import encode
 from geometry_msgs.msg import PointStamped
 from hypothesis import given
@@ -20,7 +21,7 @@ from hypothesis import strategies as st
 from making_objects import S, at, transform
 from rclpy.duration import Duration, Infinite
 from rclpy.time import Time
-from spinning_nodes import at_once, spinning
+from spinning_nodes import spinning
 from std_msgs.msg import Header
 from waiting import DEADLINE_S, until
 

@@ -4,10 +4,10 @@
 
 import numpy as np
 import pytest
+from calls_in_threads import repeated
 from making_objects import S, at, transform
 from random_runs import times
 from rclpy.duration import Duration
-from spinning_nodes import repeated
 from waiting import DEADLINE_S, until
 
 from bench.programs.serialized_template import Template

@@ -7,10 +7,10 @@ import math
 import re
 
 import pytest
+from calls_in_threads import repeated
 from making_objects import S, transform
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
-from spinning_nodes import repeated
 from starting_programs import ended, running
 from waiting import DEADLINE_S, until
 

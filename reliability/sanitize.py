@@ -47,7 +47,7 @@ THREADED = """
 core/test_waits_in_forked_children core/test_lookup core/test_waits_without_node
 core/test_lookups_at_many_times core/test_many_times_beside_writers core/test_pickles_and_copies
 core/test_waiters core/test_waiters_random
-ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_executor_rounds ros/test_forking
+ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_executor_waitable ros/test_forking
 ros/test_message_filter ros/test_rclpy_inside ros/test_records
 ros/test_receiving_without_executor ros/test_reception_in_texts
 ros/test_readers_beside_writers ros/test_transform_listener ros/test_futures

@@ -105,6 +105,12 @@ class Fillers:
 _NOTHING_KNOWN = Fillers()
 
 
+def begin_fillers(buffer: BufferCore) -> Fillers:
+    """Get what a new ``Buffer`` knows of what fills it: nothing, of which its errors tell."""
+    BufferCore._ask_for_silence(buffer, silence_of)
+    return Fillers()
+
+
 def note_filler(node: Any, buffer: object, call_queue: object = None) -> None:
     """
     Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.

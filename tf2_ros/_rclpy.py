@@ -283,7 +283,7 @@ def destroy_subscription(node: Any, subscription: Any) -> None:
 
 
 def event_handlers(subscription: Any) -> Sequence[EventHandler]:
-    """What reports unfit publishers and lost messages; the subscription of an ``AsyncNode`` has none."""
+    """What reports incompatible publishers and lost messages; an ``AsyncNode``'s subscription has none."""
     handlers: Sequence[EventHandler] = getattr(subscription, "event_handlers", ())
     return handlers
 

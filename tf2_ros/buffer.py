@@ -15,7 +15,7 @@ from tf2_py import BufferCore, TransformException
 from tf2_py._internal import duration_ns, log, policy_of, shortcut, time_ns
 from tf2_py.typing import DurationLike, DurationsLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
-from tf2_ros._buffer_fillers import BufferSource, Fillers, add_source, has_filler, note_filler, silence_of
+from tf2_ros._buffer_fillers import BufferSource, add_source, begin_fillers, has_filler, note_filler
 from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import check_regularly
 from tf2_ros._wait.changes_iterator import Changes
@@ -157,8 +157,7 @@ class Buffer(BufferCore, BufferInterface):
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)
         self._tf2_follow_clock(Buffer.__show_time)
-        self._tf2_fillers = Fillers()
-        BufferCore._ask_for_silence(self, silence_of)
+        self._tf2_fillers = begin_fillers(self)
         self.clock: Clock = Clock() if node is None else node.get_clock()
         self._tf2_followed = self.clock  # reports its jumps
         self._tf2_shown = self.clock, time.time_ns(), time.monotonic_ns()

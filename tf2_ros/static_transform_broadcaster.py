@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros._nodes.qos import transforms_qos
+from tf2_ros._qos import transforms_qos
 from tf2_ros.transform_broadcaster import Broadcaster
 
 __all__ = [

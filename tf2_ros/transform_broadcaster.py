@@ -17,8 +17,8 @@ from tf2_msgs.msg import TFMessage
 from tf2_py._internal import MalformedObjectError, refused_transforms, serialize_as_ros
 from tf2_ros._arguments import kind_of
 from tf2_ros._nodes.ended_nodes import require_node
-from tf2_ros._nodes.qos import transforms_qos
 from tf2_ros._process.forking import refuse_inherited
+from tf2_ros._qos import transforms_qos
 
 __all__ = [
     "Node",

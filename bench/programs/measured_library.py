@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Time the calls of a library one by one; the base class of the measured libraries.
+The base class of the measured libraries; it times their calls one by one.
 
 The processes run under the interpreters of the libraries, so everything in this folder needs nothing but the
 standard library and NumPy, unless only ours imports it.

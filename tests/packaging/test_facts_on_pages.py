@@ -13,7 +13,7 @@ from project_sources import PYPROJECT, tomllib, words_of_sources
 
 from tf2_py import _tf2_py
 from tf2_ros import Buffer, StaticTransformBroadcaster, TransformBroadcaster, TransformListener
-from tf2_ros._nodes.qos import DYNAMIC_DEPTH, STATIC_DEPTH
+from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH
 
 pytestmark = pytest.mark.ours
 
@@ -76,7 +76,7 @@ LENGTHS = ("1 hop", "4 hops", "10 hops")
     ],
 )
 def test_how_much_faster_lookups_are_is_in_the_results(page, pattern, hops):
-    speed = runpy.run_path(str(ROOT / "docs" / "speed_figures.py"))
+    speed = runpy.run_path(str(ROOT / "docs" / "performance_from_results.py"))
     lines = {line.replace("4 hops", number): line for line in speed["LOOKUPS"].values() for number in hops}
     speed["LOOKUPS"].clear()
     speed["LOOKUPS"].update({line: line for line in lines})
@@ -187,7 +187,7 @@ def test_the_range_of_pythons_on_a_page_is_that_of_the_package(page):
 
 
 def test_the_figures_of_lookups_are_those_of_the_results():
-    rows = output_of(ROOT / "docs" / "speed_figures.py", cwd=ROOT).splitlines()
+    rows = output_of(ROOT / "docs" / "performance_from_results.py", cwd=ROOT).splitlines()
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
     assert [row for row in rows if row not in page] == []
 

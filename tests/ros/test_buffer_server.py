@@ -19,7 +19,7 @@ from waiting import DEADLINE_S, until
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
-from tf2_ros._nodes.qos import lookup_qos
+from tf2_ros._qos import lookup_qos
 from tf2_ros._wait.lookup_or_wait import Lookup
 
 pytestmark = pytest.mark.ours

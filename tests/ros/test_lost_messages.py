@@ -18,7 +18,7 @@ pytestmark = pytest.mark.ours
 DEPTH, SENT = 2, 10
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # With Zenoh, every publisher fits every subscription.
-with_unfit_publishers = pytest.mark.skipif(
+with_incompatible_publishers = pytest.mark.skipif(
     qos_check_compatible(QoSProfile(depth=1), LATCHED)[0] != QoSCompatibility.ERROR,
     reason="this middleware knows no incompatible QoS",
 )
@@ -167,7 +167,7 @@ def test_a_middleware_without_the_event_loses_nothing_else(tmp_path):
     assert printed == "lost: (0, 0)\n"
 
 
-@with_unfit_publishers
+@with_incompatible_publishers
 class TestOfAPublisherWithIncompatibleQos:
     def test_it_is_logged(self, listener, new_node, capfd):
         """The node is not spun, so no executor can log it."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Plain CDR, version 1 (OMG DDS-RTPS 2.5, clause 10): the transforms of a tf2_msgs/TFMessage."""
+"""Read and write transforms of a tf2_msgs/TFMessage in plain CDR, version 1 (OMG DDS-RTPS 2.5, clause 10)."""
 
 cdef extern from *:
     """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The wait for one lookup."""
 
-# Uses: kept_messages, queries_and_errors, engine_hooks, engine.
+# Uses: reused_messages, queries_and_errors, engine_hooks, engine.
 
 
 @cython.final

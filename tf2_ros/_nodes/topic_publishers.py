@@ -49,7 +49,7 @@ def published_instead(node: Node, topic: str) -> Iterator[str]:
                 yield f"transforms are published on {name}: add --ros-args -r {topic}:={name}{command}"
 
 
-def name_unfit_publishers(node: Node, subscription: Any) -> None:
+def name_incompatible_publishers(node: Node, subscription: Any) -> None:
     """When publishers do not fit a subscription, log their names: rclpy's own warning has only the topic."""
     for handler in event_handlers(subscription):
         call_after(handler, partial(_UnfitPublishers, node, subscription))
@@ -67,17 +67,17 @@ class _UnfitPublishers:
 
     def __call__(self, event: Any) -> None:
         self._former(event)
-        for identifier, publisher, reason in self._unfit():
+        for identifier, publisher, reason in self._incompatible():
             self._warn(identifier, publisher, reason, NAME_CHECKS)
 
     def _tf2_check(self) -> None:
         unnamed, self._unnamed = self._unnamed, {}
         if unnamed:
-            for identifier, publisher, reason in self._unfit():
+            for identifier, publisher, reason in self._incompatible():
                 if identifier in unnamed:
                     self._warn(identifier, publisher, reason, unnamed[identifier] - 1)
 
-    def _unfit(self) -> Iterator[tuple[bytes, Any, str]]:
+    def _incompatible(self) -> Iterator[tuple[bytes, Any, str]]:
         for publisher in _publishers(self._node(), self._topic):
             compatibility, reasons = qos_check_compatible(publisher.qos_profile, self._qos)
             if compatibility == QoSCompatibility.ERROR:

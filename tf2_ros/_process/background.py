@@ -41,7 +41,7 @@ _Entry: TypeAlias = "tuple[int, int, weakref.ref[Any]]"  # when it is due, and a
 
 class Background:
     """
-    The background thread of some inboxes.
+    The background thread: it reports what inboxes have inserted, and expires the timers of any object.
 
     A timer is an object with two methods: ``over()`` says whether nothing is left to do, and ``expire()``,
     which is called when it is due, runs no callback of a program; it may read a program's clock.

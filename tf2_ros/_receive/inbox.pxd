@@ -29,7 +29,7 @@ cdef struct ReceivedMessage:
     unsigned char* data         # a serialized TFMessage, of malloc
     size_t size                 # bytes of it
     size_t capacity             # bytes allocated
-    size_t topic                # index of its name in `names` of the Source
+    size_t topic                # index of its name in `names` of the InboxSource
     bint is_static
     # If messages are recorded: the publisher, and the time of reception.
     unsigned char[SENDER_BYTES] sender
@@ -74,7 +74,7 @@ cdef struct InboxState:
     # Set once.
     SharedByInboxes* shared
     void* inbox                 # the Inbox
-    void* source                # the Source
+    void* source                # the InboxSource
     Records* records            # NULL: nothing is recorded
     const char* prefix          # of all names; NULL: they stay as they are
     size_t prefix_size
@@ -108,7 +108,7 @@ cdef class Observer:
     cdef void wake_if_due(self) noexcept nogil
 
 
-cdef class Source:
+cdef class InboxSource:
     # Where the messages of one inbox come from. A subclass has three duties:
     # 1. `next` fills in the next message; False: there is none, or no memory for it. If others may
     #    wait in the latter case, it sets `unread` of the inbox. It calls nothing of the inbox but
@@ -128,7 +128,7 @@ cdef class Source:
 
 cdef class Inbox(ReadHook):
     cdef InboxState state
-    cdef Source _source
+    cdef InboxSource _source
     cdef Inboxes _inboxes           # keeps what they share
     cdef bint _is_closed            # in a forked child, one that was closed before must not take the lock
     cdef object _hand_over

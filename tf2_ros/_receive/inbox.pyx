@@ -3,17 +3,16 @@
 """
 Keep what has arrived for a buffer until somebody reads it.
 
-An inbox takes messages from its `Source`, such as the subscriptions of a listener (`subscriptions`); the
-declaration of `Source` says what a source has to do. Its owner decides when it begins and ends. Everything
-goes one way: the source fills a `ReceivedMessage`, and the inbox parses, prefixes, records and inserts it.
-Every read of the buffer takes the messages (`drain`). So does one thread of the process: as soon as many
-messages wait, at most ROUND_NS after the first one, and at once while something waits for a transform, or
-while the buffer is read more often than the thread has rounds, so that such a reader finds everything
-inserted. Its rounds also wake executors; while one of these is called by a program's own loop, they take
-SHORT_ROUND_NS. Log lines, the completion of waits and everything else that follows from an insert and needs
-the GIL are left to the background thread (`report_next`). So nothing here runs user code, and the first
-thread never waits for the GIL.
-"""
+An inbox takes messages from its `InboxSource`, such as the subscriptions of a listener (`subscriptions`); the
+declaration of `InboxSource` says what a source has to do. Its owner decides when it begins and ends.
+Everything goes one way: the source fills a `ReceivedMessage`, and the inbox parses, prefixes, records and
+inserts it. Every read of the buffer takes the messages (`drain`). So does one thread of the process: as soon
+as many messages wait, at most ROUND_NS after the first one, and at once while something waits for a
+transform, or while the buffer is read more often than the thread has rounds, so that such a reader finds
+everything inserted. Its rounds also wake executors; while one of these is called by a program's own loop,
+they take SHORT_ROUND_NS. Log lines, the completion of waits and everything else that follows from an insert
+and needs the GIL are left to the background thread (`report_next`). So nothing here runs user code, and the
+first thread never waits for the GIL. """
 
 cimport cython
 from libc.stddef cimport size_t
@@ -223,7 +222,7 @@ cdef bint _parse(InboxState* inbox) noexcept nogil:
 cdef size_t _begin_message(InboxState* inbox) noexcept nogil:
     # Takes the next message. Returns how much work that was; 0: there is none, or no memory for it.
     cdef size_t work
-    if not _begin_received(inbox) or not (<Source>inbox.source).next(inbox.received):
+    if not _begin_received(inbox) or not (<InboxSource>inbox.source).next(inbox.received):
         return 0
     work = 1 + inbox.received.size // WORK_BYTES
     inbox.received.is_begun = _parse(inbox)
@@ -447,7 +446,7 @@ cdef class Observer:
         pass
 
 
-cdef class Source:
+cdef class InboxSource:
     """Where the messages of one inbox come from. An inbox keeps it, and ends before it does."""
 
     cdef bint next(self, ReceivedMessage* received) noexcept nogil:
@@ -473,7 +472,7 @@ cdef class Inbox(ReadHook):
     :param inboxes: to which it belongs.
     """
 
-    def __cinit__(self, Source source not None, hand_over, Recording recording=None, str prefix="",
+    def __cinit__(self, InboxSource source not None, hand_over, Recording recording=None, str prefix="",
                   Inboxes inboxes not None=INBOXES):
         cdef SharedByInboxes* shared = &inboxes.shared
         self._source, self._hand_over, self._observers, self._inboxes = source, hand_over, set(), inboxes

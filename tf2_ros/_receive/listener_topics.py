@@ -11,9 +11,9 @@ from rclpy.qos import QoSProfile
 
 from tf2_py._internal import log
 from tf2_py.printable import counted
-from tf2_ros._nodes.qos import is_latched
 from tf2_ros._nodes.topic_publishers import published_instead
 from tf2_ros._process.background import check_regularly
+from tf2_ros._qos import is_latched
 from tf2_ros._rclpy import context_was_shut_down, event_handlers, handle_exists, report_event, watch_losses
 from tf2_ros._receive.subscriptions import TopicArrivals
 

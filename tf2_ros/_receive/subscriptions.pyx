@@ -44,7 +44,7 @@ from tf2_ros._receive.inbox cimport (
     SENDER_BYTES,
     Inboxes,
     ReceivedMessage,
-    Source,
+    InboxSource,
     InboxState,
     inbox_arrived,
 )
@@ -65,7 +65,7 @@ cdef struct Arrivals:
     bint has_more               # the last attempt to take a message found one, or failed
     const rcl_subscription_t* subscription      # NULL: nothing is taken
     Arrivals* following         # in the order in which they are taken
-    size_t number               # of the topic, in `names` of the Source
+    size_t number               # of the topic, in `names` of the InboxSource
     uint32_t depth              # of the subscription's queue; 0: it is not known
     int64_t untaken             # messages reported less those taken; negative: some are still to be reported
     bint has_overflowed         # more were reported than the queue holds, and it was not found empty since
@@ -155,7 +155,7 @@ cdef rcl_ret_t _take_message(
 
 cdef class TopicArrivals:
     """
-    What is received on one topic. Source and buffer keep it; so it keeps no listener.
+    What is received on one topic. The source and the buffer keep it; so it keeps no listener.
 
     :param inboxes: those of the inbox that takes the messages.
     """
@@ -199,7 +199,7 @@ cdef class TopicArrivals:
 
 
 @cython.no_gc_clear     # its inbox needs it at its own end
-cdef class Subscriptions(Source):
+cdef class Subscriptions(InboxSource):
     """
     Takes the messages of a listener's topics.
 

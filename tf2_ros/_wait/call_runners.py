@@ -16,7 +16,7 @@ from rclpy.waitable import Waitable
 from tf2_ros._process.forking import LOCK
 from tf2_ros._rclpy import is_in_executor, loop_of, runs_in_loop, waits_for_sets, wake
 from tf2_ros._wait.call_queue import CallQueue
-from tf2_ros._wait.executor_rounds import ExecutorRounds
+from tf2_ros._wait.executor_waitable import ExecutorWaitable
 
 # How often rclpy's EventsExecutor looks for calls. It waits for no guard condition, and a thread that wakes
 # it in any other way hangs in some releases, with the GIL.
@@ -78,7 +78,7 @@ class _MovableGroup(MutuallyExclusiveCallbackGroup):
             wake(executor)
 
 
-class ExecutorRunner(ExecutorRounds, Runner, Waitable):
+class ExecutorRunner(ExecutorWaitable, Runner, Waitable):
     """The executor that spins a node."""
 
     def __init__(self, node: Node) -> None:

@@ -50,7 +50,7 @@ PICTURES = {
 sys.path[:0] = [str(DEMO.parent), str(ROOT / "docs")]
 
 import data_path_figure  # noqa: E402
-import speed_figures  # noqa: E402
+import performance_from_results  # noqa: E402
 
 import demo  # noqa: E402
 
@@ -60,7 +60,7 @@ WITHOUT_FONTS = re.sub(r"@font-face \{\{.*?\}\}\s*", "", CONSOLE_SVG_FORMAT, fla
 
 
 def main() -> None:
-    speed_figures.draw(ROOT / "docs" / "images" / "speed.svg")
+    performance_from_results.draw(ROOT / "docs" / "images" / "speed.svg")
     data_path_figure.draw()
     domain, _claim = demo.claim_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")

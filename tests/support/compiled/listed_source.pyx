@@ -10,7 +10,7 @@ from tf2_py._internal cimport load_seq_cst, lock_acquire, lock_release, monotoni
 from tf2_ros._receive.inbox cimport (
     SENDER_BYTES,
     ReceivedMessage,
-    Source,
+    InboxSource,
     InboxState,
     inbox_arrived,
     received_reserve,
@@ -55,7 +55,7 @@ cdef bint take_first(List* source, ReceivedMessage* received) noexcept nogil:
     return True
 
 
-cdef class ListedSource(Source):
+cdef class ListedSource(InboxSource):
     cdef List _list
     cdef public object when_silent
 

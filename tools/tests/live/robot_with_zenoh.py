@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a robot with rmw_zenoh does, but with eclipse-zenoh alone; orders as for `robot_with_rclpy.py`."""
+"""What a robot with rmw_zenoh does, but without an rmw; orders as for `robot_with_rclpy.py`."""
 
 import atexit
 import itertools

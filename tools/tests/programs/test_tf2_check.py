@@ -202,7 +202,7 @@ def test_two_publishers_of_the_clock_are_named(peer):
     ],
 )
 def test_a_publisher_whose_qos_does_not_fit_is_named(topic, qos, reason, new_node):
-    name = f"unfit_{topic[1:]}"
+    name = f"incompatible_{topic[1:]}"
     line = ("--json", "--ignore", "nothing", "--ignore", "clock")
     with running("tf2_check", *line, hears=UNTIL_TOLD, stdin=subprocess.PIPE) as process:
         profile = QoSProfile(depth=1, **qos)

@@ -77,7 +77,7 @@ cdef inline PyObject** _slot(const Shape* shape, PyObject* part, int index) noex
     return slot_at(<object>part, shape.offsets[index])
 
 
-cdef inline bint _is_ours(const Shape* shape, PyObject* part) noexcept:
+cdef inline bint _is_reusable(const Shape* shape, PyObject* part) noexcept:
     # Apart from its fields. A deleted one is NULL.
     return (part != NULL
             and is_only_reference(part)
@@ -99,19 +99,19 @@ cdef inline bint _are(PyTypeObject* cls, const Shape* shape, PyObject* part, int
 
 cdef bint _find_parts(PyObject* message, Parts* parts) noexcept:
     # Whether the message can be used again; then, its parts.
-    if not _is_ours(&_stamped_shape, message):
+    if not _is_reusable(&_stamped_shape, message):
         return False
     parts.message = message
     parts.header = _slot(&_stamped_shape, message, STAMPED_HEADER)[0]
     parts.transform = _slot(&_stamped_shape, message, STAMPED_TRANSFORM)[0]
-    if not (_is_ours(&_header_shape, parts.header) and _is_ours(&_transform_shape, parts.transform)):
+    if not (_is_reusable(&_header_shape, parts.header) and _is_reusable(&_transform_shape, parts.transform)):
         return False
     parts.stamp = _slot(&_header_shape, parts.header, HEADER_STAMP)[0]
     parts.translation = _slot(&_transform_shape, parts.transform, TRANSFORM_TRANSLATION)[0]
     parts.rotation = _slot(&_transform_shape, parts.transform, TRANSFORM_ROTATION)[0]
-    return (_is_ours(&_stamp_shape, parts.stamp)
-            and _is_ours(&_translation_shape, parts.translation)
-            and _is_ours(&_rotation_shape, parts.rotation)
+    return (_is_reusable(&_stamp_shape, parts.stamp)
+            and _is_reusable(&_translation_shape, parts.translation)
+            and _is_reusable(&_rotation_shape, parts.rotation)
             and _are(&FLOAT, &_translation_shape, parts.translation, 0, 3)
             and _are(&FLOAT, &_rotation_shape, parts.rotation, 0, 4)
             and _are(&INT, &_stamp_shape, parts.stamp, TIME_SEC, TIME_NANOSEC + 1)

@@ -4,7 +4,7 @@
 Take part in the rounds of rclpy's executors: before one sleeps, and after it wakes.
 
 This is Cython because executors have thousands of rounds a second, and because no signal handler can
-interrupt it halfway. What it relies on inside rclpy is tested by tests/ros/test_executor_rounds.py; the
+interrupt it halfway. What it relies on inside rclpy is tested by tests/ros/test_executor_waitable.py; the
 Python part is ``tf2_ros._rclpy``.
 """
 
@@ -70,7 +70,7 @@ cdef void _wake(ExecutorState* state) noexcept nogil:
 
 
 @cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed
-cdef class ExecutorRounds(Observer):
+cdef class ExecutorWaitable(Observer):
     """The part of an ``rclpy.waitable.Waitable`` that an executor calls in each of its rounds."""
 
     cdef ExecutorState state

@@ -12,7 +12,8 @@ transform, or while the buffer is read more often than the thread has rounds, so
 everything inserted. Its rounds also wake executors; while one of these is called by a program's own loop,
 they take SHORT_ROUND_NS. Log lines, the completion of waits and everything else that follows from an insert
 and needs the GIL are left to the background thread (`report_next`). So nothing here runs user code, and the
-first thread never waits for the GIL. """
+first thread never waits for the GIL.
+"""
 
 cimport cython
 from libc.stddef cimport size_t

@@ -30,12 +30,16 @@ cdef inline const unsigned char* _read_bytes(Reader* reader, size_t size, size_t
     return reader.data + start
 
 
-cdef uint32_t reader_uint32(Reader* reader) noexcept nogil:
+cdef inline uint32_t _uint32(Reader* reader) noexcept nogil:
     cdef uint32_t value = 0
     cdef const unsigned char* at = _read_bytes(reader, 4, 4)
     if at != NULL:
         memcpy(&value, at, 4)
     return __builtin_bswap32(value) if reader.swapped else value
+
+
+cdef uint32_t reader_uint32(Reader* reader) noexcept nogil:
+    return _uint32(reader)
 
 
 cdef inline void _numbers_of(Reader* reader, Transform* out) noexcept nogil:
@@ -54,7 +58,7 @@ cdef inline void _numbers_of(Reader* reader, Transform* out) noexcept nogil:
 cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogil:
     # The length includes the terminating NUL; some writers send an empty string as length 0. What follows an
     # earlier NUL does not count, because ROS's messages in C and Python end there.
-    cdef size_t length = reader_uint32(reader)
+    cdef size_t length = _uint32(reader)
     cdef const unsigned char* at = _read_bytes(reader, length, 1)
     text[0] = ""
     size[0] = 0
@@ -85,8 +89,8 @@ cdef void reader_begin(Reader* reader, const unsigned char* data, size_t size) n
 
 
 cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil:
-    cdef int64_t sec = <int32_t>reader_uint32(reader)
-    cdef int64_t nanosec = reader_uint32(reader)
+    cdef int64_t sec = <int32_t>_uint32(reader)
+    cdef int64_t nanosec = _uint32(reader)
     out.stamp_ns = stamp_join(sec, nanosec)
     _string(reader, &out.parent, &out.parent_size)
     _string(reader, &out.child, &out.child_size)

@@ -297,30 +297,36 @@ class TransformListener:
         )
         return buffer if is_direct else None
 
+    def __why_executor(self) -> str:
+        """Why an executor has to insert the transforms; ``""`` if it need not."""
+        call_queue = self._tf2_state.call_queue
+        if call_queue is None or self.__direct_buffer() is None:
+            return "this program overrides how transforms are inserted"
+        if not call_queue.runner.uses_wait_sets:
+            return "an EventsExecutor has the arrivals of its node reported to itself"
+        return problem() or ""
+
     def __listen(self) -> None:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""
         listening = self._tf2_state
-        call_queue = listening.call_queue
-        # An EventsExecutor has arrivals reported to itself.
-        can_receive = call_queue is not None and call_queue.runner.uses_wait_sets and problem() is None
-        needs_executor = not can_receive or self.__direct_buffer() is None
+        needs_executor = self.__why_executor()
         if listening.recording is not None and needs_executor:
-            reason = problem() or "this program overrides how transforms are inserted"
-            raise NotImplementedError(f"{_CANNOT_RECORD}: {reason}")
+            raise NotImplementedError(f"{_CANNOT_RECORD}: {needs_executor}")
         # Of what arrives while an executor waits for a subscription, the receiver is not informed.
         self.group.hides_all = not needs_executor
         try:
             for topic in listening.topics:
-                self.__subscribe(topic, needs_executor)
+                self.__subscribe(topic, needs_executor=bool(needs_executor))
             made = [topic.subscription for topic in listening.topics]
             if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
-                listening.receiver = Receiver(self, call_queue, self.__direct_buffer())
+                listening.receiver = Receiver(self, listening.call_queue, self.__direct_buffer())
                 if not listening.call_queue.runner.uses_wait_sets:
                     self.__subscribe_anew(listening.receiver)
         finally:
             self.group.hides_all = False
         if listening.recording is not None and not self.receives:
-            raise NotImplementedError(f"{_CANNOT_RECORD}: the middleware does not report arrivals")
+            reason = self.__why_executor() or "the middleware does not report arrivals"
+            raise NotImplementedError(f"{_CANNOT_RECORD}: {reason}")
 
     def __subscribe(self, topic: Topic, needs_executor: bool) -> None:
         qos = topic.qos

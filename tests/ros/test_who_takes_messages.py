@@ -10,6 +10,7 @@ from waiting import DEADLINE_S, until
 
 from tf2_ros._receive import listener_receiver
 from tf2_ros._receive.subscriptions import Subscriptions
+from tf2_ros.records import Recording
 
 pytestmark = pytest.mark.ours
 
@@ -46,6 +47,12 @@ def spin(executor, condition):
     while not condition():
         assert time.monotonic() < deadline
         executor.spin_once(timeout_sec=0.05)
+
+
+def test_a_listener_in_an_events_executor_cannot_record_and_says_why(tf2_ros, buffer, node, events_executor):
+    events_executor.add_node(node)
+    with pytest.raises(NotImplementedError, match="with this listener: an EventsExecutor has the arrivals"):
+        tf2_ros.TransformListener(buffer, node, recording=Recording())
 
 
 def test_a_listener_may_be_moved_to_an_events_executor_and_back_and_one_made_in_it(

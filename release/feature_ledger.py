@@ -45,16 +45,17 @@ waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and wa
     tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* */threads.py
     *test_threads* *call_queue* */background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
     */live_objects.py tf2_ros/_buffer_fillers.py
-    *sources_without_node* docs/callbacks.md *ended_nodes* *ends_listeners_in_any_order* */running_loop.py
+    *sources_without_node* docs/callbacks.md *ended_nodes* *ends_listeners_in_any_order* */_running_loop.py
+    tf2_ros/_calls/*
 forks and signals | users of multiprocessing and Ctrl-C: children and handlers do not hang
     *fork* *interrupt* *late_signals* *stack_at_alarm* *exits_while_active*
 receiver | nodes with a listener: transforms arrive without spinning, at a tenth of the CPU time
     tf2_ros/_receive/* tf2_ros/_rcl.* tf2_ros/*listen* tf2_py/core/batch* tf2_ros/_qos.py *hidden_nodes*
     tf2_py/engine/engine_hooks* tests/ros/test_inbox* *who_takes* *listener* *receiver* *reception_in_texts*
     *lost_messages* *publishes_in_bursts* *rcl_declarations* *faulty_middleware* *fastdds* *excused_faults*
-    *half_discovered_server* *large_messages* *floods* *listed_source* *lock_count* *test_cdr* *cdr_encoder*
-    */topic_publishers.py *takes_after* *frame_prefix* tf2_ros/_registration.py docs/several-robots.md
-    docs/environment-and-qos.md
+    *half_discovered_server* *large_messages* *floods* *listed_source* *lock_count* *test_cdr* */core/cdr*
+    *cdr_encoder* */topic_publishers.py */incompatible_publishers.py *takes_after* *frame_prefix*
+    tf2_ros/_registration.py docs/several-robots.md docs/environment-and-qos.md
 records and serialized messages | writers of recorders and bridges: bytes in and out, without ROS
     tf2_ros/records* tf2_ros/serialization* tests/ros/test_records.py *test_serialization*
 broadcasters | publishers of transforms: tf2_ros's classes

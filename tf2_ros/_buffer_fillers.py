@@ -107,7 +107,7 @@ _NOTHING_KNOWN = Fillers()
 
 def begin_fillers(buffer: BufferCore) -> Fillers:
     """Get what a new ``Buffer`` knows of what fills it: nothing, of which its errors tell."""
-    BufferCore._ask_for_silence(buffer, silence_of)
+    BufferCore._describe_silence_with(buffer, silence_of)
     return Fillers()
 
 
@@ -126,20 +126,20 @@ def add_source(buffer: Any, name: str, silence: "Callable[[bool], str] | None") 
     """See :meth:`Buffer.add_source`."""
     source = BufferSource(name, silence)
     buffer._tf2_fillers.add(source)
-    BufferCore._ask_for_silence(buffer, silence_of)
+    BufferCore._describe_silence_with(buffer, silence_of)
     return source
 
 
-def ask_for_silence(buffer: BufferCore, find_silence: Callable[[object], tuple[str, str]]) -> None:
+def describe_silence_with(buffer: BufferCore, find_silence: Callable[[object], tuple[str, str]]) -> None:
     """
     Have the errors of a buffer say which topics of its listeners are silent.
 
-    :param find_silence: see ``BufferCore._ask_for_silence``.
+    :param find_silence: see ``BufferCore._describe_silence_with``.
     """
     fillers = getattr(buffer, "_tf2_fillers", None)
     if isinstance(fillers, Fillers):
         fillers.find_silence, find_silence = find_silence, silence_of
-    BufferCore._ask_for_silence(buffer, find_silence)
+    BufferCore._describe_silence_with(buffer, find_silence)
 
 
 def _sources(fillers: Fillers) -> list[BufferSource]:
@@ -153,7 +153,7 @@ def has_filler(buffer: Any) -> bool:
 
 
 def silence_of(buffer: Any) -> tuple[str, str]:
-    """What the errors of a ``Buffer`` say about what fills it, see ``BufferCore._ask_for_silence``."""
+    """What the errors of a ``Buffer`` say about what fills it, see ``BufferCore._describe_silence_with``."""
     fillers: Fillers = buffer._tf2_fillers
     sources = _sources(fillers)
     if not has_filler(buffer):

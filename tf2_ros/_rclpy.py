@@ -27,7 +27,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.task import Future, Task
 
-from tf2_ros._process.running_loop import running_loop
+from tf2_ros._running_loop import running_loop
 
 if TYPE_CHECKING:
     import asyncio

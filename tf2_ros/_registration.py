@@ -44,24 +44,6 @@ class TypeException(Exception):
         self.errstr = errstr
 
 
-class NotImplementedException(Exception):
-    """
-    A buffer lacks the method that was called; the attribute ``errstr`` has a text about it.
-
-    >>> from rclpy.time import Time
-    >>> from tf2_ros import BufferInterface, NotImplementedException
-    >>> try:
-    ...     BufferInterface().lookup_transform("map", "odom", Time())
-    ... except NotImplementedException as error:
-    ...     print(error.errstr)
-    CanTransform or LookupTransform not implemented
-    """
-
-    def __init__(self) -> None:
-        self.errstr = "CanTransform or LookupTransform not implemented"
-        super().__init__(self.errstr)
-
-
 # The functions by type, and for conversions between two types by the pair of them.
 _TRANSFORMS: dict[Any, Callable[..., Any]] = {}
 _TO_MSG: dict[Any, Callable[..., Any]] = {}

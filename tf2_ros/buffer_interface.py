@@ -11,7 +11,6 @@ from tf2_ros._messages import Header, PoseStamped, TransformStamped, time_msg
 from tf2_ros._prefix import source_of
 from tf2_ros._registration import (
     ConvertRegistration,
-    NotImplementedException,
     TransformRegistration,
     TypeException,
     convert,
@@ -72,6 +71,24 @@ else:
 
 # The default of every `timeout`. It is one object, so that a check for it need not compare Durations.
 NO_TIMEOUT: DurationLike = Duration() if TYPE_CHECKING or HAS_ROS else 0.0
+
+
+class NotImplementedException(Exception):
+    """
+    A buffer lacks the method that was called; the attribute ``errstr`` has a text about it.
+
+    >>> from rclpy.time import Time
+    >>> from tf2_ros import BufferInterface, NotImplementedException
+    >>> try:
+    ...     BufferInterface().lookup_transform("map", "odom", Time())
+    ... except NotImplementedException as error:
+    ...     print(error.errstr)
+    CanTransform or LookupTransform not implemented
+    """
+
+    def __init__(self) -> None:
+        self.errstr = "CanTransform or LookupTransform not implemented"
+        super().__init__(self.errstr)
 
 
 class BufferInterface:

@@ -32,6 +32,11 @@ OLDEST_RCLPY, NEWEST_RCLPY = 3, 11
 _RCLPY_MARKER = os.path.join("share", "ament_index", "resource_index", "packages", "rclpy")
 
 
+def is_switched_off(environ: "Mapping[str, str]" = os.environ) -> bool:
+    """Whether ``TF2_ROS_CYTHON=0`` asks for another tf2."""
+    return environ.get("TF2_ROS_CYTHON") == "0"
+
+
 def is_waiting(environ: "Mapping[str, str]" = os.environ) -> bool:
     """Whether ours wait for ``TF2_ROS_CYTHON=1``."""
     return IS_OPT_IN and environ.get("TF2_ROS_CYTHON") != "1"

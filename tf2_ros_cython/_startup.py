@@ -15,6 +15,7 @@ from tf2_ros_cython._installation import (
     PACKAGES,
     SITE,
     distribution_prefix,
+    is_switched_off,
     is_waiting,
     lies_in,
     refused_rclpy,
@@ -24,7 +25,7 @@ from tf2_ros_cython._installation import (
 def arrange() -> None:
     """Arrange the path of this process, unless ``TF2_ROS_CYTHON=0`` or ours wait for another value."""
     prefix = distribution_prefix()
-    if os.environ.get("TF2_ROS_CYTHON") == "0" or is_waiting() or (prefix is None and HOME == SITE):
+    if is_switched_off() or is_waiting() or (prefix is None and HOME == SITE):
         return
     others = [entry for entry in sys.path if entry != HOME]
     at = next((i for i, entry in enumerate(others) if entry == SITE or lies_in(entry, prefix)), len(others))

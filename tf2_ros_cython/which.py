@@ -142,7 +142,7 @@ def _describe(name: str, folder: Path | None, forks: list[str]) -> str:
 
 
 def _why_not(name: str, forks: list[str]) -> str:
-    if os.environ.get("TF2_ROS_CYTHON") == "0":
+    if _installation.is_switched_off():
         return "TF2_ROS_CYTHON=0 is set"
     if _installation.is_waiting():
         return "this installation, by a distribution, waits for TF2_ROS_CYTHON=1"
@@ -190,7 +190,7 @@ def _not_arranged() -> str:
 
 
 def _precedence(has_ours: bool, forks: list[str]) -> str:
-    if os.environ.get("TF2_ROS_CYTHON") == "0":
+    if _installation.is_switched_off():
         lacking = "; without another tf2, tf2-ros-cython is used" if has_ours else ""
         return f"the order of sys.path, because TF2_ROS_CYTHON=0 is set{lacking}"
     if _installation.is_waiting():

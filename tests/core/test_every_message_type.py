@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from expected_transforms import numbers_in, turn, xyz
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -21,6 +20,7 @@ from random_messages import Maker, numbers, transforms
 from rclpy.serialization import deserialize_message, serialize_message
 from registered_types import ALL, STAMPED, UNSTAMPED
 from std_msgs.msg import Header
+from textbook_transforms import numbers_in, turn, xyz
 
 from tf2_ros.buffer_interface import TransformRegistration
 

@@ -72,9 +72,9 @@ def test_what_is_found_in_the_error_of_a_lookup_and_the_reason_of_a_can_transfor
     wanted = {pattern: groups[cause] for pattern, groups in PATTERNS.items() if cause in groups}
     possible, reason = buffer.can_transform_core("map", source, at(seconds))
     assert (possible, found(reason), found(error())) == (0, wanted, wanted)
-    if hasattr(buffer, "_ask_for_silence"):
+    if hasattr(buffer, "_describe_silence_with"):
         # Silent topics are said at the end.
-        buffer._ask_for_silence(lambda _: (SILENCE, SILENCE))
+        buffer._describe_silence_with(lambda _: (SILENCE, SILENCE))
         assert found(error()) == wanted
         assert (SILENCE[1:] in error()) == (cause != "past")
 

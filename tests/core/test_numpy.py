@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from expected_transforms import matrix
 from geometry_msgs.msg import (
     Point,
     Pose,
@@ -24,6 +23,7 @@ from numpy.testing import assert_allclose
 from processes import output_of
 from random_messages import transforms, turns, vectors
 from rotations import Turn
+from textbook_transforms import matrix
 
 from tf2_ros.numpy import from_matrix, to_arrays, to_columns, to_matrix
 

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from expected_transforms import covariance_rotated, turn, xyz, xyzw
 from geometry_msgs.msg import (
     Point,
     Point32,
@@ -29,6 +28,7 @@ from nav_msgs.msg import Path
 from numpy.testing import assert_allclose
 from processes import output_of
 from random_messages import AWKWARD_TURNS, Maker, transforms, turns
+from textbook_transforms import covariance_rotated, turn, xyz, xyzw
 
 import tf2_geometry_msgs as tf2
 from tf2_geometry_msgs.tf2_geometry_msgs import (

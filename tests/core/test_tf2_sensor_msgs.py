@@ -13,7 +13,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from expected_transforms import transformed
 from geometry_msgs.msg import PointStamped, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,6 +22,7 @@ from numpy.testing import assert_allclose
 from random_messages import Maker, transforms
 from sensor_msgs.msg import Imu, PointCloud2, PointField
 from std_msgs.msg import Header
+from textbook_transforms import transformed
 
 import tf2_sensor_msgs as tf2
 from tf2_py import BufferCore

@@ -13,7 +13,7 @@ from making_objects import S, at, at_ns, stamp_ns, transform
 from simulated_clock import simulate
 from waiting import until
 
-from tf2_ros._wait.call_runners import call_queue_of
+from tf2_ros._calls.call_runners import call_queue_of
 
 pytestmark = pytest.mark.ours
 

@@ -15,7 +15,7 @@ from rclpy.time import Time
 from spinning_nodes import EXECUTOR, Observer, shut_down_at_sleep, spinning
 from waiting import DEADLINE_S, until
 
-from tf2_ros._wait.call_runners import call_queue_of
+from tf2_ros._calls.call_runners import call_queue_of
 
 S = 10**9
 LATEST = Time()

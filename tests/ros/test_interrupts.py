@@ -24,12 +24,12 @@ from waiting import DEADLINE_S, until
 
 import tf2_py
 import tf2_ros
+from tf2_ros._calls.call_queue import CallQueue
+from tf2_ros._calls.call_runners import Runner
 from tf2_ros._process import threads
 from tf2_ros._process.background import Background
 from tf2_ros._process.live_objects import LiveObjects
 from tf2_ros._receive.inbox import Inboxes
-from tf2_ros._wait.call_queue import CallQueue
-from tf2_ros._wait.call_runners import Runner
 from tf2_ros._wait.pending import Waker
 
 pytestmark = pytest.mark.ours
@@ -138,11 +138,11 @@ class TestEachLine:
                 await asyncio.sleep(0.005)
 
         async def main():
-            for second, interrupting in each_line():
+            for second, interrupt_at_each_line in each_line():
                 awaits = [buffer.lookup_transform_async("map", "robot", at(second)) for _ in range(3)]
                 tasks = [asyncio.ensure_future(one) for one in awaits]
                 await asyncio.sleep(0)
-                with interrupting():
+                with interrupt_at_each_line():
                     buffer.set_transform(transform("map", "robot", second), "x")
                 await asyncio.wait_for(two_are_done(tasks), DEADLINE_S)
 
@@ -150,7 +150,7 @@ class TestEachLine:
 
     def test_all_but_one_task_of_an_executor_go_on(self, buffer, executor):
         with spinning(executor):
-            for second, interrupting in each_line():
+            for second, interrupt_at_each_line in each_line():
                 futures = [buffer.wait_for_transform_async("map", "robot", at(second)) for _ in range(3)]
                 began = []
 
@@ -160,15 +160,15 @@ class TestEachLine:
 
                 tasks = [executor.create_task(follow, future) for future in futures]
                 until(lambda began=began: len(began) == 3)
-                with interrupting():
+                with interrupt_at_each_line():
                     buffer.set_transform(transform("map", "robot", second), "x")
                 until(lambda tasks=tasks: sum(task.done() for task in tasks) >= 2)
 
     @pytest.mark.parametrize("closes", [False, True])
     def test_an_addition_that_is_interrupted_or_closed_leaves_no_message(self, buffer, tf2_ros, node, closes):
-        for _, interrupting in each_line():
+        for _, interrupt_at_each_line in each_line():
             with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as filter:
-                with interrupting(*[filter.close] * closes) as count:
+                with interrupt_at_each_line(*[filter.close] * closes) as count:
                     filter.add(point(1))
                 assert filter.statistics()["waiting"] == (0 if count.reached else 1)
 
@@ -177,9 +177,9 @@ class TestEachLine:
         with tf2_ros.MessageFilter(None, buffer, ("map", "base"), 0, node=node) as filter:
             filter.registerCallback(lambda message: passed.append(message.header.stamp.sec))
             buffer.set_transform_static(transform("map", "base"), "x")
-            for line, interrupting in each_line():
+            for line, interrupt_at_each_line in each_line():
                 message = transform("map", "robot", line)
-                with interrupting(lambda message=message: buffer.set_transform(message, "x")):
+                with interrupt_at_each_line(lambda message=message: buffer.set_transform(message, "x")):
                     filter.add(point(line))
                 buffer.set_transform(message, "x")
                 until(lambda line=line: passed == [line], executor)
@@ -236,8 +236,8 @@ def test_an_interrupt_just_after_the_start_of_the_background_thread_leaves_one(m
 def test_a_call_that_is_put_stays_although_a_signal_handler_raises(node):
     call_queue = CallQueue(node, Runner())
     call_queue.runner.wake = lambda: None
-    for line, interrupting in each_line():
-        with interrupting():
+    for line, interrupt_at_each_line in each_line():
+        with interrupt_at_each_line():
             call_queue.put(line)
         assert call_queue.calls.pop() == line
 

@@ -25,7 +25,7 @@ from spinning_nodes import spinning
 from std_msgs.msg import Header
 from waiting import DEADLINE_S, until
 
-from tf2_ros._wait.call_runners import call_queue_of
+from tf2_ros._calls.call_runners import call_queue_of
 
 pytestmark = pytest.mark.ours
 

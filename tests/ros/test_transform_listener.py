@@ -23,7 +23,7 @@ from spinning_nodes import knows, shut_down_at_sleep
 from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros._wait.call_runners import call_queue_of
+from tf2_ros._calls.call_runners import call_queue_of
 
 pytestmark = pytest.mark.usefixtures("inserter")
 

@@ -16,7 +16,7 @@ cdef class Advice:
         self._silence = ("", "")
         self._suggestions, self._refusals = {}, {}
 
-    cdef int ask(self, object find_silence) except -1:
+    cdef int describe_silence_with(self, object find_silence) except -1:
         self._find_silence = find_silence
         self._silence_until_ns = 0
         return 0

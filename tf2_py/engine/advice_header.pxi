@@ -15,7 +15,7 @@ cdef class Advice:
     cdef size_t _count              # number of known names
 
     # From now on, call this to find silent topics.
-    cdef int ask(self, object find_silence) except -1
+    cdef int describe_silence_with(self, object find_silence) except -1
     # Must be called before each of the following. `count`: the number of known names.
     cdef int begin(self, object buffer, size_t count) except -1
     # The text of the error about an unknown name; `list_names` returns the known ones.

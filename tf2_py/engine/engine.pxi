@@ -673,7 +673,7 @@ cdef class Engine:
         learn_names(&self._tree.names, &self._lock, names)
         return names[1:]
 
-    def _ask_for_silence(self, find_silence):
+    def _describe_silence_with(self, find_silence):
         """
         Have errors report which topics are silent.
 
@@ -682,7 +682,7 @@ cdef class Engine:
             must not refer to the buffer. The answer is kept for 0.1 s, except that an error about known
             frames calls it again before it reports a silent topic.
         """
-        self._advice.ask(find_silence)
+        self._advice.describe_silence_with(find_silence)
 
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1:
         cdef int64_t in_1970_ns

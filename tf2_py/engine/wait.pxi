@@ -94,18 +94,18 @@ cdef class Wait(WaiterOwner):
         self.cancel()
         raise engine.error(query, status)
 
-    def take(self, bint anew=False):
+    def take(self, bint again=False):
         """
         The answer as a new message; None: there is none, and the wait goes on.
 
         A wait that judges ages is tried again by what the clock shows now: an outdated answer does not count,
         and an answer that is found here is not delivered otherwise.
 
-        :param anew: also if the answer was delivered before.
+        :param again: also if the answer was delivered before.
         :raises ValueError: a limit of the policy could never apply, which ends the wait.
         :raises ExtrapolationException: the buffer refuses the missing data, which ends the wait.
         """
-        self._is_filed = self._is_filed or (anew and self._judges_age())
+        self._is_filed = self._is_filed or (again and self._judges_age())
         outcome = self._outcome()
         if isinstance(outcome, Exception):
             raise outcome

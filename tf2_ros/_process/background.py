@@ -1,17 +1,10 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-What one thread of a process does with the GIL: it reports what inboxes have inserted, and ends what is due.
+The background thread: with the GIL, it reports what inboxes insert, and ends what is due.
 
-| thread | started by | woken by |
-|---|---|---|
-| receiver | the first inbox | arrivals, see ``inbox.pyx`` |
-| background | the same, a timeout, a regular check | inboxes with something to report, an earlier timeout |
-| callbacks | the first callback that no executor runs | another one |
-
-All are daemons, so that the interpreter does not wait for them before it runs the exit handlers, which end
-them. A forked child has none of them, and starts its own at their first use; what its parent's inboxes were
-doing is lost there. The threads that spin nodes are in ``tf2_ros._nodes.spinner``.
+The owners of inboxes register here, because the exit of the interpreter and a fork end inboxes and threads in
+a fixed order.
 """
 
 import atexit
@@ -36,15 +29,27 @@ NEVER_NS = 1 << 62
 SHARE_NS = 1_000_000  # for what is due, before reports come first again
 FEW = 64  # entries; it is not worth removing ended ones from fewer
 
-_Entry: TypeAlias = "tuple[int, int, weakref.ref[Any]]"  # when it is due, and a number that no other one has
+
+class Timer(Protocol):
+    """Something that is due at a time."""
+
+    def over(self) -> bool:
+        """Whether nothing is left to do."""
+        ...
+
+    def expire(self) -> None:
+        """Called when it is due; runs no callback of a program, but may read a program's clock."""
+        ...
+
+
+_Entry: TypeAlias = (
+    "tuple[int, int, weakref.ref[Timer]]"  # when it is due, and a number that no other one has
+)
 
 
 class Background:
     """
     The background thread: it reports what inboxes have inserted, and expires the timers of any object.
-
-    A timer is an object with two methods: ``over()`` says whether nothing is left to do, and ``expire()``,
-    which is called when it is due, runs no callback of a program; it may read a program's clock.
 
     Only the thread touches the heap. Other threads, signal handlers and finalizers append to ``_added``, and
     wake the thread if it would sleep for too long.
@@ -52,9 +57,9 @@ class Background:
 
     def __init__(self, inboxes: Inboxes = INBOXES) -> None:
         self._inboxes = inboxes
-        self.begin_anew()
+        self.reset()
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Forget everything; also for a forked child, which does not have the thread."""
         self._heap: list[_Entry] = []
         self._added: deque[_Entry] = deque()
@@ -78,7 +83,7 @@ class Background:
             raise RuntimeError("cannot start a thread during interpreter shutdown")
         start_once("tf2_ros background", self._run)
 
-    def expire_at(self, due_ns: int, timer: Any) -> None:
+    def expire_at(self, due_ns: int, timer: Timer) -> None:
         """
         Expire a timer when ``time.monotonic_ns()`` is `due_ns`, unless it was over, or collected, before.
 
@@ -126,7 +131,7 @@ class Background:
             self._sweep_at = 2 * len(self._heap) + FEW
 
 
-def _unless_over(entry: _Entry) -> Any:
+def _unless_over(entry: _Entry) -> Timer | None:
     # One that cannot say whether it is over must not keep the others from their ends.
     timer = entry[2]()
     try:
@@ -172,6 +177,9 @@ background = Background()
 check_regularly = background.check_regularly
 
 
+# The inboxes, and the ends of all: one order for the exit, and one for a fork.
+
+
 class InboxOwner(Protocol):
     """Decides when an inbox begins and ends."""
 
@@ -206,9 +214,9 @@ def _stop_all() -> None:
 
 
 def _after_fork_in_child() -> None:
-    INBOXES.begin_anew()
+    INBOXES.reset()
     forget_threads()
-    background.begin_anew()
+    background.reset()
     lost = sum([owner.inbox.leave_to_parent() for owner in _owners])
     _owners.clear()
     if lost:

@@ -81,9 +81,9 @@ class CallbackThread:
     """
 
     def __init__(self) -> None:
-        self.begin_anew()
+        self.reset()
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Forget the calls; also for a forked child, which does not have the thread."""
         self._calls: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
 
@@ -118,6 +118,6 @@ def join_threads() -> None:
 
 def forget_threads() -> None:
     """In a forked child, which has none of them."""
-    callbacks.begin_anew()
+    callbacks.reset()
     running.clear()
     _starting.clear()

@@ -354,9 +354,9 @@ cdef class Inboxes:
     """Inboxes, and what two threads do for them; those of a process are `INBOXES`."""
 
     def __cinit__(self):
-        self.begin_anew()
+        self.reset()
 
-    def begin_anew(self):
+    def reset(self):
         """Have no inboxes; in a forked child, also forget what threads of the parent held."""
         memset(&self.shared, 0, sizeof(SharedByInboxes))
         if event_init(&self.shared.work) != 0 or event_init(&self.shared.reporting) != 0:

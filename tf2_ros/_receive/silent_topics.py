@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tf2_py import BufferCore
-from tf2_ros._buffer_fillers import ask_for_silence, note_filler
+from tf2_ros._buffer_fillers import describe_silence_with, note_filler
 from tf2_ros._process.live_objects import LiveObjects
 from tf2_ros._receive.listener_topics import Topic
 
@@ -27,7 +27,7 @@ def note_listener(listener: Any) -> None:
     # A subclass that does not call __init__ may not have a node yet.
     note_filler(getattr(listener, "node", None), buffer, listener._tf2_state.call_queue)
     if issubclass(type(buffer), BufferCore):  # isinstance believes a Mock(spec=Buffer)
-        ask_for_silence(buffer, _silence)
+        describe_silence_with(buffer, _silence)
 
 
 def _open_topics(buffer: object) -> list[Topic]:
@@ -37,7 +37,7 @@ def _open_topics(buffer: object) -> list[Topic]:
 
 
 def _silence(buffer: object) -> tuple[str, str]:
-    # What BufferCore._ask_for_silence expects.
+    # What BufferCore._describe_silence_with expects.
     topics = [topic for topic in _open_topics(buffer) if topic.is_own]
     return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
 

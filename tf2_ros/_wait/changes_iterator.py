@@ -36,7 +36,7 @@ class Changes:
                 raise StopAsyncIteration from None
             finally:
                 future.cancel()  # after a cancelled step, what this refers to would go on waiting
-            found = self._begun.take(anew=True)  # None: it has become too old before this ran
+            found = self._begun.take(again=True)  # None: it has become too old before this ran
         self._delivered = self._begun
         return found
 

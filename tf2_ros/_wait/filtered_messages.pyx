@@ -14,7 +14,7 @@ import weakref
 from collections import OrderedDict
 
 from tf2_py import BufferCore, ExtrapolationException
-from tf2_ros._wait.call_queue import end_by
+from tf2_ros._calls.call_queue import end_by
 
 PASSED, CLEARED = "passed", "cleared"   # what became of a message that was not dropped
 
@@ -118,7 +118,7 @@ cdef class WaitsForAll:
         The first answer, if all are available. A wait keeps its answer, unless it has become too old
         meanwhile. Raises as ``Wait.take``.
         """
-        cdef list answers = [wait.take(anew=True) for wait in self._waits]
+        cdef list answers = [wait.take(again=True) for wait in self._waits]
         is_complete = len(answers) == self._count and all([answer is not None for answer in answers])
         return answers[0] if is_complete else None
 

@@ -17,13 +17,13 @@ from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import NEVER_NS, background
 from tf2_ros._process.forking import FORKED, is_inherited
 from tf2_ros._process.live_objects import LiveObjects
-from tf2_ros._process.running_loop import running_loop
+from tf2_ros._running_loop import running_loop
 from tf2_ros._wait.pending import Waker, end_referred
 from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
+    from tf2_ros._calls.call_queue import end_for as end_for
     from tf2_ros._rclpy import running_task
-    from tf2_ros._wait.call_queue import end_for as end_for
     from tf2_ros._wait.rclpy_futures_and_tasks import BaseFuture, TaskWaker
 else:
     from tf2_ros._without_ros import BaseFuture, TaskWaker, end_for, running_task

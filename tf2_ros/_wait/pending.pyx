@@ -252,7 +252,7 @@ cdef class ChangeSubscription(Pending):
         self._is_due, self._is_running = False, True
         self._result, self._state = None, PENDING
         try:
-            result = self.wait.take(anew=True)
+            result = self.wait.take(again=True)
             if result is not None:      # else it has become too old since it arrived, and the wait goes on
                 self._wait_for_next()
                 if self._state != CANCELLED:    # else the program has cancelled meanwhile

@@ -16,7 +16,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from tf2_ros import Buffer, TransformListener, transform_listener
-from tf2_ros._wait.call_runners import call_queue_of
+from tf2_ros._calls.call_runners import call_queue_of
 
 printed = []
 

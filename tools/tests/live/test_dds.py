@@ -110,7 +110,7 @@ def test_a_callback_closes_the_feed_in_its_thread(robot, laptop):
 
 
 def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop):
-    laptop.do("from interrupting import interrupt_at_each_line")
+    laptop.do("from interrupt_at_each_line import interrupt_at_each_line")
     for call in ("close", "broadcaster", "static_broadcaster"):
         handled = (
             f"lambda feed: feed.{call}(), lambda feed: feed.close('a signal'), lambda: connect('dds://')"

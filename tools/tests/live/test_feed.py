@@ -444,7 +444,7 @@ def test_messages_that_all_arrive_late_are_warned_of_once(monkeypatch, caplog):
 
 INTERRUPTED = """
 from feed_helpers import Wire, message
-from interrupting import interrupt_at_each_line
+from interrupt_at_each_line import interrupt_at_each_line
 from making_objects import transform
 from tf2_ros_tools.live import Feed
 

@@ -337,7 +337,7 @@ def test_a_callback_that_exits_ends_the_feed(bridge, new_laptop):
 
 
 def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop, port):
-    laptop.do("from interrupting import interrupt_at_each_line")
+    laptop.do("from interrupt_at_each_line import interrupt_at_each_line")
     close = "lambda feed: feed.close()"
     lines = laptop.do(f"interrupt_at_each_line({close}, {close}, lambda: connect('ws://127.0.0.1:{port}'))")
     assert lines > 10

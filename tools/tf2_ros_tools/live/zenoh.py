@@ -33,7 +33,7 @@ NO_HASH = "TypeHashNotSupported"  # of Humble
 DEPTH = 1000  # messages that wait while Python is busy: 5 s of 200 Hz
 MOST_LOST = 2**31  # a larger gap between sequence numbers is a damaged number
 HEARTBEAT_S = 0.5  # as in rmw_zenoh
-KEPT = 1000  # publishers that have ended, of which the name, and the last sequence number, are kept
+ENDED_PUBLISHERS_KEPT = 1000  # whose name and last sequence number are known
 OPEN_S = 5.0  # in which something that accepts connections must prove to be Zenoh
 # What is attached to a message: its sequence number, when it was sent in ns, and the gid of its publisher.
 # The length of the gid precedes it.
@@ -255,7 +255,7 @@ class ZenohWire:
         elif publisher is not None and publisher.session != self._own:
             self._publishers[token] = publisher
             self._nodes[_gid(token)] = publisher.node
-            if len(self._nodes) > KEPT + 2 * len(self._publishers):
+            if len(self._nodes) > ENDED_PUBLISHERS_KEPT + 2 * len(self._publishers):
                 self._forget_ended()
             if (publisher.domain, publisher.topic) == (str(self._address.domain), CLOCK):
                 end("/clock is published, and simulated time is not supported")
@@ -285,7 +285,7 @@ class ZenohWire:
         if lost < 0 and sent_ns <= last_sent_ns:
             return  # once more, for example after the router was started again
         last[gid] = sequence, sent_ns
-        if len(last) > KEPT:
+        if len(last) > ENDED_PUBLISHERS_KEPT:
             del last[next(iter(last))]  # of the one that was heard first
         node = self._nodes.get(gid) or gid.hex()
         take(data, is_static, node, max(sent_ns, 0), lost if 0 < lost < MOST_LOST else 0)

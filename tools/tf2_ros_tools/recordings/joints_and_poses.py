@@ -144,7 +144,7 @@ def converted(
     """
     store, left = typestore(), iter(messages)
     while batch := [*islice(left, BATCH)]:
-        made = [EMPTY] * len(batch)
+        serialized = [EMPTY] * len(batch)
         # The messages of a topic with the same names become transforms in one computation.
         alike: dict[tuple[str, Names], list[tuple[int, int, Any]]] = {}
         for i, (connection, log_ns, raw) in enumerate(batch):
@@ -157,13 +157,13 @@ def converted(
                 continue
             stamp = message.header.stamp
             if len(numbers):
-                place = i, stamp.sec * S + stamp.nanosec, numbers
-                alike.setdefault((connection.topic, names), []).append(place)
+                entry = i, stamp.sec * S + stamp.nanosec, numbers
+                alike.setdefault((connection.topic, names), []).append(entry)
         for (topic, names), own in alike.items():
-            places, stamps_ns, rows = zip(*own, strict=True)
+            indices, stamps_ns, rows = zip(*own, strict=True)
             frames, translations, rotations = sources[topic].transforms(names, np.array(rows))
             transforms = np.concatenate((translations, rotations), axis=-1)
-            for i, stamp_ns, one in zip(places, stamps_ns, transforms, strict=True):
-                made[i] = serialize_arrays(frames, [stamp_ns] * len(frames), one)
-        for (connection, log_ns, _), text in zip(batch, made, strict=True):
-            yield connection, log_ns, text
+            for i, stamp_ns, poses in zip(indices, stamps_ns, transforms, strict=True):
+                serialized[i] = serialize_arrays(frames, [stamp_ns] * len(frames), poses)
+        for (connection, log_ns, _), data in zip(batch, serialized, strict=True):
+            yield connection, log_ns, data

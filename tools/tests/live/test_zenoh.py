@@ -310,7 +310,7 @@ def test_a_damaged_sequence_number_is_neither_a_loss_nor_an_end(stand_in, laptop
 
 
 def test_what_is_kept_of_publishers_that_have_ended_is_bounded(stand_in, laptop):
-    laptop.do("import tf2_ros_tools.live.zenoh; tf2_ros_tools.live.zenoh.KEPT = 3")
+    laptop.do("import tf2_ros_tools.live.zenoh; tf2_ros_tools.live.zenoh.ENDED_PUBLISHERS_KEPT = 3")
     matched(stand_in, laptop)
     stand_in.do("data = robot_with_zenoh.serialize_message(TFMessage())")
     for n in range(10):

@@ -7,15 +7,15 @@ from libc.stdint cimport int64_t
 
 
 cdef extern from "tf2_sensor_msgs/avx2_points.h":
-    bint wide_is_supported() noexcept nogil     # whether the machine can do what follows
+    bint avx2_is_supported() noexcept nogil     # whether the machine can do what follows
     # x y z lie beside each other, in this machine's byte order, at the start of each of `count` points that
     # do not overlap. `source` and `target` may be the same if the steps are equal; otherwise `target_step` is
     # that of three numbers. After the last z, as many bytes as a number has must be accessible in both; in
     # the target they are written as they were read.
     # Returns how many points were done, from the first on.
-    size_t wide_floats(const char* source, size_t step, char* target, size_t target_step, size_t count,
+    size_t avx2_floats(const char* source, size_t step, char* target, size_t target_step, size_t count,
                        const double* matrix, const double* translation) noexcept nogil
-    size_t wide_doubles(const char* source, size_t step, char* target, size_t target_step, size_t count,
+    size_t avx2_doubles(const char* source, size_t step, char* target, size_t target_step, size_t count,
                         const double* matrix, const double* translation) noexcept nogil
 
     struct TimeSource:
@@ -43,10 +43,10 @@ cdef extern from "tf2_sensor_msgs/avx2_points.h":
     bint knots_include(const Knots* knots, double ns) noexcept nogil
     # The index of the last knot that is not later than the time; 0 if there is none.
     size_t knot_before(const Knots* knots, double ns) noexcept nogil
-    # Extends the span by the points whose number can be read, as wide_move_floats, without NaN.
-    size_t wide_extend_span(const char* points, size_t step, size_t count, ptrdiff_t xyz,
+    # Extends the span by the points whose number can be read, as avx2_move_floats, without NaN.
+    size_t avx2_extend_span(const char* points, size_t step, size_t count, ptrdiff_t xyz,
                             const TimeSource* time, FieldSpan* span) noexcept nogil
-    # As wide_floats, in place, for points that each have a time and so a pose of their own. `xyz`:
+    # As avx2_floats, in place, for points that each have a time and so a pose of their own. `xyz`:
     # the offset of x y z in a point. Stops at a point whose time is not between the knots.
-    size_t wide_move_floats(char* points, size_t step, size_t count, ptrdiff_t xyz, const TimeSource* time,
+    size_t avx2_move_floats(char* points, size_t step, size_t count, ptrdiff_t xyz, const TimeSource* time,
                             const Knots* knots) noexcept nogil

@@ -28,11 +28,11 @@ from tf2_sensor_msgs._avx2_points cimport (
     TimeSource,
     knot_before,
     knots_include,
-    wide_doubles,
-    wide_extend_span,
-    wide_floats,
-    wide_is_supported,
-    wide_move_floats,
+    avx2_doubles,
+    avx2_extend_span,
+    avx2_floats,
+    avx2_is_supported,
+    avx2_move_floats,
 )
 
 import operator
@@ -406,6 +406,54 @@ def do_transform_cloud(
     finally:
         PyBuffer_Release(&source)
     return _new_cloud(cloud, header, &grid, new_data, get_field(cloud_layout, cloud, "is_dense"))
+
+
+def transform_points(point_cloud: ArrayLike, transform: TransformStamped | Transform) -> NDArray[Any]:
+    """
+    Transform points from the child frame of ``transform`` to its parent frame: p' = R p + t.
+
+    In double precision, without the GIL.
+
+    :param point_cloud: an array of shape (n, 3), x y z in meters, with any strides; or array-like.
+    :param transform: a TransformStamped or Transform, meters.
+    :return: a new array of shape (n, 3): float32 for float32, otherwise float64.
+    :raises TypeError: ``transform`` is of another type, or the points are not real numbers.
+    :raises ValueError: the points have another shape, or the transform's rotation is not finite.
+    """
+    cdef Transform tf
+    cdef Rigid rigid
+    cdef Triples source_at, target_at
+    cdef cnp.ndarray points, result
+    cdef Py_ssize_t count, size
+    cdef int i
+    read_any_rotation(transform, &tf)
+    rigid_from_transform(&tf, True, &rigid)
+    points = _real_points(point_cloud)
+    count = cnp.PyArray_DIM(points, 0)
+    result = np.empty((count, 3), dtype=points.dtype)
+    size = cnp.PyArray_ITEMSIZE(points)
+    source_at.step = cnp.PyArray_STRIDE(points, 0)
+    target_at.step = 3 * size
+    for i in range(3):
+        source_at.offsets[i] = i * cnp.PyArray_STRIDE(points, 1)
+        target_at.offsets[i] = i * size
+        source_at.numbers[i] = target_at.numbers[i] = FLOAT32 if size == 4 else FLOAT64
+    with nogil:
+        triples_transform(
+            cnp.PyArray_BYTES(points), &source_at, cnp.PyArray_BYTES(result), &target_at, count, 0, &rigid
+        )
+    return result
+
+
+cdef cnp.ndarray _real_points(object points):
+    numbers = np.asarray(points)
+    if numbers.dtype.kind not in "fiub":
+        raise TypeError(f"points: expected real numbers, got {numbers.dtype}")
+    if numbers.ndim != 2 or numbers.shape[1] != 3:
+        raise ValueError(f"points: expected the shape (n, 3), got {numbers.shape}")
+    single = numbers.dtype.kind == "f" and numbers.dtype.itemsize == 4
+    # Copies only if the type or its byte order differs.
+    return numbers.astype(np.float32 if single else np.float64, copy=False)
 
 
 include "_deskew_points.pxi"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Transform coordinates in any arrangement in memory, and arrays of points; a part of _cloud.pyx."""
+"""Transform coordinates in any arrangement in memory; a part of _cloud.pyx."""
 
 cdef struct Rigid:
     double matrix[9]        # row by row
@@ -81,7 +81,7 @@ cdef Py_ssize_t _wide_size(const Triples* triples) noexcept nogil:
         triples.offsets[1] == triples.offsets[0] + size
         and triples.offsets[2] == triples.offsets[1] + size
         and triples.step >= 3 * size
-        and wide_is_supported()
+        and avx2_is_supported()
     ):
         return size
     return 0
@@ -110,9 +110,9 @@ cdef Py_ssize_t triples_transform_wide(const char* source, Py_ssize_t source_ste
     source += triples.offsets[0]
     target += triples.offsets[0]
     if size == 4:
-        return wide_floats(source, source_step, target, step, count, rigid.matrix, rigid.translation)
+        return avx2_floats(source, source_step, target, step, count, rigid.matrix, rigid.translation)
     if size == 8:
-        return wide_doubles(source, source_step, target, step, count, rigid.matrix, rigid.translation)
+        return avx2_doubles(source, source_step, target, step, count, rigid.matrix, rigid.translation)
     return 0
 
 
@@ -155,51 +155,3 @@ cdef void triples_transform(const char* source, const Triples* source_at, char* 
     else:
         x, y, z = source_at.numbers[0], source_at.numbers[1], source_at.numbers[2]
         _transform_each(source, source_at, target, target_at, count, rigid, x, y, z)
-
-
-def transform_points(point_cloud: ArrayLike, transform: TransformStamped | Transform) -> NDArray[Any]:
-    """
-    Transform points from the child frame of ``transform`` to its parent frame: p' = R p + t.
-
-    In double precision, without the GIL.
-
-    :param point_cloud: an array of shape (n, 3), x y z in meters, with any strides; or array-like.
-    :param transform: a TransformStamped or Transform, meters.
-    :return: a new array of shape (n, 3): float32 for float32, otherwise float64.
-    :raises TypeError: ``transform`` is of another type, or the points are not real numbers.
-    :raises ValueError: the points have another shape, or the transform's rotation is not finite.
-    """
-    cdef Transform tf
-    cdef Rigid rigid
-    cdef Triples source_at, target_at
-    cdef cnp.ndarray points, result
-    cdef Py_ssize_t count, size
-    cdef int i
-    read_any_rotation(transform, &tf)
-    rigid_from_transform(&tf, True, &rigid)
-    points = _real_points(point_cloud)
-    count = cnp.PyArray_DIM(points, 0)
-    result = np.empty((count, 3), dtype=points.dtype)
-    size = cnp.PyArray_ITEMSIZE(points)
-    source_at.step = cnp.PyArray_STRIDE(points, 0)
-    target_at.step = 3 * size
-    for i in range(3):
-        source_at.offsets[i] = i * cnp.PyArray_STRIDE(points, 1)
-        target_at.offsets[i] = i * size
-        source_at.numbers[i] = target_at.numbers[i] = FLOAT32 if size == 4 else FLOAT64
-    with nogil:
-        triples_transform(
-            cnp.PyArray_BYTES(points), &source_at, cnp.PyArray_BYTES(result), &target_at, count, 0, &rigid
-        )
-    return result
-
-
-cdef cnp.ndarray _real_points(object points):
-    numbers = np.asarray(points)
-    if numbers.dtype.kind not in "fiub":
-        raise TypeError(f"points: expected real numbers, got {numbers.dtype}")
-    if numbers.ndim != 2 or numbers.shape[1] != 3:
-        raise ValueError(f"points: expected the shape (n, 3), got {numbers.shape}")
-    single = numbers.dtype.kind == "f" and numbers.dtype.itemsize == 4
-    # Copies only if the type or its byte order differs.
-    return numbers.astype(np.float32 if single else np.float64, copy=False)

@@ -78,7 +78,7 @@ cdef void _extend_span(const char* points, const Grid* grid, const TimeSource* f
     cdef const char* point
     cdef double value
     if needs_point and quick > 0:
-        i = wide_extend_span(points, grid.point_step, quick, triples.offsets[0], field, span)
+        i = avx2_extend_span(points, grid.point_step, quick, triples.offsets[0], field, span)
     for i in range(i, grid.columns):
         point = points + i * grid.point_step
         if needs_point and _has_nan(point, triples):
@@ -274,7 +274,7 @@ cdef void _move_batch(char* points, Py_ssize_t count, Py_ssize_t begin, const Gr
         quick = 0
     while done < count:
         if done < quick:
-            done += wide_move_floats(points + done * step, step, quick - done, triples.offsets[0],
+            done += avx2_move_floats(points + done * step, step, quick - done, triples.offsets[0],
                                      &poses.field, &poses.knots)
             if done == quick:
                 continue

@@ -68,7 +68,7 @@ static inline size_t knot_before(const struct Knots *knots, double ns)
         _mm256_mul_pd(column2, _mm256_permute4x64_pd(point, 0xaa))), column3)
 
 __attribute__((target("avx2")))
-static size_t wide_floats(const char *source, size_t step, char *target, size_t target_step,
+static size_t avx2_floats(const char *source, size_t step, char *target, size_t target_step,
                           size_t count, const double *matrix, const double *translation)
 {
     WIDE_COLUMNS;
@@ -81,7 +81,7 @@ static size_t wide_floats(const char *source, size_t step, char *target, size_t 
 }
 
 __attribute__((target("avx2")))
-static size_t wide_doubles(const char *source, size_t step, char *target, size_t target_step,
+static size_t avx2_doubles(const char *source, size_t step, char *target, size_t target_step,
                            size_t count, const double *matrix, const double *translation)
 {
     WIDE_COLUMNS;
@@ -169,7 +169,7 @@ static inline size_t span_of_floats(const char *points, size_t step, size_t coun
 }
 
 __attribute__((target("avx2")))
-static size_t wide_extend_span(const char *points, size_t step, size_t count, ptrdiff_t xyz,
+static size_t avx2_extend_span(const char *points, size_t step, size_t count, ptrdiff_t xyz,
                                const struct TimeSource *time, struct FieldSpan *span)
 {
     if (time->number == 7)
@@ -233,7 +233,7 @@ static inline size_t move_floats(char *points, size_t step, size_t count, const 
 }
 
 __attribute__((target("avx2,fma")))
-static size_t wide_move_floats(char *points, size_t step, size_t count, ptrdiff_t xyz,
+static size_t avx2_move_floats(char *points, size_t step, size_t count, ptrdiff_t xyz,
                                const struct TimeSource *time, const struct Knots *knots)
 {
     if (time->number == 7)
@@ -247,12 +247,12 @@ static size_t wide_move_floats(char *points, size_t step, size_t count, ptrdiff_
     return 0;
 }
 
-#define wide_is_supported() (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+#define avx2_is_supported() (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
 
 #else
-#define wide_is_supported() 0
-#define wide_floats(source, step, target, target_step, count, matrix, translation) ((size_t)0)
-#define wide_doubles(source, step, target, target_step, count, matrix, translation) ((size_t)0)
-#define wide_extend_span(points, step, count, xyz, time, span) ((size_t)0)
-#define wide_move_floats(points, step, count, xyz, time, knots) ((size_t)0)
+#define avx2_is_supported() 0
+#define avx2_floats(source, step, target, target_step, count, matrix, translation) ((size_t)0)
+#define avx2_doubles(source, step, target, target_step, count, matrix, translation) ((size_t)0)
+#define avx2_extend_span(points, step, count, xyz, time, span) ((size_t)0)
+#define avx2_move_floats(points, step, count, xyz, time, knots) ((size_t)0)
 #endif

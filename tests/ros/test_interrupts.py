@@ -26,9 +26,9 @@ import tf2_py
 import tf2_ros
 from tf2_ros._calls.call_queue import CallQueue
 from tf2_ros._calls.call_runners import Runner
+from tf2_ros._live_objects import LiveObjects
 from tf2_ros._process import threads
 from tf2_ros._process.background import Background
-from tf2_ros._process.live_objects import LiveObjects
 from tf2_ros._receive.inbox import Inboxes
 from tf2_ros._wait.pending import Waker
 

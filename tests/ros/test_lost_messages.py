@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages that do not reach a buffer: they are counted, or their publisher is named, in a warning."""
+"""Messages that do not reach a buffer are counted in a warning."""
 
 import gc
 
 import pytest
 from interposed_libraries import output_with_library
 from processes import end, start
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from waiting import errors_so_far, until
 
@@ -16,12 +16,6 @@ from tf2_msgs.msg import TFMessage
 pytestmark = pytest.mark.ours
 
 DEPTH, SENT = 2, 10
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# With Zenoh, every publisher fits every subscription.
-with_incompatible_publishers = pytest.mark.skipif(
-    qos_check_compatible(QoSProfile(depth=1), LATCHED)[0] != QoSCompatibility.ERROR,
-    reason="this middleware knows no incompatible QoS",
-)
 
 
 @pytest.fixture
@@ -165,38 +159,3 @@ def test_a_middleware_without_the_event_loses_nothing_else(tmp_path):
         "faulty_middleware", tmp_path, program="counts_lost_messages", TF2_TEST_MIDDLEWARE="no_loss_events"
     )
     assert printed == "lost: (0, 0)\n"
-
-
-@with_incompatible_publishers
-class TestOfAPublisherWithIncompatibleQos:
-    def test_it_is_logged(self, listener, new_node, capfd):
-        """The node is not spun, so no executor can log it."""
-        other = new_node("volatile")
-        other.create_publisher(TFMessage, "/tf_static", 10)
-        until(lambda: "incompatible QoS" in errors_so_far())
-        said = (
-            "Nothing is received from /volatile on /tf_static: Volatile publisher and transient local subscr"
-        )
-        until(lambda: said in errors_so_far())
-
-    def test_it_is_named_once_the_graph_knows_its_node(self, ros, tf2_ros, buffer, new_node, capfd):
-        asked = []
-
-        class Knowing(ros.node.Node):
-            """Knows the endpoints of other nodes before it knows these nodes, as the graph may."""
-
-            def get_publishers_info_by_topic(self, topic):
-                found = super().get_publishers_info_by_topic(topic)
-                asked.append(len(found))
-                if sum(map(bool, asked)) == 1:
-                    for one in found:
-                        one.node_name = "_NODE_NAME_UNKNOWN_"
-                return found
-
-        node = Knowing("knowing")
-        with tf2_ros.TransformListener(buffer, node):
-            other = new_node("volatile")
-            other.create_publisher(TFMessage, "/tf_static", 10)
-            until(lambda: "Nothing is received from" in errors_so_far())
-            assert "from /volatile on /tf_static" in errors_so_far()
-        node.destroy_node()

@@ -14,10 +14,10 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions, get_current_signal_handlers_options, uninstall_signal_handlers
 
+from tf2_ros._live_objects import LiveObjects
 from tf2_ros._nodes.ended_nodes import node_has_ended
 from tf2_ros._process.background import check_regularly
 from tf2_ros._process.forking import is_inherited, keep_in_children
-from tf2_ros._process.live_objects import LiveObjects
 from tf2_ros._rclpy import context_was_shut_down, is_shut_down, mark_shut_down, wake
 
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end

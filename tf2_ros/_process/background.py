@@ -20,7 +20,7 @@ from typing import Any, Protocol, TypeAlias
 
 from tf2_py._internal import log
 from tf2_py.printable import counted
-from tf2_ros._process.live_objects import LiveObjects
+from tf2_ros._live_objects import LiveObjects
 from tf2_ros._process.threads import call_logged, callbacks, forget_threads, join_threads, start_once
 from tf2_ros._receive.inbox import INBOXES, Inbox, Inboxes
 

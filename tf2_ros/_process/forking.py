@@ -6,7 +6,7 @@ import os
 import threading
 
 from tf2_py._internal import class_name, keep_for_ever
-from tf2_ros._process.live_objects import LiveObjects
+from tf2_ros._live_objects import LiveObjects
 
 FORKED = "dead in this forked process"  # in the representation of an inherited object
 

@@ -55,7 +55,7 @@ import traceback
 import weakref
 
 from tf2_py._internal import keep_for_ever, log
-from tf2_ros._process.live_objects import LiveObjects
+from tf2_ros._live_objects import LiveObjects
 
 AUTHORITY = "default_authority"     # of what is received: messages do not name their publisher
 cdef const char* DEFAULT_AUTHORITY = "default_authority"

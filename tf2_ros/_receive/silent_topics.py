@@ -9,7 +9,7 @@ from typing import Any
 
 from tf2_py import BufferCore
 from tf2_ros._buffer_fillers import describe_silence_with, note_filler
-from tf2_ros._process.live_objects import LiveObjects
+from tf2_ros._live_objects import LiveObjects
 from tf2_ros._receive.listener_topics import Topic
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent

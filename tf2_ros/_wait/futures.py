@@ -16,9 +16,9 @@ from tf2_ros._buffer_fillers import Shutdown
 from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import NEVER_NS, background
 from tf2_ros._process.forking import FORKED, is_inherited
-from tf2_ros._process.live_objects import LiveObjects
 from tf2_ros._running_loop import running_loop
-from tf2_ros._wait.pending import Waker, end_referred
+from tf2_ros._wait.asyncio_tasks import LoopWaker
+from tf2_ros._wait.pending import end_referred
 from tf2_ros_cython._ros_presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
@@ -29,9 +29,8 @@ else:
     from tf2_ros._without_ros import BaseFuture, TaskWaker, end_for, running_task
 
 if TYPE_CHECKING:
-    import asyncio
+    pass
 
-SHUTDOWN_CHECK_NS = 100_000_000  # how often to check the contexts of what asyncio awaits
 CLOCK_CHECK_NS = 100_000_000  # how often to read a clock that reports no jumps
 
 
@@ -108,95 +107,14 @@ class WakingFuture(BaseFuture, Generic[_Result]):
         self.end()
 
 
-class _LoopWaker(Waker):
-    """What wakes a task of an asyncio loop, which otherwise would poll. It awaits ``_woken``."""
-
-    def __init__(self, loop: "asyncio.AbstractEventLoop", future: WakingFuture[Any]) -> None:
-        self.awake = False
-        self.future = future
-        self._loop = loop
-        self._woken: asyncio.Future[None] = loop.create_future()
-        self._check: _ShutdownCheck | None = None  # which ends with the last one that refers to it
-
-    def sleep(self, _: object) -> Generator[Any, Any, None]:
-        """Sleep until the future has ended."""
-        if self.future.is_in_vain():
-            self.future.expire()
-        else:
-            self._check = _ShutdownCheck.of(self._loop, self.future.is_in_vain)
-            self._check.sleepers.add(self)
-        yield from self._woken
-
-    def __call__(self, _: object) -> None:
-        try:
-            self._loop.call_soon_threadsafe(self._end)
-        except RuntimeError:  # the loop is closed, so its task will never take this out
-            self.future.kept.pop(self, None)
-
-    def _end(self) -> None:
-        if not self._woken.done():
-            self._woken.set_result(None)
-
-
-class _ShutdownCheck:
-    """
-    Regularly checks whether a shutdown has ended the futures that tasks of a loop await, once for them all.
-
-    After a shutdown, an executor runs no tasks, but an asyncio loop continues. A signal shuts a context down
-    without calling anything, so the background thread checks the contexts while a loop awaits.
-    """
-
-    _known: "dict[tuple[asyncio.AbstractEventLoop, Callable[[], bool]], weakref.ref[_ShutdownCheck]]" = {}
-
-    def __init__(self, loop: "asyncio.AbstractEventLoop", is_in_vain: Callable[[], bool]) -> None:
-        self._loop, self._is_in_vain = loop, is_in_vain
-        self.sleepers: LiveObjects[_LoopWaker] = LiveObjects()
-        self._check_later()
-
-    @classmethod
-    def of(cls, loop: "asyncio.AbstractEventLoop", is_in_vain: Callable[[], bool]) -> "_ShutdownCheck":
-        """The check for futures with this `is_in_vain`; called in the thread of the loop."""
-        key = loop, is_in_vain
-        known = cls._known.get(key)
-        check = None if known is None else known()
-        if check is None:
-            check = cls(loop, is_in_vain)
-            cls._known[key] = weakref.ref(check, partial(cls._known.pop, key))
-        return check
-
-    def _check_later(self) -> None:
-        background.expire_at(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
-
-    # The protocol of what is due.
-
-    def over(self) -> bool:
-        """Whether no task of the loop will wake, because it is closed."""
-        if self._loop.is_closed():
-            for sleeper in self.sleepers:
-                sleeper.future.kept.pop(sleeper, None)
-        return self._loop.is_closed()
-
-    def expire(self) -> None:
-        """End the futures if they wait in vain, and check again after SHUTDOWN_CHECK_NS."""
-        self._check_later()
-        if self._is_in_vain():
-            for sleeper in self.sleepers:
-                if not sleeper.awake:
-                    sleeper.future.expire()
-
-
-# A forked child has neither the loops nor the background thread.
-os.register_at_fork(after_in_child=_ShutdownCheck._known.clear)
-
-
-def _sleeper(future: WakingFuture[Any]) -> "TaskWaker | _LoopWaker | None":
+def _sleeper(future: WakingFuture[Any]) -> "TaskWaker | LoopWaker | None":
     """What wakes whatever runs in this thread, if that can be woken."""
     loop = running_loop()
     # A callback that an executor runs may run a loop, and a task of a loop may spin an executor.
     task = running_task(is_direct=loop is not None)
     if task is not None:
         return TaskWaker(task)
-    return None if loop is None else _LoopWaker(loop, future)
+    return None if loop is None else LoopWaker(loop, future)
 
 
 class TransformFuture(WakingFuture[TransformStamped]):

@@ -9,7 +9,7 @@ from picture_texts import texts_of
 
 from tf2_ros_tools.pictures.path import path_picture, trajectory_figure
 from tf2_ros_tools.pictures.style import file_of
-from tf2_ros_tools.recordings.bag_loader import hear
+from tf2_ros_tools.recordings.bag_contents import read_contents
 from tf2_ros_tools.recordings.report import report
 
 pytestmark = pytest.mark.ours
@@ -64,7 +64,7 @@ def test_what_is_interpolated_in_a_gap_is_not_drawn_as_measured(tmp_path):
     # While the base is missing, the map's frame moves on, so there are lookups at times within the gap.
     messages = [one for one in drive(100) if not 103 * S < one.log_ns < 105 * S]
     messages += [Sent(ns, "/tf", [Tf("map", "odom", ns)]) for ns in range(103 * S, 105 * S, S // 10)]
-    heard = hear(write_mcap(tmp_path / "run.mcap", sorted(messages, key=lambda one: one.log_ns)))
+    heard = read_contents(write_mcap(tmp_path / "run.mcap", sorted(messages, key=lambda one: one.log_ns)))
     figure = path_picture(
         heard.buffer, heard.records, report(heard).streams, heard.frames, ("/map", "camera")
     )

@@ -4,8 +4,8 @@
 
 import numpy as np
 import pytest
+from picture_samples import HOSTILE, STARTS, stream
 from picture_texts import texts_of
-from pictured_streams import HOSTILE, STARTS, stream
 
 from tf2_ros.records import RECORD
 from tf2_ros_tools.common.program import RunError

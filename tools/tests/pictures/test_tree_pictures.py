@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import pytest
 from making_objects import S
+from picture_samples import HOSTILE, STARTS, stream
 from picture_texts import SVG, groups
-from pictured_streams import HOSTILE, STARTS, stream
 from starting_programs import needs_dot
 
 from tf2_py import FrameInfo

@@ -17,11 +17,11 @@ class Deadly(WorkerPlugin):
         self.word = word
 
     def setup(self, worker):
-        hear = map_recordings.hear
+        read_contents = map_recordings.read_contents
 
-        def heard(path, *arguments, **options):
+        def dying(path, *arguments, **options):
             if self.word in path:
                 os.kill(os.getpid(), signal.SIGKILL)
-            return hear(path, *arguments, **options)
+            return read_contents(path, *arguments, **options)
 
-        map_recordings.hear = heard
+        map_recordings.read_contents = dying

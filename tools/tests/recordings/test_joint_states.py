@@ -24,7 +24,8 @@ from urdfs_of_three_links import AB, BC, joint, robot_of
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf
 from tf2_ros_tools.diagnosis.texts import line_of
-from tf2_ros_tools.recordings.bag_loader import hear, wanted
+from tf2_ros_tools.recordings.bag_contents import read_contents
+from tf2_ros_tools.recordings.bag_loader import wanted
 from tf2_ros_tools.recordings.report import report
 
 pytestmark = pytest.mark.ours
@@ -74,7 +75,7 @@ def test_more_states_than_a_batch_holds_are_in_order(tmp_path, monkeypatch):
     messages, stamps, values = states(100)
     path = write_mcap(tmp_path / "run.mcap", messages)
     check(bag.load(path, urdf=ARM), stamps, values)
-    heard = hear(path, wanted(urdf=ARM))
+    heard = read_contents(path, wanted(urdf=ARM))
     moving = heard.records[heard.records["static"] == 0]
     assert moving["stamp_ns"].tolist() == np.repeat(stamps, len(FRAMES)).tolist()
     assert set(heard.publishers) == {"urdf", "/joint_states"}
@@ -149,7 +150,7 @@ def test_states_with_another_number_of_positions_are_left_out(count, tmp_path):
     said = f"{which} left out: 3 names, but 2 positions"
     with pytest.warns(UserWarning, match=f"^{re.escape(str(path))}: {said}$"):
         check(bag.load(path, urdf=ARM), stamps, values)
-    heard = hear(path, wanted(urdf=ARM))
+    heard = read_contents(path, wanted(urdf=ARM))
     assert [line_of(one) for one in report(heard).findings] == [f"malformed: {said}"]
 
 
@@ -171,7 +172,7 @@ def test_names_that_are_not_joints_are_named(added, urdf, said, tmp_path):
         bag.load(path, urdf=urdf)
     assert [str(one.message) for one in warned] == ([f"{path}: on /joint_states, {said}"] if said else [])
     (tmp_path / "arm.urdf").write_text(urdf)
-    found = report(hear(path, wanted(urdf=tmp_path / "arm.urdf"))).findings
+    found = report(read_contents(path, wanted(urdf=tmp_path / "arm.urdf"))).findings
     lines = [line_of(one) for one in found if one.kind == "malformed"]
     assert lines == ([f"malformed: on /joint_states, {said}"] if said else [])
 

@@ -48,7 +48,8 @@ from rosbags import rosbag2
 from tf2_py import TransformException
 from tf2_ros import Buffer
 from tf2_ros_tools import bag
-from tf2_ros_tools.recordings.bag_loader import hear, wanted
+from tf2_ros_tools.recordings.bag_contents import read_contents
+from tf2_ros_tools.recordings.bag_loader import wanted
 from tf2_ros_tools.recordings.bag_reader import is_static, open_recording
 from tf2_ros_tools.recordings.report import report
 
@@ -127,7 +128,7 @@ def test_every_format_holds_the_same(form, tmp_path):
     listed = buffer.all_frames_as_yaml()
     assert "broadcaster: '/tf'\n" in listed and "broadcaster: '/tf_static'\n" in listed
     assert sorted(flat_read(path)) == sorted(flat(DRIVE))
-    heard = hear(path)
+    heard = read_contents(path)
     assert flat_heard(heard) == [one[:5] for one in flat(DRIVE)]
     assert set(heard.publishers) == {"/tf", "/tf_static"}
     assert (heard.start_ns, heard.end_ns) == (DRIVE[0].log_ns, scans[-1].log_ns)
@@ -306,7 +307,7 @@ def test_start_and_end_limit_dynamic_transforms_alone(recorded, start, end, whic
             "nothing was recorded .*; its log times are 100.000 to 104.000 s.*nanoseconds",
             [
                 lambda path: bag.load(path, start=start, end=end),
-                lambda path: hear(path, wanted(start=start, end=end)),
+                lambda path: read_contents(path, wanted(start=start, end=end)),
                 lambda path: flat_read(path, start=start, end=end),
             ],
         )
@@ -318,7 +319,7 @@ def test_start_and_end_limit_dynamic_transforms_alone(recorded, start, end, whic
     expected = sorted(filter(is_wanted, flat(DRIVE)))
     assert sorted(flat_read(recorded[which], start=start, end=end)) == expected
     assert bag.load(recorded[which], start=start, end=end).statistics()["taken"] == len(expected)
-    assert sorted(flat_heard(hear(recorded[which], wanted(start=start, end=end)))) == [
+    assert sorted(flat_heard(read_contents(recorded[which], wanted(start=start, end=end)))) == [
         one[:5] for one in expected
     ]
 
@@ -349,7 +350,10 @@ def test_topics_of_several_robots_load_with_a_prefix_each(form, tmp_path):
     np.testing.assert_equal(
         answers(buffer, ("robot1/map", "robot1/camera")), answers(plain, ("map", "camera"))
     )
-    assert {frame.partition("/")[0] for frame in hear(path, wanted(topics)).frames} == {"robot1", "robot2"}
+    assert {frame.partition("/")[0] for frame in read_contents(path, wanted(topics)).frames} == {
+        "robot1",
+        "robot2",
+    }
 
 
 def test_a_prefix_replaces_the_slash_of_a_name_and_makes_no_name_of_none(tmp_path):
@@ -394,14 +398,14 @@ def test_a_topic_without_messages_gives_an_empty_buffer(tmp_path):
     path = write_mcap(tmp_path / "run.mcap", [], topics=[("/tf", TF)])
     assert bag.load(path).statistics()["taken"] == 0
     assert flat_read(path) == []
-    heard = hear(path)
+    heard = read_contents(path)
     assert (len(heard.records), heard.start_ns, heard.end_ns) == (0, None, None)
 
 
 # Whatever cannot be read.
 
 
-def check_lost(path, text, functions=(bag.load, hear, flat_read)):
+def check_lost(path, text, functions=(bag.load, read_contents, flat_read)):
     """However it is read, it is an error in one line."""
     for function in functions:
         with pytest.raises(bag.BagError, match=text) as raised:
@@ -533,7 +537,7 @@ WRONG = {
 )
 def test_a_folder_is_what_its_files_hold_whatever_its_metadata_says(form, wrong, tmp_path):
     path = FORMATS[form](tmp_path, [*DRIVE, scan(300 * S, 300 * S)])
-    heard = hear(path)
+    heard = read_contents(path)
     expected = report(heard)
     with open_recording(path) as recorded:
         described = (recorded.start_ns, recorded.end_ns, recorded.topics)
@@ -549,7 +553,7 @@ def test_a_folder_is_what_its_files_hold_whatever_its_metadata_says(form, wrong,
     (path / "metadata.yaml").write_text(yaml.safe_dump(metadata))
     with open_recording(path) as recorded:
         assert (recorded.start_ns, recorded.end_ns, recorded.topics) == described
-    found = hear(path)
+    found = read_contents(path)
     assert bool(found.left_out) == (wrong == "each topic has a million")
     assert report(replace(found, left_out=[])) == expected
     assert found.records.tolist() == heard.records.tolist()
@@ -575,7 +579,7 @@ def test_a_folder_with_fewer_messages_than_its_metadata_counts_is_a_warning(tmp_
         with pytest.warns(UserWarning) as warned:
             read()
         assert [str(one.message) for one in warned] == [f"{path}: {text}" for text in texts]
-    heard = hear(path, at="/scan")
+    heard = read_contents(path, at="/scan")
     assert heard.left_out == [tf, static, scans]
     assert {tf, static} <= {one.text for one in report(heard).findings}
     with closing(sqlite3.connect(path / "run_1.db3")) as database, database:

@@ -8,7 +8,7 @@ from making_bags import S, Sent, Tf, drive, write_mcap
 from making_objects import about_z
 
 from tf2_ros_tools.bag import load
-from tf2_ros_tools.recordings.bag_loader import hear
+from tf2_ros_tools.recordings.bag_contents import read_contents
 from tf2_ros_tools.recordings.pose_tables import Table, as_tum, look_up_table, times_at_rate, times_when
 
 pytestmark = pytest.mark.ours
@@ -48,7 +48,7 @@ def test_times_far_apart_do_not_fill_the_memory(tmp_path):
 
 
 def test_a_chain_has_the_stamps_of_its_own_frames(path):
-    heard = hear(path)
+    heard = read_contents(path)
     stamps = [100 * S + i * S // 10 for i in range(20)]
     assert times_when(heard, "map", "camera", None).tolist() == stamps
     of_arm = [100_950_000_000, 101_450_000_000]

@@ -23,7 +23,8 @@ from making_objects import about_z
 
 from tf2_ros_tools import bag
 from tf2_ros_tools.diagnosis.texts import line_of
-from tf2_ros_tools.recordings.bag_loader import hear, wanted
+from tf2_ros_tools.recordings.bag_contents import read_contents
+from tf2_ros_tools.recordings.bag_loader import wanted
 from tf2_ros_tools.recordings.report import report
 
 pytestmark = pytest.mark.ours
@@ -49,7 +50,11 @@ def test_some_messages_name_their_frames(msgtype, tmp_path):
     buffer = bag.load(path, poses={"/odom": None})
     check(buffer, "o", "b")
     assert buffer.parent("odom") == "map"  # of /tf
-    assert set(hear(path, wanted(poses={"/odom": None})).publishers) == {"/tf", "/tf_static", "/odom"}
+    assert set(read_contents(path, wanted(poses={"/odom": None})).publishers) == {
+        "/tf",
+        "/tf_static",
+        "/odom",
+    }
 
 
 def test_several_topics_times_and_frames_that_change(tmp_path):
@@ -115,12 +120,12 @@ def test_messages_without_a_name_of_a_frame_are_left_out(msgtype, lacks, tmp_pat
     said = f"20 messages on /odom are left out: {field} is not set"
     with pytest.warns(UserWarning, match=f"run.mcap: {said}$"):
         check(bag.load(path, poses={"/odom": None}), "map", "base")
-    found = report(hear(path, wanted(poses={"/odom": None}))).findings
+    found = report(read_contents(path, wanted(poses={"/odom": None}))).findings
     assert [line_of(one) for one in found] == [f"malformed: {said}"]
 
     write_mcap(path, unnamed)
     advice = re.escape('pass the frames, as in poses={"/gps/pose": ("map", "gps")} or --poses')
-    for name in (bag.load, lambda path, poses: hear(path, wanted(poses=poses))):
+    for name in (bag.load, lambda path, poses: read_contents(path, wanted(poses=poses))):
         with pytest.raises(bag.BagError, match=f"topic /odom: in its messages, {field} is not set; {advice}"):
             name(path, poses={"/odom": None})
     check(bag.load(path, poses={"/odom": ("map", "base")}), "map", "base")

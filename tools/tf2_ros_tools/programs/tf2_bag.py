@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
     from tf2_py import Hop
     from tf2_ros_tools.diagnosis.stream_statistics import Stream
-    from tf2_ros_tools.recordings.bag_loader import Heard, Topics, Urdf
+    from tf2_ros_tools.recordings.bag_contents import BagContents
+    from tf2_ros_tools.recordings.bag_loader import Topics, Urdf
     from tf2_ros_tools.recordings.bag_reader import RecordedTopic
     from tf2_ros_tools.recordings.report import Report
     from tf2_ros_tools.recordings.trajectories import Keyframes
@@ -98,7 +99,7 @@ def _robots_of(options: Namespace) -> dict[str, Urdf]:
     return robots
 
 
-def _heard_of(options: Namespace, at: str | None = None) -> Heard:
+def _heard_of(options: Namespace, at: str | None = None) -> BagContents:
     """
     Read the transforms of the recording, and warn of what is left out.
 
@@ -112,12 +113,13 @@ def _heard_of(options: Namespace, at: str | None = None) -> Heard:
     return heard
 
 
-def _read(options: Namespace, **how: Any) -> Heard:
-    """Read the transforms of the recording, of which findings say what is left out; ``how``: of ``hear``."""
-    from tf2_ros_tools.recordings.bag_loader import hear, wanted
+def _read(options: Namespace, **how: Any) -> BagContents:
+    """Read the transforms of the recording; ``how``: arguments of ``read_contents``."""
+    from tf2_ros_tools.recordings.bag_contents import read_contents
+    from tf2_ros_tools.recordings.bag_loader import wanted
 
     what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
-    return hear(options.file, replace(what, trajectory=_keyframes_of(options)), **how)
+    return read_contents(options.file, replace(what, trajectory=_keyframes_of(options)), **how)
 
 
 def _keyframes_of(options: Namespace) -> Keyframes | None:
@@ -260,7 +262,7 @@ def explain(options: Namespace) -> int:
     return SUCCESS
 
 
-def _publishers(heard: Heard, hops: Sequence[Hop]) -> Iterator[str]:
+def _publishers(heard: BagContents, hops: Sequence[Hop]) -> Iterator[str]:
     """Say who has sent the samples of each frame with several publishers."""
     import numpy as np
 

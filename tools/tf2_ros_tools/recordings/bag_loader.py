@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Load recordings into buffers, and read their transforms, stamps and records."""
+"""Load recordings into buffers, and read their transforms and stamps."""
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -35,7 +35,7 @@ from tf2_ros_tools.recordings.bag_reader import (
     resolved,
     typestore,
 )
-from tf2_ros_tools.recordings.header_stamps import stamps_of, topics_without_stamps
+from tf2_ros_tools.recordings.header_stamps import stamps_of
 from tf2_ros_tools.recordings.joints_and_poses import (
     JOINT_STATE,
     NAMED,
@@ -377,8 +377,8 @@ def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
         if topic in recorded.topics:
             _check_type(recorded, topic, JOINT_STATE)
     if not found and not any(topic in recorded.topics for topic in what.others):
-        others = _topics_of(recorded, *TF_TYPES, *foxglove_messages.TYPES)
-        joints, posed = _topics_of(recorded, JOINT_STATE), _topics_of(recorded, *NAMED, *POSES)
+        others = topics_of(recorded, *TF_TYPES, *foxglove_messages.TYPES)
+        joints, posed = topics_of(recorded, JOINT_STATE), topics_of(recorded, *NAMED, *POSES)
         advice = ": choose from these with `topics` or `--topic`" if others else ""
         if joints and not others:
             advice += f"; {WITH_URDF} computes them from the joint states on {listed(joints)}"
@@ -393,7 +393,7 @@ PASS_FRAMES = 'pass the frames, as in poses={"/gps/pose": ("map", "gps")} or --p
 WITH_URDF, WITH_POSES = "`urdf` or `--urdf`", "`poses` or `--poses`"
 
 
-def _topics_of(recorded: Recorded, *types: str) -> list[str]:
+def topics_of(recorded: Recorded, *types: str) -> list[str]:
     return [one.name for one in recorded.topics.values() if one.msgtype in types]
 
 
@@ -529,99 +529,6 @@ def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
         for text in recorded.shortfalls([topic]):
             warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
         return found
-
-
-@dataclass(frozen=True)
-class Heard:
-    """
-    What a recording contains.
-
-    ``records`` is an array of :data:`tf2_ros.records.RECORD`, in the order of the log times, which are its
-    times of reception. Its ids are indices into ``frames``, ``publishers`` and ``values``; a publisher is
-    the name of a topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to
-    the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
-    stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
-    ``left_out`` has a sentence for each topic of which something is left out or lost, ``absent`` says what
-    may explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics,
-    ``unused`` counts the poses of a trajectory that are left out.
-    """
-
-    buffer: "Buffer"
-    records: NDArray[np.void]
-    frames: list[str]
-    publishers: list[str]
-    values: Sequence[tuple[float, ...]]
-    start_ns: int | None
-    end_ns: int | None
-    times_ns: NDArray[np.int64] | None
-    saved: bool
-    left_out: list[str]
-    absent: list[str]
-    unset: list[str]
-    unused: list[str]
-
-
-def hear(
-    path: "str | PathLike[str]",
-    what: Wanted | None = None,
-    *,
-    at: str | None = None,
-    progress: bool | None = None,
-    counts_unset: bool = False,
-) -> Heard:
-    """
-    Read a recording as :func:`tf2_ros_tools.bag.load` does, and record each transform.
-
-    :param what: None: the transforms on TOPICS.
-    :param at: a topic whose stamps are read, too; see :func:`tf2_ros_tools.bag.stamps`.
-    :param counts_unset: whether ``unset`` is filled, which reads messages of each topic.
-    """
-    what = what or wanted()
-    buffer, recording = new_buffer(None), Recording()
-    pieces: list[NDArray[np.void]] = []
-    with open_recording(path) as recorded:
-        left_out = fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
-        times_ns = None if at is None else stamps_of(recorded, at)
-        if at is not None and at not in what.poses:
-            left_out += recorded.shortfalls([at])
-        unset = [
-            f"{counted(count, 'message')} on {printable(topic)} have the stamp 0, because the publisher does"
-            " not set it: their times are unknown"
-            for topic, count in (topics_without_stamps(recorded) if counts_unset else ())
-        ]
-    records = np.concatenate([*pieces, recording.take()])
-    records = records[np.argsort(records["received_ns"], kind="stable")]
-    publishers = [name.decode() for name in recording.publishers()]
-    start_ns, end_ns = recorded.start_ns, recorded.end_ns
-    if end_ns is not None and what.end_ns is not None:
-        end_ns = min(end_ns, what.end_ns)
-    frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
-    unused: list[str] = []
-    if what.trajectory is not None:
-        unused += what.trajectory.left_out(buffer, path)
-        frames = [*dict.fromkeys([*frames, *buffer.frames()])]  # a trajectory may add some
-    own = (recorded.saved, left_out, absent, unset, unused)
-    return Heard(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)
-
-
-def _absent(recorded: Recorded, what: Wanted) -> Iterator[str]:
-    """Say which of the topics that were named are not there or empty, and that static transforms are not."""
-    for topic in what.others:
-        if topic not in recorded.topics:
-            types = (JOINT_STATE,) if topic in what.robots else (*NAMED, *POSES)
-            others = listed(_topics_of(recorded, *types))
-            yield f"there is no topic {printable(topic)}; the topics of its type are {others}"
-        elif not recorded.topics[topic].count:
-            yield f"topic {printable(topic)} has no messages"
-    transforms = _topics_of(recorded, *TF_TYPES, *foxglove_messages.TYPES)
-    filled = [name for name in transforms if recorded.topics[name].count]
-    static, wanted = {*filter(is_static, filled)}, {*what.prefixes}.intersection(filled)
-    if not recorded.saved and wanted and static.isdisjoint(wanted):
-        if static:
-            yield f"no static transforms are read: `topics` or `--topic` reads those on {listed(static)}"
-        else:
-            why = f"they are sent once, often before a recording begins; {WITH_URDF} computes a robot's"
-            yield f"no static transforms were recorded: {why}"
 
 
 BAR_AFTER_S = 1.0

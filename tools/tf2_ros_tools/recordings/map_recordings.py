@@ -23,13 +23,13 @@ from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted, write_whole
 from tf2_ros_tools.recordings.bag_cache import Cached, state_of
+from tf2_ros_tools.recordings.bag_contents import read_contents
 from tf2_ros_tools.recordings.bag_loader import (
     TOPICS,
     PoseTopics,
     Topics,
     Urdfs,
     Wanted,
-    hear,
     new_buffer,
     progress_bar,
     wanted,
@@ -170,7 +170,7 @@ def work(request: Request, recording: str, table: str, cache: str | None = None)
         # Before it is read, because it may change meanwhile.
         made_from = _made_from(request, recording)
         cached = None if cache is None else cached_of(request, recording, cache)
-        heard = hear(recording, request.what, at=request.at, progress=False, counts_unset=True)
+        heard = read_contents(recording, request.what, at=request.at, progress=False, counts_unset=True)
     except BagError as error:
         return [_row(recording, ERROR, str(error))]
     except (FileNotFoundError, PermissionError) as error:

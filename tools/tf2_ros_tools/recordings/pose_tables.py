@@ -20,7 +20,7 @@ from tf2_ros_tools.recordings.header_stamps import UNSET_NS
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
-    from tf2_ros_tools.recordings.bag_loader import Heard
+    from tf2_ros_tools.recordings.bag_contents import BagContents
 
 S = 1_000_000_000
 # A stamp in 1970 beside current ones is a mistake, and must not make the table fill the memory.
@@ -60,7 +60,7 @@ Tables = Mapping[str, Table]
 
 
 def look_up_frames(
-    heard: Heard, target: str, frames: Sequence[str], times_ns: ArrayLike
+    heard: BagContents, target: str, frames: Sequence[str], times_ns: ArrayLike
 ) -> tuple[dict[str, Table], dict[str, str]]:
     """Look up the tables of frames in ``target`` at N times, and why frames have no answer at any time."""
     buffer, stamps_ns = heard.buffer, np.asarray(times_ns, np.int64)
@@ -161,7 +161,7 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     return times
 
 
-def times_when(heard: Heard, target: str, source: str, rate: float | None) -> NDArray[np.int64]:
+def times_when(heard: BagContents, target: str, source: str, rate: float | None) -> NDArray[np.int64]:
     """
     Get the times at a rate, with :func:`times_at_rate`; without one, whenever something was measured between
     two frames of a recording.
@@ -176,7 +176,7 @@ def times_when(heard: Heard, target: str, source: str, rate: float | None) -> ND
     return stamps if len(stamps) else taken(heard.records)["stamp_ns"][:1].astype(np.int64)
 
 
-def why_unconnected(heard: Heard, target: str, source: str, error: TransformException) -> str:
+def why_unconnected(heard: BagContents, target: str, source: str, error: TransformException) -> str:
     """Add to the error of a lookup what may explain that a frame is unknown or is not connected."""
     newest, accepted = heard.buffer.frames(), taken(heard.records)
     ends = (source, target) if isinstance(error, ConnectivityException) else ()

@@ -16,7 +16,7 @@ from tf2_ros_tools.diagnosis.findings import SAME_CLOCK_S, Expectation, Finding,
 from tf2_ros_tools.diagnosis.stream_statistics import Refused, Stream, Streams, without_delays
 
 if TYPE_CHECKING:
-    from tf2_ros_tools.recordings.bag_loader import Heard
+    from tf2_ros_tools.recordings.bag_contents import BagContents
 
 S = 1_000_000_000
 # A recording often ends with the shutdown of the robot, for which launch allows five seconds.
@@ -42,7 +42,9 @@ class Report:
         return 0.0 if self.begin is None or self.end is None else self.end - self.begin
 
 
-def report(heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Expectation] = {}) -> Report:
+def report(
+    heard: BagContents, limits: Limits = LIMITS, expectations: Mapping[str, Expectation] = {}
+) -> Report:
     """
     Report the contents of a recording, and its problems by the rules of ``tf2_check``.
 

@@ -7,8 +7,6 @@ from array import array
 import numpy as np
 from geometry_msgs.msg import (
     PointStamped,
-    PoseStamped,
-    PoseWithCovarianceStamped,
     Quaternion,
     Transform,
     TransformStamped,
@@ -16,7 +14,6 @@ from geometry_msgs.msg import (
 from sensor_msgs.msg import PointCloud2, PointField
 
 import tf2_geometry_msgs
-import tf2_ros
 from tf2_sensor_msgs import do_transform_cloud
 
 
@@ -41,12 +38,6 @@ def floats(message):
 unset = TransformStamped()
 unset.transform.rotation = Quaternion(x=0.0, y=0.0, z=0.0, w=0.0)
 print("zero rotation:", tf2_geometry_msgs.do_transform_point(PointStamped(), unset).point.x)
-
-# A conversion that nobody registered.
-try:
-    tf2_ros.convert(PoseWithCovarianceStamped(), PoseStamped)
-except tf2_ros.TypeException:
-    print("convert: TypeException")
 
 # Clouds.
 still = TransformStamped()

@@ -355,6 +355,12 @@ class TestEnd:
         assert (done.returncode, done.stdout, done.stderr) == (0, "at the end\n", "")
 
     @pytest.mark.ours
+    @by_the_inbox
+    def test_so_it_does_if_a_call_waits_until_modules_are_destroyed(self):
+        done = run(sys.executable, PROGRAMS / "exits_while_active.py", "called back at the very end", "inbox")
+        assert (done.returncode, done.stdout, done.stderr) == (0, "at the end\n", "")
+
+    @pytest.mark.ours
     @pytest.mark.parametrize("how", ["thread", "interrupted"])
     def test_a_node_spun_by_a_thread_keeps_the_program_until_its_context_ends(self, how, inserter):
         done = run(sys.executable, PROGRAMS / "exits_while_active.py", how, inserter)

@@ -11,6 +11,9 @@ from libc.stdint cimport int64_t
 from tf2_py._internal cimport monotonic_ns
 from tf2_ros._wait.pending cimport Pending
 
+cdef extern from "Python.h":
+    bint Py_IsInitialized()     # False while modules are destroyed
+
 import os
 import weakref
 from collections import deque
@@ -125,7 +128,8 @@ cdef class CallQueue:
 
     def __del__(self):
         """Drop the calls, because the node was not destroyed, but collected."""
-        if self.calls and not is_inherited(self._process):
+        # At the end of the interpreter, this module may have lost its globals.
+        if self.calls and Py_IsInitialized() and not is_inherited(self._process):
             self.close(f"the node [{self._name}] was collected")
 
     def has_ended(self):

@@ -12,10 +12,11 @@ import sys
 import threading
 
 import rclpy
+from making_objects import transform
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from tf2_ros import Buffer, TransformListener, transform_listener
+from tf2_ros import Buffer, StaticTransformBroadcaster, TransformListener, transform_listener
 from tf2_ros._calls.call_runners import call_queue_of
 
 printed = []
@@ -37,6 +38,7 @@ def keep_running(how):
 
 
 def main(how, inserter):
+    global future  # which ends with the modules
     if inserter == "executor":
         transform_listener.problem = lambda: "it is new"
     rclpy.init()
@@ -58,12 +60,19 @@ def main(how, inserter):
         while not buffer.statistics()["waiters"]:
             threading.Event().wait(0.001)
     elif how == "future":
-        global future
         future = buffer.wait_for_transform_async("map", "robot", Time(), timeout=Duration(seconds=60))
     elif how == "called back":
         TransformListener(buffer, node)
         rclpy.spin_once(node, timeout_sec=0)  # an executor has the queue, and runs nothing any more
         call_queue_of(node).put(print)
+    elif how == "called back at the very end":
+        TransformListener(buffer, node)
+        rclpy.spin_once(node, timeout_sec=0)
+        future = buffer.wait_for_transform_async("map", "robot", Time())
+        future.add_done_callback(print)
+        StaticTransformBroadcaster(node).sendTransform(transform("map", "robot"))
+        while not call_queue_of(node).calls:
+            threading.Event().wait(0.001)
     print("at the end", flush=True)
 
 

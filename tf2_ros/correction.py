@@ -208,22 +208,22 @@ def _checked_child(edge: _Edge, times_ns: npt.NDArray[np.int64], index: npt.NDAr
     for i in index.tolist():
         time_ns = int(times_ns[i])
         with suppress(TransformException):  # later arrivals may have pruned what is needed
-            path, is_below = _path_up(edge, moving, time_ns)
-            if parent in path or not is_below:
+            path = BufferCore.path(buffer, moving, child, time_ns)
+            if parent in path or _is_parent(edge, path[1:2], child, time_ns):
                 raise ValueError(
                     f"moving: expected a frame at or below {child!r}, and not over {parent!r}, got "
                     f"{moving!r}; the path between them at times[{i}] is {' → '.join(path)}"
                 )
         with suppress(TransformException):  # mostly, nothing connects them yet
-            if _path_up(edge, parent, time_ns)[1]:
+            path = BufferCore.path(buffer, parent, child, time_ns)
+            if len(path) == 1 or _is_parent(edge, [child], path[1], time_ns):
                 raise ValueError(f"parent: expected a frame that is not below {child!r}, got {parent!r}")
     return info
 
 
-def _path_up(edge: _Edge, frame: str, time_ns: int) -> tuple[list[str], bool]:
-    """The path between a frame and the child, and whether one climbs from the frame to the child."""
-    path = BufferCore.path(edge.buffer, frame, edge.child, time_ns)
-    return path, len(path) == 1 or BufferCore.parent(edge.buffer, path[1], time_ns) == edge.child
+def _is_parent(edge: _Edge, parents: list[str], frame: str, time_ns: int) -> bool:
+    """Whether one of these is the parent of a frame; False if the data of the time was pruned meanwhile."""
+    return BufferCore.parent(edge.buffer, frame, time_ns) in parents
 
 
 def _range_of_data(

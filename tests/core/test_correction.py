@@ -312,13 +312,15 @@ def test_random_buffers_hold_what_the_definition_says(seed):
 def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old(monkeypatch):
     """A thread inserts between reading and writing, so that the first try is refused now and then."""
     buffer, begun, ended = BufferCore(Duration(seconds=0.3)), threading.Event(), threading.Event()
-    logged = []
+    logged, longest_ns = [], 0
     monkeypatch.setattr(log, "refused", lambda *line: logged.append(line))
 
     def drive_on():
-        start_ns = time.monotonic_ns()
+        nonlocal longest_ns
+        start_ns = last_ns = time.monotonic_ns()
         while not ended.is_set():
             ns = time.monotonic_ns()
+            longest_ns, last_ns = max(longest_ns, ns - last_ns), ns
             buffer.set_transform(transform("odom", "base", ns=ns), "wheels")
             buffer.set_transform(transform("map", "odom", ns=ns), "slam")
             if ns - start_ns > 0.3 * S:
@@ -332,8 +334,8 @@ def test_it_succeeds_while_later_transforms_make_the_oldest_ones_too_old(monkeyp
             times = np.arange(time.monotonic_ns() - S, time.monotonic_ns(), S // 200)
             poses = np.tile(planar(1, 2, 0.5), (len(times), 1, 1))
             used = correct(buffer, *EDGE, times, poses, before="hold", on_missing="skip")
-            # On a busy machine, this thread may rest for as long as the buffer keeps anything.
-            assert used > 0 or time.monotonic_ns() - times[-1] > 0.2 * S
+            # On a busy machine, either thread may rest for as long as the buffer keeps anything.
+            assert used > 0 or max(longest_ns, time.monotonic_ns() - times[-1]) > 0.2 * S
     finally:
         ended.set()
         thread.join()

@@ -3,6 +3,7 @@
 """Register the functions that transform and convert each type."""
 
 import importlib
+import sys
 from collections.abc import Callable
 from copy import deepcopy
 from typing import Any, TypeVar, cast
@@ -60,8 +61,12 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
         return table[key]
     if package in _REGISTERED_BY:
         # Importing a package does not help.
-        is_scan = getattr(key, "__name__", "") == "LaserScan"
-        advice = f"see docs/{'point-clouds.md#laser-scans' if is_scan else 'message-types.md'}, or "
+        name = getattr(key, "__name__", "")
+        is_bare = hasattr(sys.modules.get(f"{package}.msg"), f"{name}Stamped")
+        advice = f"put it into a {name}Stamped, " if is_bare else ""
+        advice += (
+            f"see docs/{'point-clouds.md#laser-scans' if name == 'LaserScan' else 'message-types.md'}, or "
+        )
     elif key is str:
         advice = "pass the message first, then the frame, or "
     elif package == "tf2_py":  # a class that stands in for a message of ROS 2

@@ -6,10 +6,11 @@ import textwrap
 
 import pytest
 from geometry_msgs.msg import (
+    InertiaStamped,
     PointStamped,
-    PolygonInstanceStamped,
     PoseStamped,
     QuaternionStamped,
+    Twist,
     Vector3Stamped,
     Wrench,
 )
@@ -112,7 +113,7 @@ class Unknown:
     ("message", "new_type", "cure"),
     [
         (JointState(), None, r"JointState'> is not .*TransformRegistration\(\)\.add"),
-        (PolygonInstanceStamped(), None, r"PolygonInstanceStamped'> is not .*TransformRegistration\(\)\.add"),
+        (InertiaStamped(), None, r"InertiaStamped'> is not .*TransformRegistration\(\)\.add"),
         (Unknown(), None, r"Unknown'> is not .*TransformRegistration\(\)\.add"),
         (PointStamped(), Unknown, r"Unknown'> is not .*ConvertRegistration\(\)\.add_from_msg"),
     ],
@@ -132,6 +133,8 @@ def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
     assert caught.value.errstr == str(caught.value)
     with pytest.raises(interface.TypeException, match="supported: pass the message first, then the frame"):
         buffer.transform("map", PoseStamped())
+    with pytest.raises(interface.TypeException, match="supported: put it into a TwistStamped, see docs/mess"):
+        buffer.transform(Twist(), "map")
 
 
 @pytest.mark.ours

@@ -51,11 +51,20 @@ class Gap(Exception):
     """A frame has no data at a time: the text of tf2, and what is said after it."""
 
     def __init__(
-        self, text, addition, missing=math.inf, newest_ns=0, from_1970=False, is_late=False, time=None
+        self,
+        text,
+        addition,
+        missing=math.inf,
+        newest_ns=0,
+        from_1970=False,
+        is_late=False,
+        time=None,
+        data_from_1970=False,
     ):
         super().__init__(text, addition)
         self.text, self.addition, self.time = text, addition, time
         self.missing, self.newest_ns, self.from_1970 = missing, newest_ns, from_1970
+        self.data_from_1970 = data_from_1970
         self.is_late = is_late  # the sample follows the time
 
 
@@ -68,7 +77,10 @@ def gap(name, time, sample, text, which, newest_ns):
     addition = f"{sample_text} is {seconds(missing)} s {how}"
     year = 365 * 86400 * 10**9
     from_1970 = 0 < time < year and stamp > 30 * year
-    return Gap(f"extrapolation {text}", addition, missing, newest_ns, from_1970, stamp > time, time)
+    data_from_1970 = 0 < stamp < year and time > 30 * year
+    return Gap(
+        f"extrapolation {text}", addition, missing, newest_ns, from_1970, stamp > time, time, data_from_1970
+    )
 
 
 def interpolated(older, newer, ns):
@@ -659,7 +671,12 @@ def extrapolation_text(target, source, source_gaps, target_gaps, limiting, now_n
         ahead = seconds(lack.time - now_ns)
         addition += f"; the requested time is {ahead} s ahead of the clock of the buffer"
     if quoted.from_1970 or lack.from_1970:
-        addition += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
+        addition += (
+            ". The requested time is in 1970: is it in the wrong unit (an int is in nanoseconds), or "
+            "simulated time?"
+        )
+    elif lack.data_from_1970:
+        addition += ". The sample is from 1970: is it in simulated time, and the requested time is not?"
     if limiting is not None and lack.is_late:
         addition += f". {limiting} has no newer data"
     return (

@@ -9,7 +9,10 @@ NS_PER_S = 1_000_000_000
 YEAR_NS = 365 * 86400 * NS_PER_S
 SHORTEST_WAIT_NS = 1_000_000  # texts do not mention a shorter wait
 TOO_NEW = "too new"
-IN_1970 = "The requested time is in 1970: is it in the wrong unit, or simulated time?"
+IN_1970 = (
+    "The requested time is in 1970: is it in the wrong unit (an int is in nanoseconds), or simulated time?"
+)
+DATA_IN_1970 = "The sample is from 1970: is it in simulated time, and the requested time is not?"
 
 
 class TransformException(Exception):
@@ -149,6 +152,8 @@ def extrapolation(
         lack += f"; tolerance allows {seconds(tolerance_ns)} s"
     if 0 < requested_ns < YEAR_NS and max(quoted_ns, edge_ns) > 30 * YEAR_NS:
         lack += f". {IN_1970}"
+    elif 0 < edge_ns < YEAR_NS and requested_ns > 30 * YEAR_NS:
+        lack += f". {DATA_IN_1970}"
     if limiting is not None:
         lack += f". The latest common time is {requested} because {printable(limiting)} has no newer data"
     return ExtrapolationException(

@@ -64,9 +64,8 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
         name = getattr(key, "__name__", "")
         is_bare = hasattr(sys.modules.get(f"{package}.msg"), f"{name}Stamped")
         advice = f"put it into a {name}Stamped, " if is_bare else ""
-        advice += (
-            f"see docs/{'point-clouds.md#laser-scans' if name == 'LaserScan' else 'message-types.md'}, or "
-        )
+        page = "point-clouds.md#laser-scans" if name == "LaserScan" else "message-types.md"
+        advice += f"see docs/{page}, or "
     elif key is str:
         advice = "pass the message first, then the frame, or "
     elif package == "tf2_py":  # a class that stands in for a message of ROS 2

@@ -62,8 +62,8 @@ broadcasters | publishers of transforms: tf2_ros's classes
     tf2_ros/*broadcaster* tests/ros/test_broadcasters.py docs/broadcasting.md
 types of messages | users of tf2_geometry_msgs: do_transform_* and transform for every type, registered types
     tf2_geometry_msgs/* tests/core/test_tf2_geometry_msgs.py tests/core/test_every_message_type.py
-    tests/core/test_registered_types.py tests/ros/test_buffer_interface.py *quaternions*
-    tests/core/test_roll_pitch_yaw.py docs/message-types.md *registered_types* *new-message-type*
+    tests/core/test_type_tables.py tests/ros/test_buffer_interface.py *quaternions*
+    tests/core/test_roll_pitch_yaw.py docs/message-types.md *type_tables* *new-message-type*
     *new_message_type* *rotations*
 without ROS | laptops without ROS: the same imports, with stand-ins for messages
     *without_ros* *message_standins* *messages_with_or_without* */_messages.py

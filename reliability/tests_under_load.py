@@ -70,7 +70,7 @@ def load():
             start("-c", BUSY)
         start("-c", WRITING, str(Path(folder, "written")))
         for number in range(ROBOTS):
-            start("-m", "reliability.busy_nodes", str(number), str(NODES))
+            start("-m", "reliability.load_nodes", str(number), str(NODES))
         yield
 
 

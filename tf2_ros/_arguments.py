@@ -2,18 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Refuse arguments that cannot work where they are given, not where they are first used; read some kinds."""
 
-import inspect
 from typing import Any
 
 from tf2_py._internal import FOR_EVER_NS, duration_ns
-
-
-class SignatureOfInit:
-    """The ``__signature__`` of classes whose ``__new__`` accepts anything: ``help`` shows __init__."""
-
-    def __get__(self, instance: object, owner: type) -> inspect.Signature:
-        signature = inspect.signature(owner.__init__)  # type: ignore[misc]
-        return signature.replace(parameters=list(signature.parameters.values())[1:])
 
 
 def require_callable(method: str, callback: object) -> None:

@@ -5,6 +5,7 @@
 import tf2_ros_cython._ros_requirement  # noqa: F401
 
 import gc
+import inspect
 import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
@@ -18,7 +19,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import MalformedObjectError, class_name
-from tf2_ros._arguments import SignatureOfInit, kind_of
+from tf2_ros._arguments import kind_of
 from tf2_ros._calls.call_runners import call_queue_of
 from tf2_ros._nodes.ended_nodes import require_node
 from tf2_ros._nodes.hidden_nodes import hidden_node
@@ -69,6 +70,14 @@ class TransformSink(Protocol):
 
     def set_transform(self, transform: TransformStamped, authority: str, /) -> object: ...
     def set_transform_static(self, transform: TransformStamped, authority: str, /) -> object: ...
+
+
+class _SignatureOfInit:
+    """The ``__signature__`` of a class whose ``__new__`` accepts anything: ``help`` shows __init__."""
+
+    def __get__(self, instance: object, owner: type) -> inspect.Signature:
+        signature = inspect.signature(owner.__init__)  # type: ignore[misc]
+        return signature.replace(parameters=list(signature.parameters.values())[1:])
 
 
 class TransformListener:
@@ -139,7 +148,7 @@ class TransformListener:
 
     _tf2_state: ListenerState
 
-    __signature__ = SignatureOfInit()
+    __signature__ = _SignatureOfInit()
 
     def __new__(cls, *_: object, **__: object) -> "Self":
         # Here, because a subclass may not call __init__.

@@ -18,9 +18,9 @@ from numpy.testing import assert_allclose
 from processes import output_of
 from random_messages import Maker, numbers, transforms
 from rclpy.serialization import deserialize_message, serialize_message
-from registered_types import ALL, STAMPED, UNSTAMPED
 from std_msgs.msg import Header
 from textbook_transforms import numbers_in, turn, xyz
+from type_tables import ALL, STAMPED, UNSTAMPED
 
 from tf2_ros.buffer_interface import TransformRegistration
 
@@ -190,7 +190,7 @@ def test_classes_that_look_otherwise_go_through_their_attributes():
                     setattr(package, name, type(cls)(name, (cls,), {"__module__": cls.__module__}))
         sys.path.insert(0, "tests/support")
         from random_messages import Maker, numbers
-        from registered_types import ALL
+        from type_tables import ALL
         from making_objects import transform
         from tf2_ros.buffer_interface import TransformRegistration
         t = transform("map", "base", 7.25, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))

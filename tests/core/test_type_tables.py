@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
-from registered_types import TABLES
+from type_tables import TABLES
 
 from tf2_ros._registration import _REGISTERED_BY
 from tf2_ros.buffer_interface import ConvertRegistration, TransformRegistration

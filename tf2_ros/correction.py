@@ -207,23 +207,19 @@ def _checked_child(edge: _Edge, times_ns: npt.NDArray[np.int64], index: npt.NDAr
         raise ValueError(f"child: {child!r} is static, so it has no past that could be corrected")
     for i in index.tolist():
         time_ns = int(times_ns[i])
-        with suppress(TransformException):  # later arrivals may have pruned what is needed
+        # Later arrivals may have pruned what is needed, also between two questions; then there is no parent.
+        with suppress(TransformException):
             path = BufferCore.path(buffer, moving, child, time_ns)
-            if parent in path or _is_parent(edge, path[1:2], child, time_ns):
+            if parent in path or BufferCore.parent(buffer, child, time_ns) in path[1:2]:
                 raise ValueError(
                     f"moving: expected a frame at or below {child!r}, and not over {parent!r}, got "
                     f"{moving!r}; the path between them at times[{i}] is {' → '.join(path)}"
                 )
         with suppress(TransformException):  # mostly, nothing connects them yet
             path = BufferCore.path(buffer, parent, child, time_ns)
-            if len(path) == 1 or _is_parent(edge, [child], path[1], time_ns):
+            if len(path) == 1 or BufferCore.parent(buffer, path[1], time_ns) == child:
                 raise ValueError(f"parent: expected a frame that is not below {child!r}, got {parent!r}")
     return info
-
-
-def _is_parent(edge: _Edge, parents: list[str], frame: str, time_ns: int) -> bool:
-    """Whether one of these is the parent of a frame; False if the data of the time was pruned meanwhile."""
-    return BufferCore.parent(edge.buffer, frame, time_ns) in parents
 
 
 def _range_of_data(

@@ -318,14 +318,15 @@ class TransformListener:
     def __listen(self) -> None:
         """Subscribe, as this listener was asked to, and decide what takes the messages."""
         listening = self._tf2_state
-        needs_executor = self.__why_executor()
+        reason = self.__why_executor()
+        needs_executor = reason != ""
         if listening.recording is not None and needs_executor:
-            raise NotImplementedError(f"{_CANNOT_RECORD}: {needs_executor}")
+            raise NotImplementedError(f"{_CANNOT_RECORD}: {reason}")
         # Of what arrives while an executor waits for a subscription, the receiver is not informed.
         self.group.hides_all = not needs_executor
         try:
             for topic in listening.topics:
-                self.__subscribe(topic, needs_executor=bool(needs_executor))
+                self.__subscribe(topic, needs_executor)
             made = [topic.subscription for topic in listening.topics]
             if not needs_executor and all(made) and not any(is_read_by_loop(self.node, one) for one in made):
                 listening.receiver = Receiver(self, listening.call_queue, self.__direct_buffer())

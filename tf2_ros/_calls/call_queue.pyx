@@ -128,7 +128,7 @@ cdef class CallQueue:
 
     def __del__(self):
         """Drop the calls, because the node was not destroyed, but collected."""
-        # At the end of the interpreter, this module may have lost its globals.
+        # While modules are destroyed, nobody is left to be told, and what is printed fails.
         if self.calls and Py_IsInitialized() and not is_inherited(self._process):
             self.close(f"the node [{self._name}] was collected")
 

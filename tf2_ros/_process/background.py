@@ -42,9 +42,8 @@ class Timer(Protocol):
         ...
 
 
-_Entry: TypeAlias = (
-    "tuple[int, int, weakref.ref[Timer]]"  # when it is due, and a number that no other one has
-)
+# When it is due, and a number that no other one has.
+_Entry: TypeAlias = "tuple[int, int, weakref.ref[Timer]]"
 
 
 class Background:

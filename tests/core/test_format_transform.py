@@ -34,8 +34,8 @@ def test_what_is_shown_of_transforms_and_poses(text):
     "rpy",
     [
         *[(10, 20, 30), (-170, 45, 100), (0, -89, 0), (179.5, 0, -179.5), (5, 89.5, -120)],
-        # At a pitch of ninety degrees the roll is zero.
-        *[(0, pitch, yaw) for pitch in (90, -90) for yaw in (0, 30, -150, 179)],
+        # At a pitch of ninety degrees the yaw is zero.
+        *[(roll, pitch, 0) for pitch in (90, -90) for roll in (0, 30, -150, 179)],
     ],
     ids=str,
 )

@@ -27,7 +27,7 @@ clouds, IMU, magnetometer | users of tf2_sensor_msgs: its functions, for every l
 rewriting the past | users of SLAM and of filters: new samples replace old ones at once
     *replacing* *rewriting* *correction* *trajector*
 explained lookups | whoever doubts a pose: its hops, with their samples, gaps, ages and publishers
-    tf2_py/core/hops* tf2_py/engine/explained* */explanations.py tests/core/test_explain*
+    tf2_py/*/explained* */explanations.py tests/core/test_explain*
 frozen files | trainers on many processes: one copy of a recording's transforms in memory
     *frozen* tools/*/map_recordings.py tools/*/test_map_recordings.py *maps_recordings* *measures_workers*
     *dying_worker*

@@ -17,7 +17,7 @@ from tf2_py._core cimport *
 
 include "engine/message_layouts_header.pxi"
 include "engine/times_header.pxi"
-include "engine/messages_header.pxi"
+include "engine/read_messages_header.pxi"
 include "engine/reused_messages_header.pxi"
 include "engine/advice_header.pxi"
 include "engine/queries_and_errors_header.pxi"

@@ -73,7 +73,7 @@ __all__ = [
 
 include "engine/message_layouts.pxi"
 include "engine/times.pxi"
-include "engine/messages.pxi"
+include "engine/read_messages.pxi"
 include "engine/reused_messages.pxi"
 include "engine/sent_messages.pxi"
 include "engine/arrays.pxi"

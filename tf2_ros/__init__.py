@@ -60,7 +60,6 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
     from tf2_ros.transform_broadcaster import TransformBroadcaster
     from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
-    from tf2_ros.transform_listener import StaticTransformListener as StaticTransformListener
 
 if TYPE_CHECKING:
     from rclpy.action import ActionClient
@@ -69,8 +68,9 @@ if TYPE_CHECKING:
     from tf2_ros import buffer_client
     from tf2_ros.buffer_client import BufferClient, LookupTransformGoal, LookupTransformResult
     from tf2_ros.buffer_server import BufferServer as BufferServer
+    from tf2_ros.static_transform_listener import StaticTransformListener as StaticTransformListener
 elif HAS_ROS:
-    # Few programs use rclpy's actions, which load slowly.
+    # Few programs use these, and rclpy's actions load slowly.
     _LATER = {
         "ActionClient": "rclpy.action",
         "BufferClient": "tf2_ros.buffer_client",
@@ -78,6 +78,7 @@ elif HAS_ROS:
         "LookupTransform": "tf2_msgs.action",
         "LookupTransformGoal": "tf2_ros.buffer_client",
         "LookupTransformResult": "tf2_ros.buffer_client",
+        "StaticTransformListener": "tf2_ros.static_transform_listener",
         "buffer_client": "tf2_ros.buffer_client",
     }
 

@@ -394,30 +394,3 @@ def _prefixed(prefix: str, transform: TransformStamped) -> TransformStamped:
     header = Header(stamp=transform.header.stamp, frame_id=with_prefix(prefix, transform.header.frame_id))
     child = with_prefix(prefix, transform.child_frame_id)
     return TransformStamped(header=header, child_frame_id=child, transform=transform.transform)
-
-
-class StaticTransformListener(TransformListener):
-    """
-    Fills a buffer with static transforms only. It has the arguments of a :class:`TransformListener`, except
-    for those that concern dynamic transforms.
-    """
-
-    def __init__(
-        self,
-        buffer: TransformSink,
-        node: Node | None = None,
-        *,
-        spin_thread: bool = False,
-        static_qos: QoSProfile | int | None = None,
-        tf_static_topic: str = DEFAULT_STATIC_TF_TOPIC,
-        prefix: str = "",
-    ) -> None:
-        super().__init__(
-            buffer,
-            node,
-            spin_thread=spin_thread,
-            static_qos=static_qos,
-            tf_static_topic=tf_static_topic,
-            static_only=True,
-            prefix=prefix,
-        )

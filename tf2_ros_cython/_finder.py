@@ -11,12 +11,12 @@ import sys
 
 from tf2_ros_cython._installation import (
     HOME,
-    NEWEST_RCLPY,
-    OLDEST_RCLPY,
     PACKAGES,
     distribution_prefix,
+    is_too_old,
     lies_in,
     refused_rclpy,
+    unknown_rclpy,
 )
 
 TYPE_CHECKING = False  # to type checkers it is True; `typing` is not imported for it
@@ -56,7 +56,7 @@ class Aside:
             import warnings
 
             if found_on_path(name) == HOME:
-                if _is_too_old(refused_rclpy()):
+                if is_too_old(refused_rclpy()):
                     return  # importing tf2_ros raises an error that says so
                 used = "tf2-ros-cython is used, because there is no other tf2, but"
                 warning = f"{used} {unknown_rclpy(is_used=True)}. TF2_ROS_CYTHON=1 ends this warning"
@@ -64,21 +64,6 @@ class Aside:
                 used = "another tf2 is used, not tf2-ros-cython:"
                 warning = f"{used} {unknown_rclpy()}. TF2_ROS_CYTHON=0 ends this warning"
             warnings.warn(warning, stacklevel=2)
-
-
-def unknown_rclpy(*, is_used: bool = False) -> str:
-    """Say why an rclpy is refused, and what to do if it is a new one; ``is_used``: ours is, nevertheless."""
-    version = refused_rclpy() or "of an unknown version"
-    text = f"this ROS 2 has rclpy {version}; this tf2-ros-cython supports {OLDEST_RCLPY} to {NEWEST_RCLPY}"
-    if _is_too_old(version):
-        return text
-    attempt = "" if is_used else ", or try this one with TF2_ROS_CYTHON=1"
-    return f"{text}. Install a newer tf2-ros-cython{attempt}"
-
-
-def _is_too_old(version: str | None) -> bool:
-    major = (version or "").partition(".")[0]
-    return major.isdigit() and int(major) < OLDEST_RCLPY
 
 
 def install(*, is_aside: bool = False) -> None:

@@ -62,6 +62,22 @@ def refused_rclpy(environ: "Mapping[str, str]" = os.environ) -> str | None:
     return None
 
 
+def unknown_rclpy(*, is_used: bool = False) -> str:
+    """Say why an rclpy is refused, and what to do if it is a new one; ``is_used``: ours is, nevertheless."""
+    version = refused_rclpy() or "of an unknown version"
+    text = f"this ROS 2 has rclpy {version}; this tf2-ros-cython supports {OLDEST_RCLPY} to {NEWEST_RCLPY}"
+    if is_too_old(version):
+        return text
+    attempt = "" if is_used else ", or try this one with TF2_ROS_CYTHON=1"
+    return f"{text}. Install a newer tf2-ros-cython{attempt}"
+
+
+def is_too_old(version: str | None) -> bool:
+    """Whether it is older than Humble's."""
+    major = (version or "").partition(".")[0]
+    return major.isdigit() and int(major) < OLDEST_RCLPY
+
+
 def distribution_prefix(environ: "Mapping[str, str]" = os.environ) -> str | None:
     """
     The folder in which the ROS 2 distribution is installed: the lowest one that holds rclpy.

@@ -199,7 +199,7 @@ def _precedence(has_ours: bool, forks: list[str]) -> str:
             "for TF2_ROS_CYTHON=1; set it before you source setup.bash"
         )
     if _installation.refused_rclpy() is not None:
-        return f"any other tf2 before tf2-ros-cython: {_finder.unknown_rclpy()}"
+        return f"any other tf2 before tf2-ros-cython: {_installation.unknown_rclpy()}"
     if forks:
         return f"the order of sys.path, because {_about_mixing(forks)}"
     if not _is_arranged():

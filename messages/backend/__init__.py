@@ -7,7 +7,7 @@ from pathlib import Path
 
 from setuptools import build_meta
 
-from . import ros_to_build_for
+from . import required_tools, ros_to_build_for
 
 __all__ = [
     "build_editable",
@@ -45,7 +45,7 @@ def get_requires_for_build_wheel(config_settings=None):
     """The wheels of that release."""
     ros_to_build_for.choose(config_settings)
     ros_to_build_for.refuse_sourced()
-    ros_to_build_for.refuse_incomplete()
+    required_tools.refuse_incomplete()
     return build_meta.get_requires_for_build_wheel(config_settings) + ros_to_build_for.ros_wheels()
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 
 from setuptools.command.build_ext import build_ext
 
-from . import messages_extension, ros_to_build_for
+from . import messages_extension, required_tools, ros_to_build_for
 
 
 class BuildMessages(build_ext):
     """Makes what the one extension and the generated Python need, where it is not there yet."""
 
     def run(self):
-        ros_to_build_for.refuse_incomplete()
+        required_tools.refuse_incomplete()
         # An in-place build keeps its folders, so that the next one makes only what has changed; an editable
         # install would give it new ones every time.
         if self.inplace:

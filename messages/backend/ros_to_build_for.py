@@ -1,14 +1,11 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Find the ROS 2 to build for, where it is installed, and the tools that the build needs."""
+"""Find the ROS 2 to build for, and where it is installed."""
 
 import importlib.metadata
 import os
 import re
-import shlex
-import shutil
 import sys
-import sysconfig
 from pathlib import Path
 
 # One wheel stands for all: the files it installed tell the prefix that holds share/, include/ and lib/.
@@ -107,18 +104,3 @@ def refuse_sourced(environ=os.environ):
                 f"tf2_msgs is not built here, for a ROS 2 is sourced ({prefix}), whose own is used: where it"
                 " lacks tf2_msgs, install that there, on Ubuntu by apt install ros-$ROS_DISTRO-tf2-msgs"
             )
-
-
-def refuse_incomplete(environ=os.environ):
-    """End the build with a message that pip shows, and no traceback, where a tool is missing."""
-    missing = []
-    # The type support of Fast DDS is C++; everything else is C.
-    for language, variable, package in (("C", "CC", "gcc"), ("C++", "CXX", "g++")):
-        command = environ.get(variable) or sysconfig.get_config_var(variable) or package
-        program = shlex.split(command)[0]
-        if not shutil.which(program, path=environ.get("PATH")):
-            missing.append(f"no {language} compiler ({program}): install {package}")
-    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
-        missing.append("no headers of this Python: install its development package, python3-dev on Debian")
-    if missing:
-        raise SystemExit("tf2_msgs cannot be built here: " + "; ".join(missing))

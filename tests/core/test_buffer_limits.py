@@ -3,8 +3,8 @@
 """The limits of what a buffer holds: frames, bytes, authorities, samples of one stamp, time."""
 
 import pytest
-from making_objects import at, transform, translation
 from messages_with_or_without_ros import Duration
+from times_and_transforms import at, transform, translation
 
 from tf2_py import BufferCore
 

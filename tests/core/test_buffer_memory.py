@@ -3,8 +3,8 @@
 """The memory that the samples of a buffer take."""
 
 import pytest
-from making_objects import transform
 from messages_with_or_without_ros import Duration
+from times_and_transforms import transform
 
 from tf2_py import BufferCore
 

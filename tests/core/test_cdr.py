@@ -8,8 +8,8 @@ import threading
 import numpy as np
 import pytest
 from cdr_encoder import encode
-from making_objects import at, transform
 from rclpy.serialization import deserialize_message, serialize_message
+from times_and_transforms import at, transform
 
 from tf2_msgs.msg import TFMessage
 from tf2_py._tf2_py import serialize_as_ros

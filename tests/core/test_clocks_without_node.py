@@ -10,7 +10,7 @@ import types
 from unittest import mock
 
 import pytest
-from making_objects import S, insert, transform
+from times_and_transforms import S, insert, transform
 from waiting import DEADLINE_S, once_waiting, until
 
 import tf2_ros

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 import pytest
-from making_objects import about_z, transform
 from numpy.testing import assert_allclose
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
+from times_and_transforms import about_z, transform
 
 try:
     import tf2_sensor_msgs

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 import random_runs
 from buffer_beside_model import GOOD_PLACES, GOOD_TURNS, Pair, place, same_rotation
-from making_objects import S, about_z, transform
 from messages_with_or_without_ros import Duration
 from model_math import composed, inverse
 from model_terms import ModelError
 from numpy.testing import assert_allclose
+from times_and_transforms import S, about_z, transform
 
 from tf2_py import BufferCore, ExtrapolationException, LookupException
 from tf2_py._objects import log

@@ -10,10 +10,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from making_objects import S, about_z, at_ns, stamp_ns, transform
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
+from times_and_transforms import S, about_z, at_ns, stamp_ns, transform
 from waiting import DEADLINE_S, until
 
 import tf2_sensor_msgs._deskew as inside

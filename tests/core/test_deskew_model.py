@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import event, given
 from hypothesis import strategies as st
-from making_objects import S, at_ns, stamp_ns, transform
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
+from times_and_transforms import S, at_ns, stamp_ns, transform
 
 from tf2_ros import Buffer, TransformException
 from tf2_sensor_msgs import deskew

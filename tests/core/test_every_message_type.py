@@ -13,13 +13,13 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from leaks import assert_nothing_is_left
-from making_objects import stamp_ns, transform
 from numpy.testing import assert_allclose
 from processes import output_of
 from random_messages import Maker, numbers, transforms
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 from textbook_transforms import numbers_in, turn, xyz
+from times_and_transforms import stamp_ns, transform
 from type_tables import ALL, STAMPED, UNSTAMPED
 
 from tf2_ros.buffer_interface import TransformRegistration
@@ -191,7 +191,7 @@ def test_classes_that_look_otherwise_go_through_their_attributes():
         sys.path.insert(0, "tests/support")
         from random_messages import Maker, numbers
         from type_tables import ALL
-        from making_objects import transform
+        from times_and_transforms import transform
         from tf2_ros.buffer_interface import TransformRegistration
         t = transform("map", "base", 7.25, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
         for cls in ALL:

@@ -11,10 +11,10 @@ import pytest
 import random_runs
 from bit_exact_composition import composed_hops
 from buffer_beside_model import GOOD_PLACES, GOOD_TURNS, Pair, SetClock
-from making_objects import S, about_z, at_ns, insert, rotation, transform, translation
 from model_terms import TF2
 from questions_beside_model import compare_explained, compare_explained_full, some_policy
 from rotations import Turn
+from times_and_transforms import S, about_z, at_ns, insert, rotation, transform, translation
 
 from tf2_py import BufferCore, Explanation, FullExplanation, Hop
 

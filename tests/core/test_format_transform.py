@@ -8,8 +8,8 @@ import re
 import numpy as np
 import pytest
 from geometry_msgs.msg import Pose, PoseStamped, Transform
-from making_objects import about_z, transform
 from rotations import Turn
+from times_and_transforms import about_z, transform
 
 pytestmark = pytest.mark.ours
 

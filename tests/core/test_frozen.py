@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frozen_format import FRAME, HEADER, LINE, FrozenFile
-from making_objects import S, about_z, transform
 from pickles_and_copies import check_copy, filled, held
 from random_runs import first_seed, times
+from times_and_transforms import S, about_z, transform
 from waiting import DEADLINE_S
 
 from tf2_py import BufferCore, TransformException

@@ -3,8 +3,8 @@
 """In a history of many samples, the search finds each place."""
 
 import pytest
-from making_objects import at_ns, transform
 from messages_with_or_without_ros import Duration
+from times_and_transforms import at_ns, transform
 
 from tf2_py import BufferCore
 

@@ -8,8 +8,8 @@ import mmap
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from making_objects import transform
 from sensor_msgs.msg import PointCloud2, PointField
+from times_and_transforms import transform
 
 import tf2_sensor_msgs as tf2
 

@@ -7,9 +7,9 @@ import types
 
 import pytest
 from leaks import assert_nothing_is_left
-from making_objects import at, transform
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
+from times_and_transforms import at, transform
 
 from tf2_msgs.msg import TFMessage
 

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
-from making_objects import S, at, at_ns, transform
+from times_and_transforms import S, at, at_ns, transform
 
 from tf2_py import BufferCore
 

@@ -5,10 +5,10 @@
 import types
 
 import pytest
-from making_objects import S, at, stamp_ns, transform, translation
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.time import Time
+from times_and_transforms import S, at, stamp_ns, transform, translation
 
 
 @pytest.fixture

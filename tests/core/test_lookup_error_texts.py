@@ -5,7 +5,7 @@
 import re
 
 import pytest
-from making_objects import at, transform
+from times_and_transforms import at, transform
 
 ENDS = {"future": ("base", "map"), "past": ("base", "map"), "single": ("once", "map")}
 # Expressions of public programs, and what each finds in the error of a lookup, by its cause.

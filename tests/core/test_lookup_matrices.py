@@ -4,8 +4,8 @@
 
 import numpy as np
 import pytest
-from making_objects import S, about_z, at, transform
 from messages_with_or_without_ros import Duration
+from times_and_transforms import S, about_z, at, transform
 
 from tf2_py import (
     BufferCore,

@@ -5,7 +5,7 @@
 import asyncio
 
 import pytest
-from making_objects import S, at, at_ns, stamp_ns, transform
+from times_and_transforms import S, at, at_ns, stamp_ns, transform
 
 from tf2_py.typing import LookupPolicy
 

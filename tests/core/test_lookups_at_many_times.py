@@ -8,9 +8,9 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from making_objects import S, about_z, at, at_ns, rotation, transform, translation
 from messages_with_or_without_ros import Duration, Time
 from rotations import Turn
+from times_and_transforms import S, about_z, at, at_ns, rotation, transform, translation
 
 from tf2_py import BufferCore, ExtrapolationException
 from tf2_ros.numpy import to_columns

@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from making_objects import S, transform
 from messages_with_or_without_ros import Duration, Time
+from times_and_transforms import S, transform
 
 from tf2_py import BufferCore, TransformException
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from making_objects import S, transform
+from times_and_transforms import S, transform
 
 from tf2_py import BufferCore, ExtrapolationException
 

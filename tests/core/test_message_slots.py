@@ -4,9 +4,9 @@
 
 import pytest
 from geometry_msgs.msg import TransformStamped, Vector3
-from making_objects import at, transform
 from processes import output_of
 from rclpy.serialization import deserialize_message, serialize_message
+from times_and_transforms import at, transform
 
 pytestmark = pytest.mark.ours
 

@@ -18,12 +18,12 @@ from geometry_msgs.msg import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from making_objects import S, transform, translation
 from numpy.testing import assert_allclose
 from processes import output_of
 from random_messages import transforms, turns, vectors
 from rotations import Turn
 from textbook_transforms import matrix
+from times_and_transforms import S, transform, translation
 
 from tf2_ros.numpy import from_matrix, to_arrays, to_columns, to_matrix
 

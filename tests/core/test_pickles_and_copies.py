@@ -7,9 +7,9 @@ import pickle
 
 import numpy as np
 import pytest
-from making_objects import S, at, transform, translation
 from pickles_and_copies import BY_FILE, HISTORIES, WAYS, check_copy, filled
 from rclpy.duration import Duration
+from times_and_transforms import S, at, transform, translation
 
 from tf2_py import BufferCore
 from tf2_ros import Buffer, TransformListener

@@ -5,7 +5,7 @@
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from making_objects import at, transform
+from times_and_transforms import at, transform
 
 from tf2_py.printable import printable
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseWithCovariance, Transform
 from hypothesis import given
-from making_objects import transform
 from numpy.testing import assert_allclose
 from random_messages import transforms
 from rotations import Turn
+from times_and_transforms import transform
 
 from tf2_geometry_msgs import do_transform_pose_with_covariance
 from tf2_ros.numpy import propagate, to_arrays, to_matrix

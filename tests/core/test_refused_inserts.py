@@ -9,7 +9,7 @@ from types import SimpleNamespace as N
 
 import pytest
 from cdr_encoder import encode
-from making_objects import S, at, rotation, transform
+from times_and_transforms import S, at, rotation, transform
 
 NAN = math.nan
 

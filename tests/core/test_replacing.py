@@ -8,8 +8,8 @@ import threading
 import numpy as np
 import pytest
 import random_runs
-from making_objects import S, at, transform, translation
 from messages_with_or_without_ros import Duration
+from times_and_transforms import S, at, transform, translation
 
 from tf2_py import BufferCore
 

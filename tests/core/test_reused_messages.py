@@ -11,10 +11,10 @@ import sysconfig
 
 import pytest
 from leaks import assert_nothing_is_left
-from making_objects import at, rotation, stamp_ns, transform, translation
 from messages_with_or_without_ros import TransformStamped
 from paths import PROGRAMS
 from processes import output_of
+from times_and_transforms import at, rotation, stamp_ns, transform, translation
 
 pytestmark = pytest.mark.ours
 
@@ -236,7 +236,7 @@ def test_whatever_is_kept_while_threads_signals_and_finalizers_look_up_stays_as_
 
 FIRST_USE = """
 import threading
-from making_objects import at, transform
+from times_and_transforms import at, transform
 from tf2_py import BufferCore
 
 def use(child):
@@ -261,7 +261,7 @@ def test_the_first_messages_of_a_process_may_come_from_several_threads(attempt):
 
 AT_EXIT = """
 import atexit, gc
-from making_objects import at, transform
+from times_and_transforms import at, transform
 from messages_with_or_without_ros import TransformStamped
 
 def count():  # runs last, because it was registered first

@@ -8,8 +8,8 @@ from cdr_encoder import encode
 from geometry_msgs.msg import TransformStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from making_objects import transform
 from rclpy.serialization import deserialize_message, serialize_message
+from times_and_transforms import transform
 
 from tf2_msgs.msg import TFMessage
 from tf2_py._tf2_py import refused_transforms, serialize_as_ros

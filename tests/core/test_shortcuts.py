@@ -13,8 +13,8 @@ from unittest import mock
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from making_objects import at, transform
 from rclpy.duration import Duration
+from times_and_transforms import at, transform
 
 from tf2_py.typing import LookupPolicy
 

@@ -9,7 +9,7 @@ import pickle
 import weakref
 
 import pytest
-from making_objects import S, insert
+from times_and_transforms import S, insert
 from waiting import DEADLINE_S, once_waiting
 
 import tf2_ros

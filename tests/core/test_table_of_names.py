@@ -5,7 +5,7 @@
 import random
 
 import pytest
-from making_objects import transform
+from times_and_transforms import transform
 
 from tf2_py import BufferCore
 

@@ -23,12 +23,12 @@ from geometry_msgs.msg import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from making_objects import about_z, transform
 from nav_msgs.msg import Path
 from numpy.testing import assert_allclose
 from processes import output_of
 from random_messages import AWKWARD_TURNS, Maker, transforms, turns
 from textbook_transforms import covariance_rotated, turn, xyz, xyzw
+from times_and_transforms import about_z, transform
 
 import tf2_geometry_msgs as tf2
 from tf2_geometry_msgs.tf2_geometry_msgs import (

@@ -17,12 +17,12 @@ from geometry_msgs.msg import PointStamped, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from leaks import assert_nothing_is_left
-from making_objects import S, stamp_ns, transform
 from numpy.testing import assert_allclose
 from random_messages import Maker, transforms
 from sensor_msgs.msg import Imu, PointCloud2, PointField
 from std_msgs.msg import Header
 from textbook_transforms import transformed
+from times_and_transforms import S, stamp_ns, transform
 
 import tf2_sensor_msgs as tf2
 from tf2_py import BufferCore

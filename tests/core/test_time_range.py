@@ -5,7 +5,7 @@
 import math
 
 import pytest
-from making_objects import S, at_ns, transform
+from times_and_transforms import S, at_ns, transform
 
 from tf2_py import (
     BufferCore,

@@ -5,7 +5,7 @@
 import math
 
 import pytest
-from making_objects import at, transform
+from times_and_transforms import at, transform
 
 from tf2_py import BufferCore
 from tf2_py._objects import frame_names

@@ -9,9 +9,9 @@ from functools import partial
 import pytest
 from cdr_encoder import encode
 from compiling_extensions import compiled
-from making_objects import S, at, at_ns, stamp_ns, transform
 from messages_with_or_without_ros import Duration
 from random_runs import times
+from times_and_transforms import S, at, at_ns, stamp_ns, transform
 
 from tf2_py import ExtrapolationException
 

@@ -16,8 +16,8 @@ import random_runs
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
-from making_objects import at_ns, transform
 from messages_with_or_without_ros import Duration
+from times_and_transforms import at_ns, transform
 
 from tf2_py import BufferCore, ExtrapolationException, LookupException
 from tf2_py._internal import policy_of

@@ -9,7 +9,7 @@ import threading
 import numpy as np
 import pytest
 from forked_children import in_a_child, status_of
-from making_objects import at, transform
+from times_and_transforms import at, transform
 
 pytestmark = pytest.mark.ours
 

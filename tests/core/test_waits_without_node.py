@@ -10,7 +10,7 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from making_objects import S, insert
+from times_and_transforms import S, insert
 from waiting import DEADLINE_S, PROMPT_S, once_waiting, until
 
 import tf2_ros

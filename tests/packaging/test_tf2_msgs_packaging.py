@@ -15,7 +15,8 @@ from paths import ROOT
 from sourced_installations import Prefix
 
 # By its place and not by the path, as in test_packaging.py.
-messages = backend_at(ROOT / "messages" / "backend", "messages_backend").ros_to_build_for
+backend = backend_at(ROOT / "messages" / "backend", "messages_backend")
+messages = backend.ros_to_build_for
 METADATA = "backend.prepare_metadata_for_build_wheel"
 
 
@@ -28,7 +29,7 @@ def nothing_chosen(monkeypatch):
 def test_missing_compilers_are_named_with_what_to_install(tmp_path):
     said = r"no C compiler .*install gcc; no C\+\+ compiler .*install g\+\+"
     with pytest.raises(SystemExit, match=said):
-        messages.refuse_incomplete({"PATH": str(tmp_path)})
+        backend.required_tools.refuse_incomplete({"PATH": str(tmp_path)})
 
 
 @pytest.mark.parametrize("release", ["jazzy", "kilted"])

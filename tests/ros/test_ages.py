@@ -7,9 +7,9 @@ import math
 import time
 
 import pytest
-from making_objects import S, insert, transform
 from rclpy.parameter import Parameter
 from simulated_clock import simulate
+from times_and_transforms import S, insert, transform
 
 pytestmark = pytest.mark.ours
 

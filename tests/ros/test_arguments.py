@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped, Pose, PoseStamped, Transform, TransformStamped
-from making_objects import at, stamp_ns, transform
 from rclpy.duration import Duration
 from rclpy.time import Time
 from simulated_clock import simulate
+from times_and_transforms import at, stamp_ns, transform
 from waiting import PROMPT_S, errors_so_far, seconds_of, until
 
 import tf2_geometry_msgs

@@ -14,10 +14,10 @@ from functools import partial
 import pytest
 from async_node_standin import AsyncNode, StandIn
 from geometry_msgs.msg import PointStamped
-from making_objects import S, transform, translation
 from rclpy.action import ActionServer
 from rclpy.exceptions import InvalidHandle
 from rclpy.time import Time
+from times_and_transforms import S, transform, translation
 from waiting import DEADLINE_S
 
 pytestmark = [

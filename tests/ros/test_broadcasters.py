@@ -7,8 +7,8 @@ from functools import partial
 
 import pytest
 from calls_in_threads import at_once
-from making_objects import transform, translation
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from times_and_transforms import transform, translation
 from waiting import until
 
 from tf2_msgs.msg import TFMessage

@@ -11,13 +11,13 @@ import weakref
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from making_objects import at, transform
 from processes import start
 from rclpy.clock import ClockChange
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
+from times_and_transforms import at, transform
 from waiting import DEADLINE_S, PROMPT_S, errors_so_far, seconds_of, until
 
 pytestmark = pytest.mark.ours
@@ -188,6 +188,23 @@ def test_a_dropped_buffer_is_freed_at_once(tf2_ros, node, with_node):
     assert reference() is None
     # The clock must have forgotten it, too: it would call into freed memory.
     node.set_parameters([Parameter("use_sim_time", value=True)])
+
+
+def test_a_buffer_of_a_class_that_does_not_call_init_keeps_what_waits(tf2_ros):
+    class Bare(tf2_ros.Buffer):
+        def __init__(self):
+            pass
+
+    for make in (Bare, lambda: tf2_ros.Buffer.__new__(tf2_ros.Buffer)):
+        buffer, called = make(), []
+        future = buffer.wait_for_transform_async("map", "robot", Time(seconds=1))
+        future.add_done_callback(lambda done, called=called: called.append(done.result().header.stamp.sec))
+        del future
+        buffer.on_change("map", "robot", lambda found, called=called: called.append("changed"))
+        gc.collect()
+        buffer.set_transform(transform("map", "robot", 1), "here")
+        assert called == [1, "changed"]
+        assert len(buffer._tf2_kept) == 1
 
 
 class TestOpen:

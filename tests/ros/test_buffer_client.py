@@ -11,7 +11,6 @@ from contextlib import contextmanager
 
 import pytest
 from interposed_libraries import output_with_library
-from making_objects import S, at, stamp_ns, transform, translation
 from processes import Peer, killed, start
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.context import Context
@@ -21,6 +20,7 @@ from rclpy.task import Future
 from rclpy.time import Time
 from simulated_clock import simulate
 from spinning_nodes import shut_down_at_sleep, shut_down_quietly, spun_node
+from times_and_transforms import S, at, stamp_ns, transform, translation
 from waiting import DEADLINE_S, PROMPT_S, until
 
 from tf2_msgs.action import LookupTransform

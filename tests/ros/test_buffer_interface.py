@@ -14,13 +14,13 @@ from geometry_msgs.msg import (
     Vector3Stamped,
     Wrench,
 )
-from making_objects import at, transform
 from paths import ROOT
 from processes import output_of
 from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import JointState, LaserScan, PointCloud2, Range
 from std_msgs.msg import Header
+from times_and_transforms import at, transform
 from waiting import until
 
 SHORT = Duration(seconds=0.01)

@@ -9,12 +9,12 @@ import rclpy
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time as TimeMsg
 from forked_children import in_a_child
-from making_objects import S, transform
 from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from spinning_nodes import shut_down_quietly, spinning, spun_node
+from times_and_transforms import S, transform
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.action import LookupTransform

@@ -10,11 +10,11 @@ import threading
 from contextlib import ExitStack
 
 import pytest
-from making_objects import transform
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import EXECUTOR, spinning
+from times_and_transforms import transform
 from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_ros import MessageFilter, TimeoutException
@@ -53,21 +53,6 @@ def wait(buffer, *callbacks, **how):
 
 def fail(*_):
     raise ValueError("mine")
-
-
-def test_a_buffer_of_a_class_that_does_not_call_init_keeps_what_waits(tf2_ros):
-    class Bare(tf2_ros.Buffer):
-        def __init__(self):
-            pass
-
-    for make in (Bare, lambda: tf2_ros.Buffer.__new__(tf2_ros.Buffer)):
-        buffer, called = make(), []
-        wait(buffer, lambda future, called=called: called.append(future.result().header.stamp.sec))
-        buffer.on_change("map", "robot", lambda found, called=called: called.append("changed"))
-        gc.collect()
-        buffer.set_transform(transform("map", "robot", 1), "here")
-        assert called == [1, "changed"]
-        assert len(buffer._tf2_kept) == 1
 
 
 # What waits, what ends the wait, what its node is, and which thread runs the callbacks.

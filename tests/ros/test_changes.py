@@ -9,8 +9,8 @@ from functools import partial
 from types import SimpleNamespace
 
 import pytest
-from making_objects import S, at, at_ns, stamp_ns, transform
 from simulated_clock import simulate
+from times_and_transforms import S, at, at_ns, stamp_ns, transform
 from waiting import until
 
 from tf2_ros._calls.call_runners import call_queue_of

@@ -9,8 +9,8 @@ import time
 import coroutine_drivers
 import pytest
 from geometry_msgs.msg import PointStamped
-from making_objects import S, transform
 from rclpy.time import Time
+from times_and_transforms import S, transform
 from waiting import until
 
 pytestmark = pytest.mark.ours

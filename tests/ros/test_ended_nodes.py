@@ -13,7 +13,6 @@ import pytest
 from async_node_standin import AsyncNode
 from excused_faults import accept
 from geometry_msgs.msg import PointStamped
-from making_objects import transform
 from random_runs import seeds
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
@@ -22,6 +21,7 @@ from rclpy.parameter import Parameter
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from spinning_nodes import shut_down
+from times_and_transforms import transform
 from waiting import until
 
 from tf2_ros import (

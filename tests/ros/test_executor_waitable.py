@@ -9,10 +9,10 @@ import time
 
 import pytest
 from calls_in_threads import repeated
-from making_objects import at
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import EXECUTOR, Observer, shut_down_at_sleep, spinning
+from times_and_transforms import at
 from waiting import DEADLINE_S, until
 
 from tf2_ros._calls.call_runners import call_queue_of

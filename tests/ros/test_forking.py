@@ -11,12 +11,12 @@ import sys
 import pytest
 from excused_faults import tried
 from forked_children import in_a_child
-from making_objects import transform
 from paths import PROGRAMS
 from processes import output_of, run
 from random_runs import times
 from rclpy.time import Time
 from rclpy.utilities import get_rmw_implementation_identifier
+from times_and_transforms import transform
 from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Listeners that put a prefix before the names of frames, for several robots in one buffer."""
+"""Prefixes of frame names for several robots in one buffer: of listeners, transforms, filters and clients."""
 
 import asyncio
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from making_objects import S, at, transform, translation
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
+from times_and_transforms import S, at, transform, translation
 from waiting import until
 
 from tf2_msgs.msg import TFMessage

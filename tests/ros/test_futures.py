@@ -14,12 +14,12 @@ from contextlib import nullcontext
 
 import pytest
 from calls_in_threads import at_once
-from making_objects import at, transform
 from processes import output_of, start
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import spinning
+from times_and_transforms import at, transform
 from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_ros._process.background import background

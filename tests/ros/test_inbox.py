@@ -13,11 +13,11 @@ from functools import partial
 import pytest
 from calls_in_threads import repeated
 from forked_children import in_a_child
-from making_objects import transform
 from paths import PROGRAMS, SUPPORT
 from processes import output_of
 from rclpy.duration import Duration
 from rclpy.time import Time
+from times_and_transforms import transform
 from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage

@@ -15,10 +15,10 @@ import pytest
 from cdr_encoder import encode
 from compiling_extensions import compiled
 from forked_children import in_a_child
-from making_objects import S, at, transform, translation
 from random_runs import seeds
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
+from times_and_transforms import S, at, transform, translation
 from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage

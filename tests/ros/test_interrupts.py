@@ -15,11 +15,11 @@ from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from making_objects import at, transform
 from paths import PROGRAMS
 from processes import output_of
 from rclpy.time import Time
 from spinning_nodes import spinning
+from times_and_transforms import at, transform
 from waiting import DEADLINE_S, until
 
 import tf2_py

@@ -11,11 +11,11 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from making_objects import S, insert, stamp_ns, transform
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from simulated_clock import simulate
+from times_and_transforms import S, insert, stamp_ns, transform
 from waiting import DEADLINE_S, until
 
 from tf2_py import BufferCore

@@ -14,12 +14,12 @@ import pytest
 import random_runs
 from buffer_beside_model import as_model_tells, of_buffer, of_model, same_answer, same_kind
 from geometry_msgs.msg import PointStamped
-from making_objects import S, transform
 from model import Model
 from model_terms import Policy
 from questions_beside_model import arguments_of, begun
 from rclpy.duration import Duration
 from simulated_clock import simulate
+from times_and_transforms import S, transform
 
 from tf2_py import BufferCore
 from tf2_ros import MessageFilter

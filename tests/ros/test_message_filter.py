@@ -18,11 +18,11 @@ from cdr_encoder import encode
 from geometry_msgs.msg import PointStamped
 from hypothesis import given
 from hypothesis import strategies as st
-from making_objects import S, at, transform
 from rclpy.duration import Duration, Infinite
 from rclpy.time import Time
 from spinning_nodes import spinning
 from std_msgs.msg import Header
+from times_and_transforms import S, at, transform
 from waiting import DEADLINE_S, until
 
 from tf2_ros._calls.call_runners import call_queue_of

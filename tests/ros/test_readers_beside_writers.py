@@ -5,9 +5,9 @@
 import numpy as np
 import pytest
 from calls_in_threads import repeated
-from making_objects import S, at, transform
 from random_runs import times
 from rclpy.duration import Duration
+from times_and_transforms import S, at, transform
 from waiting import DEADLINE_S, until
 
 from bench.programs.serialized_template import Template

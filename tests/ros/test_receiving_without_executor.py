@@ -5,10 +5,10 @@
 import threading
 
 import pytest
-from making_objects import at, translation
 from rclpy.duration import Duration
 from rclpy.time import Time
 from spinning_nodes import knows
+from times_and_transforms import at, translation
 from waiting import DEADLINE_S, until
 
 pytestmark = pytest.mark.ours

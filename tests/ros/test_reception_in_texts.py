@@ -6,9 +6,9 @@ import copy
 import re
 
 import pytest
-from making_objects import at, transform
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from times_and_transforms import at, transform
 from waiting import until
 
 from tf2_py import TransformException

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from making_objects import S, transform
+from times_and_transforms import S, transform
 from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage

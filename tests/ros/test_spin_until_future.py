@@ -6,11 +6,11 @@ import threading
 from contextlib import suppress
 
 import pytest
-from making_objects import transform
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import Observer
+from times_and_transforms import transform
 from waiting import DEADLINE_S, until
 
 from tf2_ros import _rclpy

@@ -10,7 +10,6 @@ import threading
 import pytest
 from excused_faults import tried
 from interposed_libraries import output_with_library, with_library
-from making_objects import at, transform, translation
 from paths import PROGRAMS
 from processes import run
 from public_names import NAMES
@@ -20,6 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from spinning_nodes import knows, shut_down_at_sleep
+from times_and_transforms import at, transform, translation
 from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage

@@ -8,12 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
-from making_objects import at, transform
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from spinning_nodes import spinning
+from times_and_transforms import at, transform
 from waiting import DEADLINE_S, PROMPT_S, until
 
 pytestmark = pytest.mark.ours

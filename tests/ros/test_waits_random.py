@@ -10,12 +10,12 @@ import weakref
 from collections import Counter
 
 import pytest
-from making_objects import S, at_ns, transform
 from random_runs import seeds
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import spinning
+from times_and_transforms import S, at_ns, transform
 from waiting import DEADLINE_S, until
 
 from tf2_py import BufferCore

@@ -9,7 +9,7 @@ A transform is x y z and x y z w, both tuples of floats.
 
 import math
 
-from making_objects import rotation, translation
+from times_and_transforms import rotation, translation
 
 IDENTITY = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 

@@ -17,7 +17,6 @@ from types import SimpleNamespace
 
 import yaml
 from cdr_encoder import encode
-from making_objects import S, rotation, stamp_ns, transform, translation
 from model import Model
 from model_terms import STAMPS_END, ModelError
 from pickles_and_copies import BY_FILE
@@ -25,6 +24,7 @@ from pickles_and_copies import WAYS as WAYS_TO_TRAVEL
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.time import Time
+from times_and_transforms import S, rotation, stamp_ns, transform, translation
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer

@@ -4,7 +4,7 @@
 
 import struct
 
-from making_objects import rotation, translation
+from times_and_transforms import rotation, translation
 
 
 def encode(transforms):

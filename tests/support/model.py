@@ -424,6 +424,39 @@ class Model(Listings, Policies, Explanations):
         stamps = [self.frames[name].newest_ns() for name in self._newest_hops(target, source)]
         return min([ns for ns in stamps if ns != 0], default=0)
 
+    def time_range(self, target, source):
+        """Of the times from 1 on, those without a break up to the latest; and 0, if there is data since."""
+        self._check_names("time_range", target_frame=target, source_frame=source)
+        if target == source:
+            return 0, STAMPS_END - 1
+        latest = self._latest(target, source)
+        _, _, *hops = self._walk_asked(target, source, 0)
+        last = latest if self._oldest_stamps(*hops) else STAMPS_END - 1
+        if last == 0:
+            return 0, 0
+        first = last
+        for time in sorted(self._times_of_changes(), reverse=True):
+            if time <= last:
+                try:
+                    _, *hops = self._walk(target, source, time)
+                except ModelError:
+                    break
+                first = time
+        if first == 1 and not any(self._oldest_stamps(*hops)):
+            first = 0
+        return first, last
+
+    def _oldest_stamps(self, chain, top):
+        """Of the moving frames on a path."""
+        hops = [self.frames[name] for name in chain[:top] + chain[top + 1 :]]
+        return [frame.oldest_ns() for frame in hops if not frame.static]
+
+    def _times_of_changes(self):
+        """Times between which every frame keeps its parent, or the lack of one."""
+        stamps = {sample[0] for frame in self.frames.values() for sample in frame.samples}
+        near = {1, STAMPS_END - 1} | {ns + step for ns in stamps for step in (-1, 0, 1)}
+        return [ns for ns in near if 0 < ns < STAMPS_END]
+
     def _newest_hops(self, target, source):
         """The frames from the source up and down to the target, by the newest sample of each."""
         upwards, frame = [], source

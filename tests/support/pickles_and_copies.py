@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 from frozen_format import FrozenFile
-from making_objects import about_z, transform
+from times_and_transforms import about_z, transform
 
 
 def filled(buffer):

@@ -87,6 +87,5 @@ OURS = {
         "format_transform",
         "stored_name",
     },
-    "tf2_ros.transform_listener": {"StaticTransformListener"},
     "tf2_sensor_msgs": SENSORS,
 }

@@ -3,7 +3,7 @@
 """
 The table of questions: how each public method of a buffer is asked, beside the model.
 
-A question is a function of a pair and of dice. `test_every_method_and_parameter_is_asked` fails where a
+A question is a function of a pair and of dice. tests/core/test_buffer_beside_model.py fails where a public
 method or a parameter has none.
 """
 
@@ -26,10 +26,10 @@ from buffer_beside_model import (
     same_velocity,
 )
 from geometry_msgs.msg import PointStamped
-from making_objects import S, stamp_ns
 from model_math import added, canonical, turned
 from model_terms import STAMPS_END, TF2, Policy
 from rclpy.duration import Duration
+from times_and_transforms import S, stamp_ns
 
 import tf2_geometry_msgs  # noqa: F401  registers the conversions of points
 from tf2_py import TransformException

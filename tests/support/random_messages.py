@@ -9,8 +9,8 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, Quaternion
 from hypothesis import strategies as st
-from making_objects import transform
 from std_msgs.msg import Header
+from times_and_transforms import transform
 
 coordinates = st.floats(-1e6, 1e6) | st.sampled_from([0.0, -0.0, 1e-300, -5e-324, 1.0, 0.1])
 vectors = st.tuples(coordinates, coordinates, coordinates)

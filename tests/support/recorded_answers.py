@@ -8,9 +8,9 @@ import math
 import re
 
 import yaml
-from making_objects import S, at_ns, rotation, transform, translation
 from messages_with_or_without_ros import Duration
 from paths import TESTS
+from times_and_transforms import S, at_ns, rotation, transform, translation
 
 RECORDINGS = TESTS / "core" / "conformance" / "buffer_core.jsonl.gz"
 # What programs look for in an error's text; the rest of it is ours.

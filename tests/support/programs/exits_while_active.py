@@ -12,9 +12,9 @@ import sys
 import threading
 
 import rclpy
-from making_objects import transform
 from rclpy.duration import Duration
 from rclpy.time import Time
+from times_and_transforms import transform
 
 from tf2_ros import Buffer, StaticTransformBroadcaster, TransformListener, transform_listener
 from tf2_ros._calls.call_runners import call_queue_of

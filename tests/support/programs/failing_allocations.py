@@ -22,10 +22,10 @@ import warnings
 from collections import Counter
 
 import numpy as np
-from making_objects import S, about_z, transform
 from pickles_and_copies import everything
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
+from times_and_transforms import S, about_z, transform
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, TransformException

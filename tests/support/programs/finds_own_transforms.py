@@ -12,9 +12,9 @@ import sys
 import threading
 
 import rclpy
-from making_objects import S, transform
 from rclpy.duration import Duration
 from rclpy.time import Time
+from times_and_transforms import S, transform
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer, TransformListener

@@ -21,10 +21,10 @@ import time
 import numpy as np
 import rclpy
 from forked_children import CHILD_S, fork, status_of
-from making_objects import at, transform
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
+from times_and_transforms import at, transform
 
 import tf2_ros
 

@@ -3,8 +3,8 @@
 """Asks a buffer server that is discovered in part, see `interposed/half_discovered_server.c`."""
 
 import rclpy
-from making_objects import transform
 from spinning_nodes import spun_node
+from times_and_transforms import transform
 from waiting import DEADLINE_S
 
 from tf2_ros import Buffer, BufferClient, BufferServer

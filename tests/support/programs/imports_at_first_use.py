@@ -7,9 +7,9 @@ import json
 import sys
 
 import rclpy
-from making_objects import transform
 from rclpy.duration import Duration
 from rclpy.time import Time
+from times_and_transforms import transform
 
 import tf2_ros
 

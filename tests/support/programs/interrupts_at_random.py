@@ -17,9 +17,9 @@ from contextlib import suppress
 
 import rclpy
 from geometry_msgs.msg import PointStamped
-from making_objects import transform
 from random_runs import first_seed
 from rclpy.time import Time
+from times_and_transforms import transform
 from waiting import DEADLINE_S
 
 from tf2_ros import Buffer, BufferClient, MessageFilter, TransformException, TransformListener

@@ -18,7 +18,7 @@ import time
 from contextlib import suppress
 
 import rclpy
-from making_objects import S, transform
+from times_and_transforms import S, transform
 from waiting import DEADLINE_S, until
 
 from tf2_ros import Buffer, TransformException

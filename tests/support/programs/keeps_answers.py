@@ -21,9 +21,9 @@ import threading
 from functools import cache
 from itertools import count, pairwise
 
-from making_objects import S, at_ns, rotation, stamp_ns, transform, translation
 from messages_with_or_without_ros import TransformStamped
 from random_runs import first_seed
+from times_and_transforms import S, at_ns, rotation, stamp_ns, transform, translation
 
 from tf2_py import BufferCore
 from tf2_ros.serialization import serialize_transforms

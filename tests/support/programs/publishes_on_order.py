@@ -8,10 +8,10 @@ import threading
 import time
 
 import rclpy
-from making_objects import transform
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
+from times_and_transforms import transform
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster

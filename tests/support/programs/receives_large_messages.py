@@ -14,7 +14,7 @@ import time
 
 import rclpy
 from cdr_encoder import encode
-from making_objects import transform
+from times_and_transforms import transform
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer, TransformListener

@@ -22,10 +22,10 @@ if "functions" in sys.argv:
 
 import rclpy
 from geometry_msgs.msg import PointStamped
-from making_objects import transform
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.time import Time
 from spinning_nodes import shut_down
+from times_and_transforms import transform
 from waiting import DEADLINE_S, until
 
 import tf2_ros

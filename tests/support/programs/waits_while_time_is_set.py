@@ -18,10 +18,10 @@ import time
 
 import rclpy
 from geometry_msgs.msg import PointStamped
-from making_objects import S, transform
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
+from times_and_transforms import S, transform
 from waiting import until
 
 from tf2_ros import Buffer, MessageFilter, TransformBroadcaster, TransformException, TransformListener

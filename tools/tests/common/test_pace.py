@@ -5,7 +5,7 @@
 import random
 
 import pytest
-from making_objects import S
+from times_and_transforms import S
 
 from tf2_ros_tools.common.pace import Pace
 

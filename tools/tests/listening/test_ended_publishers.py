@@ -5,7 +5,7 @@
 from tf2_ros_tools.nodes.filled_buffer import filled_buffer
 from tf2_ros_tools.nodes.node_session import NodeSession
 
-from making_objects import S
+from times_and_transforms import S
 from waiting import until
 
 from tf2_ros.records import Recording

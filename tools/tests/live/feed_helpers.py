@@ -3,7 +3,7 @@
 """What the tests of feeds share: a message, what a feed has received, and a wire of the test."""
 
 import numpy as np
-from making_objects import S, translation
+from times_and_transforms import S, translation
 
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.live import Publisher

@@ -4,7 +4,7 @@
 
 import pytest
 from feed_helpers import Wire, seen
-from making_objects import transform
+from times_and_transforms import transform
 
 from tf2_ros_tools.live import Feed
 

@@ -15,7 +15,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from feed_helpers import Wire, message, seen
-from making_objects import S, translation
+from times_and_transforms import S, translation
 from waiting import DEADLINE_S, until
 
 from tf2_ros import Buffer, TransformException
@@ -445,7 +445,7 @@ def test_messages_that_all_arrive_late_are_warned_of_once(monkeypatch, caplog):
 INTERRUPTED = """
 from feed_helpers import Wire, message
 from interrupt_at_each_line import interrupt_at_each_line
-from making_objects import transform
+from times_and_transforms import transform
 from tf2_ros_tools.live import Feed
 
 def make():
@@ -484,7 +484,7 @@ def test_a_signal_handler_may_call_a_feed_whatever_it_interrupts():
 FORKED = """
 import os
 from feed_helpers import Wire, message
-from making_objects import transform
+from times_and_transforms import transform
 from tf2_ros_tools.live import Feed
 
 feed = Feed(name="x://robot", wire=Wire())
@@ -528,7 +528,7 @@ def test_a_forked_child_refuses_the_feed_of_its_parent():
 FORKED_AT_ANY_TIME = """
 import os, signal, threading
 from feed_helpers import Wire, message
-from making_objects import transform
+from times_and_transforms import transform
 from tf2_ros_tools.live import Feed
 from waiting import DEADLINE_S
 

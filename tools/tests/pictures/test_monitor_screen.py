@@ -14,7 +14,7 @@ from dataclasses import replace
 from itertools import takewhile
 
 import pytest
-from making_objects import S
+from times_and_transforms import S
 from waiting import DEADLINE_S
 
 pytest.importorskip("pexpect")

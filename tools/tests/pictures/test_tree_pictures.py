@@ -6,10 +6,10 @@ import re
 from xml.etree import ElementTree
 
 import pytest
-from making_objects import S
 from picture_samples import HOSTILE, STARTS, stream
 from picture_texts import SVG, groups
 from starting_programs import needs_dot
+from times_and_transforms import S
 
 from tf2_py import FrameInfo
 from tf2_ros_tools.diagnosis.findings import Finding

@@ -18,9 +18,9 @@ import time
 
 import pytest
 from making_bags import Sent, Tf, drive, write_mcap
-from making_objects import S
 from processes import run
 from starting_programs import ROBOT, broadcasting, ended, heard, needs_dot, running
+from times_and_transforms import S
 from tool_paths import TOOLS
 from tool_project import PYPROJECT
 from waiting import DEADLINE_S, until

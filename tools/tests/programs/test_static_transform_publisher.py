@@ -8,10 +8,10 @@ import signal
 
 import pytest
 from making_bags import Sent, Tf, drive, write_folder, write_mcap, write_ros1
-from making_objects import S, about_z, rotation, translation
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from starting_programs import running
+from times_and_transforms import S, about_z, rotation, translation
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage

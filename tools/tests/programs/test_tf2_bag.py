@@ -14,10 +14,10 @@ import sys
 import numpy as np
 import pytest
 from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
-from making_objects import transform
 from picture_texts import texts_of
 from robot_of_all_joints import ARM, description, joint_state
 from starting_programs import needs_dot, running
+from times_and_transforms import transform
 from waiting import DEADLINE_S, until
 
 from tf2_ros_tools.bag import load, save

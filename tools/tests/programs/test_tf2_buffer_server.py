@@ -3,9 +3,9 @@
 """The program tf2_buffer_server, as a process of its own."""
 
 import pytest
-from making_objects import S, at, translation
 from rclpy.duration import Duration
 from starting_programs import running
+from times_and_transforms import S, at, translation
 from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours

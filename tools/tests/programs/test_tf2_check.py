@@ -10,9 +10,9 @@ import threading
 import time
 
 import pytest
-from making_objects import S
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from starting_programs import ROBOT, UNTIL_TOLD, broadcasting, ended, heard, running
+from times_and_transforms import S
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage

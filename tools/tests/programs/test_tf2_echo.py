@@ -8,10 +8,10 @@ import re
 
 import pytest
 from calls_in_threads import repeated
-from making_objects import S, transform
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
 from starting_programs import ended, running
+from times_and_transforms import S, transform
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage

@@ -6,8 +6,8 @@ import json
 import re
 
 import pytest
-from making_objects import S
 from starting_programs import broadcasting, running
+from times_and_transforms import S
 from waiting import until
 
 pytestmark = pytest.mark.ours

@@ -6,9 +6,9 @@ import re
 import threading
 
 import pytest
-from making_objects import S
 from picture_texts import texts_of
 from starting_programs import ROBOT, broadcasting, ended, heard, running
+from times_and_transforms import S
 from waiting import DEADLINE_S
 
 pytestmark = pytest.mark.ours

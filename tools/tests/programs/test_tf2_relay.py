@@ -7,11 +7,11 @@ from itertools import count, permutations
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
-from making_objects import S, about_z, stamp_ns, transform, translation
 from random_runs import seeds
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from starting_programs import running
+from times_and_transforms import S, about_z, stamp_ns, transform, translation
 from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 from making_bags import S, drive, write_db3, write_folder, write_mcap
-from making_objects import transform
 from pickles_and_copies import held
 from robot_of_all_joints import ARM, NAMES, joint_state
+from times_and_transforms import transform
 
 from tf2_py.atomic_files import whole_file
 from tf2_ros import Buffer

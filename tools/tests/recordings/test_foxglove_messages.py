@@ -7,7 +7,7 @@ import re
 import pytest
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from making_bags import S, Sent, Tf, drive, write_foxglove
-from making_objects import about_z
+from times_and_transforms import about_z
 
 from tf2_ros_tools import bag
 

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, write_mcap
-from making_objects import about_z
+from times_and_transforms import about_z
 
 from tf2_ros_tools.bag import load
 from tf2_ros_tools.recordings.bag_contents import read_contents

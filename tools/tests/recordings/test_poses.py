@@ -19,7 +19,7 @@ from making_bags import (
     series,
     write_mcap,
 )
-from making_objects import about_z
+from times_and_transforms import about_z
 
 from tf2_ros_tools import bag
 from tf2_ros_tools.diagnosis.texts import line_of

@@ -6,7 +6,6 @@ import os
 import resource
 
 import pytest
-from making_objects import rotation, stamp_ns, transform, translation
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
@@ -16,6 +15,7 @@ from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 from rosbags.typesys import Stores, get_typestore
+from times_and_transforms import rotation, stamp_ns, transform, translation
 
 from tf2_py import BufferCore
 from tf2_ros import Buffer

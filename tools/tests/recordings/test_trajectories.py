@@ -22,9 +22,9 @@ from making_bags import (
     write_mcap,
     write_ros1,
 )
-from making_objects import about_z
 from numpy.testing import assert_allclose
 from pickles_and_copies import held
+from times_and_transforms import about_z
 
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag

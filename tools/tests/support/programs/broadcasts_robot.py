@@ -9,8 +9,8 @@ Prints a line when it begins to wait for subscribers.
 import signal
 
 import rclpy
-from making_objects import transform
 from rclpy.signals import SignalHandlerOptions
+from times_and_transforms import transform
 
 from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster
 

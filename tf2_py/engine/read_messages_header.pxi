@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages of transforms and the structs of the core, in both directions."""
+"""Messages of transforms, read into the structs of the core, and headers."""
 
 # Uses: message_layouts, times.
 

@@ -106,7 +106,7 @@ _NOTHING_KNOWN = Fillers()
 
 
 def begin_fillers(buffer: BufferCore) -> Fillers:
-    """Get what a new ``Buffer`` knows of what fills it: nothing, of which its errors tell."""
+    """Make the empty record of what fills a new ``Buffer``; errors say that nothing fills it."""
     BufferCore._describe_silence_with(buffer, silence_of)
     return Fillers()
 

@@ -92,7 +92,7 @@ def is_node(node: object) -> bool:
 
 def loop_of(node: Any) -> "asyncio.AbstractEventLoop":
     """
-    The event loop that runs here, and runs a node, now or when the program awaits that.
+    The event loop of this thread, which runs the node, or will run it once the program awaits the node.
 
     Assumes the attribute ``_tg`` of a node that runs already, a TaskGroup with the attribute ``_loop``.
     Without it, nothing is known of another loop.

@@ -149,7 +149,7 @@ class Buffer(BufferCore, BufferInterface):
 
     @property
     def _tf2_kept(self) -> dict[Any, None]:
-        """What waits for this buffer and is awaited or has callbacks: nothing else may refer to it."""
+        """The waits that are awaited or have callbacks; this may be the only reference to them."""
         # Made at its first use, because a subclass need not call __init__.
         kept: dict[Any, None] = self.__dict__.setdefault("_tf2_kept", {})
         return kept
@@ -373,8 +373,8 @@ class Buffer(BufferCore, BufferInterface):
             transform, if there is one, and then each new one: at a later common time, along another path, or
             with another static transform. So changes arrive at the rate of the slowest moving frame on
             the path, one or two for each of its transforms. A slower loop body gets only the latest change.
-            That a transform becomes too old is not a change. In asyncio, the iteration ends with the
-            shutdown of the context.
+            A transform that becomes too old does not count as a change. In asyncio, the iteration ends with
+            the shutdown of the context.
         :raises TypeError: a limit is not a duration.
         :raises ValueError: a limit is negative. The iteration raises it for a limit of a frame that is
             unknown or not a child, or without a clock, as :meth:`lookup_transform` does.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Correct the past of a buffer by poses at keyframes, as a SLAM exports them after a loop closure."""
+"""Correct the past of a buffer with poses at keyframes, as SLAM exports them after a loop closure."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def correct(
     on_missing: Literal["raise", "skip"] = "raise",
 ) -> int:
     """
-    Replace the past of one transform, so that a frame was where a SLAM says it was.
+    Replace past samples of one transform, so that a frame follows the poses that SLAM computed.
 
     :param buffer: a :class:`tf2_ros.Buffer` or :class:`tf2_py.BufferCore`.
     :param parent: the frame in which the poses are given, such as ``map``.

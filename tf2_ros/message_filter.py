@@ -113,8 +113,8 @@ class MessageFilter(Generic[_Message]):
         have a ``header``.
     :param buffer: the buffer with the transforms.
     :param target_frames: a name, or several; a message passes when its frame can be transformed into all of
-        them. As in tf2, this is tried after each insert, and what is available once counts, although the
-        buffer may lose it while the message waits for the others.
+        them. As in tf2, this is tried after each insert. A transform that was available once counts as
+        available, even if the buffer drops it while the message waits for other target frames.
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
     :param node: the executor that spins it takes the messages of a topic, and runs the callbacks for
         transforms that a listener receives.

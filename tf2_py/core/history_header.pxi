@@ -220,8 +220,8 @@ cdef inline bint history_has_velocity(const History* history) noexcept nogil:
             and history_parent_of(history, last - 1) == history_parent_of(history, last))
 
 
-# The earliest time from which on, until `time_ns`, it answers with the same parent, or has no answer.
-# `time_ns` is not 0. INT64_MIN: this is so at all earlier times.
+# The earliest time T such that, from T to `time_ns`, either every answer has the same parent, or there is no
+# answer at all. `time_ns` is not 0. INT64_MIN: this holds for all earlier times.
 cdef int64_t history_unchanged_since(const History* history, int64_t time_ns) noexcept nogil
 # NO_FRAME: the history does not answer.
 cdef FrameId history_parent_at(const History* history, int64_t time_ns) noexcept nogil
@@ -271,7 +271,7 @@ cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const 
 # HISTORY_NO_MEMORY. `growth_limit`: by how many bytes it may exceed `old`, which remains.
 cdef HistoryInsert history_begin(const History* old, HistoryKind kind, uint32_t capacity, size_t growth_limit,
                                  History* fresh) noexcept nogil
-# Behind the newest sample of a dynamic history, whose memory nobody else has, and has a free slot.
+# Append after the newest sample of a dynamic history. Its memory has a free slot, and no other owner.
 cdef void history_append(History* history, int64_t stamp_ns, const Sample* sample) noexcept nogil
 # The index of the first sample with a later stamp; `count`: there is none. Not for static histories.
 cdef uint32_t history_first_after(const History* history, int64_t time_ns) noexcept nogil

@@ -42,7 +42,7 @@ cdef int _sort(Replacing* replacing, Batch* batch, Names* children) noexcept nog
 
 
 cdef int _group(Replacing* replacing, const Batch* batch, uint32_t count) noexcept nogil:
-    # Fills `frames`, of which there are so many. -1: no memory.
+    # Fills `frames`, which has `count` entries. -1: no memory.
     cdef Replacement* one
     cdef size_t i
     replacing.frames = <Replacement*>calloc(count, sizeof(Replacement))

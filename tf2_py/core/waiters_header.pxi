@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Lookups that wait for an answer, in lists by what could help them.
+Lookups that wait for an answer, listed by what they lack.
 
 A waiter is one lookup that failed and waits. It watches one thing at a time, what its last failed attempt
 lacked, and is in one of three lists:
@@ -12,9 +12,9 @@ lacked, and is in one of three lists:
   policy, or for another answer than the one that it has; or its path contains, or may contain, a loop.
 
 An insert that changes the shape of the tree (see Change) tries all waiters. Any other one tries those that
-watch its frame at a time that has data now, and those of every insert. So after an insert no waiter is
-pending whose lookup would answer. One that is to end when its data is refused is also tried when its time
-falls behind the horizon of the frame.
+watch its frame at a time that has data now, and those of every insert. So after an insert, no waiter is left
+whose lookup would succeed. A waiter with `until_refused` is also tried when its time falls behind the horizon
+of its frame.
 
 A wake is the work that follows from one change. It first takes the waiters to be tried out of their lists,
 so that one that is filed again is not tried again at once. Then they are tried one after the other. Between

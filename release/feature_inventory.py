@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Write docs/development/feature-ledger.md: what each feature promises, to whom, and how much serves it.
+Write docs/development/feature-inventory.md: what each feature promises, to whom, and how much serves it.
 
-`python -m release.feature_ledger`; it fails if a file belongs to no feature.
+`python -m release.feature_inventory`; it fails if a file belongs to no feature.
 """
 
 import fnmatch
@@ -14,7 +14,7 @@ from pathlib import Path
 from release import license_headers
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs/development/feature-ledger.md"
+PAGE = ROOT / "docs/development/feature-inventory.md"
 CODE = (".py", ".pyx", ".pxd", ".pxi", ".c", ".h", ".cpp")
 
 # Each feature, what it promises, to whom; below it the files that only it needs, and last, those that several

@@ -3,8 +3,9 @@
 """
 Rewriting the past: replacing what frames have from the first to the last of some stamps.
 
-A call first builds the new history of each frame. It exchanges old and new histories only when all are built,
-so if memory runs out, nothing has changed. Of a frame, either all transforms of the call are accepted, or none.
+A call first builds the new history of each frame. It exchanges old and new histories only when all are
+built, so if memory runs out, nothing has changed. Of a frame, either all transforms of the call are accepted,
+or none.
 """
 
 # Uses: types, geometry, names, history, tree, batch.

@@ -15,10 +15,7 @@ import sys
 from reliability.flagged_builds import BUILDS, build
 
 # What is not run, and why.
-LEFT_OUT = {
-    "tests/packaging": "reads sources, and builds the package",
-    "tests/ros/test_interrupts.py": "traces lines itself",
-}
+LEFT_OUT = {"tests/packaging": "reads sources, and builds the package"}
 COMPILED = (".pyx", ".pxi", ".pxd")
 SLOWNESS = 2  # of this build, for the deadlines of tests
 # As in the Makefile.

@@ -7,6 +7,7 @@ import copy
 import threading
 import time
 import types
+from contextlib import suppress
 from unittest import mock
 
 import pytest
@@ -163,3 +164,27 @@ class TestClocks:
         buffer.set_transform(transform("map", "base", ns=time.time_ns()), "x")
         assert 0 <= buffer.ages("map", "base")["base"] < DEADLINE_S
         assert buffer.clock.now() is not None
+
+    @pytest.mark.parametrize(
+        ("back_s", "has_source", "policy", "samples"),
+        [
+            (3600, True, {"max_age": 5.0}, 0),
+            (1, True, {"max_age": 5.0}, 0),
+            (0.5, True, {"max_age": 5.0}, 1),
+            (3600, False, {"max_age": 5.0}, 1),
+            (3600, True, {}, 1),
+        ],
+    )
+    def test_system_time_that_is_set_back_clears_what_a_source_fills(
+        self, back_s, has_source, policy, samples
+    ):
+        buffer, back_ns = tf2_ros.Buffer(), 0
+        if has_source:
+            buffer.add_source("this test")
+        with mock.patch.object(type(buffer.clock), "now", lambda _: time.time_ns() - back_ns):
+            buffer.set_transform(transform("map", "base", ns=time.time_ns()), "x")
+            buffer.ages("map", "base")
+            back_ns = int(back_s * S)
+            with suppress(tf2_ros.TransformException):
+                buffer.lookup_transform("map", "base", 0, **policy)
+            assert buffer.statistics()["samples"] == samples

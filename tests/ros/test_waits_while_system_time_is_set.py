@@ -24,16 +24,6 @@ EXPIRED = {
 ANSWERED = {**dict.fromkeys(EXPIRED, "map"), "can": True}
 
 
-def test_the_time_of_day_is_set_back_where_ages_are_judged(tmp_path):
-    """What a source fills is cleared, and waits go on until there is new data."""
-    lines = output_with_library("time_of_day", tmp_path, program="judges_ages_while_time_is_set").splitlines()
-    found = {one["what"]: one["outcome"] for one in map(json.loads, lines)}
-    cleared = {"an hour, lookup", "an hour, ages", "a second"}
-    kept = {"half a second", "not judged", "without a source"}
-    waits = {"block", "future", "awaiting"}
-    assert found == dict.fromkeys(cleared | waits | {"copies"}, True) | dict.fromkeys(kept, False)
-
-
 @pytest.mark.parametrize("seconds", [3600, -3600])
 def test_the_time_of_day_is_set_during_waits(tmp_path, seconds):
     lines = output_with_library(

@@ -72,6 +72,8 @@ help:
 # dies, xdist would wait for ever instead of ending.
 PYTEST = $(PY) -m pytest --numprocesses=$$((2 * $$(nproc))) --maxprocesses=8 --dist=loadfile \
 	--no-loadscope-reorder --max-worker-restart=0
+# One test may take that long.
+LONGEST := -o faulthandler_timeout=7200
 
 # First the core's, in an environment without what only the tools need, if that is new.
 test: test-core
@@ -88,10 +90,10 @@ test-long: test-core-long
 	$(MAKE) -C tools test-long
 
 test-core-all: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
-	$(PYTEST) --all $(TESTS)
+	$(PYTEST) --all $(LONGEST) $(TESTS)
 
 test-core-long: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/dev.stamp
-	$(PYTEST) --long --durations=20 $(TESTS)
+	$(PYTEST) --long $(LONGEST) --durations=20 $(TESTS)
 
 demo: $(VENV)/installed.stamp
 	@$(PY) examples/demo.py

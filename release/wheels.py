@@ -185,6 +185,7 @@ def tested(python, version, release, wheels, requirements, of_pytest):
     suite = SCRATCH / f"suite-{version}-{release}"
     copy_suite(suite)
     command = [usable, "-m", "pytest", "--all", "-p", "no:cacheprovider"]
+    command += ["-o", "faulthandler_timeout=7200"]  # one test may take that long
     if of_pytest:
         return subprocess.run([*command, *of_pytest], cwd=suite, env=environment()).returncode == 0
     suites = {suite: OF_SOURCES, suite / "tools": OF_SOURCES_OF_TOOLS}

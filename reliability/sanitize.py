@@ -136,7 +136,7 @@ def run(name, of_pytest):
     kind, reports = KINDS[name], reports_of(name)
     folder, environment = prepared(name, reports)
     command = [*_fixed_addresses(), sys.executable, "-m", "pytest", "--all", "-p", "no:cacheprovider"]
-    command += ["-o", f"timeout={TEST_TIMEOUT_S}"]
+    command += ["-o", f"timeout={TEST_TIMEOUT_S}", "-o", "faulthandler_timeout=7200"]
     command += of_pytest
     if _names_tests(of_pytest):
         status = subprocess.run(command, cwd=folder, env=environment).returncode

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What all tests share: a ROS domain of their own, and the tf2 under test."""
 
-import faulthandler
 import gc
 import importlib
 import os
@@ -11,7 +10,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import hypothesis
@@ -77,9 +75,6 @@ pytest.register_assert_rewrite(
 
 # Of a test marked `long`: some build and install for a minute on an idle machine.
 LONG_TIMEOUT_S = 1200
-# A test that hangs in C fails at no time limit, and its thread may hold the GIL. So the main thread proves
-# every PROBE_S that it runs Python; if it does not within HUNG_S, the run ends.
-PROBE_S, HUNG_S = 50, 115
 
 
 def pytest_addoption(parser):
@@ -106,36 +101,7 @@ def pytest_addoption(parser):
     )
 
 
-_stderr = None  # that of the process: while a test runs, what it writes to this is captured
-
-
-@pytest.hookimpl(wrapper=True, optionalhook=True)
-def pytest_timeout_set_timer(settings):
-    result = yield
-    if settings.method != "signal":
-        return result
-    fail, limit = signal.getsignal(signal.SIGALRM), time.monotonic() + settings.timeout
-
-    def probe(*arguments):
-        faulthandler.dump_traceback_later(HUNG_S, exit=True, file=_stderr)
-        left = limit - time.monotonic()
-        if left <= 0:
-            fail(*arguments)
-        signal.setitimer(signal.ITIMER_REAL, min(left, PROBE_S))
-
-    signal.signal(signal.SIGALRM, probe)
-    probe()
-    return result
-
-
-@pytest.hookimpl(tryfirst=True, optionalhook=True)
-def pytest_timeout_cancel_timer():
-    faulthandler.cancel_dump_traceback_later()
-
-
 def pytest_configure(config):
-    global _stderr
-    _stderr = os.dup(2)
     # A shell starts what it runs in the background without Ctrl-C, and the tests' own programs inherit that.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)

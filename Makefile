@@ -160,6 +160,7 @@ lint: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(PY) -m mypy $(PACKAGES) tools/tf2_ros_tools
 	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(VENV)/bin/zizmor --offline --quiet .github
+	$(VENV)/bin/reuse lint --lines
 
 build: $(VENV)/test.stamp
 	$(PY) setup.py -q build_ext --inplace

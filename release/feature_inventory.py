@@ -11,8 +11,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from release import license_headers
-
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/development/feature-inventory.md"
 CODE = (".py", ".pyx", ".pxd", ".pxi", ".c", ".h", ".cpp")
@@ -140,7 +138,8 @@ def counted(path):
     text = (ROOT / path).read_text()
     if column == "pages":
         return column, len(text.split())
-    return column, license_headers.without_header(text, license_headers.style_of(path)).count("\n")
+    # Without those of the license.
+    return column, sum("SPDX" not in line for line in text.splitlines())
 
 
 def table(paths):

@@ -40,7 +40,7 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: bare bench build clean coverage cross demo docs endure fuzz guard help lint matrix new oldest pictures release-check releases sanitize stress
+.PHONY: bare bench build clean coverage cross demo docs fuzz guard help lint matrix new oldest pictures release-check releases sanitize stress
 .PHONY: test test-all test-core test-core-all test-core-long test-long wheels
 
 define HELP
@@ -59,7 +59,7 @@ Develop
   make pictures    draw the pictures in docs/images again
   make clean       remove everything that these commands create
 Measure, search for faults, release: CONTRIBUTING.md and docs/development describe
-  make bench  coverage  fuzz  sanitize  stress  endure  wheels  matrix  releases  oldest  cross  bare  release-check
+  make bench  coverage  fuzz  sanitize  stress  wheels  matrix  releases  oldest  cross  bare  release-check
 Each installs what it needs into $(VENV).
 endef
 export HELP
@@ -116,9 +116,9 @@ guard: $(VENV)/installed.stamp
 
 # Long searches for faults, see docs/development/reliability.md. OPTIONS go to the program, as
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
-endure fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test.stamp
+fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(MAKE) -C tools installed-all
-	$(PY) -m reliability.$(if $(filter endure,$@),tests_under_load,$@) $(OPTIONS)
+	$(PY) -m reliability.$@ $(OPTIONS)
 
 coverage: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(PY) -m reliability.coverage $(OPTIONS)

@@ -27,24 +27,19 @@ OF_DISTRIBUTIONS = Path("/opt/ros")
 # If this file is there, the packages wait for TF2_ROS_CYTHON=1.
 OPT_IN = Path(OWNER, "opt_in")
 
-# By `-C layout=flat`: no folder of their own, for environments that do not read .pth files.
-is_flat = False
 # By `-C precedence=opt-in`.
 is_opt_in = False
 
 
 def choose(config_settings):
-    """Heed pip's options `-C layout=flat` and `-C precedence=opt-in`."""
-    global is_flat, is_opt_in
-    is_flat = _setting(config_settings, "layout", "private", "flat")
-    is_opt_in = _setting(config_settings, "precedence", "opt-out", "opt-in")
-
-
-def _setting(config_settings, name, default, other):
-    value = (config_settings or {}).get(name, default)
-    if value not in (default, other):
-        raise SystemExit(f"tf2-ros-cython: expected {name}={default} or {name}={other}, got {name}={value}")
-    return value == other
+    """Heed pip's option `-C precedence=opt-in`."""
+    global is_opt_in
+    value = (config_settings or {}).get("precedence", "opt-out")
+    if value not in ("opt-out", "opt-in"):
+        raise SystemExit(
+            f"tf2-ros-cython: expected precedence=opt-out or precedence=opt-in, got precedence={value}"
+        )
+    is_opt_in = value == "opt-in"
 
 
 def copy_pth(folder):
@@ -81,6 +76,6 @@ class InstallLib(install_lib):
 
     def _moved(self, path):
         package, *inner = Path(path).relative_to(self.install_dir).parts
-        if is_flat or package == OWNER:
+        if package == OWNER:
             return str(path)
         return str(Path(self.install_dir, FOLDER, package, *inner))

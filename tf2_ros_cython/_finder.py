@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Find our packages where they have no folder of their own on the path: in a checkout, or a flat installation.
+Find our packages where they have no folder of their own on the path: in a checkout.
 
 If the rclpy in use is one that tf2_ros was never tried with, the finder says once that it steps aside.
 """

@@ -18,7 +18,7 @@ PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
 
 # The folder into which this installation was put, beside all other packages.
 SITE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-# Ours have a folder of their own. In a checkout, or by `-C layout=flat`, they have not.
+# Ours have a folder of their own. In a checkout, they have not.
 PARTS = ("tf2_ros_cython", "packages")
 FOLDER = os.path.join(SITE, *PARTS)
 HOME = FOLDER if os.path.isdir(FOLDER) else SITE

@@ -101,7 +101,7 @@ def _is_ours(folder: Path | None) -> bool:
         return False
     if folder.parts[-2:] == _installation.PARTS:
         return True
-    # In a checkout, or a flat installation, all are in one folder; beside others, tf2 may lie there.
+    # In a checkout, all are in one folder; beside others, tf2 may lie there.
     has_own_folder = folder.joinpath(*_installation.PARTS).is_dir()
     return (folder / _installation.PARTS[0] / "which.py").is_file() and not has_own_folder
 

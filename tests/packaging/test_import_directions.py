@@ -3,7 +3,6 @@
 """The direction of imports: the table in docs/development/internals.md, and what the sources import."""
 
 import re
-import runpy
 import sys
 
 import pytest
@@ -159,9 +158,3 @@ def test_a_chapter_uses_those_before_it_and_says_which(module):
         ]
         assert f"# Uses: {', '.join(used) or 'no chapter'}.\n" in text.replace(",\n# ", ", "), chapter
         known |= names[chapter]
-
-
-def test_the_drawing_on_the_page_is_what_the_sources_import_and_cimport():
-    drawn = runpy.run_path(str(ROOT / "docs" / "import_graph.py"))["drawing"]()
-    page = INTERNALS.read_text(encoding="utf-8")
-    assert f"```text\n{drawn}\n```" in page, f"put this into docs/development/internals.md:\n{drawn}"

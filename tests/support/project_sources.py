@@ -34,7 +34,7 @@ _TEXT = re.compile(
     re.DOTALL,
 )
 _STATEMENT = re.compile(
-    r"^[ \t]*(?:from[ \t]+(?P<origin>[.\w]+)[ \t]+)?(?P<kind>c?import)\b[ \t]*(?P<names>\([^)]*\)|[^\n]*)",
+    r"^[ \t]*(?:from[ \t]+(?P<origin>[.\w]+)[ \t]+)?c?import\b[ \t]*(?P<names>\([^)]*\)|[^\n]*)",
     re.MULTILINE,
 )
 
@@ -44,7 +44,6 @@ class Import(NamedTuple):
 
     module: str
     line: int
-    is_cimport: bool
 
 
 @cache
@@ -75,7 +74,7 @@ def imports(path: Path, root: Path = ROOT, packages: tuple[str, ...] = ALL) -> l
             else _absolute(one["origin"], names, parent, modules(root, packages))
         )
         line = 1 + code.count("\n", 0, one.start())
-        found += [Import(module, line, one["kind"] == "cimport") for module in imported]
+        found += [Import(module, line) for module in imported]
     return found
 
 

@@ -134,27 +134,20 @@ def test_a_chapter_uses_no_underscored_name_of_another():
 
 
 @pytest.mark.parametrize("module", MODULES_OF_CHAPTERS)
-def test_a_chapter_uses_those_before_it_and_says_which(module):
-    texts = {
-        name: "\n".join(path.read_text(encoding="utf-8") for path in modules()[name])
+def test_a_chapter_uses_only_those_before_it(module):
+    codes = {
+        name: code_of("\n".join(path.read_text(encoding="utf-8") for path in modules()[name]))
         for name in chapters(module)
     }
-    codes = {name: code_of(text) for name, text in texts.items()}
     words = {name: set(re.findall(r"\w+", code)) for name, code in codes.items()}
     names = {name: defined(code) for name, code in codes.items()}
     known: set[str] = set()
-    for chapter, text in texts.items():
+    for chapter in codes:
         own = names[chapter] | known
         later = {
             other: found
-            for other in list(texts)[list(texts).index(chapter) + 1 :]
+            for other in list(codes)[list(codes).index(chapter) + 1 :]
             if (found := words[chapter] & (names[other] - own))
         }
         assert later == {}, f"{chapter} uses later chapters"
-        used = [
-            other.rpartition(".")[2]
-            for other in list(texts)[: list(texts).index(chapter)]
-            if words[chapter] & (names[other] - names[chapter])
-        ]
-        assert f"# Uses: {', '.join(used) or 'no chapter'}.\n" in text.replace(",\n# ", ", "), chapter
         known |= names[chapter]

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Batches of transforms that are inserted together; serialized tf2_msgs/TFMessage, read and written."""
 
-# Uses: types, names, waiters, cdr.
-
 cdef struct Entry:
     Incoming incoming
     uint32_t refused            # outcome: REFUSED_* bits; 0: accepted

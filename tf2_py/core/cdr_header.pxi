@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Read and write the transforms of a serialized tf2_msgs/TFMessage, one after the other."""
 
-# Uses: types, names.
-
 cdef enum:
     # No transform is shorter than a stamp, two empty names and seven doubles, with padding.
     SMALLEST_TRANSFORM = 72

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The hops of a lookup: which samples of which frames have answered it."""
 
-# Uses: types, history, tree, lookup.
-
 cdef enum HopData:
     # What the history of a frame has answered with.
     HOP_STATIC          # its one sample, for every time

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Locks that no fork leaves locked in the child. A thread that holds one takes no other of them."""
 
-# Uses: sync.
-
 cdef struct ForkedLock:
     # A lock in the list. It must not move while it is listed.
     Lock* lock

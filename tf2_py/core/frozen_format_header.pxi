@@ -14,8 +14,6 @@ A sample has 64 bytes: the translation x y z in meters and the normalized rotati
 of the parent as uint32, and four bytes that are 0.
 """
 
-# Uses: types, names, history, tree.
-
 cdef enum:
     FROZEN_VERSION = 2
     FROZEN_PARENT = 1           # flag of a frame: History.is_parent

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Vector and quaternion maths on C doubles: 3-vectors x y z, quaternions x y z w."""
 
-# Uses: types.
-
 cdef extern from *:
     """
     /* 1 - |a . b| up to which interpolation_weights are exact to the last digits: a turn of 28 degrees. */

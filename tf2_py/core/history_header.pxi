@@ -7,8 +7,6 @@ Only this chapter knows how samples lie in memory; all others call its functions
 change a History need the tree's lock, except on a pinned copy.
 """
 
-# Uses: types, geometry, sync.
-
 cdef enum HistoryKind:
     HISTORY_NONE            # the frame was never a child: no samples, no memory
     HISTORY_DYNAMIC

@@ -6,8 +6,6 @@ The lookup: the query, the walk between two frames, and the answer along their p
 All functions read the tree only; the caller holds its lock.
 """
 
-# Uses: types, geometry, sync, names, history, tree.
-
 cdef struct Path:
     # The frames whose samples lie between two frames: each hop leads from the frame named to its parent.
     FrameId source[MAX_HOPS + 1]    # up from the source; one entry more than hops count

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A table of names: UTF-8 bytes to small ids and back, usable without the GIL."""
 
-# Uses: no chapter.
-
 cdef struct Name:
     size_t start            # offset of its first byte in `text`
     uint32_t size           # bytes

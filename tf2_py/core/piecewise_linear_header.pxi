@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Poses between which a transform changes nearly linearly."""
 
-# Uses: types, geometry, sync, history, tree, lookup, series.
-
 cdef enum:
     SERIES_UNSTEADY = -3        # the next one after the errors of series_lookup
 

@@ -8,8 +8,6 @@ built, so if memory runs out, nothing has changed. Of a frame, either all transf
 or none.
 """
 
-# Uses: types, geometry, names, history, tree, batch.
-
 cdef struct Given:
     # One transform of a call.
     uint32_t which          # its frame, an index of `frames`

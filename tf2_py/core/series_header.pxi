@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Lookups at many times in one call."""
 
-# Uses: types, geometry, sync, history, tree, lookup.
-
 cdef struct TimeSeries:
     # The times of one call and the memory for its answers: `translations` and `rotations`, or `matrices`, or
     # `points` and `transformed`; the others are NULL.

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Locks, events, clocks and atomic words: what threads without the GIL share."""
 
-# Uses: types.
-
 # Condition variables that wait on the steady clock, which does not change when the time of day is set.
 
 cdef extern from "<pthread.h>" nogil:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The tree: names, parents and every frame's history; and what an insert changes."""
 
-# Uses: types, geometry, names, history.
-
 cdef enum:
     # What tree_insert returns beside REFUSED_* bits:
     TREE_NO_MEMORY = 0x40000000     # there is no memory

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The C structs that every chapter shares."""
 
-# Uses: no chapter.
-
 # A frame is an index into the tree's arrays, never a pointer kept across growth.
 ctypedef uint32_t FrameId
 

@@ -33,8 +33,6 @@ A forked child forgets the waiters of its parent: the threads that would try, de
 exist there, and what they point to is not touched again.
 """
 
-# Uses: types, sync, history, tree, lookup.
-
 cdef struct Waiter
 
 cdef struct Link:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What error texts add: which known name may have been meant, and which topics are silent."""
 
-# Uses: no chapter.
-
 cdef class Advice:
     # Belongs to one buffer. Read and written with the GIL held, without a lock. Programs repeat failing
     # lookups at high rates, so suggestions are remembered.

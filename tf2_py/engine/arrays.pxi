@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert the arrays that callers pass to one dtype and shape, and to C pointers; convert rotations."""
 
-# Uses: times.
-
 
 # Not typed memoryviews: what Cython needs for them is as large as half of this extension.
 

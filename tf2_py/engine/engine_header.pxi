@@ -2,9 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The tree behind its lock, with the waiters for it."""
 
-# Uses: times, read_messages, advice, queries_and_errors, tree_as_objects, explained, frozen_buffers,
-# engine_hooks.
-
 cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds
     INSERTS_PER_TRY = 2     # the cost of trying a waiter

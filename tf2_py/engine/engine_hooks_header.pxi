@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What an engine calls: before it is read, and when a waiter has an answer."""
 
-# Uses: no chapter.
-
 cdef enum:
     RECENTLY = 2    # of ReadHook.read
 

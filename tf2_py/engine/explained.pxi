@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Make Python objects of explained lookups."""
 
-# Uses: times, reused_messages, queries_and_errors, tree_as_objects.
-
 cdef dict HOP_DATA = {
     HOP_STATIC: "static",
     HOP_SAMPLE: "sample",

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Write a tree to a frozen file, and make a tree of one that is mapped."""
 
-# Uses: tree_as_objects.
-
 # Only the engine calls write_frozen and read_frozen. `names` and `authorities`: those of the tree that are
 # known so far.
 

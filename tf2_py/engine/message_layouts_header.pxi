@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Read and make messages of one class through the offsets of their slots."""
 
-# Uses: no chapter.
-
 cdef enum:
     MAX_FIELDS = 9          # of a sensor_msgs/PointCloud2
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The arguments of a lookup, and why it has no answer."""
 
-# Uses: times, read_messages, advice.
-
 # Read the caller's objects; TypeError, ValueError or OverflowError where they do not fit.
 # Only the frames of a simple lookup, without its time.
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1

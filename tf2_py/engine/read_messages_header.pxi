@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages of transforms, read into the structs of the core, and headers."""
 
-# Uses: message_layouts, times.
-
 # Layouts of the classes below, None before load_layouts() has run.
 cdef Layout header_layout, vector3_layout, quaternion_layout, transform_layout
 cdef Layout transform_stamped_layout

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What broadcasters send: serialize it as ROS does, and say which transforms every buffer refuses."""
 
-# Uses: message_layouts, times, read_messages.
-
 cdef inline bint _is_exact_class(Layout layout, object message):
     return layout.by_slot and type(message) is layout.message_class
 

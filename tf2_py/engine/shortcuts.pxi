@@ -10,8 +10,6 @@ that it stands for, also its ``__class__``, by which ``isinstance`` and ``inspec
 they take the stand-ins of ``mock`` for what these stand for.
 """
 
-# Uses: no chapter.
-
 cdef extern from "Python.h":
     ctypedef struct CallableType "PyTypeObject":
         unsigned long tp_flags

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Times and durations as nanoseconds, and back."""
 
-# Uses: message_layouts.
-
 # The layout of builtin_interfaces/Time; None before load_time() has run.
 cdef Layout time_layout
 cdef enum:

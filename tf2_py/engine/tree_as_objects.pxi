@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Copy the content of a tree: as Python objects for listings, as one state for pickles."""
 
-# Uses: read_messages, arrays.
-
 # Each takes the lock to copy what it needs, and makes Python objects while the lock is free. `names` and
 # `authorities`: those of the tree that are known so far.
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The wait for one lookup."""
 
-# Uses: reused_messages, queries_and_errors, engine_hooks, engine.
-
 
 @cython.final
 @cython.no_gc_clear

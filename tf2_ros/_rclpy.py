@@ -288,15 +288,6 @@ def event_handlers(subscription: Any) -> Sequence[EventHandler]:
     return handlers
 
 
-def call_after(handler: EventHandler, make: Callable[[Callable[[Any], Any]], Callable[[Any], Any]]) -> None:
-    """
-    Replace the callback of a handler by what ``make`` returns for it.
-
-    Assumes the attribute ``callback``, which the handler reads at each event.
-    """
-    handler.callback = make(handler.callback)
-
-
 def report_event(handler: EventHandler) -> None:
     """
     Call the callback of a handler if its event has happened and no executor has noticed that.

@@ -37,7 +37,6 @@ from tf2_ros._rclpy import (
     subscribe_in_loop,
 )
 from tf2_ros._receive.inbox import AUTHORITY
-from tf2_ros._receive.incompatible_publishers import name_incompatible_publishers
 from tf2_ros._receive.listener_receiver import ListenerGroup, Receiver
 from tf2_ros._receive.listener_state import ListenerState
 from tf2_ros._receive.listener_topics import Topic, describe_topics
@@ -352,7 +351,6 @@ class TransformListener:
             made = subscribe_in_loop(self.node, *arguments)
         setattr(self, topic.attribute, made)
         if is_subscription(made):
-            name_incompatible_publishers(self.node, made)
             topic.begin(self.node, made)
 
     def __subscribe_anew(self, receiver: Receiver) -> None:

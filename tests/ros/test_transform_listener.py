@@ -15,7 +15,7 @@ from processes import run
 from public_names import NAMES
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from spinning_nodes import knows, shut_down_at_sleep
@@ -252,6 +252,16 @@ def test_of_the_subscriptions_the_quality_of_service_may_be_chosen(tf2_ros, buff
     chosen = tf2_ros.TransformListener(buffer, node, qos=qos, static_qos=7)
     assert (chosen.tf_sub.qos_profile.depth, chosen.tf_static_sub.qos_profile.depth) == (3, 7)
     assert chosen.tf_sub.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+
+
+@pytest.mark.ours
+@by_the_inbox
+def test_without_an_executor_the_log_says_that_a_publisher_does_not_fit(listener, new_node, capfd):
+    volatile = QoSProfile(depth=10)
+    if qos_check_compatible(volatile, listener.tf_static_sub.qos_profile)[0] != QoSCompatibility.ERROR:
+        pytest.skip("with this middleware, every publisher fits")
+    new_node("volatile").create_publisher(TFMessage, "/tf_static", volatile)
+    until(lambda: "on topic '/tf_static', offering incompatible QoS" in errors_so_far())
 
 
 @pytest.mark.ours

@@ -56,7 +56,7 @@ packaging/test_public_names packaging/test_owner_and_release_check
 packaging/test_rclpy_inside_in_one_module
 packaging/test_release_versions packaging/test_ros_release_files packaging/test_sourced_ros
 packaging/test_type_checkers packaging/test_without_ros ros/test_inbox_without_middleware
-core/test_type_tables packaging/test_conda packaging/test_run_workflows packaging/test_license_headers
+core/test_type_tables packaging/test_conda packaging/test_license_headers
 """.split()
 OF_SOURCES_OF_TOOLS = """
 packaging/test_demo packaging/test_docs packaging/test_fuzz_corpus packaging/test_import_directions

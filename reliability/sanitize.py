@@ -45,8 +45,8 @@ NOT_HERE = {
 # Tests that start threads, or fork while threads exist, and call the extensions in them.
 THREADED = """
 core/test_waits_in_forked_children core/test_lookup core/test_waits_without_node
-core/test_lookups_at_many_times core/test_many_times_beside_writers core/test_pickles_and_copies
-core/test_waiters core/test_waiters_random
+core/test_lookups_at_many_times core/test_many_times_beside_writers core/test_many_times_in_one_state
+core/test_pickles_and_copies core/test_waiters core/test_waiters_random
 ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_executor_waitable ros/test_forking
 ros/test_message_filter ros/test_rclpy_inside ros/test_records
 ros/test_receiving_without_executor ros/test_reception_in_texts

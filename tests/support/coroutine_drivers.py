@@ -78,29 +78,6 @@ def loop(_):
 
 
 @contextmanager
-def gather(_):
-    async def beside(work):
-        await asyncio.gather(asyncio.sleep(0), work())
-
-    with _thread_of_loop(asyncio.Event.wait) as running:
-        yield lambda work: asyncio.run_coroutine_threadsafe(beside(work), running)
-
-
-@contextmanager
-def task_group(_):
-    if sys.version_info < (3, 11):
-        pytest.skip("asyncio has no TaskGroup")
-
-    async def inside(work):
-        async with asyncio.TaskGroup() as group:
-            group.create_task(asyncio.sleep(0))
-            group.create_task(work())
-
-    with _thread_of_loop(asyncio.Event.wait) as running:
-        yield lambda work: asyncio.run_coroutine_threadsafe(inside(work), running)
-
-
-@contextmanager
 def executor_in_loop(node):
     """A coroutine of a loop spins an executor, which has the task."""
     executor = SingleThreadedExecutor()
@@ -142,8 +119,6 @@ ALL = (
     multi_threaded,
     events,
     loop,
-    gather,
-    task_group,
     executor_in_loop,
     loop_in_task,
     async_node,

@@ -51,15 +51,6 @@ def test_the_error_names_the_frame_that_is_furthest_beyond_its_limit(tf2_ros, bu
     assert "of base in odom, at 99.937500000, is 0.062500000 s" in error(max_age={"odom": 0.99, "base": 0.01})
 
 
-def test_frames_without_a_common_time_are_called_stale(tf2_ros, buffer):
-    insert(buffer, "base", "arm", 80)
-    with pytest.raises(tf2_ros.ExtrapolationException, match="arm in base, at 80.0*, is 20.0* s old"):
-        buffer.lookup_transform("map", "arm", LATEST, max_age=1)
-    # Unless none is.
-    with pytest.raises(tf2_ros.ExtrapolationException, match="extrapolation into the past"):
-        buffer.lookup_transform("map", "arm", LATEST, max_age=20)
-
-
 def test_a_stamp_of_0_seems_not_to_be_set_to_a_clock_that_shows_the_date(tf2_ros):
     buffer = tf2_ros.Buffer()
     insert(buffer, "map", "base", 0)
@@ -70,7 +61,6 @@ def test_a_stamp_of_0_seems_not_to_be_set_to_a_clock_that_shows_the_date(tf2_ros
 WAYS = {
     "lookup_transform": lambda b, **p: b.lookup_transform(*ROBOT, **p),
     "with a timeout": lambda b, **p: b.lookup_transform(*ROBOT, 0.01, **p),
-    "can": lambda b, **p: b.can_transform(*ROBOT, **p),
     "async": lambda b, **p: asyncio.run(b.lookup_transform_async(*ROBOT, timeout=0.01, **p)),
     "future": lambda b, **p: ended(b.wait_for_transform_async(*ROBOT, timeout=0.01, **p)),
     "many": lambda b, **p: b.lookup_transforms("map", ["base", "camera"], [LATEST], **p),
@@ -82,7 +72,7 @@ def ended(future):
     return future.result()
 
 
-@pytest.mark.parametrize("way", ["lookup_transform", "with a timeout", "async", "future", "many"])
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(
     ("limits", "error", "text"),
     [
@@ -133,71 +123,6 @@ def test_only_the_latest_transform_has_an_age(tf2_ros, buffer):
 
 
 # Frames of limits that are not known.
-
-
-def test_a_limit_of_an_unknown_frame_is_refused_where_the_path_is_known(tf2_ros, buffer):
-    # The answer to a program that starts is that of a lookup without limits.
-    empty = tf2_ros.Buffer()
-    limits = {"odom": 1, "base": 1}
-    assert not empty.can_transform(*ROBOT, max_age=limits)
-    with pytest.raises(tf2_ros.LookupException, match="The buffer is empty"):
-        empty.lookup_transform(*ROBOT, max_age=limits)
-    insert(empty, "odom", "base", 1)
-    with pytest.raises(tf2_ros.LookupException, match='"map"'):
-        empty.lookup_transform(*ROBOT, max_age=limits)
-    with pytest.raises(ValueError, match=r"^max_age has a limit for \[arm\], which does not exist"):
-        empty.lookup_transform("odom", "base", LATEST, max_age={"arm": 1})
-    buffer.forget("camera")
-    with pytest.raises(ValueError, match=r"\[camera\]"):
-        buffer.can_transform(*ROBOT, max_age={"camera": 1, "odom": 1})
-
-
-@pytest.mark.parametrize("argument", ["max_age", "tolerance"])
-@pytest.mark.parametrize("way", WAYS)
-def test_a_limit_of_a_root_is_refused_and_its_child_on_the_path_named(buffer, way, argument):
-    """It would never apply, so a localiser that has stopped would not be noticed."""
-    for child in ("a", "b", "c", "d"):
-        insert(buffer, "map", child, 99)
-    with pytest.raises(
-        ValueError,
-        match=rf"{argument} has a limit for \[map\], which has no parent.*: limit \[odom\] instead$",
-    ):
-        WAYS[way](buffer, **{argument: {"map": 0.5, "base": 1}})
-    with pytest.raises(ValueError, match=r"limit \[odom\] or \[a\] or \[b\] instead$"):
-        buffer.lookup_transform("base", "camera", LATEST, **{argument: {"map": 1}})
-    # Once it is a child, it may have a limit.
-    insert(buffer, "earth", "map", 99)
-    assert WAYS[way](buffer, **{argument: {"map": 0.5}})
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_limit_of_a_static_frame_on_the_path_is_refused_and_moving_frames_named(buffer, way):
-    """It would never apply, so a localiser that has stopped would not be noticed."""
-    buffer.set_transform_static(transform("map", "odom", 3), "x")
-    text = r"^max_age has a limit for \[odom\], which is static, .*: limit \[base\] instead$"
-    for limits in ({"odom": 0.2}, {"odom": 5, "base": 0.01}, {"base": 9, "odom": 0}):
-        with pytest.raises(ValueError, match=text):
-            WAYS[way](buffer, max_age=limits)
-    # A tolerance is an allowance, which a static frame does not need. The lidar is not on this path.
-    assert WAYS[way](buffer, tolerance={"odom": 1})
-    buffer.set_transform_static(transform("base", "lidar", 3), "x")
-    assert WAYS[way](buffer, max_age={"lidar": 0.2})
-
-
-def test_a_limit_of_a_static_frame_names_the_frames_of_its_part_of_the_path(tf2_ros, buffer):
-    with pytest.raises(ValueError, match=r"limit \[odom\] or \[base\] instead$"):
-        buffer.lookup_transform("camera", "map", LATEST, max_age={"camera": 1})
-    with pytest.raises(ValueError, match=r"limit \[base\] instead$"):
-        buffer.lookup_transform_full("map", 0, "camera", 0, "odom", max_age={"camera": 1})
-    with pytest.raises(
-        ValueError, match="is static, and therefore has no age; no frame of this lookup moves$"
-    ):
-        buffer.lookup_transform("camera", "base", LATEST, max_age={"camera": 1})
-    empty = tf2_ros.Buffer()
-    future = empty.wait_for_transform_async("base", "camera", 0, max_age={"camera": 1})
-    empty.set_transform_static(transform("base", "camera", 3), "x")
-    with pytest.raises(ValueError, match=r"\[camera\], which is static"):
-        future.result()
 
 
 @pytest.mark.parametrize("way", ["with a timeout", "async", "future"])
@@ -356,26 +281,6 @@ def test_a_simulated_clock_that_a_program_assigns_is_followed_too(tf2_ros, node)
     assert buffer.ages("map", "base") == {"base": 1}
 
 
-def test_a_clock_of_a_program(tf2_ros):
-    class Mine(Clock):
-        seconds = 10
-
-        def now(self):
-            return Time(seconds=self.seconds)
-
-    buffer = tf2_ros.Buffer()
-    buffer.clock = clock = Mine(clock_type=ClockType.SYSTEM_TIME)
-    insert(buffer, "map", "base", 9)
-    assert buffer.ages("map", "base") == {"base": 1}
-    assert buffer.can_transform("map", "base", LATEST, max_age=1)
-    pending = buffer.wait_for_transform_async("map", "base", LATEST, max_age=0.5)
-    clock.seconds = 20
-    insert(buffer, "map", "base", 19)
-    assert not pending.done()
-    insert(buffer, "map", "base", 19.5)
-    assert pending.done()
-
-
 def test_a_clock_of_a_program_may_let_go_of_what_is_being_answered(tf2_ros):
     class Forgets(Clock):
         def now(self):
@@ -498,9 +403,3 @@ def test_what_has_no_clock_says_so(tf2_ros):
             other.ages("map", "base")
     assert without.statistics()["waiters"] == 0
     assert buffer.lookup_transforms("map", "base", [2 * S], tolerance={"base": 1})
-
-
-def test_stamps_of_simulated_time_seem_decades_old_to_a_buffer_without_a_node(tf2_ros, buffer):
-    text = r"\. The sample is from 1970: is it in simulated time, which this clock does not follow\?"
-    with pytest.raises(tf2_ros.ExtrapolationException, match=text):
-        copy.deepcopy(buffer).lookup_transform(*ROBOT, max_age=1)

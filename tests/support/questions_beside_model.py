@@ -11,7 +11,6 @@ import itertools
 import math
 
 import numpy as np
-from bit_exact_composition import composed_halves, composed_hops
 from buffer_beside_model import (
     FRAMES,
     ODD_NAMES,
@@ -251,8 +250,6 @@ def compare_explained(pair, *query_and_policy):
     wanted = of_model(pair.model.explain, policy, *query)
     got = of_buffer(pair.buffer.explain, *query, **arguments_of(policy))
     compare_with_lookup(pair, pair.buffer.lookup_transform, query, policy, got, wanted, same_explanation)
-    if got[0] == "answer":
-        assert composed_hops(got[1].hops) == as_model_tells(got[1].transform)[3:], (query, policy)
 
 
 @asks("explain_full")
@@ -265,10 +262,6 @@ def compare_explained_full(pair, *query_and_policy):
     wanted = of_model(pair.model.explain_full, policy, *query)
     got = of_buffer(pair.buffer.explain_full, *query, **arguments_of(policy))
     compare_with_lookup(pair, pair.buffer.lookup_transform_full, query, policy, got, wanted, same_halves)
-    if got[0] == "answer":
-        assert composed_halves(got[1]) == as_model_tells(got[1].transform)[3:], (query, policy)
-        for half in (got[1].source, got[1].target):
-            assert composed_hops(half.hops) == as_model_tells(half.transform)[3:], (query, policy)
 
 
 def compare_with_lookup(pair, look_up, query, policy, got, wanted, same):

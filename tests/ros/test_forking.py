@@ -4,7 +4,6 @@
 
 import asyncio
 import gc
-import json
 import re
 import sys
 
@@ -49,11 +48,6 @@ def test_children_of_a_process_whose_every_thread_is_busy(what, count, flood):
 def test_a_child_that_spins_a_node_of_its_own_exits():
     """It lacks the thread of rclpy that handles signals, and may have another one in its place."""
     output_of(PROGRAMS / "exits_in_forked_children.py", 6, timeout=DEADLINE_S)
-
-
-def test_no_first_use_of_a_buffer_imports_anything():
-    """A child that is forked while another thread imports a module waits forever if it needs that module."""
-    assert json.loads(output_of(PROGRAMS / "imports_at_first_use.py")) == []
 
 
 def test_a_child_says_that_its_listeners_receive_nothing(tf2_ros, node, buffer, caplog):

@@ -19,6 +19,5 @@ def use_own_domain():
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
     for profiles in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
         os.environ.setdefault(profiles, str(SUPPORT / "fastdds.xml"))
-    os.environ.setdefault("TF2_TEST_FASTDDS_LOG", "/dev/stderr")  # these profiles need it
     os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the range
     return domain

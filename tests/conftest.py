@@ -2,4 +2,4 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fixtures and options are those of tests/support/suite_plugin.py, which the tools' tests share."""
 
-pytest_plugins = ["suite_plugin", "fastdds_log"]
+pytest_plugins = ["suite_plugin"]

@@ -7,7 +7,7 @@ import os
 import pytest
 from tool_paths import SUPPORT, TOOLS
 
-pytest_plugins = ["suite_plugin", "fastdds_log"]
+pytest_plugins = ["suite_plugin"]
 
 # For the tests' own programs.
 os.environ["PYTHONPATH"] = os.pathsep.join([str(TOOLS), str(SUPPORT), os.environ.get("PYTHONPATH", "")])

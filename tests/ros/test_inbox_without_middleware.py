@@ -18,14 +18,13 @@ from forked_children import in_a_child
 from random_runs import seeds
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from times_and_transforms import S, at, transform, translation
+from times_and_transforms import S, at, transform
 from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer
 from tf2_ros._process.background import Background, add_owner
 from tf2_ros._receive.inbox import Inbox, Inboxes, Observer
-from tf2_ros.records import Recording
 
 pytestmark = pytest.mark.ours
 
@@ -57,26 +56,6 @@ def inbox(source, buffer, inboxes):
     inbox.fill(buffer)
     yield inbox
     inbox.close()
-
-
-def test_a_read_finds_all_messages_in_their_order(source, inbox, buffer):
-    for second in (1, 2):
-        source.put(serialised(transform("map", "robot", second, (second, 0, 0))))
-    source.put(serialised(transform("robot", "arm")), is_static=True)
-    assert translation(buffer.lookup_transform("map", "robot", at(2))) == (2, 0, 0)
-    assert buffer.lookup_transform("robot", "arm", at(9))
-    assert buffer.all_frames_as_yaml().count("broadcaster: 'default_authority'") == 2
-
-
-def test_malformed_messages_are_counted_and_logged(source, inbox, inboxes, buffer, capfd):
-    source.put(b"")
-    source.put(b"\0\1\0\0\1")
-    source.put(serialised(transform("map", "robot", 1)))
-    assert buffer.can_transform("map", "robot", LATEST)
-    inboxes.report_next()
-    assert buffer.statistics()["malformed_messages"] == 2
-    # Once a second for a topic.
-    assert errors_so_far().count("on the list: malformed TFMessage: ") == 1
 
 
 @pytest.mark.parametrize("closes", [False, True])
@@ -176,27 +155,6 @@ def unnormalised():
     odd = transform("map", "odd", 1)
     odd.transform.rotation.w = 1.1
     return odd
-
-
-def test_a_prefix_is_put_before_all_names(source, buffer, inboxes):
-    inbox = Inbox(source, list, prefix="left/", inboxes=inboxes)
-    inbox.fill(buffer)
-    source.put(serialised(transform("/map", "robot", 1)))
-    assert buffer.can_transform("left/map", "left/robot", LATEST)
-    inbox.close()
-
-
-def test_each_transform_is_recorded_with_its_sender_and_time(source, buffer, inboxes):
-    recording = Recording()
-    inbox = Inbox(source, list, recording, inboxes=inboxes)
-    inbox.fill(buffer)
-    source.put(serialised(transform("map", "robot", 1), transform("map", "map", 2)), received_ns=7 * S)
-    source.put(b"torn")
-    assert buffer.can_transform("map", "robot", LATEST)
-    assert [(one["received_ns"], one["stamp_ns"]) for one in recording.take()] == [(7 * S, S), (7 * S, 2 * S)]
-    assert recording.publishers() == [b"0123456789abcdef"]
-    assert (recording.messages, recording.malformed) == (1, 1)
-    inbox.close()
 
 
 def test_what_was_put_before_a_large_message_and_after_it_is_found_too(source, inbox, buffer):

@@ -8,7 +8,6 @@ from libc.string cimport memcpy
 
 from tf2_py._internal cimport load_seq_cst, lock_acquire, lock_release, monotonic_ns, store_seq_cst
 from tf2_ros._receive.inbox cimport (
-    SENDER_BYTES,
     ReceivedMessage,
     InboxSource,
     InboxState,
@@ -47,8 +46,7 @@ cdef bint take_first(List* source, ReceivedMessage* received) noexcept nogil:
     if taken == NULL or received_reserve(received, taken.facts.size) == NULL:
         return False
     memcpy(received.data, taken.facts.data, taken.facts.size)
-    received.is_static, received.received_ns = taken.facts.is_static, taken.facts.received_ns
-    memcpy(received.sender, b"0123456789abcdef", SENDER_BYTES)
+    received.is_static, received.received_ns = False, 0
     first[0] = taken.following
     free(taken.facts.data)
     free(taken)
@@ -82,14 +80,13 @@ cdef class ListedSource(InboxSource):
         store_seq_cst(&self._list.goes_on, 1)
         return not self._list.gave_up
 
-    def put(self, bytes data, bint is_static=False, int64_t received_ns=0):
+    def put(self, bytes data):
         """Append a message, and tell the inbox."""
         cdef Listed** link = &self._list.first
         cdef Listed* made = <Listed*>malloc(sizeof(Listed))
         made.following, made.facts.size = NULL, len(data)
         made.facts.data = <unsigned char*>malloc(len(data) + 1)
         memcpy(made.facts.data, <const char*>data, len(data))
-        made.facts.is_static, made.facts.received_ns = is_static, received_ns
         if self.inbox == NULL:
             raise RuntimeError("the inbox has ended")
         lock_acquire(&self.inbox.shared.lock)

@@ -51,7 +51,7 @@ receiver | nodes with a listener: transforms arrive without spinning, at a tenth
     tf2_ros/_receive/* tf2_ros/_rcl.* tf2_ros/*listen* tf2_py/core/batch* tf2_ros/_qos.py *hidden_nodes*
     tf2_py/engine/engine_hooks* tests/ros/test_inbox* *who_takes* *listener* *receiver* *reception_in_texts*
     *lost_messages* *publishes_in_bursts* *rcl_declarations* *faulty_middleware* *excused_faults*
-    *half_discovered_server* *large_messages* *floods* *listed_source* *lock_count* *test_cdr* */core/cdr*
+    *half_discovered_server* *large_messages* *floods* *listed_source* *test_cdr* */core/cdr*
     *cdr_encoder* */topic_publishers.py *takes_after* *frame_prefix*
     tf2_ros/_registration.py docs/several-robots.md docs/environment-and-qos.md
 records and serialized messages | writers of recorders and bridges: bytes in and out, without ROS

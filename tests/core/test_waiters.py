@@ -8,7 +8,6 @@ from functools import partial
 
 import pytest
 from cdr_encoder import encode
-from compiling_extensions import compiled
 from messages_with_or_without_ros import Duration
 from random_runs import times
 from times_and_transforms import S, at, at_ns, stamp_ns, transform
@@ -210,29 +209,6 @@ def test_a_blocking_wait_that_ended_waits_no_more(buffer):
     with pytest.raises(KeyboardInterrupt):
         waits[1].wait_for(60 * S, interrupted)
     assert buffer.statistics()["waiters"] == 0
-
-
-@pytest.mark.parametrize("count", [1, 10])
-def test_an_answer_takes_the_lock_once_after_the_insert(buffer, count):
-    locks_of = compiled("lock_count").locks_of
-
-    def locks(call):
-        before = locks_of(buffer)
-        call()
-        return locks_of(buffer) - before
-
-    waits = []
-    insert = partial(buffer.set_transform, transform("map", "base", 1), "x")
-    alone = locks(insert)
-    wait = partial(buffer._wait, "map", "base", at(2))
-    assert locks(lambda: waits.extend([wait(notify=lambda _: None) for _ in range(count)])) == count
-    insert = partial(buffer.set_transform, transform("map", "base", 2), "x")
-    assert locks(insert) == alone + count
-    assert locks(lambda: [waits.pop().cancel() for _ in range(count)]) == 0
-    # What is answered at once was never filed; a thread that sleeps takes it to end its wait.
-    assert locks(lambda: wait().wait_for(1, never)) == 1
-    later = partial(buffer._wait, "map", "base", at(3))
-    assert locks(lambda: later().wait_for(1, never)) == 2
 
 
 def test_what_does_not_touch_the_path_of_a_wait_for_changes_is_not_looked_at(buffer):

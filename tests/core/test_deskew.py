@@ -44,12 +44,10 @@ DRIVERS = {
                  lambda ns: ns / S),
     "ouster": ([*XYZ, ("intensity", "f4", 16), ("t", "u4", 20), ("ring", "u2", 26)], 48, lambda ns: ns),
     "livox": ([*XYZ, ("intensity", "f4", 12), ("timestamp", "f8", 18)], 26, lambda ns: STAMP + ns),
-    "livox, converted": ([*XYZ, ("offset_time", "u4", 12)], 16, lambda ns: ns),
     "hesai": ([*XYZ, ("intensity", "f4", 12), ("ring", "u2", 16), ("timestamp", "f8", 18)], 26,
               lambda ns: (STAMP + ns) / S),
     "seconds in double": ([*XYZ, ("time", "f8", 12)], 20, lambda ns: ns / S),
 }  # fmt: skip
-every_driver = pytest.mark.parametrize("driver", DRIVERS)
 NAT = np.datetime64("NaT", "ns")
 TIME_FIELDS = ("time", "t", "offset_time", "timestamp")
 
@@ -139,20 +137,6 @@ def assert_moved(cloud, wanted, xyz, dtype, time_error_m=2e-5):
 
 # 238 ns, the distance of doubles of seconds since 1970, at 8 m/s and 1 rad/s in 170 m.
 OF_TIMES_M = 238e-9 * (8 + 170)
-
-
-@every_driver
-def test_a_deskewed_cloud_stays_as_it_is_when_it_is_deskewed_again(buffer, driver):
-    """Each point has the time of the new stamp, in the unit of its field."""
-    cloud, points, _ = measured(driver)
-    once = deskew(cloud, buffer, "lidar", "odom", at_ns(STAMP + SWEEP))
-    assert (once.header.frame_id, stamp_ns(once)) == ("lidar", STAMP + SWEEP)
-    xyz = xyz_of(points_of(once, points.dtype))
-    with pytest.warns(UserWarning, match=" spans 0 s in 4000 points, so hardly any motion is corrected: "):
-        again = deskew(once, buffer, "lidar", "odom")
-    assert xyz_of(points_of(again, points.dtype)) == pytest.approx(xyz, abs=1e-4)
-    [time] = set(points_of(once, points.dtype)[name_of_times(DRIVERS[driver][0])].tolist())
-    assert time in (0, STAMP + SWEEP, (STAMP + SWEEP) / S)
 
 
 def test_a_jerk_between_two_samples_is_not_missed(buffer):
@@ -801,21 +785,6 @@ def test_normals_are_rotated_and_viewpoints_moved_as_by_do_transform_cloud(buffe
     for name in points.dtype.names:
         got = points_of(moved, points.dtype)[name]
         assert got == pytest.approx(points_of(wanted, points.dtype)[name], abs=1e-5)
-
-
-@pytest.mark.parametrize("driver", ["velodyne", "ouster", "livox", "hesai"])
-def test_the_quick_way_has_the_bits_of_the_plain_one(buffer, driver):
-    """The plain one is taken where x, y and z do not follow each other."""
-    cloud, points, _ = measured(driver)
-    fields = DRIVERS[driver][0]
-    order = [fields[1], fields[0], *fields[2:]]  # y before x in memory
-    swapped = [("x", "f4", 4), ("y", "f4", 0), *order[2:]]
-    turned = as_cloud(points.astype(dtype_of(swapped, points.dtype.itemsize)), swapped)
-    for how in ((), ("odom",)):
-        target = "lidar" if how else "odom"
-        quick = points_of(deskew(cloud, buffer, target, *how), points.dtype)
-        plain = points_of(deskew(turned, buffer, target, *how), dtype_of(swapped, points.dtype.itemsize))
-        assert np.array_equal(xyz_of(quick), xyz_of(plain))
 
 
 def test_few_poses_are_looked_up_for_many_points(buffer, monkeypatch):

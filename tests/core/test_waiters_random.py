@@ -3,12 +3,11 @@
 """
 After whatever happens to a buffer, no waiter is pending whose lookup would answer.
 
-`pytest --seed` searches from another seed, and the environment variable WAITERS_RUNS sets how many there are.
+`pytest --seed` searches from another seed.
 """
 
 import copy
 import itertools
-import os
 from contextlib import suppress
 
 import pytest
@@ -24,7 +23,7 @@ from tf2_py._internal import policy_of
 
 pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
 
-RUNS = int(os.environ.get("WAITERS_RUNS", random_runs.times(150, 300)))
+RUNS = random_runs.times(150, 300)
 FRAMES = ("a", "b", "c", "d", "e")
 MOST_PENDING = 8
 

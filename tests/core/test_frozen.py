@@ -447,10 +447,6 @@ def close_a_loop(file):
     file.change_frame(odom, newest_parent=base)
 
 
-def name_start(file, name):
-    return file.frame(file.number(name)).name_start
-
-
 def authority_start(file):
     return HEADER.size + FRAME.size * len(file.frames)
 

@@ -5,15 +5,13 @@
 import math
 
 import pytest
-from times_and_transforms import S, at_ns, transform
+from times_and_transforms import at_ns, transform
 
 from tf2_py import (
     BufferCore,
 )
 
 pytestmark = pytest.mark.ours
-
-ALWAYS = (0, 2**31 * S - 1)  # to the latest stamp of a message
 
 
 def insert(buffer, parent, child, *stamps):

@@ -2,11 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """An rclpy that nobody knows yet: everything works, if need be through executors; texts give its version."""
 
-import os
-from pathlib import Path
-
 import pytest
-import rclpy
 from paths import PROGRAMS
 from processes import output_of
 
@@ -30,23 +26,6 @@ THE_REST = ["filter", "on_change", "future", "await", "server and client", "thre
 )
 def test_what_it_lacks_is_done_without(missing, received):
     assert output_of(PROGRAMS / "uses_unknown_rclpy.py", *missing).splitlines() == [received, *THE_REST]
-
-
-def test_its_number_does_not_matter(tmp_path):
-    site = Path(rclpy.__file__).parents[1]
-    newer = tmp_path / site.relative_to(site.parents[2])
-    newer.mkdir(parents=True)
-    (newer / "rclpy").symlink_to(site / "rclpy")
-    (tmp_path / "share" / "rclpy").mkdir(parents=True)
-    (tmp_path / "share" / "rclpy" / "package.xml").write_text("<version>99.0.0</version>")
-    environment = {**os.environ, "PYTHONPATH": f"{newer}{os.pathsep}{os.environ['PYTHONPATH']}"}
-    version = (
-        "from tf2_ros_cython._ros_in_use import rclpy_version, running_prefix\n"
-        "print(rclpy_version(running_prefix()))"
-    )
-    assert output_of("-c", version, env=environment) == "99.0.0\n"
-    printed = output_of(PROGRAMS / "uses_unknown_rclpy.py", env=environment)
-    assert printed.splitlines() == [TOPICS, *THE_REST]
 
 
 def test_a_release_is_known_by_its_name_or_by_its_version():

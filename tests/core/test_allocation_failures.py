@@ -4,11 +4,8 @@
 
 import json
 
-import pytest
 from interposed_libraries import output_with_library
 from random_runs import first_seed
-
-pytestmark = pytest.mark.ours
 
 STEPS = 2000
 

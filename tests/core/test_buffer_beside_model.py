@@ -32,7 +32,7 @@ from recorded_answers import SCENARIOS, check_answer, number
 from tf2_py.typing import LookupPolicy
 from tf2_ros import Buffer
 
-pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
+pytestmark = pytest.mark.usefixtures("no_refusals_logged")
 
 
 def insert(model, static, authority, parent, child, sec, nanosec, xyz, xyzw):

@@ -8,8 +8,6 @@ from times_and_transforms import at, transform, translation
 
 from tf2_py import BufferCore
 
-pytestmark = pytest.mark.ours
-
 
 def with_pose(**limits):
     buffer = BufferCore(**limits)

@@ -8,8 +8,6 @@ from times_and_transforms import transform
 
 from tf2_py import BufferCore
 
-pytestmark = pytest.mark.ours
-
 
 def test_a_sliding_window_uses_bounded_memory():
     buffer = BufferCore(Duration(nanoseconds=100))

@@ -15,8 +15,6 @@ from tf2_msgs.msg import TFMessage
 from tf2_py._tf2_py import serialize_as_ros
 from tf2_ros.serialization import serialize_transforms
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture
 def buffer(tf2_py):

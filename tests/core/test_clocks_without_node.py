@@ -16,8 +16,6 @@ from waiting import DEADLINE_S, once_waiting, until
 
 import tf2_ros
 
-pytestmark = pytest.mark.ours
-
 
 class TestClocks:
     """A program's own clock, of any class."""

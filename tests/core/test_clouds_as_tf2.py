@@ -21,6 +21,8 @@ except ModuleNotFoundError as missing:
         raise
     pytest.skip("sensor_msgs_py is absent", allow_module_level=True)
 
+pytestmark = pytest.mark.tf2
+
 WHOLE = ["i1", "u1", "i2", "u2", "i4", "u4"]
 KINDS = [*WHOLE, "f4", "f8"]  # of PointField's datatypes, from 1 on
 

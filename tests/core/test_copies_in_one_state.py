@@ -9,8 +9,6 @@ from times_and_transforms import at_ns, transform
 
 from tf2_py import BufferCore
 
-pytestmark = pytest.mark.ours
-
 HISTORY = ("stamps", "transforms", "parents")
 
 

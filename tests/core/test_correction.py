@@ -26,7 +26,7 @@ from tf2_py._objects import log
 from tf2_ros.correction import AUTHORITY, correct
 from tf2_ros.numpy import from_matrix, to_matrix
 
-pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
+pytestmark = pytest.mark.usefixtures("no_refusals_logged")
 
 EDGE = ("map", "odom", "base")
 

@@ -28,8 +28,6 @@ from tf2_ros import (
 )
 from tf2_sensor_msgs import deskew, do_transform_cloud
 
-pytestmark = pytest.mark.ours
-
 START = 1_700_000_000 * S
 SWEEP = S // 10
 STAMP = START + 2 * SWEEP

@@ -17,8 +17,6 @@ from times_and_transforms import S, at_ns, stamp_ns, transform
 from tf2_ros import Buffer, TransformException
 from tf2_sensor_msgs import deskew
 
-pytestmark = pytest.mark.ours
-
 SWEEP = S // 10
 # Of clouds. Simulated time begins at 0.
 STAMPS = [*3 * [1_700_000_000 * S + 987_654_321], 0, 1, SWEEP // 3]

@@ -24,8 +24,6 @@ from type_tables import ALL, STAMPED, UNSTAMPED
 
 from tf2_ros.buffer_interface import TransformRegistration
 
-pytestmark = pytest.mark.ours
-
 every_type = pytest.mark.parametrize("cls", ALL, ids=lambda cls: cls.__name__)
 
 

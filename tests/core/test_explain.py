@@ -17,8 +17,6 @@ from times_and_transforms import S, about_z, at_ns, insert, transform
 
 from tf2_py import BufferCore, Explanation, FullExplanation, Hop
 
-pytestmark = pytest.mark.ours
-
 
 def lines(explanation):
     return str(explanation).splitlines()

@@ -11,8 +11,6 @@ from geometry_msgs.msg import Pose, PoseStamped, Transform
 from rotations import Turn
 from times_and_transforms import about_z, transform
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture
 def text(tf2_ros):

@@ -23,7 +23,7 @@ from waiting import DEADLINE_S
 
 from tf2_py import BufferCore, TransformException
 
-pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
+pytestmark = pytest.mark.usefixtures("no_refusals_logged")
 
 
 @pytest.fixture

@@ -8,9 +8,6 @@ from times_and_transforms import at_ns, transform
 
 from tf2_py import BufferCore
 
-pytestmark = pytest.mark.ours
-
-
 BURSTS = [1000 * (i // 50) + i % 50 + 1 for i in range(1000)]
 SQUARES = [i * i + 1 for i in range(1000)]
 

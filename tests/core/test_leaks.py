@@ -13,8 +13,6 @@ from times_and_transforms import at, transform
 
 from tf2_msgs.msg import TFMessage
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture
 def buffer(tf2_py):

@@ -22,7 +22,6 @@ def buffer(tf2_py):
     return tf2_py.BufferCore()
 
 
-@pytest.mark.ours
 def test_frames_without_data_give_an_empty_list_never_an_empty_document(buffer):
     buffer.set_transform(transform("map", "odom", 1), "x")
     buffer.clear()
@@ -33,7 +32,6 @@ def test_frames_without_data_give_an_empty_list_never_an_empty_document(buffer):
 names = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1)
 
 
-@pytest.mark.ours
 @given(names.filter(lambda name: name[0] != "/" and name != "NO_PARENT"))
 @example("no")
 @example("1")
@@ -54,14 +52,13 @@ def test_every_name_survives_yaml_and_is_answered_as_it_is(tf2_py, name):
     assert (m.header.frame_id, m.child_frame_id) == (name, other)
 
 
-@pytest.mark.ours  # quotes in names
-@pytest.mark.ours
 @pytest.mark.parametrize("name", ["a", "/a", "//a", "a/", "/a/b", "///", "/"])
 def test_the_stored_name_is_the_one_that_an_inserted_frame_has(tf2_py, buffer, name):
     buffer.set_transform(transform("map", name, 1), "x")
     assert {*buffer.frames()} == ({"map", tf2_py.stored_name(name)} if name != "/" else set())
 
 
+@pytest.mark.tf2
 def test_the_graph_has_an_edge_from_parent_to_child(buffer):
     buffer.set_transform(transform("map", "odom", 1), "x")
     buffer.set_transform(transform('a"b', "c\\d", 1), 'e"f')
@@ -72,7 +69,6 @@ def test_the_graph_has_an_edge_from_parent_to_child(buffer):
     assert "2.500 sec old" in dot
 
 
-@pytest.mark.ours
 def test_listings_of_more_frames_than_one_slice_are_complete(buffer):
     # Also in their bytes: names of 200 fill a slice before it has all the frames that it may have.
     names = [f"{i:05d}{'x' * (i % 200)}" for i in range(5000)]
@@ -85,7 +81,6 @@ def test_listings_of_more_frames_than_one_slice_are_complete(buffer):
     assert buffer._allFramesAsDot().count("Broadcaster: me") == 5000
 
 
-@pytest.mark.ours
 def test_a_parent_that_is_not_listed_itself_is_a_root(tf2_py):
     # As in the YAML of other buffers, which lists only children.
     from tf2_py._objects.listings import tree_text
@@ -93,7 +88,6 @@ def test_a_parent_that_is_not_listed_itself_is_a_root(tf2_py):
     assert tree_text({"odom": tf2_py.FrameInfo("map", True, 1, None, None)}) == "map\n  odom (static)"
 
 
-@pytest.mark.ours
 def test_the_tree_of_a_long_chain_is_complete_and_not_indented_without_end(buffer):
     names = [f"f{i}" for i in range(10_000)]
     links = [transform(parent, child) for parent, child in zip(names, names[1:], strict=False)]
@@ -111,7 +105,6 @@ def wide(buffer):
     return buffer, order
 
 
-@pytest.mark.ours
 def test_listings_of_many_frames_are_complete_and_in_order(wide):
     buffer, order = wide
     names = [f"f{i:04}" for i in order]
@@ -141,7 +134,6 @@ class Name(str):
     """Of a program's own."""
 
 
-@pytest.mark.ours
 class TestAtAPrompt:
     def test_the_facts_of_a_frame_can_be_pickled_and_copied(self, robot):
         frames = robot.frames()
@@ -172,7 +164,6 @@ class TestAtAPrompt:
             assert repr(buffer) == "<tf2_ros.Buffer: 0 frames, 0 samples, 0 waiters>"
 
 
-@pytest.mark.ours
 def test_the_collector_does_not_traverse_what_is_listed():
     # With a message of 200,000 transforms it did so for 0.1 s at a time, with the GIL.
     buffer = BufferCore()

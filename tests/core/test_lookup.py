@@ -27,13 +27,13 @@ def fill(buffer, *edges):
 
 
 class TestTime:
+    @pytest.mark.tf2
     def test_the_latest_common_time_is_a_system_time(self, buffer):
         fill(buffer, ("map odom", 1, 5))
         time = buffer.get_latest_common_time("odom", "map")
         assert isinstance(time, Time)
         assert (time.nanoseconds, time.clock_type) == (5 * S, ClockType.SYSTEM_TIME)
 
-    @pytest.mark.ours
     def test_the_last_representable_times_are_read_exactly(self, buffer):
         fill(buffer, ("map odom",))
         for edge, step in ((2**31 * S - 1, 1), (-(2**31) * S, -1)):
@@ -57,7 +57,7 @@ class TestTime:
 
 
 class TestPath:
-    @pytest.mark.parametrize("looped", [False, pytest.param(True, marks=pytest.mark.ours)])
+    @pytest.mark.parametrize("looped", [pytest.param(False, marks=pytest.mark.tf2), True])
     def test_a_thousand_hops_are_allowed_on_each_side(self, tf2_py, buffer, looped):
         if looped:
             fill(buffer, ("a b",), ("b a",))
@@ -76,7 +76,6 @@ class TestPath:
             with pytest.raises(tf2_py.TransformException):
                 buffer.get_latest_common_time("r1001", "l1000")
 
-    @pytest.mark.ours
     def test_hops_above_the_common_ancestor_do_not_count(self, buffer):
         for i in range(1500):
             buffer.set_transform_static(transform(f"f{i}", f"f{i + 1}", 0, (1, 0, 0)), "x")
@@ -84,7 +83,6 @@ class TestPath:
 
 
 class TestErrors:
-    @pytest.mark.ours
     @pytest.mark.parametrize(
         ("name", "error"),
         [("a\0b", ValueError), ("\udc80", UnicodeEncodeError), (b"map", TypeError), (3, TypeError)],

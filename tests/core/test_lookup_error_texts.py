@@ -57,6 +57,7 @@ def buffer(tf2_py):
     return buffer
 
 
+@pytest.mark.tf2
 @pytest.mark.parametrize(
     ("cause", "source", "seconds"),
     [("future", "base", 9), ("past", "base", 0.5), ("single", "once", 6), ("connection", "crater", 1)],
@@ -98,7 +99,6 @@ def robot(tf2_ros):
     return ending_at
 
 
-@pytest.mark.ours
 def test_an_error_at_the_latest_common_time_names_the_frame_without_newer_data(tf2_py, buffer):
     for seconds in (8, 9):
         buffer.set_transform(transform("odom", "late", seconds), "x")
@@ -118,7 +118,6 @@ def test_an_error_at_the_latest_common_time_names_the_frame_without_newer_data(t
         assert str(raised.value).endswith(f"s too new{reason}")
 
 
-@pytest.mark.ours
 def test_a_tolerance_that_is_too_short_names_the_frame_that_is_furthest_behind(tf2_ros, robot):
     buffer = robot({"base": 10, "arm": 11, "laser": 14, "cam": 16})
     for tolerance in (2, 5, {"laser": 9, "arm": 5}):

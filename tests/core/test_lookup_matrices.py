@@ -14,8 +14,6 @@ from tf2_py import (
     LookupException,
 )
 
-pytestmark = pytest.mark.ours
-
 TIMES = np.arange(S, 3 * S, S // 20)
 TWO_TIMES = {"fixed_frame": "map", "target_time": at(2.5)}
 

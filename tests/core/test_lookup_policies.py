@@ -9,8 +9,6 @@ from times_and_transforms import S, at, at_ns, stamp_ns, transform
 
 from tf2_py.typing import LookupPolicy
 
-pytestmark = pytest.mark.ours
-
 
 def test_a_gap_that_is_too_long_is_described(tf2_ros):
     buffer = tf2_ros.Buffer()

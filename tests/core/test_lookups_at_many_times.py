@@ -15,8 +15,6 @@ from times_and_transforms import S, about_z, at, at_ns, rotation, transform, tra
 from tf2_py import BufferCore, ExtrapolationException
 from tf2_ros.numpy import to_columns
 
-pytestmark = pytest.mark.ours
-
 NAT = -(2**63)  # as an integer
 FRAMES = ["map", "odom", "base", "arm", "hand", "mast", "camera", "plate", "lens"]
 POLICIES = [

@@ -6,12 +6,9 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import pytest
 from times_and_transforms import S, transform
 
 from tf2_py import BufferCore
-
-pytestmark = pytest.mark.ours
 
 
 def test_a_limit_knows_its_frame_while_new_frames_appear():

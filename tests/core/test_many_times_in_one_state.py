@@ -13,8 +13,6 @@ from times_and_transforms import S, transform
 
 from tf2_py import BufferCore, ExtrapolationException
 
-pytestmark = pytest.mark.ours
-
 TIMES = np.linspace(S, 2 * S, 20_000).astype(np.int64)
 CHANGED = 20  # calls during which the buffer has changed
 

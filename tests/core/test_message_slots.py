@@ -8,8 +8,6 @@ from processes import output_of
 from rclpy.serialization import deserialize_message, serialize_message
 from times_and_transforms import at, transform
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture
 def buffer(tf2_py):

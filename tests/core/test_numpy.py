@@ -27,8 +27,6 @@ from times_and_transforms import S, transform, translation
 
 from tf2_ros.numpy import from_matrix, to_arrays, to_columns, to_matrix
 
-pytestmark = pytest.mark.ours
-
 
 def pose_of(t):
     position = Point(**dict(zip("xyz", translation(t), strict=True)))

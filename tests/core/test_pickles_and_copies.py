@@ -14,7 +14,7 @@ from times_and_transforms import S, at, transform, translation
 from tf2_py import BufferCore
 from tf2_ros import Buffer, TransformListener
 
-pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
+pytestmark = pytest.mark.usefixtures("no_refusals_logged")
 
 
 @pytest.fixture

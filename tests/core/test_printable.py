@@ -9,8 +9,6 @@ from times_and_transforms import at, transform
 
 from tf2_py.printable import printable
 
-pytestmark = pytest.mark.ours
-
 characters = st.characters() | st.sampled_from("\"'\\\n\x1b\0\u202e\u2028 ")
 
 

@@ -14,8 +14,6 @@ from times_and_transforms import transform
 from tf2_geometry_msgs import do_transform_pose_with_covariance
 from tf2_ros.numpy import propagate, to_arrays, to_matrix
 
-pytestmark = pytest.mark.ours
-
 
 def covariances(count):
     roots = np.random.default_rng(3).normal(size=(count, 6, 6))

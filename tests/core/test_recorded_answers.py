@@ -5,6 +5,8 @@
 import pytest
 from recorded_answers import SCENARIOS, check_answers
 
+pytestmark = pytest.mark.tf2
+
 
 def test_all_recordings_are_here():
     assert len(SCENARIOS) == 120

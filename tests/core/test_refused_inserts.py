@@ -32,6 +32,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.tf2
 @pytest.mark.parametrize("tag", REFUSED)
 @pytest.mark.parametrize("method", ["set_transform", "set_transform_static"])
 def test_a_refusal_is_logged_and_returns_none(buffer, capfd, tag, method):
@@ -54,7 +55,6 @@ def refused(count, name="link"):
     return encode([transform("map", f"{name}_{i:06d}", 1, (NAN, 0, 0)) for i in range(count)])
 
 
-@pytest.mark.ours
 class TestLogging:
     """Of refused transforms; a flood of them is no flood of lines."""
 
@@ -107,7 +107,6 @@ class TestLogging:
         assert f"({len(name.encode())} bytes)" in line
 
 
-@pytest.mark.ours
 class TestUnnormalisedRotations:
     """Buffers normalise them, as tf2 of Jazzy does; tf2 of Kilted and later refuses them, which is logged."""
 
@@ -194,7 +193,6 @@ def duck(**changes):
     return N(**({"header": HEADER, "child_frame_id": "odom", "transform": parts} | changes))
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize(
     ("wrong", "error"),
     [
@@ -221,7 +219,6 @@ def test_other_objects_are_refused(buffer, wrong, error):
     assert frames(buffer) == []
 
 
-@pytest.mark.ours
 class TestManyAtOnce:
     def test_a_wrong_element_leaves_the_buffer_as_it_was(self, buffer):
         with pytest.raises(TypeError):

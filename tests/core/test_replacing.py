@@ -13,7 +13,7 @@ from times_and_transforms import S, at, transform, translation
 
 from tf2_py import BufferCore
 
-pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
+pytestmark = pytest.mark.usefixtures("no_refusals_logged")
 
 
 def samples(buffer, child="odom"):

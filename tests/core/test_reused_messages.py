@@ -15,8 +15,6 @@ from paths import PROGRAMS
 from processes import output_of
 from times_and_transforms import at, rotation, stamp_ns, transform, translation
 
-pytestmark = pytest.mark.ours
-
 KEPT = 8
 with_gil = pytest.mark.skipif(
     bool(sysconfig.get_config_var("Py_GIL_DISABLED")), reason="without the GIL, every message is a new one"

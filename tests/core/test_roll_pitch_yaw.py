@@ -13,8 +13,6 @@ from rotations import Turn
 
 from tf2_geometry_msgs import quaternion_from_rpy, rpy_from_quaternion
 
-pytestmark = pytest.mark.ours
-
 QUARTER = math.pi / 2
 
 

@@ -15,8 +15,6 @@ from tf2_msgs.msg import TFMessage
 from tf2_py._tf2_py import refused_transforms, serialize_as_ros
 from tf2_ros.serialization import serialize_arrays, serialize_transforms
 
-pytestmark = pytest.mark.ours
-
 MESSAGES = [
     transform("map", "odom", 1.25, (1, 2, 3)),
     transform("odom", "base_link", 1.25, (-1e300, 1e-300, 0.1), (0.5, -0.5, 0.5, 0.5)),

@@ -18,8 +18,6 @@ from times_and_transforms import at, transform
 
 from tf2_py.typing import LookupPolicy
 
-pytestmark = pytest.mark.ours
-
 # What a method calls in its place, what that may return, and what the method then returns.
 CASES = {
     "lookup_transform": ("lookup_transform_core", "an answer", "an answer"),

@@ -14,8 +14,6 @@ from waiting import DEADLINE_S, once_waiting
 
 import tf2_ros
 
-pytestmark = pytest.mark.ours
-
 ENDED = r"^the robot has ended \(it was closed\), which ended the wait for the transform after \d+(\.\d+)? s$"
 
 

@@ -9,8 +9,6 @@ from times_and_transforms import transform
 
 from tf2_py import BufferCore
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.mark.parametrize("kind", ["of one letter", "random", "long"])
 def test_names_of_any_kind_lie_apart(kind):

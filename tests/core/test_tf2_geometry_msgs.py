@@ -39,8 +39,6 @@ from tf2_geometry_msgs.tf2_geometry_msgs import (
     _transform_to_affine,
 )
 
-ours = pytest.mark.ours
-
 NAN, INF = math.nan, math.inf
 
 
@@ -58,7 +56,6 @@ def pose(position, q):
     return Pose(position=made(Point, position), orientation=made(Quaternion, q))
 
 
-@ours
 def test_an_orientation_without_length_is_no_rotation_and_a_coordinate_may_be_nan():
     t = transform("map", "base", 0, (1, 2, 3), about_z(1))
     got = tf2.do_transform_pose(pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)), t)
@@ -70,7 +67,6 @@ def test_an_orientation_without_length_is_no_rotation_and_a_coordinate_may_be_na
         assert_allclose(xyzw(got.orientation), about_z(1))
 
 
-@ours
 @pytest.mark.parametrize("length", [1e-300, 1e-200, 1.6e-162, 1e-155, 1e150, 1e200, 1e300])
 @pytest.mark.parametrize("q", AWKWARD_TURNS)
 def test_an_orientation_of_any_length_counts(q, length):
@@ -83,7 +79,6 @@ def test_an_orientation_of_any_length_counts(q, length):
 square = st.lists(st.floats(-1e3, 1e3), min_size=36, max_size=36)
 
 
-@ours
 @given(square, transforms)
 def test_a_covariance_is_rotated_in_all_four_blocks(values, t):
     got = tf2.transform_covariance(values, t)
@@ -95,7 +90,6 @@ def test_a_covariance_is_rotated_in_all_four_blocks(values, t):
     assert np.array_equal(got, got.T)
 
 
-@ours
 @pytest.mark.parametrize(
     ("wrong", "error"),
     [
@@ -122,7 +116,6 @@ WAYS = {
 }
 
 
-@ours
 @pytest.mark.parametrize("way", WAYS)
 def test_a_covariance_may_come_in_every_form(way):
     maker = Maker(1)
@@ -135,7 +128,6 @@ def test_a_covariance_may_come_in_every_form(way):
     assert np.array_equal(got.covariance, tf2.transform_covariance(values, t))
 
 
-@ours
 @pytest.mark.parametrize("count", [0, 1, 1000])
 @pytest.mark.parametrize("sequence", [list, tuple, UserList])
 def test_a_polygon_may_have_any_number_of_corners_in_any_sequence(count, sequence):
@@ -146,7 +138,6 @@ def test_a_polygon_may_have_any_number_of_corners_in_any_sequence(count, sequenc
     assert got.points == [tf2.do_transform_point(corner, t) for corner in corners]
 
 
-@ours
 def test_the_poses_of_a_path_keep_their_stamps_and_change_their_frame():
     path = Maker(20).message(Path)
     path.poses[1].header.frame_id = ""
@@ -161,7 +152,6 @@ def test_the_poses_of_a_path_keep_their_stamps_and_change_their_frame():
         tf2.do_transform_path(path, transform("map", "base"))
 
 
-@ours
 def test_objects_with_the_fields_will_do():
     duck = SimpleNamespace(point=SimpleNamespace(x=1, y=np.float32(2), z=3.0))
     header = SimpleNamespace(frame_id="map", stamp=SimpleNamespace(sec=7, nanosec=5))
@@ -184,6 +174,7 @@ def wxyz(q):
     return np.array([q[3], *q[:3]])
 
 
+@pytest.mark.tf2
 @given(turns)
 def test_a_quaternion_and_its_matrix(q):
     matrix = _get_mat_from_quat(wxyz(q))
@@ -194,6 +185,7 @@ def test_a_quaternion_and_its_matrix(q):
     assert_allclose(_get_mat_from_quat(back), matrix, atol=1e-9)
 
 
+@pytest.mark.tf2
 def test_no_quaternion_is_no_rotation_and_what_is_not_quite_one_has_a_nearest():
     for q in ((0.0, 0.0, 0.0, 0.0), (1e-9, 0.0, 0.0, 0.0)):
         assert np.array_equal(_get_mat_from_quat(np.array(q)), np.eye(3))
@@ -203,6 +195,7 @@ def test_no_quaternion_is_no_rotation_and_what_is_not_quite_one_has_a_nearest():
     assert_allclose(np.linalg.norm(got), 1)
 
 
+@pytest.mark.tf2
 def test_an_affine_matrix_is_built_and_taken_apart():
     affine = _build_affine([0.5, 0.5, 0.5, 0.5], (1, 2, 3))
     assert_allclose(affine, [[0, 0, 1, 1], [1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 0, 1]], atol=1e-15)
@@ -216,7 +209,6 @@ def test_an_affine_matrix_is_built_and_taken_apart():
         _transform_to_affine(PoseWithCovarianceStamped())
 
 
-@ours
 def test_geometry_needs_no_nav_msgs():
     program = """
         import importlib.abc, sys

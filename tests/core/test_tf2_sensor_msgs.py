@@ -28,8 +28,6 @@ import tf2_sensor_msgs as tf2
 from tf2_py import BufferCore
 from tf2_sensor_msgs._point_cloud2 import read_points
 
-pytestmark = pytest.mark.ours
-
 XYZ = ("x", "y", "z")
 NORMAL = ("normal_x", "normal_y", "normal_z")
 VIEWPOINT = ("vp_x", "vp_y", "vp_z")

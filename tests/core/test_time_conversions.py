@@ -17,8 +17,6 @@ from rclpy.time import Time
 
 from tf2_py._internal import FOR_EVER_NS, duration_ns, stamp_parts, time_ns
 
-pytestmark = pytest.mark.ours
-
 DAY = 86400 * 10**9  # ns
 
 

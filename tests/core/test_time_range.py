@@ -11,8 +11,6 @@ from tf2_py import (
     BufferCore,
 )
 
-pytestmark = pytest.mark.ours
-
 
 def insert(buffer, parent, child, *stamps):
     buffer.set_transforms([transform(parent, child, ns=ns) for ns in stamps], "x")

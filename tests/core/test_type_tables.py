@@ -13,8 +13,6 @@ from type_tables import TABLES
 from tf2_ros._registration import _REGISTERED_BY
 from tf2_ros.buffer_interface import ConvertRegistration, TransformRegistration
 
-pytestmark = pytest.mark.ours
-
 every_package = pytest.mark.parametrize("package", TABLES)
 every_row = pytest.mark.parametrize(
     ("package", "cls"),

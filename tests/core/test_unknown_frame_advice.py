@@ -10,8 +10,6 @@ from times_and_transforms import at, transform
 from tf2_py import BufferCore
 from tf2_py._objects import frame_names
 
-pytestmark = pytest.mark.ours
-
 LATEST = at(0)
 
 

@@ -14,8 +14,6 @@ from times_and_transforms import S, at, at_ns, stamp_ns, transform
 
 from tf2_py import ExtrapolationException
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture
 def buffer(tf2_py):

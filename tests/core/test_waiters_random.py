@@ -21,7 +21,7 @@ from times_and_transforms import at_ns, transform
 from tf2_py import BufferCore, ExtrapolationException, LookupException
 from tf2_py._internal import policy_of
 
-pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("no_refusals_logged")]
+pytestmark = pytest.mark.usefixtures("no_refusals_logged")
 
 RUNS = random_runs.times(150, 300)
 FRAMES = ("a", "b", "c", "d", "e")

@@ -11,8 +11,6 @@ import pytest
 from forked_children import in_a_child, status_of
 from times_and_transforms import at, transform
 
-pytestmark = pytest.mark.ours
-
 S = 10**9
 TIMES_NS = np.linspace(1 * S, 2 * S, 5000).astype(np.int64)
 

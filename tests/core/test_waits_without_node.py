@@ -15,8 +15,6 @@ from waiting import DEADLINE_S, PROMPT_S, once_waiting, until
 
 import tf2_ros
 
-pytestmark = pytest.mark.ours
-
 
 class TestBlocking:
     def test_one_ends_when_another_thread_inserts(self):

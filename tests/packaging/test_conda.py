@@ -12,10 +12,8 @@ from packaging.requirements import Requirement
 from paths import ROOT
 from project_sources import PYPROJECT, tomllib
 
-pytestmark = pytest.mark.ours
-
 sys.path.insert(0, str(ROOT))
-from release import conda_recipe, owner  # noqa: E402
+from release import conda_recipe, owner
 
 RECIPE = ROOT / "release" / "conda" / "recipe.yaml"
 

@@ -14,8 +14,6 @@ from documentation_pages import blocks
 from paths import ROOT
 from processes import output_of
 
-pytestmark = pytest.mark.ours
-
 PAGE = ROOT / "docs" / "creating-a-package.md"
 # The first line of a block is a comment with the name of its file.
 NAME = re.compile(r"(?:# |<!-- )([\w./]+\.(?:xml|py|cfg))(?: -->)?\n")

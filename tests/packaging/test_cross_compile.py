@@ -7,7 +7,7 @@ import sys
 import pytest
 from paths import ROOT
 
-pytestmark = [pytest.mark.ours, pytest.mark.long("fetches a compiler")]
+pytestmark = pytest.mark.long("fetches a compiler")
 
 sys.path.insert(0, str(ROOT))
 from release import cross_compile  # noqa: E402

@@ -30,8 +30,6 @@ from waiting import until
 
 from tf2_ros import TransformBroadcaster
 
-pytestmark = pytest.mark.ours
-
 by_name = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 

@@ -11,8 +11,6 @@ from spinning_nodes import spun_node
 
 from tf2_ros_cython import _installation
 
-pytestmark = pytest.mark.ours
-
 OF_ARRAYS = importlib.import_module("tf2_ros.numpy")
 # The texts of these modules and of their functions have examples.
 WHOLE = [importlib.import_module(name) for name in ("tf2_ros.records", "tf2_ros.serialization")]

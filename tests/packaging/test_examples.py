@@ -13,8 +13,6 @@ from paths import ROOT
 from processes import killed, run
 from waiting import DEADLINE_S
 
-pytestmark = pytest.mark.ours
-
 EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
 
 # What each of the longer ones prints before it waits for something: interrupted then, it is not at its end.

@@ -18,8 +18,6 @@ from tf2_py import _tf2_py, typing
 from tf2_ros import Buffer, StaticTransformBroadcaster, TransformBroadcaster, TransformListener
 from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH
 
-pytestmark = pytest.mark.ours
-
 TOOLS = tomllib.loads((ROOT / "tools" / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 CORE = PYPROJECT["project"]
 FOR_DEVELOPERS = {"test", "test-all", "docs", "dev"}

@@ -9,8 +9,6 @@ from paths import ROOT
 
 from release import feature_inventory as inventory
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture(scope="module")
 def paths():

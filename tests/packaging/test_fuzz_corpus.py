@@ -7,8 +7,6 @@ from fuzz_target_checks import check_corpus, check_seeds
 
 from reliability.fuzz.targets import NAMES, OF_TOOLS
 
-pytestmark = pytest.mark.ours
-
 TARGETS = [name for name in NAMES if name not in OF_TOOLS]
 
 

@@ -9,8 +9,6 @@ import pytest
 from paths import ROOT
 from project_sources import PACKAGES, chapters, code_of, defined, imports, modules
 
-pytestmark = pytest.mark.ours
-
 INTERNALS = ROOT / "docs" / "development" / "internals.md"
 HEADER = [
     "package",

@@ -6,8 +6,6 @@ import pytest
 
 from bench.instruction_counts import TOLERANCE, TOLERANCE_OTHER_PYTHON, compare
 
-pytestmark = pytest.mark.ours
-
 BASELINE = {"python": "3.11 x86_64", "reference": 10_000, "ratios": {"one": 1.0, "many": 20.0}}
 SLIGHTLY, MUCH = TOLERANCE * 1.1, TOLERANCE_OTHER_PYTHON * 1.1
 OTHER_PYTHONS = [{"python": "3.12 x86_64"}, {"python": "3.11 aarch64"}, {"reference": 9_700}]

@@ -9,8 +9,6 @@ from importlib.util import find_spec
 import pytest
 from paths import ROOT
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="this is not a clone")
 @pytest.mark.skipif(find_spec("reuse") is None, reason="needs reuse")

@@ -14,8 +14,6 @@ from paths import ROOT
 from processes import run
 from waiting import DEADLINE_S, until
 
-pytestmark = pytest.mark.ours
-
 STAMP = ".venv/wheels.stamp"
 # A project whose build does not end.
 HANGING = """

@@ -12,7 +12,7 @@ from installing import checkout_copy, reuse_builds
 from paths import ROOT, TESTS
 from processes import run
 
-pytestmark = [pytest.mark.ours, pytest.mark.long("compiles an extension")]
+pytestmark = pytest.mark.long("compiles an extension")
 
 PAGE = ROOT / "docs" / "development" / "new-message-type.md"
 # By the file that the first line of a block names.

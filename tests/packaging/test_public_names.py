@@ -21,6 +21,7 @@ def offered(module, name):
     return getattr(importlib.import_module(module), name)
 
 
+@pytest.mark.tf2
 @pytest.mark.parametrize(
     ("module", "name"),
     [
@@ -74,6 +75,7 @@ CALLED = {
 OPTIONAL = {("TransformListener", "__init__"): "node"}
 
 
+@pytest.mark.tf2
 @pytest.mark.parametrize(("module", "name", "member"), CALLED)
 def test_a_function_or_method_has_the_parameters_of_tf2s(module, name, member):
     wanted, got = CALLED[module, name, member], offered(module, name)
@@ -98,6 +100,7 @@ def star(module):
     return namespace
 
 
+@pytest.mark.tf2
 @pytest.mark.parametrize("module", NAMES)
 def test_import_star_gives_what_tf2s_gives(module):
     left_out = LEFT_OUT.get(module, set())
@@ -107,13 +110,11 @@ def test_import_star_gives_what_tf2s_gives(module):
         assert namespace[name] is offered(module, name)
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize("module", LEFT_OUT)
 def test_import_star_gives_nothing_that_tf2_imports_for_itself_alone(module):
     assert not LEFT_OUT[module] & set(star(module))
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize("module", NAMES)
 def test_what_is_added_imports_by_name(module):
     for name in ADDED.get(module, set()) | OURS.get(module, set()):
@@ -129,25 +130,30 @@ from tf2_ros import BufferClient; print(BufferClient is vars(tf2_ros)['BufferCli
 @pytest.mark.parametrize(
     ("program", "printed"),
     [
-        (
+        pytest.param(
             "import rclpy, tf2_py; print(rclpy.time.__name__, rclpy.duration.__name__)",
             "rclpy.time rclpy.duration",
+            marks=pytest.mark.tf2,
         ),
-        ("import tf2_ros; print(tf2_ros.buffer_client.BufferClient is tf2_ros.BufferClient)", "True"),
-        pytest.param(LATER, "False True True", marks=pytest.mark.ours),
+        pytest.param(
+            "import tf2_ros; print(tf2_ros.buffer_client.BufferClient is tf2_ros.BufferClient)",
+            "True",
+            marks=pytest.mark.tf2,
+        ),
+        (LATER, "False True True"),
     ],
 )
 def test_an_import_makes_other_modules_and_names_known(program, printed):
     assert output_of("-c", program).split() == printed.split()
 
 
-@pytest.mark.ours
 def test_the_version_is_that_of_the_project(tf2_ros, tf2_py):
     assert PYPROJECT["project"]["version"] == tf2_ros.__version__ == tf2_py.__version__
     manifest = (ROOT / "package.xml").read_text(encoding="utf-8")
     assert f"<version>{tf2_ros.__version__}</version>" in manifest
 
 
+@pytest.mark.tf2
 def test_the_classes_of_other_modules_can_be_patched():
     for place in ("tf2_ros.transform_listener.Buffer", "tf2_ros.buffer_client.ActionClient"):
         with mock.patch(place) as patched:
@@ -155,7 +161,6 @@ def test_the_classes_of_other_modules_can_be_patched():
             assert offered(module, name) is patched
 
 
-@pytest.mark.ours
 def test_importing_tf2_ros_loads_few_modules():
     loaded = output_of("-c", "import sys, tf2_ros; print(*sys.modules)").split()
     ours = [name for name in loaded if name.startswith(("tf2_py", "tf2_ros"))]

@@ -5,10 +5,7 @@
 import re
 from functools import cache
 
-import pytest
 from project_sources import PACKAGES, code_of, modules
-
-pytestmark = pytest.mark.ours
 
 # Of Python, of the messages of rosidl, and of the build, which writes that module.
 OF_OTHERS = {"_getframe", "_replace", "_check_fields", "_built"}

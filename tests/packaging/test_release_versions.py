@@ -10,11 +10,9 @@ import yaml
 from paths import ROOT
 from project_sources import PYPROJECT
 
-pytestmark = pytest.mark.ours
-
 sys.path.insert(0, str(ROOT))
-from release import wheels  # noqa: E402
-from release.version_check import contradictions  # noqa: E402
+from release import wheels
+from release.version_check import contradictions
 
 FILES = ("pyproject.toml", "package.xml", "CHANGELOG.md")
 MANIFEST = "messages/src/tf2_msgs/package.xml"

@@ -34,7 +34,6 @@ sys.path.insert(0, str(ROOT))
 from release import unpacking_debs
 
 pytestmark = [
-    pytest.mark.ours,
     pytest.mark.long("builds and installs the project"),
     pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
 ]

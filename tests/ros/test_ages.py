@@ -6,8 +6,6 @@ import pytest
 from simulated_clock import simulate
 from times_and_transforms import S, transform
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.mark.parametrize("hops", [1, 999])
 def test_long_paths_have_the_ages_of_all_their_frames(tf2_ros, node, hops):

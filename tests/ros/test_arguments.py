@@ -20,8 +20,6 @@ from waiting import PROMPT_S, errors_so_far, seconds_of, until
 
 import tf2_geometry_msgs
 
-pytestmark = pytest.mark.ours
-
 HALF = 1_500_000_000
 ADVICE = (
     r"use Time\(seconds=\.\.\.\), node\.get_clock\(\)\.now\(\), an int of nanoseconds, a datetime64, "

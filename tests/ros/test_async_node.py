@@ -20,10 +20,7 @@ from rclpy.time import Time
 from times_and_transforms import S, transform, translation
 from waiting import DEADLINE_S
 
-pytestmark = [
-    pytest.mark.ours,
-    pytest.mark.skipif(sys.version_info < (3, 11), reason="asyncio has no TaskGroup"),
-]
+pytestmark = pytest.mark.skipif(sys.version_info < (3, 11), reason="asyncio has no TaskGroup")
 
 LATEST = Time()
 IS_REAL = AsyncNode is not StandIn

@@ -15,11 +15,7 @@ import sys
 import threading
 from types import SimpleNamespace
 
-import pytest
-
 from tf2_ros._process import background as module
-
-pytestmark = pytest.mark.ours
 
 FILE = module.__file__
 RANDOM_ORDERS = 100

@@ -37,6 +37,7 @@ def broadcaster(tf2_ros, node):
     return tf2_ros.StaticTransformBroadcaster(node)
 
 
+@pytest.mark.tf2
 def test_a_subclass_may_publish_elsewhere(tf2_ros, node, subscribe, executor):
     class Elsewhere(tf2_ros.TransformBroadcaster):
         def __init__(self):
@@ -48,7 +49,6 @@ def test_a_subclass_may_publish_elsewhere(tf2_ros, node, subscribe, executor):
     until(lambda: messages, executor)
 
 
-@pytest.mark.ours
 def test_its_quality_of_service(tf2_ros, node):
     dynamic, static = tf2_ros.TransformBroadcaster, tf2_ros.StaticTransformBroadcaster
     for publisher, *wanted in (
@@ -75,7 +75,6 @@ REFUSED = [
 ]
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize("name", ["TransformBroadcaster", "StaticTransformBroadcaster"])
 class TestWhatEveryListenerRefuses:
     @pytest.fixture
@@ -125,6 +124,7 @@ class TestWhatEveryListenerRefuses:
 
 
 class TestStatic:
+    @pytest.mark.tf2
     def test_a_late_subscriber_gets_all_that_was_sent(self, broadcaster, subscribe, executor):
         broadcaster.sendTransform(transform("map", "a", 0, (1, 0, 0)))
         broadcaster.sendTransform([transform("map", "b"), transform("map", "c")])
@@ -135,7 +135,6 @@ class TestStatic:
         replaced = messages[-1].transforms[0]
         assert (replaced.header.frame_id, translation(replaced)) == ("odom", (2, 0, 0))
 
-    @pytest.mark.ours
     def test_threads_that_send_at_the_same_time_lose_nothing(self, broadcaster, subscribe, executor):
         names = [[f"{thread}_{i}" for i in range(100)] for thread in "abcd"]
 
@@ -150,7 +149,6 @@ class TestStatic:
         until(lambda: messages, executor)
         assert sorted(children(messages[-1])) == expected, "the message published last holds all"
 
-    @pytest.mark.ours
     def test_a_message_that_is_filled_in_again_changes_nothing_sent(self, broadcaster):
         message = transform("map", "a", 0, (1, 0, 0))
         broadcaster.sendTransform(message)
@@ -160,7 +158,6 @@ class TestStatic:
         sent = [(m.child_frame_id, m.transform.translation.x) for m in broadcaster.net_message.transforms]
         assert sent == [("a", 1.0), ("b", 2.0)]
 
-    @pytest.mark.ours
     def test_a_slash_at_the_beginning_makes_no_other_frame(self, broadcaster):
         for x, name in enumerate(("/dock", "dock", "/dock")):
             broadcaster.sendTransform(
@@ -169,7 +166,6 @@ class TestStatic:
             sent = [(m.child_frame_id, m.transform.translation.x) for m in broadcaster.net_message.transforms]
             assert sent == [(name, x)]
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("name", [None, b"a", "\ud800"], ids=repr)
     def test_one_that_cannot_be_sent_is_not_kept(self, broadcaster, subscribe, executor, name):
         broadcaster.sendTransform(transform("map", "a"))

@@ -20,8 +20,6 @@ from rosgraph_msgs.msg import Clock
 from times_and_transforms import at, transform
 from waiting import DEADLINE_S, PROMPT_S, errors_so_far, seconds_of, until
 
-pytestmark = pytest.mark.ours
-
 LONG = Duration(seconds=DEADLINE_S)
 SHORT = Duration(seconds=0.05)
 LATEST = Time()

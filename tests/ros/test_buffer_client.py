@@ -121,7 +121,6 @@ def lonely(tf2_ros):
 
 
 class TestLookup:
-    @pytest.mark.ours
     @pytest.mark.parametrize("awaited", [False, True])
     def test_full_sends_all_of_it_with_the_timeout_that_is_left(self, client, awaited):
         arguments = ("map", at(2.5), "robot", at(1.5), "odom")
@@ -137,7 +136,6 @@ class TestLookup:
         assert x == 1.5
         assert least < timeout <= most
 
-    @pytest.mark.ours
     @pytest.mark.parametrize(
         ("arguments", "error", "text"),
         [
@@ -160,7 +158,6 @@ class TestLookup:
         assert client.lookup_transform("map", "robot", LATEST, LONG).child_frame_id == "robot"
 
 
-@pytest.mark.ours
 class TestAge:
     """Of the answer, by its stamp."""
 
@@ -252,6 +249,7 @@ class TestAge:
 
 
 class TestErrors:
+    @pytest.mark.tf2
     @pytest.mark.parametrize("timeout", [Duration(), LONG])
     @pytest.mark.parametrize(
         ("code", "name"),
@@ -271,7 +269,6 @@ class TestErrors:
         assert client.can_transform(code, "robot", LATEST, timeout) is False
         assert client.can_transform_full(code, LATEST, "robot", LATEST, "odom", timeout) is False
 
-    @pytest.mark.ours
     @pytest.mark.parametrize(
         ("how", "text"), [("too late", "robot"), ("empty", "robot"), ("rejected", "refused")]
     )
@@ -279,7 +276,6 @@ class TestErrors:
         with pytest.raises(tf2_py.TimeoutException, match=text):
             client.lookup_transform(how, "robot", LATEST, LONG)
 
-    @pytest.mark.ours
     def test_the_reason_is_returned_on_request(self, client):
         can, reason = client.can_transform("LOOKUP_ERROR", "robot", LATEST, LONG, True)
         assert (can, reason) == (False, "this is a LOOKUP_ERROR")
@@ -287,7 +283,6 @@ class TestErrors:
         full = client.can_transform_full("map", at(1), "robot", at(2), "odom", LONG, return_debug_tuple=True)
         assert full == (True, "")
 
-    @pytest.mark.ours
     def test_a_server_that_never_answers_is_a_timeout_and_its_goal_is_cancelled(
         self, client, server, tf2_py, monkeypatch
     ):
@@ -299,7 +294,6 @@ class TestErrors:
         until(server.cancelled.done)
 
 
-@pytest.mark.ours
 class TestWithoutServer:
     def test_it_is_waited_for_no_longer_than_the_timeout(self, lonely, tf2_py):
         question = ("map", "robot", LATEST)
@@ -372,7 +366,6 @@ class TestWithoutServer:
             tf2_ros.BufferClient(node, "lookup", 0.0)
 
 
-@pytest.mark.ours
 class TestThreads:
     def test_it_blocks_in_a_callback_of_a_single_threaded_executor_beside_other_threads(self, client):
         executor = client.node.executor
@@ -402,12 +395,10 @@ class TestThreads:
             until(lambda hidden=hidden: hidden not in node.get_node_names())
 
 
-@pytest.mark.ours
 def test_neither_dropped_responses_nor_a_server_that_is_half_discovered_end_a_lookup(tmp_path):
     assert output_with_library("half_discovered_server", tmp_path) == "robot\n"
 
 
-@pytest.mark.ours
 def test_a_server_that_is_slow_to_accept_a_goal_gets_no_other_one(tf2_ros, node):
     """It would do the work of both, and make others wait."""
     with serving("slow_lookup") as server:
@@ -426,7 +417,6 @@ def test_a_server_that_is_slow_to_accept_a_goal_gets_no_other_one(tf2_ros, node)
         client.destroy()
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize("since", ["sent", "accepted"])
 def test_a_goal_that_nobody_awaits_any_more_is_cancelled(tf2_ros, node, since):
     with serving("quiet_lookup") as server:
@@ -444,7 +434,6 @@ def test_a_goal_that_nobody_awaits_any_more_is_cancelled(tf2_ros, node, since):
         client.destroy()
 
 
-@pytest.mark.ours
 class TestServerThatEnds:
     def test_one_that_starts_again_is_found(self, tf2_ros, node):
         client = tf2_ros.BufferClient(node, "twice")

@@ -59,11 +59,11 @@ def interface(tf2_ros):
 
 
 class TestTransform:
+    @pytest.mark.tf2
     def test_an_object_is_carried_at_its_own_time(self, buffer):
         carried = buffer.transform(Thing(10, time=at(1.5)), "map")
         assert (carried.x, carried.header.frame_id) == (11.5, "map")
 
-    @pytest.mark.ours
     def test_the_result_becomes_the_type_asked_for(self, buffer, interface, executor):
         interface.ConvertRegistration().add_convert((Thing, OtherThing), lambda thing: OtherThing(thing.x))
         thing = Thing(10, time=at(2))
@@ -79,6 +79,7 @@ class TestTransform:
         with pytest.raises(AttributeError, match="header"):
             buffer.transform(thing, "map")
 
+    @pytest.mark.tf2
     def test_the_timeout_reaches_the_lookup(self, buffer, executor, tf2_py):
         thing = Thing(10, time=at(3))
         with pytest.raises(tf2_py.ExtrapolationException):
@@ -92,7 +93,6 @@ class TestTransform:
             )  # in some releases, a task that was resumed raises only in the next line
             task.result()
 
-    @pytest.mark.ours
     def test_an_interface_with_lookups_can_say_whether_they_answer(self, interface, tf2_py):
         class Growing(interface.BufferInterface):
             def lookup_transform(self, target_frame, source_frame, time, timeout=None):
@@ -108,7 +108,6 @@ class Unknown:
     """A type that nobody registers."""
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize(
     ("message", "new_type", "cure"),
     [
@@ -124,7 +123,6 @@ def test_an_unknown_type_is_refused_by_name_and_with_a_cure(buffer, interface, m
         buffer.transform(message, "map", new_type=new_type)
 
 
-@pytest.mark.ours
 def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
     with pytest.raises(interface.TypeException) as caught:
         buffer.transform(5, "map")
@@ -137,7 +135,6 @@ def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
         buffer.transform(Twist(), "map")
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize(
     ("kind", "page"), [(LaserScan, "point-clouds.md#laser-scans"), (Range, "message-types.md")], ids=str
 )
@@ -148,7 +145,6 @@ def test_the_refusal_of_a_type_whose_package_is_imported_names_the_page(buffer, 
     assert anchor.replace("-", " ") in (ROOT / "docs" / path).read_text().lower()
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize("when", ["before", "after"])
 def test_a_registration_of_a_programs_own_wins(when):
     mine = "tf2_ros.TransformRegistration().add(PointStamped, lambda point, transform: 'mine')"
@@ -163,7 +159,6 @@ def test_a_registration_of_a_programs_own_wins(when):
     assert output_of("-c", "\n".join(program)) == "mine\n"
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize(
     ("package", "name", "provider"),
     [
@@ -188,12 +183,14 @@ def test_importing_tf2_ros_alone_is_enough(package, name, provider):
     assert output_of("-c", textwrap.dedent(program)).split() == ["False", "map", "True"]
 
 
+@pytest.mark.tf2
 def test_registrations_can_be_printed(buffer, interface, capsys):
     interface.TransformRegistration().print_me()
     assert "Thing" in capsys.readouterr().out
 
 
 class TestConvert:
+    @pytest.mark.tf2
     def test_the_same_type_is_copied(self, interface, capsys):
         pose = PoseStamped()
         copied = interface.convert(pose, PoseStamped)
@@ -203,6 +200,7 @@ class TestConvert:
         assert type(interface.convert(QuaternionStamped(), QuaternionStamped)) is QuaternionStamped
         assert capsys.readouterr().out == ""
 
+    @pytest.mark.tf2
     def test_the_straight_way_wins(self, interface):
         class A:
             pass
@@ -214,7 +212,6 @@ class TestConvert:
         table.add_convert((A, OtherThing), lambda a: "straight")
         assert interface.convert(A(), OtherThing) == "straight"
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("wanted", [PoseStamped, Vector3Stamped, Wrench, PointCloud2])
     def test_a_message_never_passes_for_one_of_another_type(self, buffer, interface, wanted):
         point = interface.Stamped(PointStamped(), at(1), "map")
@@ -227,6 +224,7 @@ class TestConvert:
                 call()
 
 
+@pytest.mark.tf2
 @pytest.mark.parametrize("stamp", [at(1.5), at(1.5).to_msg()], ids=["rclpy", "message"])
 def test_stamped_gives_an_object_a_header(interface, stamp):
     cloud = PointCloud2()

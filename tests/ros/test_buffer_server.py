@@ -22,8 +22,6 @@ from tf2_msgs.msg import TF2Error
 from tf2_ros._qos import lookup_qos
 from tf2_ros._wait.lookup_or_wait import Lookup
 
-pytestmark = pytest.mark.ours
-
 LONG = Duration(seconds=DEADLINE_S)
 SHORT, NONE, PAST = Duration(seconds=0.1), Duration(), Duration(seconds=-1)
 

@@ -23,8 +23,6 @@ from tf2_ros._calls.call_queue import CallQueue
 from tf2_ros._calls.call_runners import ExecutorRunner, Runner, call_queue_of
 from tf2_ros._wait.futures import WakingFuture
 
-pytestmark = pytest.mark.ours
-
 HERE, CALLBACKS = "MainThread", "tf2_ros callbacks"
 
 

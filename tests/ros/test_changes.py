@@ -15,8 +15,6 @@ from waiting import until
 
 from tf2_ros._calls.call_runners import call_queue_of
 
-pytestmark = pytest.mark.ours
-
 
 def insert(buffer, *seconds, child="base"):
     for one in seconds:

@@ -13,8 +13,6 @@ from rclpy.time import Time
 from times_and_transforms import S, transform
 from waiting import until
 
-pytestmark = pytest.mark.ours
-
 QUIET_S = 1.0
 MOST = 0.05  # of a core, while something awaits; a busy loop takes 0.6 to 1
 LATEST = Time()

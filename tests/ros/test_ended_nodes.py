@@ -35,8 +35,6 @@ from tf2_ros import (
 )
 from tf2_ros._nodes.topic_publishers import clock_publishers
 
-pytestmark = pytest.mark.ours
-
 # rclpy never frees what it keeps for each name of a node, nor the service that describes types.
 NAMES = itertools.cycle(f"random_{i}" for i in range(32))
 WITHOUT_SERVICE = [Parameter("start_type_description_service", value=False)]

@@ -45,7 +45,6 @@ def sending(publisher):
 
 
 class TestSpinOnce:
-    @pytest.mark.ours
     def test_it_returns_once_for_all_messages_that_arrived_before(self, listener, executor, peer):
         publisher = peer()
         for n in range(1, 4):
@@ -57,7 +56,6 @@ class TestSpinOnce:
         assert time.monotonic() - begin < LONG_S
         assert returns_early(executor.spin_once, 10) == 0
 
-    @pytest.mark.ours
     def test_the_executors_own_loops_account_for_what_arrives(self, ros, listener, node, executor, peer):
         publisher = peer()
         with spinning(executor):
@@ -71,7 +69,6 @@ class TestSpinOnce:
         assert returns_early(other.spin_once, 10) == 0
         other.shutdown()
 
-    @pytest.mark.ours
     def test_no_loop_is_woken_for_a_message(self, listener, executor, peer):
         publisher, checks, can_execute = peer(), [], listener.group.can_execute
 
@@ -91,7 +88,6 @@ class TestSpinOnce:
             # One for each round, of which there are ten in a second.
             assert before and len(checks) - before - 10 * (time.monotonic() - began) < 30
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("reads", [True, False])
     def test_it_does_not_return_for_each_message(self, buffer, listener, executor, peer, reads):
         """At most 100 times a second; ten times, once the loop has not read the buffer for a while."""
@@ -110,6 +106,7 @@ class TestSpinOnce:
         seconds, messages = time.monotonic() - began, buffer.statistics()["taken"] - before
         assert returns - (100 if reads else 10) * seconds < 10 and messages > 2 * returns
 
+    @pytest.mark.tf2
     def test_a_node_that_moves_to_another_executor_misses_nothing(self, ros, tf2_ros, buffer, node, peer):
         """The executor that had it is woken by that, and must not take from the other what is due."""
         listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
@@ -124,7 +121,6 @@ class TestSpinOnce:
         listener.executor.shutdown()
         listener.dedicated_listener_thread.join(DEADLINE_S)
 
-    @pytest.mark.ours
     def test_nor_does_one_whose_former_executor_was_just_gathering(
         self, tf2_ros, buffer, node, executor, peer
     ):
@@ -165,7 +161,6 @@ class TestSpinOnce:
                 assert not spinning_once.is_alive()
         other.shutdown()
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
     @pytest.mark.parametrize("of_server", [False, True])
     def test_calls_continue_in_an_executor_that_gets_the_node_during_one(
@@ -197,6 +192,7 @@ class TestSpinOnce:
                 calls.put(called.set)
                 until(called.is_set)
 
+    @pytest.mark.tf2
     @pytest.mark.parametrize("spin", ["spin_once", "spin"])
     def test_signal_handlers_run(self, ros, listener, node, peer, spin):
         """Python runs them between two rounds, and transforms cause rounds."""
@@ -213,7 +209,6 @@ class TestSpinOnce:
         finally:
             signal.signal(signal.SIGALRM, before)
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
     def test_a_shutdown_ends_a_loop_that_nothing_wakes(self, listener, node, kind):
         """As after a signal that finds it on its way to sleep."""
@@ -222,6 +217,7 @@ class TestSpinOnce:
         with spinning(executor):
             shut_down_at_sleep(call_queue_of(node))
 
+    @pytest.mark.tf2
     def test_a_task_that_polls_runs(self, buffer, listener, executor, peer):
         turns = itertools.count()
 

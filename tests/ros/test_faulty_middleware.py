@@ -6,10 +6,7 @@ What a middleware may lack is done without.
 `interposed/faulty_middleware.c` takes it away from the one that the tests run with.
 """
 
-import pytest
 from interposed_libraries import output_with_library
-
-pytestmark = pytest.mark.ours
 
 
 def test_where_arrivals_are_not_reported_executors_take_the_messages(tmp_path):

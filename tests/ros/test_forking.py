@@ -18,8 +18,6 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from times_and_transforms import transform
 from waiting import DEADLINE_S
 
-pytestmark = pytest.mark.ours
-
 LATEST = Time()
 DEAD = "dead in this forked process"
 

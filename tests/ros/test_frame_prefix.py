@@ -14,7 +14,6 @@ from waiting import until
 from tf2_msgs.msg import TFMessage
 from tf2_ros import InvalidArgumentException, LookupException, MessageFilter
 
-pytestmark = pytest.mark.ours
 LATEST = at(0)
 
 

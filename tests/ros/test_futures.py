@@ -24,8 +24,6 @@ from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_ros._process.background import background
 
-pytestmark = pytest.mark.ours
-
 LATEST = Time()
 SHORT = Duration(seconds=0.05)
 LONGER = Duration(seconds=1)  # than a busy machine needs for what a test does before its end

@@ -10,8 +10,6 @@ import pytest
 from processes import start
 from waiting import DEADLINE_S, until
 
-pytestmark = pytest.mark.ours
-
 HIDDEN = ["_buffer_client_impl", "transform_listener_impl", "transform_listener_impl"]
 
 

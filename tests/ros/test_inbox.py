@@ -24,8 +24,6 @@ from tf2_msgs.msg import TFMessage
 from tf2_ros._receive.inbox import Inbox
 from tf2_ros._receive.subscriptions import Subscriptions, TopicArrivals
 
-pytestmark = pytest.mark.ours
-
 S = 10**9
 LATEST = Time()
 

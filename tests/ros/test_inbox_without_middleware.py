@@ -26,8 +26,6 @@ from tf2_ros import Buffer
 from tf2_ros._process.background import Background, add_owner
 from tf2_ros._receive.inbox import Inbox, Inboxes, Observer
 
-pytestmark = pytest.mark.ours
-
 LATEST = Time()
 MANY = 5000  # transforms, of more bytes than are inserted under the lock of all inboxes
 

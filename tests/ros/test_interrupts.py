@@ -10,8 +10,6 @@ from paths import PROGRAMS
 from processes import output_of
 from waiting import until
 
-pytestmark = pytest.mark.ours
-
 
 class Interrupt(BaseException):
     """What the handler raises."""

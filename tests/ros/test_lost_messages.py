@@ -13,8 +13,6 @@ from waiting import errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
 
-pytestmark = pytest.mark.ours
-
 DEPTH, SENT = 2, 10
 
 

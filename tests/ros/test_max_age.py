@@ -20,8 +20,6 @@ from waiting import DEADLINE_S, until
 
 from tf2_py import BufferCore
 
-pytestmark = pytest.mark.ours
-
 LATEST = Time()
 ROBOT = ("map", "base", LATEST)
 

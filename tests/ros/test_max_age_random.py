@@ -18,8 +18,6 @@ from times_and_transforms import S, transform
 from tf2_py import BufferCore
 from tf2_ros import MessageFilter
 
-pytestmark = pytest.mark.ours
-
 RUNS = random_runs.times(400, 10_000)
 STEPS = 40
 CACHE_NS = 30

@@ -27,8 +27,6 @@ from waiting import DEADLINE_S, until
 
 from tf2_ros._calls.call_runners import call_queue_of
 
-pytestmark = pytest.mark.ours
-
 
 def point(word="1"):
     """A message of a second, as in ``1.5``, from ``lidar``, or as in ``1.5@camera``."""

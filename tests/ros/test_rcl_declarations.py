@@ -6,13 +6,10 @@ import os
 import re
 from pathlib import Path
 
-import pytest
 from processes import output_of, run
 
 import tf2_ros
 from tf2_ros_cython import _ros_in_use
-
-pytestmark = pytest.mark.ours
 
 DECLARATIONS = Path(tf2_ros.__file__).resolve().parent / "_rcl.pxd"
 INCLUDES = """

@@ -11,8 +11,6 @@ from waiting import until
 
 from tf2_ros import _rclpy
 
-pytestmark = pytest.mark.ours
-
 
 def test_a_context_is_checked_without_its_lock(ros):
     context = ros.Context()

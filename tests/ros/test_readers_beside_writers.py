@@ -12,8 +12,6 @@ from waiting import DEADLINE_S, until
 
 from bench.programs.serialized_template import Template
 
-pytestmark = pytest.mark.ours
-
 HOPS = 10
 SAMPLES = 100
 READERS = 4

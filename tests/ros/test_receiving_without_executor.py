@@ -2,10 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What receives transforms needs no executor."""
 
-import pytest
 from waiting import until
-
-pytestmark = pytest.mark.ours
 
 S = 10**9
 

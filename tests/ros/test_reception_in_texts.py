@@ -13,7 +13,7 @@ from waiting import until
 
 from tf2_py import TransformException
 
-pytestmark = [pytest.mark.ours, pytest.mark.usefixtures("inserter")]
+pytestmark = pytest.mark.usefixtures("inserter")
 
 S = 10**9
 LATEST = Time()

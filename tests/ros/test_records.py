@@ -10,8 +10,6 @@ from waiting import errors_so_far, until
 from tf2_msgs.msg import TFMessage
 from tf2_ros.records import RECORD, Recording
 
-pytestmark = pytest.mark.ours
-
 MALFORMED = bytes.fromhex("0001000001000000")  # one transform is announced
 
 

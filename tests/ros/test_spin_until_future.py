@@ -15,8 +15,6 @@ from waiting import DEADLINE_S, until
 
 from tf2_ros import _rclpy
 
-pytestmark = pytest.mark.ours
-
 LONG_S = 100 * DEADLINE_S
 ROBOT = transform("map", "robot", 1.0)
 

@@ -12,6 +12,8 @@ pytest.importorskip("rclpy")
 from tf2_msgs.msg import TF2Error
 from tf2_ros_cython._ros_in_use import running_release
 
+pytestmark = pytest.mark.tf2
+
 TYPE_HASHES = {
     "msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     "msg/TF2Error": "RIHS01_db2485e7d6a0ec75bf087e058ee45df682acc3a621ca7780503d10aac141809a",

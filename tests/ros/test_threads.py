@@ -5,13 +5,10 @@
 import sys
 import threading
 
-import pytest
 from processes import run
 from waiting import DEADLINE_S, until
 
 from tf2_ros._process import threads
-
-pytestmark = pytest.mark.ours
 
 
 def test_of_several_threads_that_start_one_runs():

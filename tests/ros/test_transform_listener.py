@@ -58,7 +58,6 @@ def using_every_name(kind, *attributes):
     return Mine
 
 
-@pytest.mark.ours
 def test_programs_may_use_every_name_that_tf2_does_not(tf2_ros, node, executor, peer):
     of_buffers = ("registration", "clock", "srv", "jump_handle")
     of_listeners = ("buffer", "node", "group", "tf_sub", "tf_static_sub")
@@ -88,7 +87,6 @@ def x_of(buffer, child, parent="map", time=LATEST):
 
 
 class TestOverTheNetwork:
-    @pytest.mark.ours
     def test_a_restarted_recording_loses_nothing_after_its_clock(self, tf2_ros, new_node, executor, peer):
         node = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
         executor.add_node(node)
@@ -111,6 +109,7 @@ class TestOverTheNetwork:
         assert not buffer.can_transform("map", "old", LATEST)
 
 
+@pytest.mark.tf2
 def test_a_buffer_of_another_kind_is_filled_once_it_is_assigned(buffer, listener, executor, peer):
     class Recorder:
         def __init__(self):
@@ -128,6 +127,7 @@ def test_a_buffer_of_another_kind_is_filled_once_it_is_assigned(buffer, listener
     assert recorder.seen == [("robot", "default_authority", threading.current_thread())]
 
 
+@pytest.mark.tf2
 def test_a_node_that_wraps_the_callbacks_of_its_subscriptions(ros, tf2_ros, buffer, peer):
     received = []
 
@@ -150,6 +150,7 @@ def test_a_node_that_wraps_the_callbacks_of_its_subscriptions(ros, tf2_ros, buff
     node.destroy_node()
 
 
+@pytest.mark.tf2
 def test_a_fake_node_with_the_arguments_of_tf2_alone(tf2_ros, buffer):
     class Fake:
         def __init__(self):
@@ -175,6 +176,7 @@ def test_a_fake_node_with_the_arguments_of_tf2_alone(tf2_ros, buffer):
     assert node.destroyed == ["/tf", "/tf_static"]
 
 
+@pytest.mark.tf2
 def test_the_graph_shows_what_tf2_shows(tf2_ros, new_node):
     def seen():
         whose = (node.get_name(), node.get_namespace())
@@ -204,7 +206,6 @@ def test_the_graph_shows_what_tf2_shows(tf2_ros, new_node):
     }
 
 
-@pytest.mark.ours
 def test_malformed_messages_are_counted_and_survived(tf2_ros, buffer, node, executor, peer, capfd, inserter):
     if inserter == "executor":
         pytest.skip("there rclpy reads the messages")
@@ -225,7 +226,6 @@ def test_malformed_messages_are_counted_and_survived(tf2_ros, buffer, node, exec
     assert errors_so_far().count(line) < len(bad)
 
 
-@pytest.mark.ours
 def test_a_received_name_ends_at_a_nul(tf2_ros, buffer, node, executor, peer):
     tf2_ros.TransformListener(buffer, node)
     made = TFMessage(transforms=[transform("map", "robotXarm", 1), transform("map", "end", 1)])
@@ -234,6 +234,7 @@ def test_a_received_name_ends_at_a_nul(tf2_ros, buffer, node, executor, peer):
     assert buffer._getFrameStrings() == ["robot", "map", "end"]
 
 
+@pytest.mark.tf2
 def test_a_set_transform_of_the_buffer_itself_is_called(tf2_ros, buffer, node, executor, peer):
     seen = []
     buffer.set_transform = lambda transform, authority: seen.append(transform)
@@ -243,6 +244,7 @@ def test_a_set_transform_of_the_buffer_itself_is_called(tf2_ros, buffer, node, e
     assert buffer._getFrameStrings() == []
 
 
+@pytest.mark.tf2
 def test_of_the_subscriptions_the_quality_of_service_may_be_chosen(tf2_ros, buffer, node):
     usual = tf2_ros.TransformListener(buffer, node)
     assert usual.tf_sub.qos_profile.depth == 100
@@ -254,7 +256,6 @@ def test_of_the_subscriptions_the_quality_of_service_may_be_chosen(tf2_ros, buff
     assert chosen.tf_sub.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
 
 
-@pytest.mark.ours
 @by_the_inbox
 def test_without_an_executor_the_log_says_that_a_publisher_does_not_fit(listener, new_node, capfd):
     volatile = QoSProfile(depth=10)
@@ -264,7 +265,6 @@ def test_without_an_executor_the_log_says_that_a_publisher_does_not_fit(listener
     until(lambda: "on topic '/tf_static', offering incompatible QoS" in errors_so_far())
 
 
-@pytest.mark.ours
 @pytest.mark.parametrize("kind", ["TransformListener", "StaticTransformListener"])
 def test_a_listener_that_starts_last_gets_the_static_transforms_of_every_publisher(
     tf2_ros, buffer, node, new_node, executor, kind
@@ -279,7 +279,6 @@ def test_a_listener_that_starts_last_gets_the_static_transforms_of_every_publish
 
 
 class TestThread:
-    @pytest.mark.ours
     def test_a_listener_without_a_node_spins_its_own(self, tf2_ros, buffer, ros, peer):
         with tf2_ros.TransformListener(buffer, None) as listener:
             assert listener.node.get_name().startswith("transform_listener_impl_")
@@ -287,12 +286,12 @@ class TestThread:
             until(knows(buffer, "robot"))
         assert not listener.dedicated_listener_thread.is_alive()
 
+    @pytest.mark.tf2
     def test_a_call_of_del_waits_for_its_end(self, tf2_ros, buffer, node):
         listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
         listener.__del__()
         assert not listener.dedicated_listener_thread.is_alive()
 
-    @pytest.mark.ours
     @by_the_inbox
     def test_a_constructor_that_fails_leaves_no_thread(self, tf2_ros, buffer, node):
         class Failing(tf2_ros.TransformListener):
@@ -308,7 +307,6 @@ class TestThread:
         # Fewer: a thread of an earlier test may have ended meanwhile.
         until(lambda: threading.active_count() <= before)
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("whose", ["its own", "a program's"])
     def test_a_shutdown_that_wakes_nobody_ends_it(self, tf2_ros, buffer, ros, node, whose):
         """After a signal, rclpy wakes executors before it shuts down, and they may sleep again in between."""
@@ -316,7 +314,6 @@ class TestThread:
         shut_down_at_sleep(call_queue_of(listener.node))
         until(lambda: not listener.dedicated_listener_thread.is_alive())
 
-    @pytest.mark.ours
     def test_destroying_the_node_ends_it(self, tf2_ros, buffer, new_node):
         node = new_node("spun")
         listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
@@ -325,6 +322,7 @@ class TestThread:
 
 
 class TestEnd:
+    @pytest.mark.tf2
     def test_unregistering_ends_the_subscriptions(self, tf2_ros, buffer, node):
         topics = ["/ending_tf", "/ending_tf_static"]
         listener = tf2_ros.TransformListener(buffer, node, tf_topic=topics[0], tf_static_topic=topics[1])
@@ -333,7 +331,6 @@ class TestEnd:
         listener.unregister()
         until(lambda: all(node.count_subscribers(topic) == 0 for topic in topics))
 
-    @pytest.mark.ours
     def test_a_finalizer_takes_no_lock_of_the_executor(self, tf2_ros, ros, buffer):
         """It may run in the middle of whatever its own thread does."""
         listener = tf2_ros.TransformListener(buffer, None)
@@ -350,7 +347,6 @@ class TestEnd:
         listener.dedicated_listener_thread.join(DEADLINE_S)
         assert not listener.dedicated_listener_thread.is_alive()
 
-    @pytest.mark.ours
     def test_one_that_was_never_initialised_can_be_ended(self, tf2_ros):
         listener = tf2_ros.TransformListener.__new__(tf2_ros.TransformListener)
         listener.unregister()
@@ -358,19 +354,16 @@ class TestEnd:
             listener.__del__()
         assert listener.receives == () and listener.tf_sub is None
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future", "called back"])
     def test_the_interpreter_exits_without_output(self, how, inserter):
         done = run(sys.executable, PROGRAMS / "exits_while_active.py", how, inserter)
         assert (done.returncode, done.stdout, done.stderr) == (0, "at the end\n", "")
 
-    @pytest.mark.ours
     @by_the_inbox
     def test_so_it_does_if_a_call_waits_until_modules_are_destroyed(self):
         done = run(sys.executable, PROGRAMS / "exits_while_active.py", "called back at the very end", "inbox")
         assert (done.returncode, done.stdout, done.stderr) == (0, "at the end\n", "")
 
-    @pytest.mark.ours
     @pytest.mark.parametrize("how", ["thread", "interrupted"])
     def test_a_node_spun_by_a_thread_keeps_the_program_until_its_context_ends(self, how, inserter):
         done = run(sys.executable, PROGRAMS / "exits_while_active.py", how, inserter)
@@ -378,14 +371,12 @@ class TestEnd:
         # Python itself speaks of an interrupt that finds it waiting for its last thread.
         assert how == "interrupted" or done.stderr == ""
 
-    @pytest.mark.ours
     def test_the_interpreter_exits_while_rclpy_handles_a_signal(self, inserter, tmp_path):
         printed = output_with_library(
             "late_signals", tmp_path, "interrupted", inserter, program="exits_while_active"
         )
         assert printed == "at the end\nafter the end\n"
 
-    @pytest.mark.ours
     @by_the_inbox
     @pytest.mark.timeout(600)  # may be repeated; each end has a limit of its own
     @pytest.mark.parametrize("how", ["spun", "not spun"])
@@ -400,7 +391,6 @@ class TestEnd:
         assert [line for line in lines if "[rmw_zenoh_cpp]: SubscriberCallback triggered" not in line] == []
         assert (done.returncode, done.stdout) == (0, "nothing is left\n")
 
-    @pytest.mark.ours
     @by_the_inbox
     def test_an_executor_that_has_just_met_an_event_handler_does_not_wait_for_it(self, listener, node):
         """If another thread destroys the subscription then, the executor would raise InvalidHandle."""
@@ -409,7 +399,6 @@ class TestEnd:
         listener.unregister()
         assert not any(map(listener.group.can_execute, met))
 
-    @pytest.mark.ours
     @by_the_inbox
     def test_one_subscription_may_be_destroyed_alone(self, buffer, listener, node, peer):
         publisher = peer()

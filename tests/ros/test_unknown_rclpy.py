@@ -8,8 +8,6 @@ from processes import output_of
 
 from tf2_ros_cython import _ros_in_use
 
-pytestmark = pytest.mark.ours
-
 TOPICS = "without an executor: /tf, /tf_static"
 NOTHING = "without an executor: nothing"
 THE_REST = ["filter", "on_change", "future", "await", "server and client", "threads of listeners"]

@@ -12,6 +12,8 @@ import pytest
 from paths import PROGRAMS
 from processes import run
 
+pytestmark = pytest.mark.tf2
+
 USERS = PROGRAMS / "users"
 
 

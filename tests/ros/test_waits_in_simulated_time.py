@@ -16,8 +16,6 @@ from spinning_nodes import spinning
 from times_and_transforms import at, transform
 from waiting import DEADLINE_S, PROMPT_S, until
 
-pytestmark = pytest.mark.ours
-
 WANTED_S = 2000  # the stamp that everything waits for
 TIMEOUT_S = 1.0
 # What happens before the waits begin, and while they last: simulated time is switched on or off, or set.

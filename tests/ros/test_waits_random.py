@@ -21,8 +21,6 @@ from waiting import DEADLINE_S, until
 from tf2_py import BufferCore
 from tf2_ros._process.background import background
 
-pytestmark = pytest.mark.ours
-
 THREADS = 4
 STEPS = 1500  # of each thread
 FRAMES = [f"f{i}" for i in range(6)]

@@ -8,8 +8,6 @@ import pytest
 from interposed_libraries import output_with_library
 from waiting import PROMPT_S
 
-pytestmark = pytest.mark.ours
-
 TIMEOUT_S = 0.4
 # Of processor time after the step: a wait takes some milliseconds, and a loop that spins most of the timeout.
 WORK_S = 0.1

@@ -12,8 +12,6 @@ from tf2_ros._receive import listener_receiver
 from tf2_ros._receive.subscriptions import Subscriptions
 from tf2_ros.records import Recording
 
-pytestmark = pytest.mark.ours
-
 S = 10**9
 
 

@@ -9,8 +9,6 @@ from times_and_transforms import S
 
 from tf2_ros_tools.common.pace import Pace
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.mark.parametrize("rate", [1e-300, 0.01, 1.0, 30.0, 100_000.0, 1e300])
 def test_missed_ticks_are_skipped_and_the_others_keep_their_times(rate):

@@ -10,8 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
 
-pytestmark = pytest.mark.ours
-
 
 def test_they_are_those_of_scipy():
     for rotation in Rotation.random(200, random_state=1):

@@ -16,8 +16,6 @@ from tf2_ros_tools.diagnosis.findings import Expectation, Limits, Received, expe
 from tf2_ros_tools.diagnosis.stream_statistics import TAIL, Streams, moving_on, newest_streams
 from tf2_ros_tools.diagnosis.texts import line_of
 
-pytestmark = pytest.mark.ours
-
 S = 1_000_000_000
 START_NS = 1_795_000_000 * S
 FRAMES = ["map", "odom", "base", "camera", "lidar", "world"]

@@ -8,8 +8,6 @@ from times_and_transforms import transform
 
 from tf2_ros_tools.live import Feed
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture
 def broadcasting():

@@ -8,8 +8,6 @@ import pytest
 
 from tf2_ros_tools.live import connect
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.mark.parametrize(
     ("arguments", "text"),

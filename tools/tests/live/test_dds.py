@@ -18,8 +18,6 @@ from waiting import until
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.live.address import parse
 
-pytestmark = pytest.mark.ours
-
 dds = pytest.importorskip("tf2_ros_tools.live.dds", reason="cyclonedds is not installed")
 
 SECONDS = 60.0  # more than anything here takes

@@ -25,8 +25,6 @@ from tf2_ros_tools.listening.session import Listening
 from tf2_ros_tools.live import Feed, Heard, Publisher
 from tf2_ros_tools.live.feed_session import FeedSession
 
-pytestmark = pytest.mark.ours
-
 PIPE = """
 import struct, sys
 from feed_helpers import message

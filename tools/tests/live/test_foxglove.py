@@ -20,11 +20,9 @@ from waiting import DEADLINE_S, until
 from tf2_msgs.msg import TFMessage
 from tf2_ros_tools.live import connect
 
-pytestmark = pytest.mark.ours
-
 pytest.importorskip("websockets")
 
-from websockets.sync.server import serve  # noqa: E402
+from websockets.sync.server import serve
 
 SECONDS = DEADLINE_S
 SCHEMA = "tf2_msgs/msg/TFMessage"

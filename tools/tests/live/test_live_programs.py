@@ -13,8 +13,6 @@ from starting_programs import ROBOT, broadcasting, ended
 
 from tf2_ros_tools import bag
 
-pytestmark = pytest.mark.ours
-
 pytest.importorskip("cyclonedds")
 
 WITHOUT_ROS = os.environ | {"HEARS_WITHOUT_ROS": "1"}

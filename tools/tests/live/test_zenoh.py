@@ -19,11 +19,9 @@ from processes import run
 from shared_feed_tests import RobotFeed, matched, why
 from waiting import DEADLINE_S
 
-pytestmark = pytest.mark.ours
-
 pytest.importorskip("zenoh")
 
-from tf2_ros_tools.live.zenoh import ATTACHMENT, _gid, _publisher_of  # noqa: E402
+from tf2_ros_tools.live.zenoh import ATTACHMENT, _gid, _publisher_of
 
 DOMAIN = os.environ["ROS_DOMAIN_ID"]
 HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"

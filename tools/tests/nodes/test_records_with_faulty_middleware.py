@@ -14,8 +14,6 @@ import numpy as np
 import pytest
 from interposed_libraries import output_with_library
 
-pytestmark = pytest.mark.ours
-
 REFUSED = "1 transform of map by {} is refused: frame_id and child_frame_id are the same"
 
 

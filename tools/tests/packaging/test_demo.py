@@ -6,8 +6,6 @@ import pytest
 from processes import output_of
 from tool_paths import TOOLS
 
-pytestmark = pytest.mark.ours
-
 
 def test_the_demo_shows_a_recording_its_path_and_its_faults_and_a_robot():
     pytest.importorskip("zenoh")

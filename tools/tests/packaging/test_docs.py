@@ -30,8 +30,6 @@ from tool_paths import DOCS, TOOLS
 from tool_project import PACKAGES, PYPROJECT
 from waiting import DEADLINE_S
 
-pytestmark = pytest.mark.ours
-
 by_name = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 

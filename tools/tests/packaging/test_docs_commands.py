@@ -19,7 +19,7 @@ from tool_paths import SAMPLES
 from tool_project import PYPROJECT
 from waiting import DEADLINE_S, until
 
-pytestmark = [pytest.mark.ours, pytest.mark.long("runs 60 programs, some for half a minute")]
+pytestmark = pytest.mark.long("runs 60 programs, some for half a minute")
 
 # tf2_buffer_server prints nothing.
 PROGRAMS = set(PYPROJECT["project"]["scripts"]) - {"tf2_buffer_server"}

@@ -14,8 +14,6 @@ from public_names import ADDED, NAMES, OURS
 from tool_paths import TOOLS
 from tool_project import PACKAGES
 
-pytestmark = pytest.mark.ours
-
 LIBRARIES = {
     *("numpy", "rclpy", "geometry_msgs", "rcl_interfaces", "sensor_msgs", "std_msgs", "tf2_msgs"),
     *("yaml", "rich", "textual", "graphviz", "matplotlib"),

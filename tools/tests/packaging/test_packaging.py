@@ -14,8 +14,6 @@ from project_sources import PYPROJECT as CORE
 from tool_paths import TOOLS
 from tool_project import PYPROJECT
 
-pytestmark = pytest.mark.ours
-
 HOOKS = "setuptools.build_meta"
 
 

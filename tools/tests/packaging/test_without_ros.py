@@ -10,7 +10,7 @@ from tool_pages import provide_torch, run_program
 from tool_paths import DOCS, TOOLS
 from tool_project import PACKAGES, PYPROJECT
 
-pytestmark = [pytest.mark.ours, pytest.mark.long("makes an environment without ROS 2")]
+pytestmark = pytest.mark.long("makes an environment without ROS 2")
 
 EXTRAS = ("bag", "fleet", "cli", "plot", "zenoh", "dds", "foxglove")
 

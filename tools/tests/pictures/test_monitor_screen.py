@@ -29,8 +29,6 @@ from tf2_ros_tools.diagnosis.stream_statistics import Stream
 from tf2_ros_tools.listening.session import Report
 from tf2_ros_tools.pictures.monitor_screen import _Screen
 
-pytestmark = pytest.mark.ours
-
 NAMES = [f"front_left_wheel_{number:02}" for number in range(20)]
 TOPICS = ("-r", "/tf:=/tf_screen", "-r", "/tf_static:=/tf_static_screen")
 DOWN, ESCAPE, CTRL_C, BACK_TAB, END = "\x1b[B", "\x1b", "\x03", "\x1b[Z", "\x1b[F"

@@ -12,8 +12,6 @@ from tf2_ros_tools.pictures.style import file_of
 from tf2_ros_tools.recordings.bag_contents import read_contents
 from tf2_ros_tools.recordings.report import report
 
-pytestmark = pytest.mark.ours
-
 
 def circle(count, step):
     """Times, positions and rotations of a camera on a circle of 2 m."""

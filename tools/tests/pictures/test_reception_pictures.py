@@ -12,8 +12,6 @@ from tf2_ros_tools.common.program import RunError
 from tf2_ros_tools.pictures.reception_times import NOT_YET, Row, heard_figure, heard_picture, heard_rows
 from tf2_ros_tools.pictures.style import GAP, file_of
 
-pytestmark = pytest.mark.ours
-
 BEGIN, END = 1000.0, 1010.0
 
 

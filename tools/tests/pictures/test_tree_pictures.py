@@ -16,8 +16,6 @@ from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.pictures.tree import drawn as render
 from tf2_ros_tools.pictures.tree import tree_dot
 
-pytestmark = pytest.mark.ours
-
 ROBOT = [stream("odom"), stream("base", "odom", publisher="/wheels"), stream("camera", "base", static=True)]
 ODOM = FrameInfo("map", False, 9, S, 10_500_000_000)
 

@@ -25,8 +25,6 @@ from tool_paths import TOOLS
 from tool_project import PYPROJECT
 from waiting import DEADLINE_S, until
 
-pytestmark = pytest.mark.ours
-
 # By program: a valid command line, the exit status after Ctrl-C, and what it writes before it waits.
 PROGRAMS = {
     "static_transform_publisher": ("--frame-id map --child-frame-id robot", 0),

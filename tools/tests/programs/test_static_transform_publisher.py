@@ -20,8 +20,6 @@ from tf2_ros_tools.programs import tf2_bag
 from tf2_ros_tools.programs.static_transform_publisher import PARSER, read_file, transforms_of
 from tf2_ros_tools.recordings.bag_loader import static_transforms
 
-pytestmark = pytest.mark.ours
-
 NAME = "static_transform_publisher"
 FRAMES = ["--frame-id", "map", "--child-frame-id", "robot"]
 EVEN_LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)

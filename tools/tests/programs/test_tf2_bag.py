@@ -25,8 +25,6 @@ from tf2_ros_tools.common.optional_libraries import MissingLibraryError
 from tf2_ros_tools.common.program import RunError, UsageError
 from tf2_ros_tools.programs.tf2_bag import PARSER, bag
 
-pytestmark = pytest.mark.ours
-
 SCANS = [100 * S + i * S // 4 + 7 for i in range(12)]
 HOPS = (("map", "odom"), ("odom", "base"))
 COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")

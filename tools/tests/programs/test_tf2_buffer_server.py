@@ -8,8 +8,6 @@ from starting_programs import running
 from times_and_transforms import S, at, translation
 from waiting import DEADLINE_S
 
-pytestmark = pytest.mark.ours
-
 LONG = Duration(seconds=DEADLINE_S)
 
 

@@ -17,8 +17,6 @@ from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 
-pytestmark = pytest.mark.ours
-
 # On a busy machine a healthy robot has gaps, too.
 TOLERANT = ("--ignore", "gap", "--ignore", "stale")
 LISTENING = re.compile(

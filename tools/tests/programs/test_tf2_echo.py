@@ -16,8 +16,6 @@ from waiting import DEADLINE_S, until
 
 from tf2_msgs.msg import TFMessage
 
-pytestmark = pytest.mark.ours
-
 WAIT = ["--wait", str(DEADLINE_S)]
 
 

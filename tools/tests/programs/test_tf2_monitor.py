@@ -10,8 +10,6 @@ from starting_programs import broadcasting, running
 from times_and_transforms import S
 from waiting import until
 
-pytestmark = pytest.mark.ours
-
 HOSTILE, ESCAPED = "x\x1b[2J\x01\nok: 1 frames", r"x\x1b[2J\x01\nok: 1 frames"
 # Without the robot of the other tests.
 ALONE = ("-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")

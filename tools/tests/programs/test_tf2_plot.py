@@ -11,8 +11,6 @@ from starting_programs import ROBOT, broadcasting, ended, heard, running
 from times_and_transforms import S
 from waiting import DEADLINE_S
 
-pytestmark = pytest.mark.ours
-
 LISTEN = ("-t", "4")
 # Without the robot of the other tests.
 ALONE = ("--ros-args", "-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")

@@ -20,8 +20,6 @@ from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.common.program import UsageError
 from tf2_ros_tools.nodes.relay import Relay, Rule, Threshold, read_rules
 
-pytestmark = pytest.mark.ours
-
 TF = ("/tf", "/tf_static")
 TO = ("/relay/tf", "/relay/tf_static")
 TO_TEXT = "to: [/relay/tf, /relay/tf_static]"

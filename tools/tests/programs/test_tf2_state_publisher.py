@@ -23,8 +23,6 @@ from tf2_ros.numpy import to_matrix
 from tf2_ros_tools.nodes.state_publisher import StatePublisher
 from tf2_ros_tools.urdf import decoded, parse
 
-pytestmark = pytest.mark.ours
-
 NAME = "tf2_state_publisher"
 S = 1_000_000_000
 PROBES_NS = range(S // 20, 40 * S, S // 20)  # stamps, each a joint state that is due

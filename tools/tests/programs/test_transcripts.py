@@ -22,8 +22,6 @@ from waiting import DEADLINE_S
 
 from tf2_ros_tools.programs import tf2_bag
 
-pytestmark = pytest.mark.ours
-
 
 def libraries_of(command):
     """What a command needs that `make test` does not install."""

@@ -12,8 +12,6 @@ from starting_programs import ROBOT, broadcasting, ended, needs_dot
 from tf2_ros_tools.common.output import write_whole
 from tf2_ros_tools.programs.view_frames import output_files
 
-pytestmark = pytest.mark.ours
-
 TREE = re.compile(
     r"""map
   odom \(\d+ samples over [\d.]+ s, newest at \d+\.\d+\)

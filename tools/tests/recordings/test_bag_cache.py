@@ -22,8 +22,6 @@ from tf2_ros_tools.programs.tf2_bag import PARSER
 from tf2_ros_tools.programs.tf2_bag import bag as tf2_bag
 from tf2_ros_tools.recordings import bag_cache, bag_loader
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture
 def path(tmp_path):

@@ -14,7 +14,7 @@ from tf2_ros_tools import bag
 
 pytest.importorskip("pyarrow")
 
-pytestmark = [pytest.mark.ours, pytest.mark.long("needs pyarrow")]
+pytestmark = pytest.mark.long("needs pyarrow")
 
 FRAMES = ["camera", "lidar"]
 TIMES = [99 * S, 100 * S, 100 * S + 30_000_000, 101 * S + 5, 101 * S + 900_000_000, 150 * S]

@@ -11,8 +11,6 @@ from times_and_transforms import about_z
 
 from tf2_ros_tools import bag
 
-pytestmark = pytest.mark.ours
-
 
 def test_a_single_transform_may_lack_a_rotation_and_be_before_1970(tmp_path):
     sent = FrameTransform(parent_frame_id="a", child_frame_id="b", timestamp={"seconds": -1, "nanos": 5})

@@ -13,8 +13,6 @@ from documentation_pages import named_programs
 from processes import output_of
 from tool_paths import DOCS, SAMPLES
 
-pytestmark = pytest.mark.ours
-
 COUNT, WORKERS = 400_000, 3
 MB = 1_000_000
 

@@ -9,8 +9,6 @@ from tf2_py import BufferCore
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
 
-pytestmark = pytest.mark.ours
-
 SENT = drive(2)[:3]
 MESSAGES = [(one.topic, one.log_ns, raw(one)) for one in SENT]
 SOURCES = [MessageSource("/tf"), MessageSource("/tf_static", True)]

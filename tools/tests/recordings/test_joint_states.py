@@ -28,8 +28,6 @@ from tf2_ros_tools.recordings.bag_contents import read_contents
 from tf2_ros_tools.recordings.bag_loader import wanted
 from tf2_ros_tools.recordings.report import report
 
-pytestmark = pytest.mark.ours
-
 
 def states(count=40, **how):
     """Joint states at 10 Hz from 100 s, and their stamps and positions."""

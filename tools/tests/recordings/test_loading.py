@@ -53,8 +53,6 @@ from tf2_ros_tools.recordings.bag_loader import wanted
 from tf2_ros_tools.recordings.bag_reader import is_static, open_recording
 from tf2_ros_tools.recordings.report import report
 
-pytestmark = pytest.mark.ours
-
 DRIVE = drive(40)
 
 

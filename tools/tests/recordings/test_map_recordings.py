@@ -28,7 +28,7 @@ from dying_worker import Deadly  # noqa: E402
 from tf2_ros import InvalidArgumentException  # noqa: E402
 from tf2_ros_tools.recordings.map_recordings import KEY, find_recordings, local_workers, table_of  # noqa: E402
 
-pytestmark = [pytest.mark.ours, pytest.mark.long("needs Dask")]
+pytestmark = pytest.mark.long("needs Dask")
 
 
 @pytest.fixture

@@ -11,8 +11,6 @@ from tf2_ros_tools.bag import load
 from tf2_ros_tools.recordings.bag_contents import read_contents
 from tf2_ros_tools.recordings.pose_tables import Table, as_tum, look_up_table, times_at_rate, times_when
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):

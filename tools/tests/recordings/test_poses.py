@@ -27,8 +27,6 @@ from tf2_ros_tools.recordings.bag_contents import read_contents
 from tf2_ros_tools.recordings.bag_loader import wanted
 from tf2_ros_tools.recordings.report import report
 
-pytestmark = pytest.mark.ours
-
 
 def check(buffer, target, source):
     translations, rotations = buffer.lookup_transforms(target, source, STAMPS)

@@ -21,8 +21,6 @@ from tf2_py import BufferCore
 from tf2_ros import Buffer
 from tf2_ros_tools import bag
 
-pytestmark = pytest.mark.ours
-
 
 @pytest.fixture
 def buffer():

@@ -30,8 +30,6 @@ from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag
 from tf2_ros_tools.recordings.pose_tables import as_tum, look_up_table
 
-pytestmark = pytest.mark.ours
-
 COUNT, STEP_NS, BEGIN_NS = 100, S // 10, 100 * S
 STAMPS = BEGIN_NS + np.arange(COUNT) * STEP_NS
 KEYFRAMES = STAMPS[5:-5:5] + 12_345_678  # between the samples of the odometry

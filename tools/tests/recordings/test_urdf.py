@@ -10,8 +10,6 @@ from urdfs_of_three_links import AB, BC, LINKS, joint, robot_of
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import urdf
 
-pytestmark = pytest.mark.ours
-
 
 class TestRobot:
     def test_every_type_of_joint_moves_as_matrices_say(self):

@@ -23,7 +23,6 @@ from tf2_py._objects.errors import (
     TransformException,
 )
 from tf2_py._objects.explanations import Explanation as Explanation
-from tf2_py._objects.explanations import FullExplanation as FullExplanation
 from tf2_py._objects.explanations import Hop as Hop
 from tf2_py._objects.frame_names import stored_name as stored_name
 from tf2_py._objects.listings import FrameInfo as FrameInfo

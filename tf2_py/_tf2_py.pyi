@@ -18,7 +18,7 @@ from tf2_py._objects.errors import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._objects.explanations import Explanation, FullExplanation
+from tf2_py._objects.explanations import Explanation
 from tf2_py._objects.listings import FrameInfo, History
 from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, TimesLike
 
@@ -186,15 +186,6 @@ class BufferCore:
     def explain(
         self, target_frame: str, source_frame: str, time: TimeLike, **policy: Unpack[LookupPolicy]
     ) -> Explanation: ...
-    def explain_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        **policy: Unpack[LookupPolicy],
-    ) -> FullExplanation: ...
     def time_range(self, target_frame: str, source_frame: str) -> tuple[int, int]: ...
     def _tf2_follow_clock(self, show_time: Callable[[Any], tuple[int, bool, bool] | None]) -> None: ...
     def _tf2_clock_jumped(self, hand_over: Callable[[Any], object] | None = None) -> None: ...

@@ -827,26 +827,6 @@ cdef class BufferCore(Engine):
         query_fill_any(&query, target_frame, source_frame, time, None, None, accepted)
         return self.explanation(&query)
 
-    def explain_full(
-        self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str,
-        **policy: Unpack[LookupPolicy],
-    ) -> FullExplanation:
-        """
-        Get why a lookup at two times has its answer. It does not wait.
-
-        :param target_time: the time of the target frame; 0: the latest common time of it and the fixed frame.
-        :param source_time: the time of the source frame; 0: the latest common time of it and the fixed frame.
-        :param str fixed_frame: the frame that is assumed not to move between the two times.
-        :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`.
-        :return: a :class:`FullExplanation`, which has one :class:`Explanation` for each time.
-
-        It raises what :meth:`explain` raises.
-        """
-        cdef Query query
-        accepted = policy_of("explain_full", False, **policy)
-        query_fill_any(&query, target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
-        return self.explanation(&query)
-
     def time_range(self, target_frame: str, source_frame: str) -> tuple[int, int]:
         """
         Get the times for which ``source_frame`` can be looked up in ``target_frame``.

@@ -20,7 +20,6 @@ from tf2_py import (
 )
 from tf2_py import Explanation as Explanation
 from tf2_py import FrameInfo as FrameInfo
-from tf2_py import FullExplanation as FullExplanation
 from tf2_py import History as History
 from tf2_py import Hop as Hop
 from tf2_py import __version__ as __version__

@@ -11,11 +11,11 @@ import pytest
 import random_runs
 from buffer_beside_model import GOOD_PLACES, GOOD_TURNS, Pair, SetClock
 from model_terms import TF2
-from questions_beside_model import compare_explained, compare_explained_full, some_policy
+from questions_beside_model import compare_explained, some_policy
 from rotations import Turn
 from times_and_transforms import S, about_z, at_ns, insert, transform
 
-from tf2_py import BufferCore, Explanation, FullExplanation, Hop
+from tf2_py import BufferCore, Explanation, Hop
 
 
 def lines(explanation):
@@ -80,25 +80,6 @@ def test_what_is_printed_names_samples_gaps_and_authorities(buffer):
     assert lines(buffer.explain("map", "map", 5)) == ["map ← map at 0.000000005"]
 
 
-def test_two_times_have_an_explanation_each(buffer):
-    found = buffer.explain_full("odom", 12_100_000_000, "lidar", 12_425_000_000, "map")
-    assert isinstance(found, FullExplanation)
-    assert (found.source.time_ns, found.target.time_ns) == (12_425_000_000, 12_100_000_000)
-    assert [hop.frame for hop in found.source.hops] == ["lidar", "base_link", "odom"]
-    assert [hop.frame for hop in found.target.hops] == ["odom"]
-    assert lines(found) == [
-        "map ← lidar at 12.425000000",
-        "  base_link ← lidar  static, last from /robot_state_publisher",
-        "  odom ← base_link  interpolated 50 % between 12.400 and 12.450 s (gap 0.050 s), "
-        "last from /odometry",
-        "  map ← odom  interpolated 25 % between 12.300 and 12.800 s (gap 0.500 s), last from /amcl",
-        "odom ← map at 12.100000000",
-        "  odom ← map  interpolated 60 % between 11.800 and 12.300 s (gap 0.500 s), last from /amcl",
-        "weakest: map ← odom",
-    ]
-    assert found.weakest == found.source.hops[2]
-
-
 def test_the_age_decides_which_hop_is_the_weakest_where_a_clock_shows_it(tf2_ros):
     buffer = tf2_ros.Buffer()
     buffer.clock = SetClock(round(13.1 * S))
@@ -135,16 +116,16 @@ def test_where_a_lookup_fails_the_explanation_raises_its_error(tf2_ros, buffer):
         assert str(raised.value) == str(wanted.value)
     with pytest.raises(ValueError, match="ages need a clock"):
         buffer.explain("map", "lidar", 0, max_age=1)
-    with pytest.raises(ValueError, match="max_age limits the age of the latest transform, so source_time"):
-        both.explain_full("map", 0, "lidar", 1, "odom", max_age=1)
+    with pytest.raises(ValueError, match="max_age limits the age of the latest transform, so time must"):
+        both.explain("map", "lidar", 1, max_age=1)
     with pytest.raises(TypeError, match=r"explain\(\) got an unexpected keyword argument 'timeout'"):
         both.explain("map", "lidar", 0, timeout=1.0)
 
 
 def test_explanations_are_pickled_and_compared(buffer):
-    found = buffer.explain_full("odom", 12_100_000_000, "lidar", 12_425_000_000, "map")
+    found = buffer.explain("map", "lidar", 12_425_000_000)
     assert pickle.loads(pickle.dumps(found)) == found
-    assert found != buffer.explain_full("odom", 12_100_000_000, "lidar", 12_425_000_001, "map")
+    assert found != buffer.explain("map", "lidar", 12_425_000_001)
 
 
 def test_a_path_of_a_thousand_hops_is_explained():
@@ -177,6 +158,3 @@ def test_explanations_of_small_trees_are_those_of_the_model(seed):
             latest = ns == 0 and pair.now_ns is not None
             for policy in (TF2, some_policy(dice, latest), some_policy(dice, latest)):
                 compare_explained(pair, target, source, ns, policy)
-                other_ns = 0 if policy.max_age is not None else dice.choice(pair.times())
-                fixed = dice.choice(pair.model.names)
-                compare_explained_full(pair, target, other_ns, source, ns, fixed, policy)

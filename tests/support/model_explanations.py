@@ -30,18 +30,6 @@ class Explanations:
     def explain(self, policy, target, source, ns):
         """The answer, the time that was looked up, the hops."""
         answer = self.lookup_under(policy, target, source, ns)
-        return self._explained(answer, policy, target, source, ns)
-
-    def explain_full(self, policy, target, target_ns, source, source_ns, fixed):
-        """The answer, and those of `explain` for both halves, the source's first."""
-        answer = self.lookup_full_under(policy, target, target_ns, source, source_ns, fixed)
-        halves = [
-            self._explained(self._answer_under(policy, end, begin, ns), policy, end, begin, ns)
-            for end, begin, ns in ((fixed, source, source_ns), (target, fixed, target_ns))
-        ]
-        return answer, *halves
-
-    def _explained(self, answer, policy, target, source, ns):
         if target == source:
             return answer, answer[0], []
         time, _, chain, top = self._walk_asked(target, source, ns, policy)

@@ -69,7 +69,7 @@ OURS = {
     "tf2_geometry_msgs": GEOMETRY
     | {"Quaternion", "QuaternionStamped", "Transform", "Vector3", "WrenchStamped"},
     "tf2_py": {
-        *("Explanation", "FrameInfo", "FullExplanation", "History", "Hop"),
+        *("Explanation", "FrameInfo", "History", "Hop"),
         *("__version__", "stored_name"),
     },
     "tf2_ros": {
@@ -78,7 +78,6 @@ OURS = {
         "Explanation",
         "FilterFailureReason",
         "FrameInfo",
-        "FullExplanation",
         "History",
         "Hop",
         "MessageFilter",

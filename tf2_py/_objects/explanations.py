@@ -3,7 +3,6 @@
 """Explained lookups: the hops between two frames, and the samples that each has answered with."""
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from tf2_py._objects.errors import NS_PER_S, seconds
@@ -127,66 +126,16 @@ class Explanation(NamedTuple):
     @property
     def weakest(self) -> Hop | None:
         """The hop with the largest gap or age, the first of equal ones; None if no frame moves."""
-        return _weakest(self.hops)
+        moving = [hop for hop in self.hops if not hop.static]
+        return max(moving, key=lambda hop: max(hop.gap, hop.age or 0.0), default=None)
 
     def __str__(self) -> str:
-        return "\n".join([_question(self), *_indented(self.hops), *_weakest_line(self.hops)])
+        header, child = self.transform.header, self.transform.child_frame_id
+        lines = [f"{printable(header.frame_id)} ← {printable(child)} at {seconds(self.time_ns)}"]
+        lines += [f"  {hop}" for hop in self.hops]
+        weakest = self.weakest
+        return "\n".join(lines if weakest is None else [*lines, f"weakest: {weakest._arrow()}"])
 
 
-class FullExplanation(NamedTuple):
-    """
-    Why a lookup at two times has its answer. See :meth:`tf2_py.BufferCore.explain_full`.
-
-    ``transform``: the answer, a ``geometry_msgs/TransformStamped``. ``source``: the :class:`Explanation` of
-    the source frame in the fixed frame, at the source's time. ``target``: that of the fixed frame in the
-    target frame, at the target's time. The answer is that of ``source``, followed by that of ``target``.
-
-    >>> from tf2_py import BufferCore
-    >>> from geometry_msgs.msg import TransformStamped
-    >>> robot = TransformStamped(child_frame_id="base_link")
-    >>> robot.header.frame_id = "odom"
-    >>> buffer = BufferCore()
-    >>> for robot.header.stamp.sec in (2, 3):
-    ...     buffer.set_transform(robot, "wheels")
-    >>> found = buffer.explain_full("base_link", 2_000_000_000, "base_link", 2_400_000_000, "odom")
-    >>> found.source.hops[0].how, found.target.hops[0].how
-    ('interpolated', 'sample')
-    """
-
-    transform: "TransformStamped"
-    source: Explanation
-    target: Explanation
-
-    @property
-    def weakest(self) -> Hop | None:
-        """The hop with the largest gap or age in both halves, the first of equal ones; None: none moves."""
-        return _weakest([*self.source.hops, *self.target.hops])
-
-    def __str__(self) -> str:
-        lines = []
-        for half in (self.source, self.target):
-            lines += [_question(half), *_indented(half.hops)]
-        return "\n".join([*lines, *_weakest_line([*self.source.hops, *self.target.hops])])
-
-
-for _public in (Hop, Explanation, FullExplanation):
+for _public in (Hop, Explanation):
     _public.__module__ = "tf2_py"
-
-
-def _weakest(hops: list[Hop]) -> Hop | None:
-    moving = [hop for hop in hops if not hop.static]
-    return max(moving, key=lambda hop: max(hop.gap, hop.age or 0.0), default=None)
-
-
-def _question(explanation: Explanation) -> str:
-    header, child = explanation.transform.header, explanation.transform.child_frame_id
-    return f"{printable(header.frame_id)} ← {printable(child)} at {seconds(explanation.time_ns)}"
-
-
-def _indented(hops: Iterable[Hop]) -> list[str]:
-    return [f"  {hop}" for hop in hops]
-
-
-def _weakest_line(hops: list[Hop]) -> list[str]:
-    weakest = _weakest(hops)
-    return [] if weakest is None else [f"weakest: {weakest._arrow()}"]

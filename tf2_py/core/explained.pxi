@@ -45,17 +45,24 @@ cdef void _describe_hop(const Tree* tree, FrameId frame, bint is_down, int64_t t
         history_transform_at(history, time_ns, NEWEST_HINT, &hop.transform)
 
 
-cdef int _walk_explained(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
-                         const Policy* policy, Walked* out) noexcept nogil:
-    # A lookup that has an answer. 0, or -1 without memory.
+cdef int query_explain(const Tree* tree, const Query* query, Explained* out, Status* status) noexcept nogil:
+    cdef QueryFrames frames
+    cdef Policy policy = query.policy
     cdef Path path
     cdef FrameId frame
     cdef bint is_down
     cdef uint32_t i
-    out.time_ns = time_ns
-    if time_ns == 0:
-        walk_common_time(tree, target, source, &path, &out.time_ns)
-    walk_lookup(tree, target, source, time_ns, policy, &path, &out.transform, &out.stamp_ns)
+    memset(out, 0, sizeof(Explained))
+    status[0] = query_answer(tree, query, &out.transform, &out.stamp_ns)
+    if status.code != STATUS_OK:
+        return 0
+    policy.judges_age = False       # it was judged, and must not be again at a later moment
+    query_find_frames(tree, query, &frames)
+    out.time_ns = query.source_ns
+    if out.time_ns == 0:
+        walk_common_time(tree, frames.target, frames.source, &path, &out.time_ns)
+    walk_lookup(tree, frames.target, frames.source, query.source_ns, &policy, &path, &out.transform,
+                &out.stamp_ns)
     out.count = path.source_hops + path.target_hops
     out.hops = <Hop*>malloc((out.count + 1) * sizeof(Hop))
     if out.hops == NULL:
@@ -64,23 +71,5 @@ cdef int _walk_explained(const Tree* tree, FrameId target, FrameId source, int64
     for i in range(out.count):
         is_down = i >= path.source_hops
         frame = path.target[out.count - 1 - i] if is_down else path.source[i]
-        _describe_hop(tree, frame, is_down, out.time_ns, policy, &out.hops[i])
+        _describe_hop(tree, frame, is_down, out.time_ns, &policy, &out.hops[i])
     return 0
-
-
-cdef int query_explain(const Tree* tree, const Query* query, Explained* out, Status* status) noexcept nogil:
-    cdef QueryFrames frames
-    cdef Policy policy = query.policy
-    cdef FrameId end
-    memset(out, 0, sizeof(Explained))
-    status[0] = query_answer(tree, query, &out.transform, &out.stamp_ns)
-    if status.code != STATUS_OK:
-        return 0
-    policy.judges_age = False       # it was judged, and must not be again at a later moment
-    query_find_frames(tree, query, &frames)
-    end = frames.target if query.fixed == NULL else frames.fixed
-    if _walk_explained(tree, end, frames.source, query.source_ns, &policy, &out.source) != 0:
-        return -1
-    if query.fixed == NULL:
-        return 0
-    return _walk_explained(tree, frames.target, frames.fixed, query.target_ns, &policy, &out.target)

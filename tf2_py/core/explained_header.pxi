@@ -27,8 +27,7 @@ cdef struct Hop:
     Transform transform     # frame to parent
 
 
-cdef struct Walked:
-    # A simple lookup, or half of one at two times.
+cdef struct Explained:
     Hop* hops               # up from the source, then down to the target
     uint32_t count          # of `hops`
     int64_t time_ns         # looked up; if that is 0, the latest common time
@@ -36,18 +35,10 @@ cdef struct Walked:
     Transform transform     # source to target
 
 
-cdef struct Explained:
-    Walked source           # from the source to the target, or to the fixed frame if there is one
-    Walked target           # from the fixed frame to the target; without hops if there is none
-    Transform transform     # the answer of query_answer, and its stamp
-    int64_t stamp_ns
-
-
-# Answers a query, and explains the answer, from one state of the tree. 0, or -1 without memory. Call
-# explained_free in any case.
+# Answers a query of one time, and explains the answer, from one state of the tree. 0, or -1 without memory.
+# Call explained_free in any case.
 cdef int query_explain(const Tree* tree, const Query* query, Explained* out, Status* status) noexcept nogil
 
 
 cdef inline void explained_free(Explained* explained) noexcept nogil:
-    free(explained.source.hops)
-    free(explained.target.hops)
+    free(explained.hops)

@@ -44,25 +44,14 @@ cdef object _new_hop(const Hop* hop, int64_t time_ns, const ClockReading* clock,
     )
 
 
-cdef object _new_walked(const Walked* walked, target, source, const ClockReading* clock, list names,
-                        list authorities):
-    return explanations.Explanation(
-        transform=new_transform_stamped(&walked.transform, walked.stamp_ns, target, source),
-        time_ns=walked.time_ns,
-        hops=[_new_hop(&walked.hops[i], walked.time_ns, clock, names, authorities)
-              for i in range(walked.count)],
-    )
-
-
 cdef object new_explanation(const Query* query, const Explained* explained, const ClockReading* clock,
                             list names, list authorities):
     # The object of an explained query. `clock`: for the ages; NULL: there is none. `names` and `authorities`:
     # those of the tree.
-    target, source, fixed = query_names(query)
-    if fixed is None:
-        return _new_walked(&explained.source, target, source, clock, names, authorities)
-    return explanations.FullExplanation(
+    target, source, _ = query_names(query)
+    return explanations.Explanation(
         transform=new_transform_stamped(&explained.transform, explained.stamp_ns, target, source),
-        source=_new_walked(&explained.source, fixed, source, clock, names, authorities),
-        target=_new_walked(&explained.target, target, fixed, clock, names, authorities),
+        time_ns=explained.time_ns,
+        hops=[_new_hop(&explained.hops[i], explained.time_ns, clock, names, authorities)
+              for i in range(explained.count)],
     )

@@ -109,7 +109,7 @@ def look_up(dice):
             lambda b: b.lookup_velocities(source, target, times, interval, on_missing="nan"),
             lambda b: (b.all_frames_as_yaml(), b._allFramesAsDot(ns), b.frames(), b.tree()),
             lambda b: b.time_range(target, source),
-            lambda b: (b.explain(target, source, ns), b.explain_full(target, ns, source, S, "map")),
+            lambda b: b.explain(target, source, ns),
             lambda b: (b.histories(), b.statistics().keys(), b._getFrameStrings(), source in b),
         )
     )

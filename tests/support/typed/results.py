@@ -29,7 +29,6 @@ from tf2_ros import (
     Explanation,
     FilterFailureReason,
     FrameInfo,
-    FullExplanation,
     History,
     Hop,
     MessageFilter,
@@ -77,8 +76,6 @@ def core(message: TransformStamped, data: bytes, when: TimeLike, interval: Durat
     assert_type(explained.hops, list[Hop])
     assert_type(explained.hops[0].older_ns, int | None)
     assert_type(explained.weakest, Hop | None)
-    both: FullExplanation = buffer.explain_full("a", when, "b", when, "c")
-    assert_type(both.source, Explanation)
     history: History = buffer.histories()["a"]
     assert_type(history.stamps_ns, npt.NDArray[np.int64])
 

@@ -731,8 +731,7 @@ cdef class BufferCore(Engine):
             self.read_clock(query, reading)
         return 0
 
-    cdef int _lookup_series(self, Query* query, const TimeSeries* series, Py_ssize_t per_time=1) except -1:
-        # `per_time`: how many times of the series belong to each time that the program gave.
+    cdef int _lookup_series(self, Query* query, const TimeSeries* series) except -1:
         cdef Py_ssize_t answered
         cdef Status status
         catch_up(self)
@@ -745,7 +744,7 @@ cdef class BufferCore(Engine):
                 query.source_ns = series.times_ns[answered]
             error = self.error(query, status)
             if answered != SERIES_BAD_NAME and status.code != STATUS_BAD_LIMIT:
-                error = type(error)(f"times[{answered // per_time}]: {error}")
+                error = type(error)(f"times[{answered}]: {error}")
             raise error
         return 0
 
@@ -1003,75 +1002,6 @@ cdef class BufferCore(Engine):
         twist_of_point(&start, &end, <double>(end_ns - start_ns) * 1e-9, &middle, &point_frame, point,
                        &reference, linear, angular)
         return (linear[0], linear[1], linear[2]), (angular[0], angular[1], angular[2])
-
-    def lookup_velocities(
-        self,
-        tracking_frame: str,
-        observation_frame: str,
-        times: ArrayLike | Sequence[Time],
-        averaging_interval: Duration,
-        *,
-        on_missing: Literal["raise", "nan"] = "raise",
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """
-        Get the twists of ``tracking_frame`` relative to ``observation_frame`` around many times.
-
-        :param tracking_frame: the frame that moves.
-        :param observation_frame: the frame in which it is observed, and in whose axes the twists are given.
-        :param times: N times: integer nanoseconds, datetime64, or time objects; 0 is the time 0.
-        :param averaging_interval: a duration, centered at each time; as in :meth:`lookupVelocityFullCore`, it
-            ends no later than the latest common time, and 0 results in NaN.
-        :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
-            ``'nan'`` fills in NaN there. Unknown and invalid names, and frames without a path between them,
-            always raise.
-        :return: ``(linear, angular)``: float64 arrays of shape (N, 3), in m/s and rad/s. The formula of
-            :meth:`lookupVelocityFullCore` computes them from the poses that :meth:`lookup_transforms` returns
-            for both ends of each interval; the times between the ends need no answer.
-        :raises TransformException: a lookup failed; the text contains the index of the time.
-        :raises TypeError: ``times`` are not times, or the interval is not a duration.
-        :raises ValueError: ``averaging_interval`` is negative, ``times`` do not have one dimension or do not
-            fit into 64 bits, one is NaT and ``on_missing`` is ``'raise'``, or ``on_missing`` is neither of
-            the two.
-
-        The GIL is released, so other threads run during the call.
-        """
-        cdef Query query
-        cdef TimeSeries series
-        cdef Transform poses[2]
-        cdef Py_ssize_t i, k
-        cdef bint is_nan_wanted = _is_nan_wanted(on_missing)
-        times_ns, missing = _times_and_missing(times, is_nan_wanted)
-        cdef Py_ssize_t count = len(times_ns)
-        cdef int64_t interval_ns = duration_ns(averaging_interval, "averaging_interval")
-        cdef int64_t common_ns
-        if interval_ns < 0:
-            raise ValueError(f"averaging_interval: expected 0 or more, got {errors.seconds(interval_ns)} s")
-        linear, angular = new_array((count, 3)), new_array((count, 3))
-        ends_ns = new_array((2 * count,), "int64")
-        cdef const int64_t* times_of = int64s_of(times_ns)
-        cdef int64_t* ends_of = int64s_of(ends_ns)
-        cdef double* linear_of = doubles_of(linear, 3)
-        cdef double* angular_of = doubles_of(angular, 3)
-        translations, rotations = new_array((2 * count, 3)), new_array((2 * count, 4))
-        series_begin(&series, ends_of, 2 * count)
-        series.nan_missing = is_nan_wanted
-        query_frames(&query, observation_frame, tracking_frame)
-        if count:
-            common_ns = self._common_time(observation_frame, tracking_frame, "lookupTransform")
-            for i in range(count):
-                twist_interval(max(times_of[i], 1), interval_ns, common_ns,
-                               &ends_of[2 * i], &ends_of[2 * i + 1])
-            series.translations, series.rotations = doubles_of(translations, 3), doubles_of(rotations, 4)
-            self._lookup_series(&query, &series, 2)
-            for i in range(count):
-                for k in range(2):
-                    memcpy(poses[k].translation, &series.translations[3 * (2 * i + k)], 3 * sizeof(double))
-                    memcpy(poses[k].rotation, &series.rotations[4 * (2 * i + k)], 4 * sizeof(double))
-                twist_between(&poses[0], &poses[1], <double>(ends_of[2 * i + 1] - ends_of[2 * i]) * 1e-9,
-                              &linear_of[3 * i], &angular_of[3 * i])
-        if missing is not None:
-            linear[missing] = angular[missing] = float("nan")
-        return linear, angular
 
     # For lookupVelocityFullCore: one transform at one time, as a struct.
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:

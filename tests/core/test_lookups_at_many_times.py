@@ -273,9 +273,6 @@ class TestMissingTimes:
                     assert np.isnan(one[..., 1::2, :]).all()
         matrices = buffer.lookup_matrices("map", "base", times, on_missing="nan")
         assert np.isnan(matrices).all(axis=(1, 2)).tolist() == [False, True, False, True]
-        velocities = buffer.lookup_velocities("base", "map", times, Duration(seconds=1), on_missing="nan")
-        for one in velocities:
-            assert np.isnan(one).all(axis=1).tolist() == [False, True, False, True]
         columns = to_columns(buffer.lookup_transforms("map", "base", times, on_missing="nan"), times)
         assert columns["stamp_ns"].tolist() == times.view("i8").tolist()
 
@@ -286,7 +283,6 @@ class TestMissingTimes:
             lambda: buffer.lookup_transforms("map", "base", times),
             lambda: buffer.lookup_transforms("mast", "camera", times),  # static: any time has an answer
             lambda: buffer.lookup_matrices("map", "base", times),
-            lambda: buffer.lookup_velocities("base", "map", times, 1),
             lambda: buffer.transform_points(np.zeros((2, 3)), times, "map", "base"),
         ):
             with pytest.raises(ValueError, match=wanted):
@@ -357,26 +353,6 @@ class TestVelocities:
         for seconds, x in ((2, 3.0), (2.5, 4.0), (3, 5.0), (4, 7.0)):
             linear, _ = buffer.lookupVelocityCore("base", "map", at(seconds), Duration(seconds=2))
             assert linear == (pytest.approx(x), 0, 0), seconds
-            times_ns = [int(seconds * S)]
-            rows, _ = buffer.lookup_velocities("base", "map", times_ns, Duration(seconds=2))
-            assert tuple(rows[0]) == linear
-
-    def test_the_first_time_without_an_answer_is_in_the_error(self):
-        buffer = BufferCore(Duration(seconds=100))
-        buffer.set_transforms([transform("world", "body", t) for t in (9.5, 10.0, 13.0)], "x")
-        assert buffer.lookup_velocities("body", "world", [], Duration(seconds=1))[0].shape == (0, 3)
-        for times, interval, text in (
-            ([11 * S, 12 * S, 14 * S, 15 * S], 1, r"^times\[2\]: .*time 13\.5"),
-            ([11 * S, 10 * S], 2, r"^times\[1\]: .*into the past.*time 9\.0"),
-        ):
-            with pytest.raises(ExtrapolationException, match=text):
-                buffer.lookup_velocities("body", "world", times, Duration(seconds=interval))
-
-    def test_an_interval_that_reaches_beyond_64_bits_ends_at_the_newest_stamp(self, buffer):
-        centuries, last = Duration(nanoseconds=2**63 - 1), 2**63 - 1
-        assert (buffer.lookup_velocities("mast", "base", [last, 5 * S], centuries)[0] == 0).all()
-        linear, _ = buffer.lookup_velocities("hand", "map", [last], Duration(seconds=1), on_missing="nan")
-        assert np.isnan(linear).all()
 
 
 ZERO, BACKWARDS = Duration(), Duration(nanoseconds=-1)
@@ -384,16 +360,12 @@ WRONG = {
     "'raise' or 'nan'": [
         lambda b: b.lookup_transforms("map", "base", [1], on_missing="NaN"),
         lambda b: b.lookup_transforms("map", "base", [1], on_missing=None),
-        lambda b: b.lookup_velocities("base", "map", [1], ZERO, on_missing="skip"),
     ],
     "or neither": [
         lambda b: b.lookup_transforms("map", "base", [1], fixed_frame="map"),
         lambda b: b.lookup_transforms("map", "base", [1], target_time=at(0)),
     ],
-    "expected a str, got int": [
-        lambda b: b.lookup_transforms("map", ["base", 3], [1]),
-        lambda b: b.lookup_velocities(7, "map", [1], ZERO),
-    ],
+    "expected a str, got int": [lambda b: b.lookup_transforms("map", ["base", 3], [1])],
     "source_frame: .* got (list|bytes|NoneType)": [
         lambda b: b.lookup_transforms("map", [["base"]], [1]),
         lambda b: b.lookup_transforms("map", b"base", [1]),
@@ -402,11 +374,9 @@ WRONG = {
     "three numbers|values to unpack": [
         lambda b: b.lookupVelocityFullCore("base", "map", "map", (1.0, 2.0), "base", at(3), ZERO)
     ],
-    "integer nanoseconds": [lambda b: b.lookup_velocities("base", "map", [0.5], ZERO)],
-    "averaging_interval": [lambda b: b.lookup_velocities("base", "map", [1], "0.5")],
+    "averaging_interval": [lambda b: b.lookupVelocityCore("base", "map", at(3), "0.5")],
     "averaging_interval: expected 0 or more, got -0.000000001 s": [
-        lambda b: b.lookup_velocities("base", "map", [1], BACKWARDS),
-        lambda b: b.lookupVelocityCore("base", "map", at(3), BACKWARDS),
+        lambda b: b.lookupVelocityCore("base", "map", at(3), BACKWARDS)
     ],
 }
 

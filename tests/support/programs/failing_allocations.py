@@ -106,7 +106,7 @@ def look_up(dice):
             lambda b: b.lookup_matrices(target, ["odom", source], times, on_missing="nan"),
             lambda b: b.lookup_matrix(target, source, ns),
             lambda b: b.transform_points(points, times, target, source),
-            lambda b: b.lookup_velocities(source, target, times, interval, on_missing="nan"),
+            lambda b: b.lookupVelocityCore(source, target, ns, interval),
             lambda b: (b.all_frames_as_yaml(), b._allFramesAsDot(ns), b.frames(), b.tree()),
             lambda b: b.time_range(target, source),
             lambda b: b.explain(target, source, ns),

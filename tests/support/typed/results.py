@@ -89,7 +89,6 @@ def series(buffer: Buffer, points: npt.NDArray[np.float32]) -> None:
     assert_type(buffer.lookup_matrices("a", "b", many, fixed_frame="c", target_time=Time()), Floats)
     assert_type(buffer.lookup_matrix("a", "b", Time(), max_gap=0.1), Floats)
     assert_type(buffer.lookup_matrix("a", "b", 1, points[:4, :4]), npt.NDArray[np.float32])
-    assert_type(buffer.lookup_velocities("a", "b", many, Duration(seconds=1)), tuple[Floats, Floats])
     assert_type(buffer.transform_points(points, many, "a", "b"), npt.NDArray[np.float32])
     assert_type(buffer.transform_points([[1.0, 2.0, 3.0]], many, "a", "b"), Floats)
 

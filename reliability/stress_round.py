@@ -434,10 +434,7 @@ class Round:
             if waiters == NEVER + len(with_callbacks):
                 break
             if time.monotonic() > deadline:
-                self._problem(
-                    f"{waiters} waiters, not {NEVER} and {len(with_callbacks)}: "
-                    f"{self.buffer._pending_waits()}"
-                )
+                self._problem(f"{waiters} waiters, not {NEVER} and {len(with_callbacks)}")
                 break
             self.executor.spin_once(timeout_sec=0.001)
         for one in with_callbacks:
@@ -451,8 +448,8 @@ class Round:
             self._write([mine], static=True, way=i % 3)
             if not future.done():
                 self._problem(f"never{i} has no answer")
-        if self.buffer.statistics()["waiters"]:
-            self._problem(f"waiters are left: {self.buffer._pending_waits()}")
+        if waiters := self.buffer.statistics()["waiters"]:
+            self._problem(f"waiters are left: {waiters}")
         self.buffer._self_check()
 
     def _end(self, threads_before):

@@ -1063,14 +1063,6 @@ cdef class BufferCore(Engine):
         wait.begin(self, (target_frame, source_frame, fixed_frame), &query, policy, notify)
         return wait
 
-    def _pending_waits(self, size_t most=1000) -> list[str]:
-        """
-        List what each pending wait waits for, and what it lacks now, on one line each, up to ``most`` lines.
-
-        For debugging. Names are escaped as in errors. Inserts wait while pointers to the waits are copied.
-        """
-        return [wait.lacks() for wait in self.pending(most)]
-
     # Listing frames, and counts.
 
     def __repr__(self):

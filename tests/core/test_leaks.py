@@ -49,7 +49,7 @@ def actions(buffer):
         lambda: buffer.get_latest_common_time("map", "base"),
         lambda: buffer.lookupVelocityCore("base", "map", second, interval),
         lambda: buffer._chain("map", second, "base", second, "odom"),
-        lambda: (buffer._wait("map", "base", at(5)), buffer._pending_waits()),
+        lambda: buffer._wait("map", "base", at(5)),
         lambda: pickle.loads(pickle.dumps(buffer)),
         buffer.all_frames_as_yaml,
         buffer._getFrameStrings,

@@ -54,7 +54,6 @@ class TestWaitsOfTheParent:
 
         def use_and_drop():
             assert core.statistics()["waiters"] == 0
-            assert core._pending_waits() == []
             core.set_transform_static(transform("map", "cup"), "child")
             core._self_check()
             assert [wait.take() for wait in waits] == [None] * 3

@@ -236,7 +236,7 @@ def limit_without_effect(name: str, argument: str, is_static: bool, instead: lis
     )
 
 
-# What a wait waits for, what it lacks, and how it ended without an answer.
+# How a wait ended without an answer.
 
 
 def _duration(waited_ns: int) -> str:
@@ -264,20 +264,3 @@ def _why_no_use(reason: str) -> str:
 def in_vain(why: str, waited_ns: int) -> str:
     """The error text of a wait after the end of what fills the buffer, even if the wait began afterwards."""
     return f"{why}, which ended the wait for the transform after {_duration(waited_ns)} s"
-
-
-def _at(time_ns: int) -> str:
-    return f"at {seconds(time_ns)} s" if time_ns else "at the latest common time"
-
-
-def waits_for(target: str, target_ns: int, source: str, source_ns: int, fixed: str | None, lack: str) -> str:
-    """One line about a wait. ``target_ns`` is used with a fixed frame only."""
-    target, source = printable(target), printable(source)
-    if fixed is None:
-        lookup = f"from frame [{source}] to frame [{target}] {_at(source_ns)}"
-    else:
-        lookup = (
-            f"from frame [{source}] {_at(source_ns)} to frame [{target}] {_at(target_ns)}, "
-            f"fixed in frame [{printable(fixed)}]"
-        )
-    return f"waits for the transform {lookup}: {lack}"

@@ -731,25 +731,6 @@ cdef class Engine:
     cdef bint has_forgotten(self, const Waiter* waiter) noexcept nogil:
         return waiter.arrival <= self._waiters.forgotten
 
-    cdef list pending(self, size_t most):
-        # No object is made before all owners are referenced, because the collector might then run and destroy
-        # some. Until then they exist, because the GIL is held. Referencing one runs no code.
-        cdef void** owners = <void**>malloc((most + 1) * sizeof(void*))
-        cdef size_t count, i
-        if owners == NULL:
-            raise MemoryError
-        lock_acquire(&self._lock)
-        count = _copy_owners(&self._waiters.frames, owners, 0, most)
-        count = _copy_owners(&self._waiters.shape, owners, count, most)
-        count = _copy_owners(&self._waiters.every, owners, count, most)
-        lock_release(&self._lock)
-        try:
-            return [<object>owners[i] for i in range(count)]
-        finally:
-            for i in range(count):
-                Py_DECREF(<object>owners[i])
-            free(owners)
-
     cdef object reason(self, const Query* query):
         cdef int64_t stamp_ns
         cdef Transform not_needed   # with NULL, the other half of a two-time lookup would be tried first
@@ -841,16 +822,6 @@ cdef int extend_path(list chain, list frames) except -1:
             del chain[chain.index(frame):]
         chain.append(frame)
     return 0
-
-
-cdef size_t _copy_owners(const Link* head, void** owners, size_t count, size_t most) noexcept:
-    cdef const Link* link = head.next
-    while link != head and count < most:
-        owners[count] = link.waiter.owner
-        Py_INCREF(<object>link.waiter.owner)
-        count += 1
-        link = link.next
-    return count
 
 
 def keep_for_ever(*things):

@@ -110,8 +110,6 @@ cdef class Engine:
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil
     # Whether it was added before the fork that created this process: then it never gets an answer.
     cdef bint has_forgotten(self, const Waiter* waiter) noexcept nogil
-    # The owners of at most `most` pending waiters.
-    cdef list pending(self, size_t most)
     # Why a lookup fails now; None: it does not.
     cdef object reason(self, const Query* query)
 

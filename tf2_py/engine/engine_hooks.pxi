@@ -8,9 +8,6 @@ cdef class WaiterOwner:
     cdef object deliver(self):
         raise NotImplementedError
 
-    cpdef str lacks(self):
-        raise NotImplementedError
-
 
 cdef class ReadHook:
     """Is called before an engine is read: an inbox, which inserts what has arrived."""

@@ -25,5 +25,3 @@ cdef class WaiterOwner:
     # Called with the GIL and without the lock, when the waiter has an answer and has been removed.
     # Returns a callable that runs a user's code, to be called later, or None; the callable also returns one.
     cdef object deliver(self)
-    # One line: what it waits for, and what it lacks at the moment.
-    cpdef str lacks(self)

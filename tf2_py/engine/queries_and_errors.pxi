@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The arguments of a lookup, and why it has no answer: as an exception, or as what a wait lacks."""
+"""The arguments of a lookup, and why it has no answer, as an exception."""
 
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1:
     query.target = name_utf8(target_frame, &query.target_size, "target_frame")
@@ -151,7 +151,7 @@ def frame_name(name, str argument):
     return name
 
 
-# The status of a lookup as an exception, or as what a wait for it lacks.
+# The status of a lookup as an exception.
 
 # Of the gaps that tf2's sentence can describe.
 cdef dict GAP_NAMES = {GAP_EMPTY: "empty", GAP_SINGLE: "single", GAP_FUTURE: "future", GAP_PAST: "past"}
@@ -237,9 +237,3 @@ cdef object query_error(const Query* query, Status status, str child, str parent
     if status.gap == GAP_EMPTY or status.requested_ns > status.edge_ns:
         return advice.with_silence(error, buffer, dynamic_only=True)
     return error
-
-
-cdef str query_wait(const Query* query, str lack):
-    target, source, fixed = query_names(query)
-    target_ns = query.source_ns if query.fixed == NULL else query.target_ns
-    return errors.waits_for(target, target_ns, source, query.source_ns, fixed, lack)

@@ -36,7 +36,7 @@ cdef int query_fill_any(Query* query, object target_frame, object source_frame, 
 cdef int require_latest(int64_t time_ns, str argument) except -1
 
 
-# Why a lookup has no answer: as an exception, and as a sentence about a wait.
+# Why a lookup has no answer, as an exception.
 
 # Of a name that is invalid, or unknown to the buffer whose names `list_names` returns.
 cdef object name_error(str name, str argument, str call, Advice advice, object list_names)
@@ -46,5 +46,3 @@ cdef object name_error(str name, str argument, str call, Advice advice, object l
 # `limiting`: as in errors.extrapolation. `advice` was begun with `buffer`.
 cdef object query_error(const Query* query, Status status, str child, str parent, list instead,
                         str limiting, str call, Advice advice, object buffer)
-# One line: the lookup that a wait waits for, and what it lacks.
-cdef str query_wait(const Query* query, str lack)

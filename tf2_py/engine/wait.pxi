@@ -132,14 +132,6 @@ cdef class Wait(WaiterOwner):
         """The exception that a lookup would raise now. None: there is an answer, which waits have, too."""
         return self._engine.reason(&self._waiter.query)
 
-    cpdef str lacks(self):
-        """One line, for debugging a wait that never ends: what it waits for, and what it lacks now."""
-        error = self._engine.reason(&self._waiter.query)
-        if error is not None:
-            return query_wait(&self._waiter.query, str(error))
-        return query_wait(&self._waiter.query, "the transform has not changed" if self._waiter.only_new
-                          else "the answer is available and is being delivered")
-
     def wait_for(self, int64_t timeout_ns, is_in_vain):
         """
         Sleep, without the GIL, until :meth:`take` returns an answer.

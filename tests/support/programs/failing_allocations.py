@@ -48,7 +48,7 @@ def seen(buffer, waits):
     buffer._self_check()
     found = everything(buffer)
     del found["statistics"]["bytes"]
-    return found, sorted(buffer._pending_waits()), [one.done() for one in waits if hasattr(one, "done")]
+    return found, [one.done() for one in waits if hasattr(one, "done")]
 
 
 # The steps: each function returns a call on a buffer and its waits.

@@ -69,18 +69,6 @@ def test_the_graph_has_an_edge_from_parent_to_child(buffer):
     assert "2.500 sec old" in dot
 
 
-def test_listings_of_more_frames_than_one_slice_are_complete(buffer):
-    # Also in their bytes: names of 200 fill a slice before it has all the frames that it may have.
-    names = [f"{i:05d}{'x' * (i % 200)}" for i in range(5000)]
-    buffer.set_transforms([transform("map", name, 1) for name in names], "me")
-    buffer.set_transform(transform("map", "y" * 300_000, 1), "you")
-    names.append("y" * 300_000)
-    assert buffer._getFrameStrings() == [names[0], "map", *names[1:]]
-    listed = buffer.all_frames_as_string().splitlines()
-    assert listed == [f"Frame {name} exists with parent map." for name in names]
-    assert buffer._allFramesAsDot().count("Broadcaster: me") == 5000
-
-
 def test_a_parent_that_is_not_listed_itself_is_a_root(tf2_py):
     # As in the YAML of other buffers, which lists only children.
     from tf2_py._objects.listings import tree_text

@@ -1088,7 +1088,7 @@ cdef class BufferCore(Engine):
         :return: a dict from the name of each frame with samples to a named tuple :class:`History`, whose
             arrays are copies.
         """
-        return {one.frame: untracked(one) for one in listings.histories(self.export())}
+        return {one.frame: one for one in listings.histories(self.export())}
 
     def frames(self) -> dict[str, FrameInfo]:
         """

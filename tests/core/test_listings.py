@@ -3,7 +3,6 @@
 """What a buffer lists of its frames: texts, facts and its repr; answers: test_buffer_beside_model.py."""
 
 import copy
-import gc
 import pickle
 import random
 import re
@@ -13,8 +12,6 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 from times_and_transforms import S, at, at_ns, transform
-
-from tf2_py import BufferCore
 
 
 @pytest.fixture
@@ -150,12 +147,3 @@ class TestAtAPrompt:
         assert repr(Own()) == f"<{__name__}.{Own.__qualname__}: 0 frames, 0 samples, 0 waiters>"
         for buffer in (tf2_ros.Buffer(), tf2_ros.Buffer.__new__(tf2_ros.Buffer)):  # also uninitialised
             assert repr(buffer) == "<tf2_ros.Buffer: 0 frames, 0 samples, 0 waiters>"
-
-
-def test_the_collector_does_not_traverse_what_is_listed():
-    # With a message of 200,000 transforms it did so for 0.1 s at a time, with the GIL.
-    buffer = BufferCore()
-    buffer.set_transforms([transform("map", f"frame {i}") for i in range(10)], "x")
-    infos = buffer.frames()
-    assert len(infos) == 11
-    assert not any(map(gc.is_tracked, infos.values()))

@@ -73,21 +73,9 @@ cdef void unpin_tree(Tree* view) noexcept nogil:
     free(view.histories)
 
 
-cdef extern from "Python.h":
-    void PyObject_GC_UnTrack(object op) noexcept
-
-
-cdef object untracked(facts):
-    # A named tuple of names and numbers, which cannot be part of a cycle. The collector would otherwise
-    # traverse all of them every now and then, while they are made, with the GIL: those of 200,000 frames take
-    # 50 ms.
-    PyObject_GC_UnTrack(facts)
-    return facts
-
-
 cdef object _facts_of(const History* history, str name, list names, list authorities):
     parent = history_newest_parent(history)
-    return untracked(listings.FrameFacts(
+    return listings.FrameFacts(
         name=name,
         parent=None if parent == NO_FRAME else name_of(names, parent),
         authority=name_of(authorities, history.authority),
@@ -95,7 +83,7 @@ cdef object _facts_of(const History* history, str name, list names, list authori
         samples=history.count,
         newest_ns=history.newest_ns,
         oldest_ns=history.oldest_ns,
-    ))
+    )
 
 
 cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, list authorities):
@@ -118,7 +106,7 @@ cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, 
 
 
 cdef dict frame_infos(facts):
-    return {one.name: untracked(listings.as_frame(one)) for one in facts}
+    return {one.name: listings.as_frame(one) for one in facts}
 
 
 # The state in which a buffer travels: a dict of its cache time, its limits, and its samples.

@@ -3,19 +3,12 @@
 """Read and write transforms of a tf2_msgs/TFMessage in plain CDR, version 1 (OMG DDS-RTPS 2.5, clause 10)."""
 
 cdef extern from *:
-    """
-    #if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
-    #define TF2_IS_LITTLE_ENDIAN 1
-    #else
-    #define TF2_IS_LITTLE_ENDIAN 0
-    #endif
-    """
-    const int TF2_IS_LITTLE_ENDIAN
     uint32_t __builtin_bswap32(uint32_t value) nogil
     uint64_t __builtin_bswap64(uint64_t value) nogil
 
 cdef enum:
     HEADER_SIZE = 4             # representation id, options, 2 bytes each; alignment counts from its end
+    CDR_LE = 1                  # second byte of the representation id: little-endian, as this machine; else 0
 
 
 cdef inline const unsigned char* _read_bytes(Reader* reader, size_t size, size_t alignment) noexcept nogil:
@@ -85,7 +78,7 @@ cdef void reader_begin(Reader* reader, const unsigned char* data, size_t size) n
         reader.problem = "the encapsulation header is not plain CDR"
     else:
         reader.position = HEADER_SIZE
-        reader.swapped = data[1] != TF2_IS_LITTLE_ENDIAN
+        reader.swapped = data[1] != CDR_LE
 
 
 cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil:
@@ -118,7 +111,7 @@ cdef void writer_begin(Writer* writer, unsigned char* out) noexcept nogil:
     writer.position = HEADER_SIZE
     if out != NULL:
         out[0] = out[2] = out[3] = 0
-        out[1] = TF2_IS_LITTLE_ENDIAN
+        out[1] = CDR_LE
 
 
 cdef void writer_uint32(Writer* writer, uint32_t value) noexcept nogil:

@@ -10,9 +10,14 @@ try:
 except ModuleNotFoundError as missing:
     if not (missing.name or "").startswith("tf2_py."):
         raise
-    from tf2_py._unbuilt_advice import advice
+    import os
 
-    raise ModuleNotFoundError(f"{missing.name} is missing: {advice()}", name=missing.name) from None
+    raise ModuleNotFoundError(
+        f"{missing.name} is missing: {os.path.dirname(os.path.dirname(os.path.abspath(__file__)))} has no "
+        f"compiled modules for Python {sys.version_info.major}.{sys.version_info.minor}. In a checkout, "
+        f"change to another directory or run `make build`; otherwise, reinstall with {sys.executable}",
+        name=missing.name,
+    ) from None
 
 from tf2_py._objects.errors import (
     ConnectivityException,

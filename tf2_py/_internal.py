@@ -26,7 +26,6 @@ from tf2_py._tf2_py import matrices_from_rotations as matrices_from_rotations
 from tf2_py._tf2_py import normalise as normalise
 from tf2_py._tf2_py import policy_of as policy_of
 from tf2_py._tf2_py import refused_transforms as refused_transforms
-from tf2_py._tf2_py import rotations_from_matrices as rotations_from_matrices
 from tf2_py._tf2_py import serialize_as_ros as serialize_as_ros
 from tf2_py._tf2_py import shortcut as shortcut
 from tf2_py._tf2_py import stamp_parts as stamp_parts

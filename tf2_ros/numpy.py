@@ -16,7 +16,6 @@ from tf2_py._internal import (
     mask_of,
     matrices_from_rotations,
     normalise,
-    rotations_from_matrices,
     time_ns,
 )
 from tf2_ros._messages import (
@@ -357,17 +356,37 @@ def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
         which = _which("matrices", "matrix", shape, bad[0])
         row = " ".join(f"{number:g}" for number in flat[bad[0], 12:])
         raise ValueError(f"{which}: expected finite numbers and the last row 0 0 0 1, got the last row {row}")
-    turns = flat.reshape(-1, 4, 4)[:, :3, :3].reshape(-1, 9)
-    rotations, wrong, defect = rotations_from_matrices(turns, TOLERANCE)
-    if wrong >= 0:
+    # Contiguous arrays of one element of each matrix, because NumPy is slow with many small matrices.
+    turns = np.ascontiguousarray(flat.reshape(-1, 4, 4)[:, :3, :3].reshape(-1, 9).T)
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = turns
+    with np.errstate(all="ignore"):  # huge numbers
+        products = np.einsum("ikn,jkn->ijn", *[turns.reshape(3, 3, -1)] * 2) - np.eye(3)[..., None]
+        defects = np.fmax.reduce(np.abs(products), axis=(0, 1))
+        determinants = xx * (yy * zz - yz * zy) + xy * (yz * zx - yx * zz) + xz * (yx * zy - yy * zx)
+    wrong = np.flatnonzero((defects > TOLERANCE) | (determinants < 0))
+    if wrong.size:
+        defect = defects[wrong[0]]
         reason = "must not be a reflection; its determinant is -1"
         if defect > TOLERANCE:
             reason = f"must be orthogonal; R R^T differs from the identity by {defect:.2g}"
             if defect < ROUNDED:
                 svd = "u, _, vt = numpy.linalg.svd(m[..., :3, :3]); m[..., :3, :3] = u @ vt"
                 reason += f". If its numbers are rounded: {svd}"
-        which = _which("matrices", "matrix", shape, wrong)
+        which = _which("matrices", "matrix", shape, wrong[0])
         raise ValueError(f"{which}: its rotation {reason}")
+    # S. W. Shepperd, Quaternion from Rotation Matrix, 1978: the quaternion times four times its greatest
+    # part, which loses nothing to rounding.
+    x, y, z = zy - yz, xz - zx, yx - xy
+    a, b, c = xy + yx, xz + zx, yz + zy
+    trace = xx + yy + zz
+    rest = 1 - trace
+    multiples = np.array(
+        [(2 * xx + rest, a, b, x), (a, 2 * yy + rest, c, y), (b, c, 2 * zz + rest, z), (x, y, z, 1 + trace)]
+    )
+    greatest = np.einsum("iin->in", multiples).argmax(axis=0)
+    rotations = multiples[greatest, :, np.arange(len(flat))]
+    rotations[rotations[:, 3] < 0] *= -1
+    normalise(rotations, nan_missing=True)
     return matrices[..., :3, 3].copy(), rotations.reshape(*shape, 4)
 
 

@@ -274,56 +274,6 @@ cdef inline void matrix_from_transform(const Transform* transform, double* out) 
     out[15] = NAN if is_nan else 1.0
 
 
-cdef inline double matrix_defect(const double* r) noexcept nogil:
-    # The deviation of a 3x3 matrix, row by row, from an orthogonal one: the greatest part of |R R^T - 1|.
-    cdef double greatest = 0.0
-    cdef double product
-    cdef int i, j
-    for i in range(3):
-        for j in range(i, 3):
-            product = r[3 * i] * r[3 * j] + r[3 * i + 1] * r[3 * j + 1] + r[3 * i + 2] * r[3 * j + 2]
-            greatest = max(greatest, fabs(product - 1.0 if i == j else product))
-    return greatest
-
-
-cdef inline double matrix_determinant(const double* r) noexcept nogil:
-    return (r[0] * (r[4] * r[8] - r[5] * r[7]) + r[1] * (r[5] * r[6] - r[3] * r[8])
-            + r[2] * (r[3] * r[7] - r[4] * r[6]))
-
-
-cdef inline void quaternion_from_matrix(const double* r, double* q) noexcept nogil:
-    # Makes a unit quaternion with w >= 0 from a rotation matrix, row by row. S. W. Shepperd, Quaternion from
-    # Rotation Matrix, 1978: the quaternion times four times its greatest part, which loses nothing to
-    # rounding.
-    cdef double trace = r[0] + r[4] + r[8]
-    if trace >= r[0] and trace >= r[4] and trace >= r[8]:
-        q[0] = r[7] - r[5]
-        q[1] = r[2] - r[6]
-        q[2] = r[3] - r[1]
-        q[3] = 1.0 + trace
-    elif r[0] >= r[4] and r[0] >= r[8]:
-        q[0] = 1.0 + 2.0 * r[0] - trace
-        q[1] = r[1] + r[3]
-        q[2] = r[2] + r[6]
-        q[3] = r[7] - r[5]
-    elif r[4] >= r[8]:
-        q[0] = r[1] + r[3]
-        q[1] = 1.0 + 2.0 * r[4] - trace
-        q[2] = r[5] + r[7]
-        q[3] = r[2] - r[6]
-    else:
-        q[0] = r[2] + r[6]
-        q[1] = r[5] + r[7]
-        q[2] = 1.0 + 2.0 * r[8] - trace
-        q[3] = r[3] - r[1]
-    if q[3] < 0.0:
-        q[0] = -q[0]
-        q[1] = -q[1]
-        q[2] = -q[2]
-        q[3] = -q[3]
-    quaternion_normalise(q)
-
-
 # Mean twists: between two poses, and of a point of the moving body.
 
 cdef inline void twist_between(const Transform* start, const Transform* end, double seconds, double* linear,

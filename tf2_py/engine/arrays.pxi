@@ -276,34 +276,3 @@ def matrices_from_rotations(rotations):
     for i in range(count):
         matrix_from_quaternion(row + 4 * i, matrix + 9 * i)
     return matrices.reshape(count, 3, 3)
-
-
-def rotations_from_matrices(matrices, double tolerance):
-    """
-    Convert each matrix to a quaternion.
-
-    :param matrices: N rows of the 9 numbers of a matrix, row by row; NaN throughout, or finite; float64,
-        contiguous.
-    :param tolerance: by how much an element of R R^T may differ from the identity.
-    :return: quaternions x y z w of length one with w >= 0, or NaN, float64, shape (N, 4); the index of the
-        first row that is not a rotation, at which this stops, or -1; and by how much that row differs from an
-        orthogonal matrix: if this is within the tolerance, it is a reflection.
-    """
-    cdef Py_ssize_t count = len(matrices)
-    cdef const double* matrix = doubles_of(matrices, 9)
-    cdef Py_ssize_t i
-    cdef double* row
-    cdef double defect
-    rotations = new_array((count, 4))
-    row = doubles_of(rotations, 4)
-    for i in range(count):
-        if isnan(matrix[0]):
-            row[0] = row[1] = row[2] = row[3] = matrix[0]
-        else:
-            defect = matrix_defect(matrix)
-            if defect > tolerance or matrix_determinant(matrix) < 0.0:
-                return rotations, i, defect
-            quaternion_from_matrix(matrix, row)
-        matrix += 9
-        row += 4
-    return rotations, -1, 0.0

@@ -43,6 +43,7 @@ import os
 import sys
 import types
 import warnings
+import zlib
 from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from stat import S_ISREG

@@ -371,7 +371,7 @@ def test_a_file_that_ends_before_its_size_is_no_damaged_disk(copy):
 def test_a_second_reader_finds_what_the_buffer_holds(buffer, file):
     header = file.header
     assert header.magic == b"\x89TF2\r\n\x1a\n"
-    assert (header.version, header.flags, header.file_bytes) == (2, 0, len(file.data))
+    assert (header.version, header.flags, header.file_bytes) == (3, 0, len(file.data))
     assert (header.cache_time_ns, header.max_bytes, header.max_frames) == (20 * S, 50_000, 20)
     assert header.sample_count == buffer.statistics()["samples"]
     assert header.checksum == file.index_checksum()
@@ -472,7 +472,7 @@ FIELDS_OF_SAMPLES = (
 )
 
 HOSTILE = {
-    "another version of tf2-ros-cython wrote it": lambda file: file.change_header(version=1),
+    "another version of tf2-ros-cython wrote it": lambda file: file.change_header(version=2),
     "its header has an unknown flag": lambda file: file.change_header(flags=2),
     "its size is not the one in its header": lambda file: file.change_header(file_bytes=1 << 63),
     "the size of its index is wrong": lambda file: file.change_header(index_bytes=(1 << 64) - 64),

@@ -3,6 +3,7 @@
 """The format of frozen files, written a second time, in Python; the chapter frozen_format describes it."""
 
 import struct
+import zlib
 from typing import NamedTuple
 
 HEADER = struct.Struct("<8sIIQQQqQIIIIQQ40s")
@@ -10,8 +11,6 @@ FRAME = struct.Struct("<QIHHIIIIQQqq")
 NAME = struct.Struct("<QI4x")
 LINE = 64
 CHECKSUM_AT = 32  # in the header
-MASK = (1 << 64) - 1
-PRIME = 0x9E3779B185EBCA87
 
 
 class Header(NamedTuple):
@@ -49,22 +48,6 @@ class Frame(NamedTuple):
     @property
     def samples_start(self):
         return self.data_start + -(-8 * self.count // LINE) * LINE
-
-
-def _mixed(lane, word):
-    product = (lane ^ word) * PRIME & MASK
-    return (product << 29 | product >> 35) & MASK
-
-
-def checksum(data):
-    """Of whole lines."""
-    lanes = [i * PRIME & MASK for i in range(1, 9)]
-    for line in struct.iter_unpack("<8Q", data):
-        lanes = [_mixed(lane, word) for lane, word in zip(lanes, line, strict=True)]
-    end = len(data)
-    for lane in lanes:
-        end = _mixed(end, lane)
-    return end ^ end >> 32
 
 
 class FrozenFile:
@@ -115,12 +98,12 @@ class FrozenFile:
         struct.pack_into("<" + code, self.data, place, *values)
 
     def samples_checksum(self):
-        return checksum(self.data[self.header.index_bytes :])
+        return zlib.crc32(self.data[self.header.index_bytes :])
 
     def index_checksum(self):
         index = self.data[: self.header.index_bytes]
         index[CHECKSUM_AT : CHECKSUM_AT + 8] = bytes(8)
-        return checksum(index)
+        return zlib.crc32(index)
 
     def renew_checksum(self):
         """As if the index had been written like this."""

@@ -5,55 +5,8 @@
 cdef extern from *:
     """
     static const unsigned char TF2_FROZEN_MAGIC[8] = {0x89, 'T', 'F', '2', '\\r', '\\n', 0x1a, '\\n'};
-    #define TF2_PRIME 0x9E3779B185EBCA87ULL
-    #define TF2_MIXED(lane, word) tf2_rotated(((lane) ^ (word)) * TF2_PRIME)
-    static inline uint64_t tf2_rotated(uint64_t x) { return (x << 29) | (x >> 35); }
     """
     const unsigned char* FROZEN_MAGIC "TF2_FROZEN_MAGIC"
-    const uint64_t PRIME "TF2_PRIME"
-    uint64_t _mixed "TF2_MIXED"(uint64_t lane, uint64_t word) nogil
-
-
-cdef void checksum_begin(Checksum* checksum) noexcept nogil:
-    cdef uint32_t i
-    for i in range(8):
-        checksum.lanes[i] = (i + 1) * PRIME
-    checksum.size = 0
-
-
-cdef void checksum_add(Checksum* checksum, const void* lines, size_t size) noexcept nogil:
-    # The lanes do not depend on each other, so that the processor computes them at once.
-    cdef uint64_t[8] lanes
-    cdef uint64_t[8] words
-    cdef const char* line = <const char*>lines
-    cdef size_t i
-    cdef int j
-    memcpy(lanes, checksum.lanes, sizeof(lanes))
-    for i in range(size // LINE_BYTES):
-        memcpy(words, line + i * LINE_BYTES, LINE_BYTES)
-        for j in range(8):
-            lanes[j] = _mixed(lanes[j], words[j])
-    memcpy(checksum.lanes, lanes, sizeof(lanes))
-    checksum.size += size
-
-
-cdef uint64_t checksum_end(const Checksum* checksum) noexcept nogil:
-    cdef uint64_t end = checksum.size
-    cdef int j
-    for j in range(8):
-        end = _mixed(end, checksum.lanes[j])
-    return end ^ (end >> 32)
-
-
-cdef uint64_t frozen_checksum(const void* index, size_t size) noexcept nogil:
-    cdef Checksum checksum
-    cdef FrozenHeader header
-    memcpy(&header, index, sizeof(FrozenHeader))
-    header.checksum = 0
-    checksum_begin(&checksum)
-    checksum_add(&checksum, &header, sizeof(FrozenHeader))
-    checksum_add(&checksum, <const char*>index + sizeof(FrozenHeader), size - sizeof(FrozenHeader))
-    return checksum_end(&checksum)
 
 
 cdef void frozen_header_begin(FrozenHeader* header) noexcept nogil:
@@ -171,7 +124,7 @@ cdef const char* _frame_problem(const FrozenHeader* header, FrameId frame, Ends*
 
 
 cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil:
-    # The checksum last: a header may claim an index of any size, and only the rest bounds how much is read.
+    # A header may claim an index of any size. What is checked here bounds how much of it is read.
     cdef const FrozenHeader* header = <const FrozenHeader*>mapping.start
     cdef const FrozenName* authorities
     cdef const char* text = frozen_check_header(header, mapping.size)
@@ -201,8 +154,6 @@ cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil
     if (header.index_bytes - ends.names >= LINE_BYTES
             or not _is_zero(<const char*>header + ends.names, header.index_bytes - ends.names)):
         return _problem_of("its index does not end with names and zeros")
-    if frozen_checksum(header, header.index_bytes) != header.checksum:
-        return _problem_of("the checksum of its index is wrong")
     return _problem_of(NULL)
 
 

@@ -15,7 +15,7 @@ of the parent as uint32, and four bytes that are 0.
 """
 
 cdef enum:
-    FROZEN_VERSION = 2
+    FROZEN_VERSION = 3
     FROZEN_PARENT = 1           # flag of a frame: History.is_parent
 
 
@@ -26,7 +26,7 @@ cdef struct FrozenHeader:
     uint32_t flags              # none is defined
     uint64_t file_bytes         # of the whole file
     uint64_t index_bytes        # of the index, whole lines
-    uint64_t checksum           # of the index, computed while this field is 0
+    uint64_t checksum           # zlib.crc32 of the index, computed while this field is 0
     int64_t cache_time_ns
     uint64_t max_bytes
     uint32_t max_frames
@@ -34,7 +34,7 @@ cdef struct FrozenHeader:
     uint32_t authority_count
     uint32_t reserved           # 0, as all that is reserved
     uint64_t sample_count       # of all frames
-    uint64_t samples_checksum   # as they were written: tells files with the same index apart, is not verified
+    uint64_t samples_checksum   # zlib.crc32: tells files with the same index apart, is not verified
     uint64_t[5] reserved_line
 
 
@@ -67,19 +67,6 @@ cdef struct FrozenProblem:
     uint32_t sample             # the index; UINT32_MAX: it is not about a sample
 
 
-# A checksum of 64 bits, which finds damage but not intent. It takes whole lines.
-
-cdef struct Checksum:
-    uint64_t[8] lanes           # one for each word of a line
-    uint64_t size               # bytes so far
-
-cdef void checksum_begin(Checksum* checksum) noexcept nogil
-cdef void checksum_add(Checksum* checksum, const void* lines, size_t size) noexcept nogil
-cdef uint64_t checksum_end(const Checksum* checksum) noexcept nogil
-# The checksum of an index, with 0 in place of its own checksum.
-cdef uint64_t frozen_checksum(const void* index, size_t size) noexcept nogil
-
-
 cdef inline size_t frozen_stamp_bytes(uint32_t count) noexcept nogil:
     # Of the stamps of a frame in a file, whole lines.
     return (count * sizeof(int64_t) + LINE_BYTES - 1) // LINE_BYTES * LINE_BYTES
@@ -92,6 +79,7 @@ cdef const char* frozen_check_format(const FrozenHeader* header, uint64_t file_b
 # NULL, or why it is not the header of a file of this size.
 cdef const char* frozen_check_header(const FrozenHeader* header, uint64_t file_bytes) noexcept nogil
 # Whether header and index are those of a file of the size of the mapping, which holds a header at least.
+# The checksum of the index is left to the caller.
 cdef FrozenProblem frozen_check_index(const FileMapping* mapping) noexcept nogil
 # Makes a tree whose histories lie in the mapping, after frozen_check_index. `checks_samples`: refuse samples
 # that no tree holds; without it, they must have been checked before. tree_free is due in any case.

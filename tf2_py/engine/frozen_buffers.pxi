@@ -97,9 +97,14 @@ cdef bytearray _index_of(const Tree* view, const NumberedFrames* frames, list na
     return index
 
 
-cdef int _write_samples(const History* history, const FrameId* ids, char* chunk, file,
-                        Checksum* checksum) except -1:
-    # `chunk` has room for CHUNK_SAMPLES samples.
+cdef object _write_chunk(const char* chunk, size_t size, file, checksum):
+    data = PyMemoryView_FromMemory(<char*>chunk, size, PyBUF_READ)
+    file.write(data)
+    return zlib.crc32(data, checksum)
+
+
+cdef object _write_samples(const History* history, const FrameId* ids, char* chunk, file, checksum):
+    # `chunk` has room for CHUNK_SAMPLES samples. `checksum`: of the samples before; returns it with these.
     cdef uint32_t first, count
     cdef size_t size
     for first in range(0, history.count, CHUNK_SAMPLES):
@@ -108,32 +113,37 @@ cdef int _write_samples(const History* history, const FrameId* ids, char* chunk,
         with nogil:
             memset(chunk, 0, size)
             history_copy_stamps(history, first, count, <int64_t*>chunk)
-            checksum_add(checksum, chunk, size)
-        file.write(PyMemoryView_FromMemory(chunk, size, PyBUF_READ))
+        checksum = _write_chunk(chunk, size, file, checksum)
     for first in range(0, history.count, CHUNK_SAMPLES):
         count = min(history.count - first, <uint32_t>CHUNK_SAMPLES)
         size = count * sizeof(Sample)
         with nogil:
             history_copy_samples(history, first, count, ids, <Sample*>chunk)
-            checksum_add(checksum, chunk, size)
-        file.write(PyMemoryView_FromMemory(chunk, size, PyBUF_READ))
-    return 0
+        checksum = _write_chunk(chunk, size, file, checksum)
+    return checksum
+
+
+cdef object _index_checksum(const FrozenHeader* header):
+    # Of a whole index, with 0 in place of the checksum itself.
+    index = PyMemoryView_FromMemory(<char*>header, header.index_bytes, PyBUF_READ)
+    start = <char*>&header.checksum - <char*>header
+    before = zlib.crc32(bytes(sizeof(header.checksum)), zlib.crc32(index[:start]))
+    return zlib.crc32(index[start + sizeof(header.checksum):], before)
 
 
 cdef int _write(const Tree* view, const NumberedFrames* frames, char* chunk, file, list names,
                 list authorities) except -1:
     cdef bytearray index = _index_of(view, frames, names, authorities)
     cdef FrozenHeader* header = <FrozenHeader*>PyByteArray_AS_STRING(index)
-    cdef Checksum checksum
     cdef FrameId id
     # The checksum of the samples is only known when they are written.
     file.write(index)
-    checksum_begin(&checksum)
+    checksum = 0
     for id in range(1, view.names.count):
         if view.histories[id].count:
-            _write_samples(&view.histories[id], frames.ids, chunk, file, &checksum)
-    header.samples_checksum = checksum_end(&checksum)
-    header.checksum = frozen_checksum(header, header.index_bytes)
+            checksum = _write_samples(&view.histories[id], frames.ids, chunk, file, checksum)
+    header.samples_checksum = checksum
+    header.checksum = _index_checksum(header)
     file.seek(0)
     file.write(index)
     return 0
@@ -303,9 +313,11 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
         with nogil:
             problem = frozen_check_index(mapping)
         _require_sound(name, mapping, problem)
+        checksum = (<const FrozenHeader*>mapping.start).checksum
+        if checksum != _index_checksum(<const FrozenHeader*>mapping.start):
+            raise _damaged(name, "the checksum of its index is wrong")
         found = frozen_file.FrozenFile(
-            name, (<const FrozenHeader*>mapping.start).checksum, facts.st_size, facts.st_mtime_ns,
-            facts.st_dev, facts.st_ino,
+            name, checksum, facts.st_size, facts.st_mtime_ns, facts.st_dev, facts.st_ino
         )
         if expected is not None and found.checksum != expected.checksum:
             text = "it has changed since the buffer was pickled or copied"

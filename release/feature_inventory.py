@@ -82,8 +82,8 @@ diagnosis and pictures | whoever looks for a fault: tf2_check, tf2_monitor, tf2_
     tools/*check* tools/*monitor* tools/*echo* tools/*view_frames* tools/*picture* tools/*plot* tools/*stream*
     tools/*finding* tools/*/diagnosis/* tools/*listening* tools/*session* tools/*spun* tools/*filled_buffer*
     tools/*roll_pitch* tools/*output* tools/*view*
-relay and static publisher | several robots or machines: transforms from one to the other, and from a command
-    tools/*relay* tools/*static_transform*
+static publisher | robots with mounted frames: their transforms from a command, a file or a recording
+    tools/*static_transform*
 commands in common | users of all commands: options, texts and exit codes alike
     tools/*
 tf2_msgs wheels | users of PyPI's ROS 2: the messages that it lacks

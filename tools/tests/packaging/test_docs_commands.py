@@ -27,7 +27,6 @@ PROGRAMS = set(PYPROJECT["project"]["scripts"]) - {"tf2_buffer_server"}
 FILES = {
     "frames:": "robot.yaml",
     "- {frame_id": "transforms.yaml",
-    "- name: operator": "relay.yaml",
     "1002.0 -0.5": "optimized.tum",
 }
 # These end by themselves, the others with Ctrl-C.

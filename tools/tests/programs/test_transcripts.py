@@ -154,9 +154,6 @@ def folder(tmp_path_factory):
         "frames:\n  base: {parent: map, min_rate: 20, max_delay: 0.0005}\n  arm:\n  lidar: {static: false}\n"
     )
     (folder / "bad.yaml").write_text("frames: 3\n")
-    (folder / "types.yaml").write_text(
-        "- {to: [/relay, /relay_static]}\n- {to: /relay, as: PoseStamped, frames: [a, b]}\n"
-    )
     (folder / "message.yaml").write_text(
         "- header: {frame_id: a}\n  child_frame_id: b\n  transform: {translation: {x: 1, y: 2, z: 3}}\n"
     )

@@ -20,15 +20,11 @@ class Pace:
 
     def __init__(self, period_s: float) -> None:
         self._period_ns = max(round(min(period_s, LONGEST_PERIOD_S) * S), 1)
-        self.due_ns = time.monotonic_ns()  # when the next tick is due
-
-    def advance(self, now_ns: int) -> None:
-        """If the next tick is due at this time of the monotonic clock, go on to the first one after it."""
-        missed = max(now_ns - self.due_ns, -1) // self._period_ns + 1
-        self.due_ns += missed * self._period_ns
+        self._due_ns = time.monotonic_ns()  # when the next tick is due
 
     def next_s(self) -> float:
         """Go on to the next tick; return how long to wait for it, in seconds, which is above 0."""
         now_ns = time.monotonic_ns()
-        self.advance(now_ns)
-        return (self.due_ns - now_ns) / S
+        missed = max(now_ns - self._due_ns, -1) // self._period_ns + 1
+        self._due_ns += missed * self._period_ns
+        return (self._due_ns - now_ns) / S

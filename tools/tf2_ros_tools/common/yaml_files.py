@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Read YAML files that people write: rules, expectations, static transforms."""
+"""Read YAML files that people write: expectations, static transforms."""
 
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
@@ -52,11 +52,6 @@ class Key(NamedTuple):
     expected: str
     read: Callable[[Any], Any]  # raises a ValueError, or returns None, for what is not as expected
     is_required: bool = False
-
-
-def nonempty_text(value: Any) -> str | None:
-    """Read a text that is not empty."""
-    return value if isinstance(value, str) and value else None
 
 
 def frame_name(value: Any) -> str | None:

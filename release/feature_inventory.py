@@ -71,8 +71,8 @@ installation beside other tf2 | users of a sourced ROS 2: the right tf2 is impor
 buffer | everybody: tf2's tree, lookups and errors, with the reason
     tf2_py/* tf2_ros/* docs/debugging.md docs/differences.md docs/limits.md docs/cheat-sheet.md
     docs/getting-started.md docs/index.md
-robot models | users of a URDF: frames of joints, live and in recordings
-    tools/*urdf* tools/*joint* tools/*state_publisher*
+robot models | users of a URDF: frames of joints in recordings
+    tools/*urdf* tools/*joint*
 recordings | analysts: a buffer, tables and files from .mcap, .db3, .bag, with or without ROS
     tools/*bag* tools/*recording* tools/*pose* tools/*foxglove_messages* tools/*yaml_files* tools/*dataset*
     tools/*saved* tools/*loading* tools/*optional_libraries* tools/*other-sources*

@@ -36,17 +36,6 @@ def errors_so_far():
     return os.pread(2, os.fstat(2).st_size, 0).decode("utf-8", "replace")
 
 
-def answered(ask, executor):
-    """The response of a service, asked until it comes: a node sends none to a client it has not found."""
-
-    def response():
-        future = ask()
-        executor.spin_until_future_complete(future, 1.0)
-        return future.done() and future.result()
-
-    return until(response)
-
-
 def once_waiting(buffer, call):
     """Call in a thread, once a wait of the buffer is pending."""
 

@@ -169,22 +169,21 @@ def _rotated(q: ArrayLike, vectors: ArrayLike) -> Floats:
     return turned
 
 
-def fixed(robot: Robot, without: Collection[str], stamp_ns: int = 0) -> bytes:
+def fixed(robot: Robot, without: Collection[str]) -> bytes:
     """Make a TFMessage of the fixed joints, except those whose frames are in ``without``."""
     joints = [one for one in robot.joints if one.type == "fixed" and one.child not in without]
     frames = [(one.parent, one.child) for one in joints]
     transforms = [[*one.translation, *one.rotation] for one in joints]
-    return serialize_arrays(frames, [stamp_ns] * len(joints), transforms)
+    return serialize_arrays(frames, [0] * len(joints), transforms)
 
 
-def unmatched(robot: Robot, names: Iterable[str], without: Collection[str] = ()) -> str:
+def unmatched(robot: Robot, names: Iterable[str]) -> str:
     """
     Say which names of joint states are not joints of a robot, and which joints they lack.
 
-    :param without: names that are not judged.
     :return: empty if all are joints, or if no joint of the robot moves.
     """
-    given, known = dict.fromkeys(names), {*without, *robot.floating, *(one.name for one in robot.joints)}
+    given, known = dict.fromkeys(names), {*robot.floating, *(one.name for one in robot.joints)}
     unknown = [name for name in given if name not in known]
     movable = [one for one in robot.joints if one.type != "fixed"]
     if not unknown or not movable:
@@ -226,7 +225,7 @@ _LONE_AMPERSAND = re.compile(rb"&(?!#?\w+;)")
 _ENCODING = re.compile(rb"""\s*<\?xml\b[^>]*?\bencoding\s*=\s*["'](?!(?i:utf-?8))([\w.:-]+)""")
 
 
-def decoded(data: bytes) -> str:
+def _decoded(data: bytes) -> str:
     """
     Decode the bytes of a URDF: as UTF-8, or else in another encoding that they declare, or else as Latin-1.
 
@@ -250,7 +249,7 @@ def _elements(text: str | bytes) -> ElementTree.Element:
     urdfdom also accepts much that is not well-formed XML: ``--`` in a comment, blank lines before the
     declaration, ``&`` as it is, bytes that are not in the declared encoding. It does not decode names.
     """
-    data = (decoded(text) if isinstance(text, bytes) else text).encode().partition(b"\0")[0]
+    data = (_decoded(text) if isinstance(text, bytes) else text).encode().partition(b"\0")[0]
     data = _SKIPPED.sub(lambda skipped: b"\n" * skipped[0].count(b"\n"), data)  # for the lines in errors
     data = _LONE_AMPERSAND.sub(b"&amp;", data)
     builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate("utf-8")

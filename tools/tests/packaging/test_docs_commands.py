@@ -55,7 +55,6 @@ def folder(tmp_path):
     shutil.copytree(SAMPLES, tmp_path, dirs_exist_ok=True)
     for name in ("drives/monday", "recordings/drive"):
         shutil.copytree(SAMPLES / "drive", tmp_path / name)
-    shutil.copy(SAMPLES / "arm.urdf", tmp_path / "robot.urdf")
     for page in ALL_PAGES:
         for block in blocks(page):
             for first, name in FILES.items():

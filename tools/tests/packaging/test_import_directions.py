@@ -15,7 +15,7 @@ from tool_paths import TOOLS
 from tool_project import PACKAGES
 
 LIBRARIES = {
-    *("numpy", "rclpy", "geometry_msgs", "rcl_interfaces", "sensor_msgs", "std_msgs", "tf2_msgs"),
+    *("numpy", "rclpy", "geometry_msgs", "rcl_interfaces", "tf2_msgs"),
     *("yaml", "rich", "textual", "graphviz", "matplotlib"),
     *("rosbags", "mcap", "mcap_protobuf", "zstandard", "tqdm"),
     *("pyarrow", "dask", "distributed", "cryptography"),

@@ -35,7 +35,6 @@ PROGRAMS = {
     "tf2_live": ("dds:// -t 3600", 130),
     "tf2_monitor": ("", 0),
     "tf2_plot": ("-t 3600", 130),
-    "tf2_state_publisher": ("robot.urdf", 0),
     "view_frames": ("-t 3600 --text", 130),
 }
 NODES = [name for name in PROGRAMS if name not in ("tf2_bag", "tf2_live")]
@@ -46,7 +45,6 @@ def folder(tmp_path, monkeypatch):
     """The current folder, with the files that the command lines name."""
     monkeypatch.chdir(tmp_path)
     write_mcap(tmp_path / "drive.mcap", drive(100))
-    (tmp_path / "robot.urdf").write_text("<robot name='robot'><link name='base'/></robot>")
     return tmp_path
 
 
@@ -298,8 +296,6 @@ def test_wrong_arguments_are_shown_without_control_characters(name):
         ["tf2_echo", HOSTILE, "robot", "--wait", "0"],
         ["tf2_echo", f"/{HOSTILE}", "robot"],
         ["tf2_plot", "-t", "0.1", "--path", "map", HOSTILE],
-        ["tf2_state_publisher", HOSTILE],
-        ["tf2_state_publisher", f"{HOSTILE}.yaml"],
         ["view_frames", "-t", "0.1", "--tf_topic", HOSTILE],
         ["static_transform_publisher", "--file", f"{HOSTILE}.yaml"],
         ["static_transform_publisher", "--recording", f"{HOSTILE}.mcap"],

@@ -188,6 +188,23 @@ def test_names_are_read_in_the_encoding_of_the_file(declaration, encoding, comme
     assert urdf.load(path).joints[1].child == "größe"
 
 
+@pytest.mark.parametrize("declared", ["", ' encoding="UTF-16"'])
+def test_utf_16_needs_no_declaration(declared, tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<?xml version="1.0"{declared}?>{ONE}'.replace('"c"', '"größe"'), encoding="utf-16")
+    assert urdf.load(path).joints[1].child == "größe"
+
+
+@pytest.mark.parametrize(
+    ("declared", "said"), [("x-no", "unknown encoding: x-no"), ("ASCII", "'ascii' codec ")]
+)
+def test_an_encoding_that_is_unknown_or_wrong_is_refused(declared, said, tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_bytes(f"<?xml version='1.0' encoding='{declared}'?><robot name='é'/>".encode("latin-1"))
+    with pytest.raises(urdf.UrdfError, match=f"^{path}: not XML: {said}"):
+        urdf.load(path)
+
+
 @pytest.mark.parametrize(
     "text",
     [

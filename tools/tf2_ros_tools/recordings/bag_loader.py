@@ -501,7 +501,7 @@ def static_transforms(
         if one.parent is not None and "/" not in (name[0], one.parent[0])
     ]
     if not found:
-        advice = "they are sent once, often before a recording; tf2_state_publisher sends those of a URDF"
+        advice = "they are sent once, often before a recording; robot_state_publisher sends those of a URDF"
         if others := [topic for topic in static if topic not in own]:
             advice = f"`tf2_bag statics --topic` reads those on {listed(others)}"
         names = " or ".join(map(printable, what.prefixes))

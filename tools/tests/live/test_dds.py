@@ -107,15 +107,6 @@ def test_a_callback_closes_the_feed_in_its_thread(robot, laptop):
     assert laptop.errors() == ""
 
 
-def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop):
-    laptop.do("from interrupt_at_each_line import interrupt_at_each_line")
-    for call in ("close", "broadcaster", "static_broadcaster"):
-        handled = (
-            f"lambda feed: feed.{call}(), lambda feed: feed.close('a signal'), lambda: connect('dds://')"
-        )
-        assert laptop.do(f"interrupt_at_each_line({handled})") > 10
-
-
 def test_closing_while_messages_arrive_and_connecting_again(robot, laptop):
     matched(robot, laptop)
     robot.do("sending = flood(out, 2000, 50, 20_000)")

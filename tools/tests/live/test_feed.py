@@ -440,43 +440,10 @@ def test_messages_that_all_arrive_late_are_warned_of_once(monkeypatch, caplog):
     assert record.getMessage().startswith("x://robot: messages arrive 1000 s after the robot sent them")
 
 
-INTERRUPTED = """
-from feed_helpers import Wire, message
-from interrupt_at_each_line import interrupt_at_each_line
-from times_and_transforms import transform
-from tf2_ros_tools.live import Feed
-
-def make():
-    feed = Feed(wire=Wire())
-    feed.take(message(), False)
-    return feed
-
-CALLS = [
-    lambda feed: feed.close(),
-    lambda feed: feed.broadcaster().sendTransform(transform("map", "a")),
-    lambda feed: feed.static_broadcaster().sendTransform(transform("map", "b")),
-    lambda feed: feed.take(message(), True),
-    lambda feed: feed.wait_until_heard(0),
-    lambda feed: (feed.topics, feed.clock_offset, feed.publishers()),
-]
-HANDLERS = [
-    lambda feed: feed.close("a signal"),
-    lambda feed: feed.why_ended() or [call(feed) for call in CALLS[1:4]],
-]
-for handle in HANDLERS:
-    for call in CALLS:
-        assert interrupt_at_each_line(call, handle, make) > 3
-"""
-
-
 def run_here(program):
     path = os.pathsep.join([os.path.dirname(__file__), os.environ["PYTHONPATH"]])
     command = [sys.executable, "-c", program]
     return subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, timeout=5 * DEADLINE_S).returncode
-
-
-def test_a_signal_handler_may_call_a_feed_whatever_it_interrupts():
-    assert run_here(INTERRUPTED) == 0
 
 
 FORKED = """

@@ -334,13 +334,6 @@ def test_a_callback_that_exits_ends_the_feed(bridge, new_laptop):
     check_exit(laptop, lambda: bridge.do(f"send('/tf', '{BASE}')"))
 
 
-def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop, port):
-    laptop.do("from interrupt_at_each_line import interrupt_at_each_line")
-    close = "lambda feed: feed.close()"
-    lines = laptop.do(f"interrupt_at_each_line({close}, {close}, lambda: connect('ws://127.0.0.1:{port}'))")
-    assert lines > 10
-
-
 @pytest.mark.parametrize("closer", ["a thread", "a callback"])
 def test_a_feed_closes_while_messages_arrive(bridge, new_laptop, port, closer):
     laptop = new_laptop(connects=False)

@@ -386,13 +386,6 @@ def test_a_feed_closes_while_messages_arrive(stand_in, new_laptop, port, closer)
     laptop.until("[one for one in threading.enumerate() if 'zenoh' in one.name] == []")
 
 
-def test_a_signal_handler_closes_a_feed_whatever_it_interrupts(laptop, port):
-    laptop.do("from interrupt_at_each_line import interrupt_at_each_line")
-    for call in ("close", "broadcaster", "static_broadcaster"):
-        handled = f"lambda feed: feed.{call}(), lambda feed: feed.close('a signal'), lambda: connect('zenoh://127.0.0.1:{port}')"
-        assert laptop.do(f"interrupt_at_each_line({handled})") > 10
-
-
 def test_broadcasters_end_with_their_feed(laptop, port):
     laptop.do("moving, fixed = robot.broadcaster(), robot.static_broadcaster()")
     laptop.do("robot.close()")

@@ -117,7 +117,7 @@ class Feed:
         self._topics = tuple(_Topic(topic, counts_losses) for topic in topics)
         self._prefix = prefix
         self._wire = wire
-        # Held by `take` only, while it counts. A signal handler may call `take` again, therefore an RLock.
+        # Held by `take` only, while it counts. An RLock, because a signal handler may interrupt it there.
         self._counting = threading.RLock()
         self._source = self.buffer.add_source(name, self._silence)  # whose end ends the waits in the buffer
         self._delays: deque[tuple[int, int]] = deque(maxlen=PERIODS)  # the number of a period, and ns
@@ -294,8 +294,7 @@ class Feed:
         End the feed and its broadcasters. Lookups and awaits in the buffer end, too, unless something else
         fills it. The buffer keeps what it holds.
 
-        It may be called several times, in any thread, and in a signal handler. In a forked child it does
-        nothing.
+        It may be called several times, and in any thread. In a forked child it does nothing.
 
         :param reason: why it ends, for errors.
         """

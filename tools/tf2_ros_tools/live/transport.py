@@ -70,9 +70,9 @@ class Sender(Protocol):
 
 class Wire(Protocol):
     """
-    A transport. Methods may be called by several threads at once, and in a signal handler that interrupts
-    any of them. So a lock of a wire is an ``RLock``, which a handler can take once more, and nothing waits
-    for a thread without a bound, because the code that a handler interrupts may hold what the thread needs.
+    A transport. Methods may be called by several threads at once. A lock of a wire is an ``RLock``, and
+    nothing waits for a thread without a bound: a program may close a feed in a signal handler, which
+    interrupts code that holds the lock, or what the thread needs.
     """
 
     counts_losses: bool  # whether it tells `take` what was lost

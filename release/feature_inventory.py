@@ -56,6 +56,7 @@ receiver | nodes with a listener: transforms arrive without spinning, at a tenth
     tf2_ros/_registration.py docs/several-robots.md docs/environment-and-qos.md
 records and serialized messages | writers of recorders and bridges: bytes in and out, without ROS
     tf2_ros/records* tf2_ros/serialization* tests/ros/test_records.py *test_serialization*
+    tests/core/test_insert_messages.py
 broadcasters | publishers of transforms: tf2_ros's classes
     tf2_ros/*broadcaster* tests/ros/test_broadcasters.py docs/broadcasting.md
 types of messages | users of tf2_geometry_msgs: do_transform_* and transform for every type, registered types

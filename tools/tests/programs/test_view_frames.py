@@ -9,7 +9,6 @@ import pytest
 from picture_texts import groups
 from starting_programs import ROBOT, broadcasting, ended, needs_dot
 
-from tf2_ros_tools.common.output import write_whole
 from tf2_ros_tools.programs.view_frames import output_files
 
 TREE = re.compile(
@@ -40,25 +39,6 @@ def robot():
 )
 def test_files_are_named_after_the_output(output, files):
     assert output_files(output) == files
-
-
-class TestWriting:
-    def test_a_link_stays_one(self, tmp_path):
-        (tmp_path / "link").symlink_to(tmp_path / "file")
-        write_whole(str(tmp_path / "link"), b"text")
-        assert (tmp_path / "link").is_symlink()
-        assert (tmp_path / "file").read_bytes() == b"text"
-
-    def test_a_pipe_is_written_to_and_stays_one(self, tmp_path):
-        pipe = tmp_path / "pipe"
-        os.mkfifo(pipe)
-        reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-        try:
-            write_whole(str(pipe), b"text")
-            assert os.read(reader, 100) == b"text"
-        finally:
-            os.close(reader)
-        assert [*tmp_path.iterdir()] == [pipe] and pipe.is_fifo()
 
 
 @needs_dot

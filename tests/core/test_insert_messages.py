@@ -1,16 +1,22 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages of any source, which `insert_messages` of the core inserts and records."""
+"""Serialized messages of any source, which `insert_messages` inserts and records."""
 
 import pytest
-from making_bags import Sent, Tf, drive, raw
+from cdr_encoder import encode
+from times_and_transforms import S, transform
 
 from tf2_py import BufferCore
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
 
-SENT = drive(2)[:3]
-MESSAGES = [(one.topic, one.log_ns, raw(one)) for one in SENT]
+MESSAGES = [
+    ("/tf_static", 100 * S, encode([transform("base", "camera")])),
+    *(
+        ("/tf", seconds * S, encode([transform("map", "odom", seconds), transform("odom", "base", seconds)]))
+        for seconds in (101, 102)
+    ),
+]
 SOURCES = [MessageSource("/tf"), MessageSource("/tf_static", True)]
 
 
@@ -22,13 +28,14 @@ def test_what_a_small_recording_has_no_place_for_comes_in_arrays():
 
 
 def test_the_numbers_of_static_transforms_are_noted_once_each():
-    mount, moved = Tf("base", "camera", 0, (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8)), (4.0, 5.0, 6.0)
-    sent = [[mount, mount._replace(xyz=moved)], [mount._replace(child="lidar")]]
-    messages = [("/tf_static", 1, raw(Sent(1, "/tf_static", one))) for one in sent]
+    first, moved, turn = (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (0.0, 0.0, 0.6, 0.8)
+    camera = [transform("base", "camera", 0, xyz, turn) for xyz in (first, moved)]
+    lidar = transform("base", "lidar", 0, first, turn)
+    messages = [("/tf_static", 1, encode(one)) for one in (camera, [lidar])]
     recording = Recording()
     insert_messages(BufferCore(), [*messages, MESSAGES[1]], SOURCES, recording=recording)
     values = recording.values()
-    assert values == [(1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8), (*moved, 0.0, 0.0, 0.6, 0.8)]
+    assert values == [(*first, *turn), (*moved, *turn)]
     records = recording.take()
     assert records["value"][:3].tolist() == [0, 1, 0]
     assert not records["static"][3:].any() and (records["value"][3:] >= len(values)).all()
@@ -36,9 +43,9 @@ def test_the_numbers_of_static_transforms_are_noted_once_each():
 
 
 def test_so_many_numbers_of_static_transforms_are_noted():
-    moving = [Tf("base", "camera", 0, (float(i), 0.0, 0.0)) for i in range(70_000)]
+    moving = [transform("base", "camera", 0, (i, 0, 0)) for i in range(70_000)]
     recording = Recording()
-    message = ("/tf_static", 1, raw(Sent(1, "/tf_static", moving)))
+    message = ("/tf_static", 1, encode(moving))
     insert_messages(BufferCore(), [message], SOURCES, recording=recording)
     assert len(recording.values()) == 65_536
     assert len(recording.take()) == 70_000 and recording.lost == 0
@@ -65,6 +72,6 @@ def test_an_error_of_the_iteration_is_raised_or_explained(how):
         raise OSError("it ends")
 
     buffer = BufferCore()
-    with pytest.raises(OSError, match=f"^it ends{f' after {SENT[2].log_ns}' if how else ''}$"):
+    with pytest.raises(OSError, match=f"^it ends{f' after {102 * S}' if how else ''}$"):
         insert_messages(buffer, broken(), SOURCES, **how)
     assert "camera" in buffer, "what came before is kept"

@@ -3,9 +3,10 @@
 """Load recordings into buffers, and save buffers as recordings, with or without ROS."""
 
 from tf2_ros_tools.common.optional_libraries import require
-from tf2_ros_tools.recordings.bag_loader import load, stamps, transforms
+from tf2_ros_tools.recordings.bag_loader import load, transforms
 from tf2_ros_tools.recordings.bag_reader import BagError
 from tf2_ros_tools.recordings.datasets import Dataset, dataset
+from tf2_ros_tools.recordings.header_stamps import stamps
 from tf2_ros_tools.recordings.map_recordings import MappedRecordings, map_recordings
 from tf2_ros_tools.recordings.saved_buffers import load_saved, save
 from tf2_ros_tools.recordings.trajectories import Trajectory

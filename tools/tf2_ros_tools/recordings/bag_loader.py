@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Load recordings into buffers, and read their transforms and stamps."""
+"""Load recordings into buffers, and read their transforms."""
 
 import os
 import warnings
@@ -11,9 +11,6 @@ from functools import partial
 from math import inf
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
-
-import numpy as np
-from numpy.typing import NDArray
 
 from tf2_py.printable import printable
 from tf2_py.typing import DurationLike, TimeLike
@@ -35,7 +32,6 @@ from tf2_ros_tools.recordings.bag_reader import (
     resolved,
     typestore,
 )
-from tf2_ros_tools.recordings.header_stamps import stamps_of
 from tf2_ros_tools.recordings.joints_and_poses import (
     JOINT_STATE,
     NAMED,
@@ -507,28 +503,6 @@ def static_transforms(
         names = " or ".join(map(printable, what.prefixes))
         raise BagError(f"{printable(recorded.path)} has no static transforms on {names}: {advice}")
     return found, left_out
-
-
-def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
-    """
-    Read the stamps of all messages of a topic, for lookups at these times.
-
-    :param path: the recording, see :func:`load`.
-    :param topic: a topic of any type whose messages begin with a ``std_msgs/Header``, or a type of Foxglove
-        with a ``timestamp``.
-    :return: int64, shape (N,), nanoseconds, in the order of the recording. If the stamp of a message is not
-        set, it is the smallest int64, NaT: a lookup at this time has no answer, whereas 0 would mean the
-        latest time.
-    :raises FileNotFoundError, ModuleNotFoundError: see :func:`load`.
-    :raises BagError: the recording is broken, does not have the topic, or its messages have no header.
-
-    A warning says if the files of a folder have fewer messages than its ``metadata.yaml`` counts.
-    """
-    with open_recording(path) as recorded:
-        found = stamps_of(recorded, topic)
-        for text in recorded.shortfalls([topic]):
-            warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
-        return found
 
 
 BAR_AFTER_S = 1.0

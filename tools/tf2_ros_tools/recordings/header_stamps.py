@@ -3,9 +3,11 @@
 """Read the stamps in the headers of recorded messages, of any type that has one."""
 
 import struct
+import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import islice
+from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +25,7 @@ from tf2_ros_tools.recordings.bag_reader import (
     explained,
     full_name,
     listed,
+    open_recording,
     typestore,
 )
 
@@ -32,6 +35,28 @@ if TYPE_CHECKING:
 # In place of a stamp of 0, which is not set: to lookups, 0 means the latest time, and this, NaT, no time.
 UNSET_NS = -(1 << 63)
 HEADER = "std_msgs/msg/Header"
+
+
+def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
+    """
+    Read the stamps of all messages of a topic, for lookups at these times.
+
+    :param path: the recording, see :func:`tf2_ros_tools.bag.load`.
+    :param topic: a topic of any type whose messages begin with a ``std_msgs/Header``, or a type of Foxglove
+        with a ``timestamp``.
+    :return: int64, shape (N,), nanoseconds, in the order of the recording. If the stamp of a message is not
+        set, it is the smallest int64, NaT: a lookup at this time has no answer, whereas 0 would mean the
+        latest time.
+    :raises FileNotFoundError, ModuleNotFoundError: see :func:`tf2_ros_tools.bag.load`.
+    :raises BagError: the recording is broken, does not have the topic, or its messages have no header.
+
+    A warning says if the files of a folder have fewer messages than its ``metadata.yaml`` counts.
+    """
+    with open_recording(path) as recorded:
+        found = stamps_of(recorded, topic)
+        for text in recorded.shortfalls([topic]):
+            warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
+        return found
 
 
 def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:

@@ -78,14 +78,12 @@ def page(
     machine: Sequence[str],
     load: Sequence[float],
     remarks: Iterable[str],
-    titles: Mapping[str, str] = TITLES,
 ) -> str:
     """
     The report.
 
     :param machine: lines about the machine; `load` is its load average before and after.
     :param remarks: what is missing, and why.
-    :param titles: of the sections, in their order.
     """
     lines = ["# Benchmark", "", *(f"- {line}" for line in machine)]
     lines += [f"- load average before and after: {load[0]:.1f}, {load[1]:.1f}"]
@@ -100,7 +98,7 @@ def page(
         "Each library runs in processes of its own, which take turns, round by round. The values are ",
     ]
     lines[-1] += "medians of all rounds, with the 5th and the 95th percentile; the empty loop is subtracted."
-    for section, title in titles.items():
+    for section, title in TITLES.items():
         if own := rows.of(section):
             lines += ["", f"## {title}", "", *_table(own, libraries)]
     return "\n".join(lines) + "\n"

@@ -90,7 +90,7 @@ commands in common | users of all commands: options, texts and exit codes alike
 tf2_msgs wheels | users of PyPI's ROS 2: the messages that it lacks
     messages/* *tf2_msgs_packaging*
 measurements | readers of the claims about speed: each figure can be repeated
-    bench/* tools/bench/* docs/performance.md *instruction_counts*
+    bench/* docs/performance.md *instruction_counts*
 searches for faults | users who rely on it: fuzzing, sanitizers, stress
     reliability/* *fuzz* docs/development/reliability.md *failing_allocations* *allocation_failures*
 build and release | packagers: wheels, debs and checks

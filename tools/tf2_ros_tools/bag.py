@@ -7,7 +7,6 @@ from tf2_ros_tools.recordings.bag_loader import load, transforms
 from tf2_ros_tools.recordings.bag_reader import BagError
 from tf2_ros_tools.recordings.datasets import Dataset, dataset
 from tf2_ros_tools.recordings.header_stamps import stamps
-from tf2_ros_tools.recordings.map_recordings import MappedRecordings, map_recordings
 from tf2_ros_tools.recordings.saved_buffers import load_saved, save
 from tf2_ros_tools.recordings.trajectories import Trajectory
 
@@ -19,12 +18,10 @@ require("tqdm", "bag")
 __all__ = [
     "BagError",
     "Dataset",
-    "MappedRecordings",
     "Trajectory",
     "dataset",
     "load",
     "load_saved",
-    "map_recordings",
     "save",
     "stamps",
     "transforms",

@@ -50,7 +50,7 @@ GETTING_STARTED = ROOT / "docs" / "getting-started.md"  # live.md needs its robo
 
 def with_a_program():
     """The pages that have one."""
-    whys = {"datasets.md": "needs pyarrow and distributed"}
+    whys = {"datasets.md": "needs pyarrow"}
     for page in filter(program, PAGES):
         marks = [pytest.mark.long(whys[page.name])] if page.name in whys else []
         yield pytest.param(page, id=page.name, marks=marks)
@@ -61,8 +61,7 @@ def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
     if page.name == "live.md":
         pytest.importorskip("cyclonedds")
     if page.name == "datasets.md":
-        for library in ("pyarrow", "distributed"):
-            pytest.importorskip(library)
+        pytest.importorskip("pyarrow")
         provide_torch(tmp_path)
     with programs_beside(GETTING_STARTED, tmp_path) if page.name == "live.md" else nullcontext():
         run_program(page, tmp_path)

@@ -18,7 +18,7 @@ LIBRARIES = {
     *("numpy", "rclpy", "geometry_msgs", "rcl_interfaces", "tf2_msgs"),
     *("yaml", "rich", "textual", "graphviz", "matplotlib"),
     *("rosbags", "mcap", "mcap_protobuf", "zstandard", "tqdm"),
-    *("pyarrow", "dask", "distributed", "cryptography"),
+    "pyarrow",
     *("cyclonedds", "zenoh", "xxhash", "websockets"),
 }
 MODULES = project_sources.modules(TOOLS, PACKAGES)

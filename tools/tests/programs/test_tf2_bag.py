@@ -7,7 +7,6 @@ import io
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 
@@ -16,9 +15,8 @@ import pytest
 from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
 from picture_texts import texts_of
 from robot_of_all_joints import ARM, description, joint_state
-from starting_programs import needs_dot, running
+from starting_programs import needs_dot
 from times_and_transforms import transform
-from waiting import DEADLINE_S, until
 
 from tf2_ros_tools.bag import load, save
 from tf2_ros_tools.common.optional_libraries import MissingLibraryError
@@ -314,16 +312,6 @@ class TestOtherTopics:
         with pytest.raises(RunError, match=r"arm.urdf: the robot has no links$"):
             run("info", drive_mcap, "--urdf", tmp_path / "arm.urdf")
 
-    @pytest.mark.long("needs pyarrow")
-    def test_a_batch_reads_them(self, run, tmp_path):
-        parquet = pytest.importorskip("pyarrow.parquet")
-
-        write_mcap(tmp_path / "run.mcap", series("/odom", ODOMETRY))
-        command = ("batch", tmp_path, "--lookup", "map", "base", "--poses", "/odom", "--workers", 1)
-        assert run(*command, "--out", tmp_path / "tables")[0] == 0
-        [table] = (tmp_path / "tables").glob("*.parquet")
-        assert parquet.read_table(table).to_pydict()["x"] == [i / 10 for i in range(20)]
-
 
 class TestAdvice:
     """What is said where a frame may be missing because its topic is."""
@@ -473,35 +461,6 @@ def test_a_picture_of_one_message_and_of_a_part_is_drawn(run, drive_mcap, tmp_pa
     assert run("plot", drive_mcap, "--start", 104, "--end", 106, "-o", tmp_path / "q.svg")[0] == 0
     ticks = [float(text) for text in texts_of(tmp_path / "q.svg") if re.fullmatch(r"[\d.]+", text)]
     assert ticks and all(104.0 <= tick <= 106.0 for tick in ticks)
-
-
-@pytest.mark.long("needs Dask")
-def test_a_misspelt_frame_of_a_batch_is_told_and_no_success(run, tmp_path):
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("distributed")
-    path = recording(tmp_path / "a.mcap", count=30)
-    command = ("batch", path, "--lookup", "map", "camra", "--out", tmp_path / "tables", "--workers", 1)
-    for counts in ("1 done, 0 skipped", "0 done, 1 skipped"):
-        status, out, err = run(*command)
-        assert (status, out.splitlines()[0]) == (1, f"{counts}, 0 failed, 1 without an answer")
-        assert err.startswith(f"tf2_bag batch: {path}: ") and "camra" in err and err.count("\n") == 1
-
-
-@pytest.mark.long("needs Dask")
-def test_ctrl_c_in_a_batch_says_how_to_go_on(tmp_path):
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("distributed")
-    one = recording(tmp_path / "0.mcap", count=30)
-    for i in range(1, 2000):  # far more than are done before the signal
-        os.link(one, tmp_path / f"{i}.mcap")
-    tables = tmp_path / "tables"
-    command = ("batch", str(tmp_path), "--lookup", "map", "camera", "--workers", "1")
-    with running("tf2_bag", *command, "--out", tables) as process:
-        until(lambda: next(tables.glob("[!_]*.parquet"), None))
-        process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=DEADLINE_S)
-    assert process.returncode == 130
-    assert err == "tf2_bag batch: interrupted; repeat the command to continue\n"
 
 
 # The program tf2_bag, in a Python that cannot import the packages of ROS.

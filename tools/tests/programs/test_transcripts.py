@@ -23,24 +23,16 @@ from waiting import DEADLINE_S
 from tf2_ros_tools.programs import tf2_bag
 
 
-def libraries_of(command):
-    """What a command needs that `make test` does not install."""
-    return ["pyarrow"] if command.startswith("tf2_bag batch nothing") else []
-
-
 def commands():
     """Each command with the lines below it."""
     for path in sorted(Path(__file__).with_name("transcripts").glob("*.txt")):
         for block in re.split(r"^\$ ", path.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
             command, *lines = block.splitlines()
-            marks = [pytest.mark.long(f"needs {one}") for one in libraries_of(command)]
-            yield pytest.param(command, lines, id=command, marks=marks)
+            yield pytest.param(command, lines, id=command)
 
 
 @pytest.mark.parametrize(("command", "lines"), [*commands()])
 def test_a_command_prints_what_its_transcript_shows(command, lines, folder, monkeypatch, peer, capfd):
-    for library in libraries_of(command):
-        pytest.importorskip(library)
     monkeypatch.chdir(folder)
     sent = [line.split() for line in lines if line.startswith(">")]
     status = next((int(line[2:]) for line in lines if line.startswith("? ")), 0)

@@ -271,26 +271,6 @@ def test_the_command_writes_a_file_that_opens(path, tmp_path, capsys):
     assert held(Buffer.open(frozen)) == held(bag.load(path))
 
 
-@pytest.mark.long("needs pyarrow")
-@pytest.mark.parametrize("workers", [1, 2])
-def test_map_recordings_freezes_what_load_opens(workers, path, cache, tmp_path):
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("distributed")
-    other = write_mcap(tmp_path / "other.mcap", drive(10))
-    ends = ([path, other], "map", "base", tmp_path / "tables")
-    first = bag.map_recordings(*ends, workers=workers)
-    assert len(first.done) == 2
-    assert not cache.exists()
-    # A table without the file is not enough, and both together are.
-    assert len(bag.map_recordings(*ends, workers=workers, cache=cache).done) == 2
-    assert len(bag.map_recordings(*ends, workers=workers, cache=cache).skipped) == 2
-    made = files(cache)
-    assert len(made) == 2
-    for one in (path, other):
-        assert held(bag.load(one, cache=cache)) == held(bag.load(one))
-    assert files(cache) == made
-
-
 def test_no_folder_is_refused(path):
     with pytest.raises(ValueError, match="cache: expected a folder, got ''"):
         bag.load(path, cache="")

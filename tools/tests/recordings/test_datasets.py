@@ -2,19 +2,26 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Poses at the stamps of images: what a row says, and that many recordings are one table."""
 
-import csv
-
 import numpy as np
 import pytest
-from making_bags import STAMPED, S, Sent, Tf, drive, posed, scan, slam_path, write_mcap
+from making_bags import (
+    STAMPED,
+    S,
+    Sent,
+    Tf,
+    drive,
+    posed,
+    scan,
+    slam_path,
+    write_folder,
+    write_mcap,
+    write_split,
+)
 from robot_of_all_joints import ARM, NAMES, joint_state
 
-from tf2_ros import LookupException
+from tf2_ros import InvalidArgumentException, LookupException
 from tf2_ros_tools import bag
-
-pytest.importorskip("pyarrow")
-
-pytestmark = pytest.mark.long("needs pyarrow")
+from tf2_ros_tools.recordings.datasets import find_recordings
 
 FRAMES = ["camera", "lidar"]
 TIMES = [99 * S, 100 * S, 100 * S + 30_000_000, 101 * S + 5, 101 * S + 900_000_000, 150 * S]
@@ -96,26 +103,13 @@ class TestTrajectory:
             np.testing.assert_allclose(matrix[0, 3], x, rtol=0, atol=1e-9)
         assert {one.name: one.stat().st_ino for one in (tmp_path / "cache").iterdir()} == before
 
-    def test_a_table_is_made_again_when_the_file_has_changed(self, runs, tmp_path):
-        own = bag.Trajectory(tmp_path / "own.tum", "map", "odom", "base")
-        for x, again in ((9, "done"), (9, "skipped"), (8, "done")):
-            own.path.write_text(f"100 {x} 0 0 0 0 0 1\n101 {x} 0 0 0 0 0 1\n")
-            how = {"at": "/images", "trajectory": own, "workers": 1}
-            result = bag.map_recordings(runs[0], "map", FRAMES, tmp_path / "tables", **how)
-            assert [*getattr(result, again)] == runs[:1]
-
     def test_poses_that_are_left_out_are_counted(self, runs, tmp_path):
         (tmp_path / "early.tum").write_text("99 9 0 0 0 0 0 1\n101 9 0 0 0 0 0 1\n")
         early = bag.Trajectory(tmp_path / "early.tum", "map", "odom", "base", on_missing="skip")
-        out = tmp_path / "tables"
         text = "1 of the 2 poses in .*early.tum is left out, because base in odom is not known"
-        for how in ({}, {"out": out, "workers": 1}, {"out": out, "workers": 1}):  # the last one reads tables
-            with pytest.warns(UserWarning, match=f"4.mcap: {text}") as warned:
-                made(runs[1], trajectory=early, **how)
-            assert [(len(warned), one.filename) for one in warned] == [(1, __file__)]
-        rows = [*csv.DictReader((out / "_findings.csv").read_text().splitlines())]
-        kinds = [(row["file"], row["kind"]) for row in rows if row["kind"] in ("trajectory", "malformed")]
-        assert kinds == [(runs[1], "trajectory")]
+        with pytest.warns(UserWarning, match=f"4.mcap: {text}") as warned:
+            made(runs[1], trajectory=early)
+        assert [(len(warned), one.filename) for one in warned] == [(1, __file__)]
 
 
 def test_rows_are_float32_unless_it_would_round_by_more_than_a_millimeter(path, tmp_path):
@@ -139,6 +133,46 @@ def test_rows_can_be_chosen(path):
         data.where([1] * 6)
 
 
+class TestFinding:
+    """Which recordings are meant."""
+
+    @pytest.fixture
+    def runs(self, tmp_path):
+        """A folder with four good recordings, two of them with the same name."""
+        at = tmp_path / "runs"
+        for day in ("monday", "tuesday"):
+            (at / day).mkdir(parents=True)
+            write_mcap(at / day / "run.mcap", drive(40))
+        write_folder(at / "monday" / "folder", drive(30), "sqlite3")
+        write_split(at / "split", drive(30))
+        return at
+
+    def test_a_folder_is_searched_and_one_of_rosbag2_is_one_recording(self, runs):
+        (runs / "notes.txt").write_text("nothing")
+        (runs / "monday" / "metadata.yaml").write_text("of something else")
+        found = ["monday/folder", "monday/run.mcap", "split", "tuesday/run.mcap"]
+        assert find_recordings(str(runs)) == [str(runs / name) for name in found]
+        assert find_recordings(runs / "split") == [str(runs / "split")]
+        assert find_recordings(runs / "monday" / "run.mcap") == [str(runs / "monday" / "run.mcap")]
+        compressed = (runs / "tuesday" / "run.mcap").rename(runs / "tuesday" / "run.mcap.zstd")
+        assert find_recordings(runs / "tuesday") == find_recordings(compressed) == [str(compressed)]
+        unfinished = compressed.rename(runs / "tuesday" / "run.bag.active")  # reported as failed
+        assert find_recordings(runs / "tuesday") == [str(unfinished)]
+
+    def test_paths_are_taken_as_they_are_and_each_once(self, runs):
+        (runs / "link.mcap").symlink_to(runs / "monday" / "run.mcap")
+        run = str(runs / "monday" / "run.mcap")
+        gone = str(runs / "gone.mcap")
+        assert find_recordings([run, runs / "link.mcap", gone]) == [run, gone]
+        assert find_recordings([gone, runs / "tuesday"]) == [gone, str(runs / "tuesday" / "run.mcap")]
+        [part] = (runs / "split").glob("*_0.mcap")
+        assert find_recordings([part, runs / "split"]) == [str(runs / "split")]
+        (runs / "empty").mkdir()
+        for nothing in (runs / "empty", [runs / "empty"], []):
+            with pytest.raises(FileNotFoundError):
+                find_recordings(nothing)
+
+
 class TestManyRecordings:
     @pytest.fixture
     def runs(self, tmp_path):
@@ -149,57 +183,52 @@ class TestManyRecordings:
         (runs / "broken.mcap").write_bytes(b"nothing")
         return runs
 
-    def test_they_are_one_table_with_and_without_a_folder_of_tables(self, runs, tmp_path):
-        for how in ({}, *[{"out": tmp_path / "tables", "workers": 1}] * 2):  # written, and read
-            data = made(runs, **how)
-            assert data.files == tuple(str(runs / f"run{i}.mcap") for i in range(3))
-            assert list(data.failed) == [str(runs / "broken.mcap")]
-            assert data.episodes.tolist() == np.repeat(range(3), 6).tolist()
-            assert data.indices.tolist() == [*range(6)] * 3
-            assert repr(data) == "<tf2_ros_tools.bag.Dataset: 18 rows of 2 frames in 3 recordings>"
-            for i in range(3):
-                alone = made(data.files[i])
-                mine = data.where(data.episodes == i)
-                for name in ("stamps_ns", "timestamps", "poses", "valid", "gaps"):
-                    np.testing.assert_equal(getattr(mine, name), getattr(alone, name))
-        result = bag.map_recordings(runs, "map", FRAMES, tmp_path / "tables", at="/images", workers=1)
-        assert len(result.skipped) == 3
+    def test_they_are_one_table(self, runs):
+        data = made(runs)
+        assert data.files == tuple(str(runs / f"run{i}.mcap") for i in range(3))
+        assert list(data.failed) == [str(runs / "broken.mcap")]
+        assert data.episodes.tolist() == np.repeat(range(3), 6).tolist()
+        assert data.indices.tolist() == [*range(6)] * 3
+        assert repr(data) == "<tf2_ros_tools.bag.Dataset: 18 rows of 2 frames in 3 recordings>"
+        for i in range(3):
+            alone = made(data.files[i])
+            mine = data.where(data.episodes == i)
+            for name in ("stamps_ns", "timestamps", "poses", "valid", "gaps"):
+                np.testing.assert_equal(getattr(mine, name), getattr(alone, name))
 
-    def test_a_list_keeps_its_order(self, runs, tmp_path):
+    def test_a_list_keeps_its_order(self, runs):
         passed = [str(runs / f"run{i}.mcap") for i in (2, 0, 1)]
-        for how in ({}, *[{"out": tmp_path / "tables", "workers": 1}] * 2):
-            for listed in (passed, iter(passed), [*passed, passed[0]]):  # each once
-                data = made(listed, **how)
-                assert data.files == tuple(passed)
-                assert data.stamps_ns[[0, 6, 12]].tolist() == [TIMES[0] + i * S for i in (2, 0, 1)]
+        for listed in (passed, iter(passed), [*passed, passed[0]]):  # each once
+            data = made(listed)
+            assert data.files == tuple(passed)
+            assert data.stamps_ns[[0, 6, 12]].tolist() == [TIMES[0] + i * S for i in (2, 0, 1)]
         mixed = made([passed[1], str(runs)])
         assert mixed.files == tuple(str(runs / f"run{i}.mcap") for i in range(3))
 
-    def test_the_same_robot_and_poses_reach_every_worker(self, tmp_path):
-        pytest.importorskip("distributed")
+    def test_the_same_robot_moves_in_each(self, tmp_path):
         runs = tmp_path / "runs"
         runs.mkdir()
         for i in range(2):
             states = [joint_state(ns, NAMES, [0.1 * i, 0.2, 0.3]) for ns in TIMES]
             write(runs / f"run{i}.mcap", states)
         how = {"at": "/images", "relative_to": "base", "urdf": ARM}
-        here = bag.dataset(runs, ["thumb"], **how)
-        np.testing.assert_allclose(here.valid, True)
-        for _ in range(2):
-            there = bag.dataset(runs, ["thumb"], out=tmp_path / "tables", workers=2, **how)
-            np.testing.assert_equal(there.poses, here.poses)
-        # Another robot is another lookup.
-        other = ARM.replace('multiplier="3"', 'multiplier="4"')
-        there = bag.dataset(runs, ["thumb"], out=tmp_path / "tables", workers=1, **{**how, "urdf": other})
-        assert not (there.poses == here.poses).all()
+        data = bag.dataset(runs, ["thumb"], **how)
+        np.testing.assert_allclose(data.valid, True)
+        assert not (data.poses[:6] == data.poses[6:]).all()
 
     def test_none_that_can_be_read_is_an_error(self, runs, tmp_path):
         with pytest.raises(bag.BagError, match="broken.mcap is not a recording: "):
             made(runs / "broken.mcap")
-        with pytest.raises(bag.BagError, match="none: No such file or directory"):
+        with pytest.raises(bag.BagError, match="none: the recording does not exist"):
             made(tmp_path / "none")
 
+    def test_a_name_cannot_steer_the_terminal_that_shows_the_reasons(self, runs):
+        (runs / "x\x1b[2J.mcap").write_bytes(b"nothing")
+        reasons = made(runs).failed.values()
+        assert len(reasons) == 2 and all(map(str.isprintable, reasons))
 
+
+@pytest.mark.long("needs pyarrow")
 def test_parquet_has_a_column_for_each_number(path, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     data = made(path)
@@ -221,7 +250,9 @@ def test_parquet_has_a_column_for_each_number(path, tmp_path):
         (["camera", "camra"], {}, LookupException, "camra"),
         (["camera"], {"at": "/image"}, bag.BagError, "topic /image: this topic does not exist; the topics"),
         (["camera"], {"relative_to": "mapp"}, LookupException, "mapp"),
-        (["camera"], {"workers": 2}, ValueError, "workers and scheduler need out, the folder for the tables"),
+        ([], {}, ValueError, r"frames: expected one or more different names, got \[\]"),
+        (["camera", "/lidar"], {}, InvalidArgumentException, "frame_ids cannot start with a '/'"),
+        (["camera"], {"topics": []}, ValueError, "topics: expected at least one topic, got none"),
     ],
 )
 def test_what_cannot_be_asked_is_told_in_one_sentence(path, frames, how, error, said):

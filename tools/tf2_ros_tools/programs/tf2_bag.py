@@ -29,7 +29,7 @@ from tf2_ros_tools.common.options import (
     positive_number,
 )
 from tf2_ros_tools.common.output import counted, first_names, show, show_json, three_digits, write_whole
-from tf2_ros_tools.common.program import FAILURE, SUCCESS, Parser, RunError, UsageError, run
+from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, run
 
 if TYPE_CHECKING:
     from argparse import _MutuallyExclusiveGroup
@@ -56,7 +56,6 @@ EXAMPLE = """\
   tf2_bag lookup drive.mcap map base_link -o path.tum
   tf2_bag explain drive.mcap map base_link
   tf2_bag check drive.mcap --expect robot.yaml
-  tf2_bag batch recordings/ --lookup map base_link --rate 10 --out tables
   tf2_bag freeze drive.mcap -o drive.tf2"""
 
 
@@ -70,9 +69,6 @@ The columns are stamp_ns, x, y, z (meters), qx, qy, qz, qw, valid (false if ther
 numbers are then nan) and gap (seconds between the samples that a pose was interpolated from).
 
 Exit status: 0 on success; 1 if no time has an answer, or the recording cannot be read; 2 after wrong \
-usage."""
-BATCH_STATUS = """\
-Exit status: 0 on success; 1 if a recording could not be read or has no answer at any time; 2 after wrong \
 usage."""
 
 
@@ -228,7 +224,7 @@ def lookup(options: Namespace) -> int:
         reason = pose_tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, options.max_gap)
         raise RunError(reason)
     if kind == "parquet":
-        contents = pose_tables.as_parquet({"": table}, options.file)
+        contents = pose_tables.as_parquet(table, options.file)
     else:
         contents = pose_tables.as_tum(table) if kind == "tum" else pose_tables.as_csv(table)
     if options.output is None:
@@ -301,38 +297,6 @@ def statics(options: Namespace) -> int:
         entry = ", ".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in keys.items())
         show(f"- {{{entry}}}")
     return SUCCESS
-
-
-def batch(options: Namespace) -> int:
-    """Make the tables of many recordings; return the exit status."""
-    from tf2_ros_tools.recordings.map_recordings import map_recordings
-
-    target, source = options.lookup
-    try:
-        result = map_recordings(
-            options.recordings,
-            target,
-            source,
-            options.out,
-            at=options.at,
-            rate=options.rate,
-            topics=_topics_of(options),
-            poses=dict(options.poses),
-            urdf=_robots_of(options),
-            workers=options.workers,
-            scheduler=options.scheduler,
-        )
-    except KeyboardInterrupt:
-        options.parser.warn("interrupted; repeat the command to continue")
-        raise
-    for problem in result.failed.values():
-        options.parser.warn(problem)
-    for recording, reason in result.unanswered.items():
-        options.parser.warn(f"{recording}: {reason}")
-    lack = f", {len(result.unanswered)} without an answer" if result.unanswered else ""
-    counts = f"{len(result.done)} done, {len(result.skipped)} skipped, {len(result.failed)} failed{lack}"
-    show(counts, result.findings)
-    return FAILURE if result.failed or result.unanswered else SUCCESS
 
 
 def freeze(options: Namespace) -> int:
@@ -508,26 +472,6 @@ def _parser() -> Parser:
     _add_recording(command)
     _add_trajectory(command)
     add_plot_options(command, "the recording's name with .png, in the current folder")
-    command = add(
-        "batch",
-        batch,
-        "write the poses of a frame in many recordings: a Parquet table for each, and a table of all "
-        "problems; tables that an earlier run completed are skipped",
-        "recordings/ --lookup map base_link --rate 10 --out tables",
-        "day1/*.mcap --lookup map lidar --at /points --out tables --workers 4",
-        more=BATCH_STATUS,
-    )
-    summary = "a recording, or a folder that is searched for recordings"
-    command.add_argument("recordings", nargs="+", metavar="RECORDING", help=summary)
-    ends, summary = ("TARGET", "SOURCE"), "write the poses of the frame SOURCE in the frame TARGET"
-    command.add_argument("--lookup", nargs=2, metavar=ends, type=_frame, required=True, help=summary)
-    _add_when(command)
-    command.add_argument("--out", metavar="DIR", required=True, help="the folder for the tables")
-    how = command.add_mutually_exclusive_group()
-    how.add_argument("--workers", type=int, metavar="N", help="number of processes; by default one per core")
-    summary = "the scheduler of a Dask cluster that does the work"
-    how.add_argument("--scheduler", metavar="ADDRESS", help=summary)
-    _add_topics(command)
     command = add(
         "freeze",
         freeze,

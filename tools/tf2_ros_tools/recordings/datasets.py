@@ -4,40 +4,94 @@
 
 from __future__ import annotations
 
-import csv
+import errno
+import os
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from io import BytesIO
 from os import PathLike
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tf2_py import LookupException
+from tf2_py import BufferCore, LookupException
 from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted, write_whole
-from tf2_ros_tools.recordings.bag_loader import TOPICS, PoseTopics, Topics, Urdfs
-from tf2_ros_tools.recordings.bag_reader import BagError
-from tf2_ros_tools.recordings.header_stamps import UNSET_NS
-from tf2_ros_tools.recordings.map_recordings import (
-    UNUSED,
-    Recordings,
-    find_recordings,
-    map_recordings,
+from tf2_ros_tools.recordings.bag_cache import Cached
+from tf2_ros_tools.recordings.bag_contents import read_contents
+from tf2_ros_tools.recordings.bag_loader import (
+    TOPICS,
+    PoseTopics,
+    Topics,
+    Urdfs,
+    Wanted,
+    new_buffer,
+    progress_bar,
+    wanted,
 )
-from tf2_ros_tools.recordings.pose_tables import POSE, STAMP_NS
+from tf2_ros_tools.recordings.bag_reader import SUFFIXES, UNFINISHED, BagError, resolved
+from tf2_ros_tools.recordings.header_stamps import UNSET_NS
+from tf2_ros_tools.recordings.pose_tables import POSE, STAMP_NS, Table, look_up_frames
 from tf2_ros_tools.recordings.trajectories import Trajectory
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 S = 1_000_000_000
 FLOAT32_M = 2.0**15  # float32 rounds smaller coordinates by less than 1 mm
+
+# Find the recordings.
+
+
+Recordings: TypeAlias = "str | PathLike[str] | Iterable[str | PathLike[str]]"
+
+
+def find_recordings(recordings: Recordings) -> list[str]:
+    """
+    Find recordings; return each once, as an absolute path without symbolic links.
+
+    :param recordings: one or several paths of recordings, or of folders, which are searched with all their
+        subfolders.
+    :raises FileNotFoundError: no recording was found in the folders.
+    """
+    paths = [recordings] if isinstance(recordings, str | PathLike) else [*recordings]
+    names = [os.fspath(path) for path in paths]
+    found = [one for name in names for one in _meant_by(name)]
+    if not found:
+        raise FileNotFoundError(errno.ENOENT, "no recordings were found", ", ".join(names))
+    return list(dict.fromkeys(map(resolved, found)))
+
+
+def _meant_by(path: str) -> list[str]:
+    if not os.path.isdir(path):
+        # A part of a folder lacks what the other parts hold.
+        folder = os.path.dirname(os.path.abspath(path))
+        return [folder if _is_rosbag2(folder) else path]
+    found: list[str] = []
+    closed: list[str] = []  # folders that cannot be read; returned, so that they are reported as failed
+    for folder, inside, files in os.walk(path, onerror=lambda error: closed.append(error.filename)):
+        if _is_rosbag2(folder):
+            found.append(folder)
+            inside.clear()
+        else:
+            # Those that were not closed are reported as failed.
+            ends = (*SUFFIXES, UNFINISHED)
+            names = (name for name in files if name.endswith(ends) and not name.startswith("."))
+            found += (os.path.join(folder, name) for name in names)
+    return sorted(found) + closed
+
+
+def _is_rosbag2(folder: str) -> bool:
+    try:
+        with open(os.path.join(folder, "metadata.yaml"), "rb") as file:
+            return b"rosbag2_bagfile_information" in file.read(4096)  # other projects use this name, too
+    except OSError:
+        return False
+
+
+# Collect the poses.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,7 +184,9 @@ class Dataset:
 
         :param path: the file.
         :raises OSError: the file cannot be written; an existing file remains unchanged.
+        :raises ModuleNotFoundError: pyarrow is not installed.
         """
+        require("pyarrow", "fleet")
         import pyarrow
         from pyarrow import parquet
 
@@ -160,39 +216,32 @@ def dataset(
     *,
     at: str,
     relative_to: str,
-    out: str | PathLike[str] | None = None,
     topics: Topics = TOPICS,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
     trajectory: Trajectory | None = None,
     cache: str | PathLike[str] | None = None,
-    workers: int | None = None,
-    scheduler: str | Client | None = None,
     progress: bool | None = None,
 ) -> Dataset:
     """
     Look up the poses of frames at the stamp of each message of a topic, in one or many recordings.
 
-    :param recordings: see :func:`tf2_ros_tools.bag.map_recordings`.
+    :param recordings: the path of a recording, or of a folder, which is searched with all its subfolders; or
+        several of them.
     :param frames: the names of the frames.
     :param at: the topic, for example of the images; see :func:`tf2_ros_tools.bag.stamps`.
     :param relative_to: the frame in which the poses are given.
-    :param out: a folder, into which :func:`tf2_ros_tools.bag.map_recordings` writes a table of each
-        recording, with several processes; the next call reads these tables. None: no table is kept, and this
-        process reads the recordings one after the other.
     :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see :func:`tf2_ros_tools.bag.load`.
     :param urdf: see :func:`tf2_ros_tools.bag.load`.
     :param trajectory: see :func:`tf2_ros_tools.bag.load`.
-    :param cache: see :func:`tf2_ros_tools.bag.map_recordings`.
-    :param workers: only with ``out``; the number of worker processes. None: one for each core.
-    :param scheduler: only with ``out``; the address of a Dask scheduler, whose workers do the work.
+    :param cache: a folder in which the transforms of each recording are also frozen, so that ``load`` with
+        this folder and the same topics, poses, robots and trajectory opens these files.
     :param progress: whether to show a bar. None: only if standard error is a terminal, after one second.
     :raises FileNotFoundError: the folders contain no recording.
     :raises BagError: none of the recordings can be read.
     :raises LookupException: a frame has no pose at any time in any recording.
     :raises InvalidArgumentException: a name of a frame is invalid.
-    :raises ModuleNotFoundError: pyarrow is not installed.
     :raises TypeError, ValueError: ``frames`` is a str, is empty or has equal names; or see
         :func:`tf2_ros_tools.bag.load`.
 
@@ -202,64 +251,80 @@ def dataset(
     if isinstance(frames, str):
         raise TypeError(f"frames: expected a list of names, got a str: use [{frames!r}]")
     names = list(frames)
-    if out is None and (workers is not None or scheduler is not None):
-        raise ValueError("workers and scheduler need out, the folder for the tables")
-    require("pyarrow", "fleet")
-    import pyarrow
-    from pyarrow import parquet
-
-    with TemporaryDirectory(prefix="tf2-ros-cython-") as folder:
-        # For their order, which is that of labels, too.
-        paths = find_recordings(recordings)
-        result = map_recordings(
-            paths,
-            relative_to,
-            names,
-            folder if out is None else out,
-            at=at,
-            topics=topics,
-            poses=poses,
-            urdf=urdf,
-            trajectory=trajectory,
-            cache=cache,
-            workers=1 if out is None else workers,
-            scheduler=scheduler,
-            progress=progress,
-        )
-        with open(result.findings, encoding="utf-8", newline="") as file:
-            unused = [row for row in csv.DictReader(file) if row["kind"] == UNUSED]
-        written = {**result.done, **result.skipped}
-        tables = {path: parquet.read_table(written[path]) for path in paths if path in written}
-    for row in unused:
-        warnings.warn(f"{row['file']}: {row['text']}", stacklevel=2)
-    if not tables:
-        path, problem = next(iter(result.failed.items()))
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"frames: expected one or more different names, got {names!r}")
+    for name in names:
+        # An invalid name is invalid in every recording. An empty buffer checks only the first name.
+        for ends in ((relative_to, name), (name, relative_to)):
+            with suppress(LookupException):
+                BufferCore().lookup_transform_core(*ends, 0)
+    what = wanted(topics, poses=poses, urdf=urdf, trajectory=trajectory)
+    paths = find_recordings(recordings)
+    found: dict[str, dict[str, Table]] = {}
+    failed: dict[str, str] = {}
+    reasons: dict[str, str] = {}  # of the first recording in which a frame has no pose
+    unused: list[str] = []
+    with progress_bar("dataset", len(paths), " recordings", progress) as count:
+        for path in paths:
+            try:
+                found[path], lacks, left_out = _look_up(path, what, relative_to, names, at, cache)
+            except BagError as error:
+                failed[path] = printable(str(error))
+            except OSError as error:
+                failed[path] = printable(f"{error.filename or path}: {error.strerror or error}")
+            else:
+                reasons = {**lacks, **reasons}
+                unused += (printable(f"{path}: {text}") for text in left_out)
+            count(1)
+    for text in unused:
+        warnings.warn(text, stacklevel=2)
+    if not found:
+        path, problem = next(iter(failed.items()))
         raise BagError(problem if path in problem else f"{printable(path)}: {problem}")
-    whole = pyarrow.concat_tables(tables.values())
-    stamps = [table[STAMP_NS].to_numpy() for table in tables.values()]
+    stamps = [tables[names[0]].stamps_ns for tables in found.values()]
     counts = [*map(len, stamps)]
 
-    def columns(name: str) -> NDArray[Any]:
-        return np.stack([whole[f"{frame}.{name}"].to_numpy() for frame in names], axis=1)
+    def whole(name: str) -> NDArray[Any]:
+        of_frames = ([getattr(tables[frame], name) for tables in found.values()] for frame in names)
+        return np.stack([*map(np.concatenate, of_frames)], axis=1)
 
     made = Dataset(
         frames=tuple(names),
         relative_to=relative_to,
-        files=tuple(tables),
-        failed=dict(result.failed),
-        episodes=np.repeat(np.arange(len(tables)), counts),
+        files=tuple(found),
+        failed=failed,
+        episodes=np.repeat(np.arange(len(found)), counts),
         indices=np.concatenate([np.arange(count) for count in counts]),
         stamps_ns=np.concatenate(stamps),
         timestamps=np.concatenate([*map(_since_first, stamps)]),
-        poses=np.stack([columns(name) for name in POSE], axis=2),
-        valid=columns("valid"),
-        gaps=columns("gap"),
+        poses=whole("poses"),
+        valid=whole("valid"),
+        gaps=whole("gaps"),
     )
     for i, name in enumerate(names):
         if len(made) and not made.valid[:, i].any():
-            reason = next(iter(result.unanswered.values()))
+            reason = printable(reasons[name])
             raise LookupException(f"{name!r} has no pose at any stamp of {at}: {reason}")
     return made
+
+
+def _look_up(
+    path: str,
+    what: Wanted,
+    relative_to: str,
+    names: Sequence[str],
+    at: str,
+    cache: str | PathLike[str] | None,
+) -> tuple[dict[str, Table], dict[str, str], list[str]]:
+    """
+    Look up the frames in one recording: their tables, why some have no pose, and the poses that are left out.
+    """
+    cached = None if cache is None else Cached(cache, path, what.key, new_buffer(None).cache_time_ns)
+    heard = read_contents(path, what, at=at, progress=False)
+    if cached is not None and not os.path.exists(cached.path):
+        cached.write(heard.buffer)
+    assert heard.times_ns is not None
+    return (*look_up_frames(heard, relative_to, names, heard.times_ns), heard.unused)
 
 
 def _since_first(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
@@ -53,10 +53,6 @@ class Table:
     def valid(self) -> NDArray[np.bool_]:
         """Whether there is an answer, shape (N,)."""
         return ~np.isnan(self.gaps)
-
-
-# Of one lookup: one table, below ``""``, or a table for each of several frames, which share their stamps.
-Tables = Mapping[str, Table]
 
 
 def look_up_frames(
@@ -237,45 +233,24 @@ def as_tum(table: Table) -> bytes:
     return "".join(rows).encode()
 
 
-def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None = None) -> bytes:
+def as_parquet(table: Table, file: str) -> bytes:
     """
-    Write Parquet.
-
-    The columns are ``file`` and ``stamp_ns``, and ``x`` to ``gap`` of one frame, or ``<frame>.x`` to
-    ``<frame>.gap`` of several.
+    Write Parquet, with the columns ``file``, ``stamp_ns``, ``x`` to ``qw``, ``valid`` and ``gap``.
 
     :param file: the recording's name, the same in each row.
-    :param metadata: is added to the metadata of the file.
     :raises ModuleNotFoundError: pyarrow is not installed.
     """
     require("pyarrow", "fleet")
     import pyarrow
     from pyarrow import parquet
 
-    stamps = next(iter(tables.values())).stamps_ns
-    name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(stamps))
-    columns: dict[str, Any] = {"file": name, STAMP_NS: stamps}
-    for frame, table in tables.items():
-        own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {VALID: table.valid, GAP: table.gaps}
-        columns |= {f"{frame}.{name}" if frame else name: column for name, column in own.items()}
+    name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(table))
+    columns: dict[str, Any] = {"file": name, STAMP_NS: table.stamps_ns}
+    columns |= zip(POSE, table.poses.T.copy(), strict=True)
+    columns |= {VALID: table.valid, GAP: table.gaps}
     written = BytesIO()
-    parquet.write_table(pyarrow.table(columns).replace_schema_metadata(metadata or {}), written)
+    parquet.write_table(pyarrow.table(columns), written)
     return written.getvalue()
-
-
-def metadata_of(path: str) -> dict[bytes, bytes]:
-    """
-    Get the metadata that :func:`as_parquet` has added to a file.
-
-    :raises OSError, ValueError: the file is missing, or no Parquet file.
-    """
-    require("pyarrow", "fleet")
-    from pyarrow import ArrowException, parquet
-
-    try:
-        return dict(parquet.read_schema(path).metadata or {})
-    except ArrowException as error:
-        raise ValueError(str(error)) from None
 
 
 def _seconds(stamp_ns: int) -> str:

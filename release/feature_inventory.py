@@ -27,7 +27,7 @@ rewriting the past | users of SLAM and of filters: new samples replace old ones 
 explained lookups | whoever doubts a pose: its hops, with their samples, gaps, ages and publishers
     tf2_py/*/explained* */explanations.py tests/core/test_explain*
 frozen files | trainers on many processes: one copy of a recording's transforms in memory
-    *frozen* *measures_workers*
+    *frozen*
 ages, tolerances, gaps | robots that must stop: no lookup silently uses old data
     tests/ros/test_max_age* */test_ages* tests/core/test_lookup_policies.py tests/core/test_clocks*
     *model_policies* *time_of_day* *time_is_set* docs/time.md

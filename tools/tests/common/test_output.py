@@ -4,11 +4,7 @@
 
 import os
 
-import pytest
-
 from tf2_ros_tools.common.output import write_whole
-
-pytestmark = pytest.mark.ours
 
 
 def test_a_link_stays_one(tmp_path):

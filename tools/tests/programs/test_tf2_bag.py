@@ -187,63 +187,6 @@ class TestTrajectory:
             run("explain", drive_mcap, "map", "base", "--trajectory", "/slam/path", *own[2:])
 
 
-class TestGaps:
-    """A path with samples at 1, 2 and 3.5 s on one hop, and each 0.25 s on another."""
-
-    @pytest.fixture
-    def path(self, tmp_path):
-        moving = [Sent(ns, "/tf", [Tf("map", "odom", ns, (ns / S, 0, 0))]) for ns in (S, 2 * S, 7 * S // 2)]
-        moving += [Sent(i * S // 4, "/tf", [Tf("odom", "base", i * S // 4)]) for i in range(4, 15)]
-        mount = Sent(S, "/tf_static", [Tf("base", "camera", S)])
-        return write_mcap(tmp_path / "run.mcap", [mount, *moving])
-
-    @pytest.mark.parametrize(
-        ("max_gap", "valid"),
-        [
-            ([], [True] * 6),
-            (["--max-gap", "1.5"], [True] * 6),
-            (["--max-gap", "1.25"], [True, True, True, False, False, True]),
-            (["--max-gap", "0.5"], [True, False, True, False, False, True]),
-            (["--max-gap", "0"], [True, False, True, False, False, True]),
-        ],
-    )
-    @pytest.mark.parametrize("ends", [("map", "camera"), ("camera", "map")])
-    def test_a_lookup_has_no_answer_in_a_longer_gap(self, run, path, ends, max_gap, valid):
-        times = ["1", "1.5", "2", "2.25", "3.4", "3.5"]
-        _, out, err = run("lookup", path, *ends, "--times", *times, *max_gap)
-        gaps = [0.0, 1.0, 0.0, 1.5, 1.5, 0.0]
-        rows = [*csv.DictReader(io.StringIO(out))]
-        assert [row["valid"] for row in rows] == [str(one).lower() for one in valid]
-        expected = [gap if one else float("nan") for gap, one in zip(gaps, valid, strict=True)]
-        assert np.array_equal([float(row["gap"]) for row in rows], expected, equal_nan=True)
-        assert [row["x"] == "nan" for row in rows] == [not one for one in valid]
-        lacking = valid.count(False)
-        assert err == (f"tf2_bag lookup: no answer at {lacking} of 6 times\n" if lacking else "")
-
-    def test_tum_leaves_them_out(self, run, path, tmp_path):
-        command = ("lookup", path, "map", "base", "--times", "2", "3", "3.5", "--max-gap", "1")
-        assert run(*command, "-o", tmp_path / "a.tum")[0] == 0
-        stamps = [line.split()[0] for line in (tmp_path / "a.tum").read_text().splitlines()]
-        assert stamps == ["2.000000000", "3.500000000"]
-
-    def test_the_gap_is_the_reason_if_there_is_no_answer_at_all(self, run, path):
-        with pytest.raises(
-            RunError, match="the samples of odom at 2.0.* and 3.50* are further apart than max_gap, 1"
-        ):
-            run("lookup", path, "map", "base", "--times", "3", "--max-gap", "1")
-
-    @pytest.mark.long("needs pyarrow")
-    def test_csv_and_parquet_have_the_same_columns(self, run, path, tmp_path):
-        parquet = pytest.importorskip("pyarrow.parquet")
-
-        command = ("lookup", path, "map", "base", "--times", "1", "3", "3.5", "--max-gap", "1")
-        rows = [*csv.DictReader(io.StringIO(run(*command)[1]))]
-        run(*command, "-o", tmp_path / "a.parquet")
-        table = parquet.read_table(tmp_path / "a.parquet").to_pydict()
-        assert ["file", *rows[0]] == [*table]  # a table of several recordings needs the file
-        assert [str(one) for one in table["gap"]] == [row["gap"] for row in rows] == ["0.0", "nan", "0.0"]
-
-
 class TestOtherTopics:
     """What the programs computes from messages that are not TFMessages."""
 

@@ -67,7 +67,7 @@ without ROS | laptops without ROS: the same imports, with stand-ins for messages
     *without_ros* *message_standins* *messages_with_or_without* */_messages.py
 installation beside other tf2 | users of a sourced ROS 2: the right tf2 is imported, and a command says which
     tf2_ros_cython/* *which* *sourced* docs/installing.md docs/creating-a-package.md docs/switching.md
-    *installing* *unknown_rclpy* *creating_a_package* *unbuilt*
+    *installing* *unknown_rclpy* *creating_a_package*
 buffer | everybody: tf2's tree, lookups and errors, with the reason
     tf2_py/* tf2_ros/* docs/debugging.md docs/differences.md docs/limits.md docs/cheat-sheet.md
     docs/getting-started.md docs/index.md

@@ -23,12 +23,12 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tf2_geometry_msgs import quaternion_from_rpy
 from tf2_py import stored_name
 from tf2_py.printable import printable
 from tf2_ros.numpy import to_matrix
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.common.output import first_names
+from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy
 
 __all__ = ["Joint", "Robot", "UrdfError", "load"]
 
@@ -342,8 +342,7 @@ def _joint(element: ElementTree.Element, links: set[str]) -> Joint:
     origin = element.find("origin")
     xyz, rpy = (_numbers(origin, name, where, "0 0 0") for name in ("xyz", "rpy"))
     kind = "fixed" if kind == "planar" else kind
-    q = quaternion_from_rpy(*rpy)
-    return Joint(name, kind, parent, child, xyz, (q.x, q.y, q.z, q.w), axis, follows)
+    return Joint(name, kind, parent, child, xyz, quaternion_from_rpy(*rpy), axis, follows)
 
 
 def _link(joint: ElementTree.Element, tag: str, where: str, links: set[str]) -> str:

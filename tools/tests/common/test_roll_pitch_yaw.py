@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Roll, pitch and yaw of rotations."""
+"""Roll, pitch and yaw of rotations, and back."""
 
 import math
 
@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
+from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy, rpy_from_matrices
 
 
-def test_they_are_those_of_scipy():
+def test_they_are_those_of_scipy_and_back():
     for rotation in Rotation.random(200, random_state=1):
         rpy = rpy_from_matrices(rotation.as_matrix())
         assert rpy == pytest.approx(tuple(rotation.as_euler("xyz")), abs=1e-9)
+        q = np.array(quaternion_from_rpy(*rpy))
+        assert abs(q @ rotation.as_quat()) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("pitch", [math.pi / 2, -math.pi / 2])

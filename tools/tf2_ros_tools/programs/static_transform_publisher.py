@@ -16,6 +16,7 @@ from tf2_py.printable import printable
 from tf2_ros_tools.common.options import finite_number
 from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, run, wait_until_interrupted
+from tf2_ros_tools.common.roll_pitch_yaw import quaternion_from_rpy
 from tf2_ros_tools.common.yaml_files import Key, frame_name, number_in, read_keys, read_list
 
 if TYPE_CHECKING:
@@ -206,8 +207,6 @@ def transform_of(label: str, given: Any) -> TransformStamped:
     """
     from geometry_msgs.msg import TransformStamped
 
-    from tf2_geometry_msgs import quaternion_from_rpy
-
     read = read_keys(label, given, KEYS, ENTRY)
     frame, child = (read[name] for name in FRAMES)
     if frame == child:
@@ -216,8 +215,7 @@ def transform_of(label: str, given: Any) -> TransformStamped:
     if read.keys() & set(EULER):
         if read.keys() & set(QUATERNION):
             raise ValueError(f"{label}: quaternion and Euler angles are mutually exclusive")
-        q = quaternion_from_rpy(*(read.get(name, 0.0) for name in EULER))
-        rotation = q.x, q.y, q.z, q.w
+        rotation = quaternion_from_rpy(*(read.get(name, 0.0) for name in EULER))
     if not 0.0 < hypot(*rotation) < inf:
         raise ValueError(f"{label}: expected a quaternion of finite, non-zero length, got {rotation}")
     made = TransformStamped(child_frame_id=child)

@@ -12,7 +12,7 @@ from cpython.buffer cimport (
     PyBuffer_Release,
     PyObject_GetBuffer,
 )
-from cpython.exc cimport PyErr_CheckSignals, PyErr_Occurred
+from cpython.exc cimport PyErr_CheckSignals
 from cpython.float cimport PyFloat_AS_DOUBLE, PyFloat_AsDouble, PyFloat_CheckExact, PyFloat_FromDouble
 from cpython.long cimport PyLong_AsLongLong, PyLong_CheckExact
 from cpython.mem cimport PyMem_Free, PyMem_Malloc
@@ -20,21 +20,11 @@ from cpython.memoryview cimport PyMemoryView_FromMemory
 from cpython.object cimport PyTypeObject
 from cpython.ref cimport Py_DECREF, Py_INCREF, Py_XDECREF
 from cpython.unicode cimport PyUnicode_Check
-from libc.errno cimport EINTR, ENOMEM, errno
+from libc.errno cimport ENOMEM, errno
 from libc.float cimport DBL_EPSILON
 from libc.stdint cimport INT64_MIN, SIZE_MAX
 from libc.string cimport strchr
-from posix.mman cimport (
-    MAP_ANONYMOUS,
-    MAP_FAILED,
-    MAP_PRIVATE,
-    MAP_SHARED,
-    PROT_READ,
-    PROT_WRITE,
-    mmap,
-    mprotect,
-)
-from posix.unistd cimport pread
+from posix.mman cimport MAP_FAILED, MAP_SHARED, PROT_READ, mmap
 
 import copyreg
 import datetime
@@ -389,8 +379,8 @@ cdef class BufferCore(Engine):
             )
         try:
             if "frozen" in state:
-                path, is_copy, expected = frozen_file.from_state(state)
-                self.open_frozen(path, is_copy, expected)
+                path, expected = frozen_file.from_state(state)
+                self.open_frozen(path, expected)
             else:
                 self.restore(dict(state))
         except (AttributeError, OverflowError, TypeError) as error:
@@ -417,7 +407,7 @@ cdef class BufferCore(Engine):
             frozen_file.protect(file)
 
     @classmethod
-    def open(cls, path: str | os.PathLike[str], *, copy: bool = False) -> BufferCore:
+    def open(cls, path: str | os.PathLike[str]) -> BufferCore:
         """
         Open a buffer that :meth:`~tf2_py.BufferCore.freeze` wrote; its answers are identical to the last bit.
 
@@ -431,15 +421,13 @@ cdef class BufferCore(Engine):
 
         :param path: the file. It must not be written to while it is mapped: if it shrinks, the process is
             killed by SIGBUS. Replacing and deleting it are safe, except over a network.
-        :param bool copy: read the file into memory of this process, where nothing can change it. Pickles
-            then contain the samples.
         :raises TypeError: ``path`` is not a path.
         :raises FileNotFoundError, OSError: the file cannot be opened.
         :raises ValueError: the file is not a frozen buffer, has another version of the format, or is damaged;
             the text contains the file and, if possible, the frame and sample.
         """
         opened = _without_init(cls)
-        opened.__setstate__({"frozen": (os.fspath(path), bool(copy))})
+        opened.__setstate__({"frozen": (os.fspath(path),)})
         return opened
 
     # Looking transforms up.

@@ -136,12 +136,10 @@ class Buffer(BufferCore, BufferInterface):
         self.__connect(node)
 
     @classmethod
-    def open(
-        cls: type[_Opened], path: str | PathLike[str], *, copy: bool = False, node: "Node | None" = None
-    ) -> _Opened:
+    def open(cls: type[_Opened], path: str | PathLike[str], *, node: "Node | None" = None) -> _Opened:
         if node is not None:
             _check_node(node)
-        opened = super().open(path, copy=copy)
+        opened = super().open(path)
         if node is not None:
             opened.jump_handle.unregister()
             opened.__connect(node)

@@ -106,18 +106,17 @@ def test_random_trees_answer_the_same_frozen_opened_pickled_changed_and_copied(p
         before, wanted = held(buffer), answers(buffer, times_ns)
         buffer.freeze(path)
         opened = BufferCore.open(path)
-        read = BufferCore.open(path, copy=True)
         pickled = pickle.loads(pickle.dumps(opened))
         copied = copy.copy(pickled)
-        for one in (opened, read, pickled, copied):
+        for one in (opened, pickled, copied):
             one._self_check()
             assert (held(one), answers(one, times_ns)) == (before, wanted), seed
         # Each of them goes on like the one that was frozen; what it shares with others stays.
         more, gone = [*random_inserts(dice, dice.randrange(1, 6))], dice.choice((None, None, *NAMES))
-        for one in (buffer, pickled, read):
+        for one in (buffer, pickled):
             insert_all(one, more, gone)
         after, wanted_after = held(buffer), answers(buffer, times_ns)
-        for one in (pickled, read, pickle.loads(pickle.dumps(pickled)), copy.deepcopy(read)):
+        for one in (pickled, pickle.loads(pickle.dumps(pickled)), copy.deepcopy(pickled)):
             one._self_check()
             assert (held(one), answers(one, times_ns)) == (after, wanted_after), seed
         for one in (opened, copied):
@@ -157,10 +156,9 @@ def large(count=2000):
 def test_only_changed_frames_are_in_memory_of_the_process(path):
     buffer = large()
     buffer.freeze(path)
-    opened, read = BufferCore.open(path), BufferCore.open(path, copy=True)
+    opened = BufferCore.open(path)
     assert opened.statistics()["samples"] == buffer.statistics()["samples"] == 4000
     assert opened.statistics()["bytes"] < 15_000
-    assert read.statistics()["bytes"] > 72 * 4000
     opened.set_transform(transform("map", "base", ns=2001), "x")
     assert 72 * 2000 < opened.statistics()["bytes"] < 72 * 3200 + 15_000
     opened.clear()
@@ -192,7 +190,6 @@ def test_the_pickle_of_an_unchanged_buffer_is_its_path(path):
     assert str(path).encode() in data
     check_copy(pickle.loads(data), opened)
     assert len(pickle.dumps(pickle.loads(data))) < 500
-    assert len(pickle.dumps(BufferCore.open(path, copy=True))) > 4000 * 64
 
 
 CHANGES = {
@@ -278,17 +275,6 @@ def test_a_mapped_file_may_be_replaced_and_deleted(buffer, path):
     opened._self_check()
 
 
-@pytest.mark.parametrize("size", [0, 100, 4096])
-def test_a_file_that_was_read_may_be_changed_and_shortened(size, path):
-    buffer = large()
-    buffer.freeze(path)
-    opened = BufferCore.open(path, copy=True)
-    path.chmod(0o600)
-    path.write_bytes(b"x" * size)
-    check_copy(opened, buffer)
-    opened._self_check()
-
-
 READS_A_SHORTENED_FILE = """
 import os, sys
 from tf2_py import BufferCore
@@ -346,10 +332,6 @@ def test_what_is_not_a_file_is_refused(buffer, tmp_path):
     for path in (tmp_path, tmp_path / "pipe", tmp_path / "empty"):
         with pytest.raises(ValueError, match="it is not a frozen buffer"):
             BufferCore.open(path)
-    buffer.freeze(tmp_path / "a.tf2")
-    for is_copy in (1, np.bool_(True), None):
-        opened = BufferCore.open(tmp_path / "a.tf2", copy=is_copy)
-        assert opened.frames() == BufferCore.open(tmp_path / "a.tf2").frames()
     for path in (5, None):
         with pytest.raises(TypeError, match="os.PathLike"):
             BufferCore.open(path)
@@ -358,14 +340,13 @@ def test_what_is_not_a_file_is_refused(buffer, tmp_path):
 # The format.
 
 
-@pytest.mark.parametrize("copy", [False, True])
-def test_a_file_that_ends_before_its_size_is_no_damaged_disk(copy):
+def test_a_file_that_ends_before_its_size_is_no_damaged_disk():
     """As one does that is shortened while it is read."""
     path = Path("/sys/kernel/uevent_seqnum")  # a page, by its size, and one number
     if not path.is_file():
         pytest.skip("this system has no sysfs")
     with pytest.raises(ValueError, match=f"^{path}: its size changed while it was being read: try again$"):
-        BufferCore.open(path, copy=copy)
+        BufferCore.open(path)
 
 
 def test_a_second_reader_finds_what_the_buffer_holds(buffer, file):
@@ -570,10 +551,8 @@ def test_a_file_of_holes_is_refused_at_once(changes, path):
     replace(path, file.data[: HEADER.size])
     os.truncate(path, 1 << 40)
     read = resident_bytes()
-    # Of the others, a copy would take all memory: their headers are possible.
-    for copies in (False, True) if not changes else (False,):
-        with pytest.raises(ValueError, match=r"robot.tf2: "):
-            BufferCore.open(path, copy=copies)
+    with pytest.raises(ValueError, match=r"robot.tf2: "):
+        BufferCore.open(path)
     assert resident_bytes() - read < 1 << 28
 
 

@@ -47,9 +47,9 @@ def out_of_band(buffer, _folder):
     return pickle.loads(data, buffers=[bytes(one) for one in buffers])
 
 
-def frozen(buffer, folder, **options):
+def frozen(buffer, folder):
     buffer.freeze(folder / "frozen.tf2")
-    return type(buffer).open(folder / "frozen.tf2", **options)
+    return type(buffer).open(folder / "frozen.tf2")
 
 
 WAYS = {
@@ -59,11 +59,10 @@ WAYS = {
     "deepcopy": lambda buffer, _folder: copy.deepcopy(buffer),
     "copy": lambda buffer, _folder: copy.copy(buffer),
     "frozen": frozen,
-    "frozen, read": lambda buffer, folder: frozen(buffer, folder, copy=True),
     "frozen, pickle": lambda buffer, folder: pickle.loads(pickle.dumps(frozen(buffer, folder))),
 }
 # These leave the attributes of a subclass behind, and list frames in an order of their own.
-BY_FILE = {"frozen", "frozen, read", "frozen, pickle"}
+BY_FILE = {"frozen", "frozen, pickle"}
 
 
 def settings(buffer):

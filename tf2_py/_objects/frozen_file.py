@@ -43,18 +43,18 @@ class FrozenFile(NamedTuple):
         return {"frozen": tuple(self[:4])}
 
 
-def from_state(state: dict[str, Any]) -> tuple[Path, bool, FrozenFile | None]:
+def from_state(state: dict[str, Any]) -> tuple[Path, FrozenFile | None]:
     """
-    Get the path of such a state, whether the file is to be copied, and which file is expected. A state with a
-    path and a bool, in place of the numbers, is that of a buffer that holds whatever the file holds.
+    Get the path of such a state, and which file is expected. A state with a path alone, without the numbers,
+    is that of a buffer that holds whatever the file holds.
 
     :raises ValueError: its ``"frozen"`` is neither.
     """
     match state["frozen"]:
-        case (path, bool() as is_copy):
-            return path, is_copy, None
+        case (path,):
+            return path, None
         case (str() as path, int() as checksum, int() as size, int() as modified_ns):
-            return path, False, FrozenFile(path, checksum, size, modified_ns)
+            return path, FrozenFile(path, checksum, size, modified_ns)
     raise ValueError('this is not the state of a buffer: "frozen" must be a path and three numbers')
 
 

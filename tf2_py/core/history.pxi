@@ -150,7 +150,7 @@ cdef int history_map(History* history, FileMapping* mapping, const int64_t* stam
     memory.owners = 1
     memory.pinned_from = 0
     # Shared mappings do not count as memory of this process.
-    memory.bytes = _memory_bytes(count) if mapping.is_copy else bytes
+    memory.bytes = bytes
     memory.mapping = mapping
     add_acq_rel(&mapping.owners, 1)
     history.memory = memory

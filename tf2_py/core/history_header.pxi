@@ -18,7 +18,6 @@ cdef struct FileMapping:
     void* start                 # at a page
     size_t size                 # bytes
     uint32_t owners             # histories with samples there, and who opens it; read and written atomically
-    bint is_copy                # they are in memory of this process, not in the file
 
 
 cdef struct HistoryMemory:

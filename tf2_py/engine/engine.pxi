@@ -379,10 +379,10 @@ cdef class Engine:
         catch_up(self)
         return write_frozen(&self._tree, &self._lock, file, self._names, self._authorities)
 
-    cdef int open_frozen(self, path, bint is_copy, expected) except -1:
+    cdef int open_frozen(self, path, expected) except -1:
         cdef Tree opened
         catch_up(self)
-        frozen = read_frozen(path, is_copy, expected, &opened)
+        frozen = read_frozen(path, expected, &opened)
         return self._replace_tree(&opened, frozen)
 
     cdef dict frozen_state(self):

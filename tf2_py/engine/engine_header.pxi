@@ -66,7 +66,7 @@ cdef class Engine:
     # The same for a frozen file: writes the content, as write_frozen; and replaces it by that of a file, as
     # read_frozen. The state that names the file; None: the content is another now, or the file is.
     cdef int write_frozen(self, file) except -1
-    cdef int open_frozen(self, path, bint is_copy, expected) except -1
+    cdef int open_frozen(self, path, expected) except -1
     cdef dict frozen_state(self)
 
     # Looking up. With `out` NULL, only whether there is an answer.

@@ -178,44 +178,15 @@ cdef int write_frozen(const Tree* tree, Lock* lock, file, list names, list autho
 
 # Mapping.
 
-cdef extern from "Python.h":
-    int check_signals "PyErr_CheckSignals"() noexcept     # without raising what a handler raises
-
-
-cdef bint _is_interrupted() noexcept nogil:
-    # Whether a handler of a signal, such as Ctrl-C, has raised. _require_read passes that on.
-    cdef bint is_raised
-    with gil:
-        is_raised = check_signals() != 0
-    return is_raised
-
-
-cdef enum:
-    READ_AT_ONCE = 1 << 26      # bytes, until an interrupt is seen
-    HAS_SHRUNK = -1
-
-
-cdef int _read(int descriptor, void* memory, size_t size) noexcept nogil:
-    # The beginning of a file. 0, or the number of an error; HAS_SHRUNK; EINTR: a handler raised.
-    cdef size_t done = 0
-    cdef ssize_t count
-    while done < size:
-        count = pread(descriptor, <char*>memory + done, min(size - done, <size_t>READ_AT_ONCE), done)
-        if count == 0:
-            return HAS_SHRUNK
-        if count < 0 and errno != EINTR:
-            return errno
-        done += max(count, <ssize_t>0)
-        if _is_interrupted():
-            return EINTR
-    return 0
-
-
 cdef int _read_header(int descriptor, size_t file_bytes, FrozenHeader* header, str path) except -1:
     # So that nothing is mapped, and no memory allocated, for a file that is something else.
     cdef const char* text
+    cdef size_t size = min(file_bytes, sizeof(FrozenHeader))
+    cdef bytes data = os.pread(descriptor, size, 0)
+    if <size_t>len(data) < size:
+        raise ValueError(f"{printable(path)}: its size changed while it was being read: try again")
     memset(header, 0, sizeof(FrozenHeader))
-    _require_read(_read(descriptor, header, min(file_bytes, sizeof(FrozenHeader))), path)
+    memcpy(header, PyBytes_AS_STRING(data), size)
     text = frozen_check_format(header, file_bytes)
     if text != NULL:
         raise ValueError(f"{printable(path)}: {text.decode()}")
@@ -229,41 +200,20 @@ cdef object _damaged(str path, str problem):
     return ValueError(f"{printable(path)}: it is damaged: {problem}; freeze the buffer again")
 
 
-cdef int _require_read(int problem, str path) except -1:
-    if PyErr_Occurred() != NULL:
-        return -1
-    if problem == ENOMEM:
-        raise MemoryError
-    if problem == HAS_SHRUNK:
-        raise ValueError(f"{printable(path)}: its size changed while it was being read: try again")
-    if problem:
-        raise OSError(problem, os.strerror(problem), path)
-    return 0
-
-
-cdef FileMapping* _map(int descriptor, size_t size, bint is_copy, str path) except NULL:
+cdef FileMapping* _map(int descriptor, size_t size, str path) except NULL:
     cdef FileMapping* mapping = <FileMapping*>calloc(1, sizeof(FileMapping))
-    cdef int problem = 0
+    cdef int problem
     if mapping == NULL:
         raise MemoryError
     mapping.size = size
     mapping.owners = 1
-    mapping.is_copy = is_copy
-    if is_copy:
-        mapping.start = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)
-    else:
-        mapping.start = mmap(NULL, size, PROT_READ, MAP_SHARED, descriptor, 0)
+    mapping.start = mmap(NULL, size, PROT_READ, MAP_SHARED, descriptor, 0)
     if mapping.start == MAP_FAILED:
         problem = errno
         free(mapping)
-    elif is_copy:
-        with nogil:
-            problem = _read(descriptor, mapping.start, size)
-            if problem == 0 and mprotect(mapping.start, size, PROT_READ) != 0:
-                problem = errno
-        if problem:
-            mapping_release(mapping)
-    _require_read(problem, path)
+        if problem == ENOMEM:
+            raise MemoryError
+        raise OSError(problem, os.strerror(problem), path)
     return mapping
 
 
@@ -288,11 +238,10 @@ cdef int _require_sound(str path, const FileMapping* mapping, FrozenProblem prob
     raise _damaged(path, where + problem.text.decode())
 
 
-cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
-    # Makes a tree from a file, and returns the frozen_file.FrozenFile. `is_copy`: read it into memory of
-    # this process. `expected`: the FrozenFile from which a pickled buffer was opened, whose samples are not
-    # checked again; or None. ValueError: it is not a frozen file, is damaged, or another one is expected;
-    # OSError: it cannot be opened. If it raises, there is no tree.
+cdef object read_frozen(path, expected, Tree* tree):
+    # Makes a tree from a file, and returns the frozen_file.FrozenFile. `expected`: that from which a pickled
+    # buffer was opened, whose samples are not checked again; or None. ValueError: it is not a frozen file, is
+    # damaged, or another one is expected; OSError: it cannot be opened. If it raises, there is no tree.
     cdef FileMapping* mapping
     cdef FrozenHeader header
     cdef FrozenProblem problem
@@ -304,7 +253,7 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
         if not S_ISREG(facts.st_mode):
             raise ValueError(f"{printable(name)}: it is not a frozen buffer written by Buffer.freeze")
         _read_header(descriptor, facts.st_size, &header, name)
-        mapping = _map(descriptor, facts.st_size, is_copy, name)
+        mapping = _map(descriptor, facts.st_size, name)
     finally:
         os.close(descriptor)
     checks_samples = (expected is None or facts.st_size != expected.size
@@ -327,6 +276,6 @@ cdef object read_frozen(path, bint is_copy, expected, Tree* tree):
             if problem.text != NULL:
                 tree_free(tree)
         _require_sound(name, mapping, problem)
-        return None if is_copy else found
+        return found
     finally:
         mapping_release(mapping)

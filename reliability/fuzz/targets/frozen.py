@@ -34,24 +34,23 @@ def run(data: bytes) -> None:
 
 def _open(data: bytes) -> None:
     _path.write_bytes(data)
-    for copies in (False, True):
-        try:
-            buffer = BufferCore.open(_path, copy=copies)
-        except (ValueError, MemoryError):
-            continue
-        buffer._self_check()
-        answers(buffer)
-        buffer.set_transforms_cdr(cdr.TWO_TRANSFORMS, "after")
-        buffer._self_check()
-        answers(buffer)
-        for frame in buffer.frames():
-            link = TransformStamped(child_frame_id=frame)
-            link.header.frame_id, link.header.stamp.sec = "replacing", 1
-            buffer.set_transform(link, "after", replace=True)
-        buffer._self_check()
-        answers(buffer)
-        buffer.clear()
-        buffer._self_check()
+    try:
+        buffer = BufferCore.open(_path)
+    except (ValueError, MemoryError):
+        return
+    buffer._self_check()
+    answers(buffer)
+    buffer.set_transforms_cdr(cdr.TWO_TRANSFORMS, "after")
+    buffer._self_check()
+    answers(buffer)
+    for frame in buffer.frames():
+        link = TransformStamped(child_frame_id=frame)
+        link.header.frame_id, link.header.stamp.sec = "replacing", 1
+        buffer.set_transform(link, "after", replace=True)
+    buffer._self_check()
+    answers(buffer)
+    buffer.clear()
+    buffer._self_check()
 
 
 def buffers() -> Iterator[BufferCore]:

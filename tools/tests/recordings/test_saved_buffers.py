@@ -58,7 +58,8 @@ buffer = BufferCore.open(path)
 
 
 def replace(event, arguments):
-    if event == "open" and arguments[0] == path and os.path.exists(path):
+    name = arguments[0] if event == "open" else None
+    if isinstance(name, str) and os.path.realpath(name) == path and os.path.exists(path):
         os.replace(other, path) if os.path.exists(other) else os.unlink(path)
 
 

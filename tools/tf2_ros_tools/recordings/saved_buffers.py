@@ -13,6 +13,7 @@ import os
 import stat
 import sys
 from collections.abc import Iterator
+from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO, TypeVar, overload
 
 import numpy as np
@@ -148,7 +149,12 @@ def _state_of(buffer: BufferCore) -> dict[str, Any]:
         return state
     copied, failure = None, None
     try:
-        copied = BufferCore.__getstate__(BufferCore.open(state["frozen"][0], copy=True))
+        with TemporaryDirectory() as folder:
+            link = os.path.join(folder, "buffer.tf2")
+            os.symlink(state["frozen"][0], link)
+            opened = BufferCore.open(link)
+        # The path that it was opened by is gone, so its state contains the samples.
+        copied = BufferCore.__getstate__(opened)
     except (OSError, ValueError) as error:
         failure = error
     # The buffer keeps its file if another one has taken its place, which the copy may come from.

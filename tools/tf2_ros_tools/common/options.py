@@ -3,11 +3,13 @@
 """Provide the types of arguments, and the options, that several programs have."""
 
 import math
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from decimal import Decimal
 from os.path import splitext
-from pathlib import Path
+
+from tf2_ros_tools.common.optional_libraries import require
+from tf2_ros_tools.common.program import Parser, UsageError
 
 # Numbers on a command line.
 
@@ -67,34 +69,13 @@ def _listed_endings(*formats: str) -> str:
 # Options that several programs have.
 
 
-# The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
-KINDS = tuple(
-    "nothing qos clock clocks roots loop parents publishers mixed values refused unnormalised unset stale "
-    "future gap rate missing parent delay static malformed lost".split()
-)
-
-
-def add_check_options(made: ArgumentParser) -> None:
-    """Add the options for expectations, limits and ignored kinds."""
-    summary = "report differences from this YAML file; tf2_check -h ends with an example"
-    made.add_argument("--expect", metavar="FILE", type=Path, help=summary)
-    summary = "minimum rate of each dynamic frame"
-    made.add_argument("--min-rate", type=positive_number, metavar="HZ", help=summary)
-    made.add_argument(
-        "--max-delay",
-        type=non_negative_number,
-        metavar="S",
-        help="maximum delay of each dynamic transform; by default, the average delay of a frame may be 1 s "
-        "or 3 of its periods, whichever is longer",
-    )
-    made.add_argument(
-        "--ignore",
-        action="append",
-        choices=KINDS,
-        metavar="KIND",
-        default=[],
-        help="do not report this kind of problem; may be given several times; the kinds are "
-        f"{', '.join(KINDS)}",
+def add_live_option(parser: Parser) -> None:
+    """Add ``--live`` to a program that listens, as its last option; see ``session_choice.session``."""
+    parser.add_argument(
+        "--live",
+        metavar="WHERE",
+        help="listen to the robot at dds://, zenoh://HOST:7447 or ws://HOST:8765, without ROS 2 on this "
+        f"machine; not with {parser.listed_of_ros()}",
     )
 
 
@@ -118,6 +99,13 @@ def add_plot_options(made: ArgumentParser, default: str) -> None:
         help="plot the path of the frame SOURCE in the frame TARGET",
     )
     add_output(made, "png", "svg", "pdf", more=f"; by default {default}")
+
+
+def refuse_plot(options: Namespace) -> None:
+    """Raise a UsageError for frames together with a path, and an error if matplotlib is not installed."""
+    if options.path is not None and options.frames:
+        raise UsageError("expected frames or --path, got both")
+    require("matplotlib", "plot")
 
 
 def add_output(made: ArgumentParser, *formats: str, more: str = "") -> None:

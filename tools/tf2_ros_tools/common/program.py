@@ -151,7 +151,11 @@ class Parser(ArgumentParser):
         names = {one.partition("=")[0] for one in arguments}
         of_ros = {_ROS_ARGS, "--namespace", _QOS}
         if "--live" in self._option_string_actions and "--live" in names and names & of_ros:
-            self.error(f"--live cannot be combined with {_listed_of_ros(self)}")
+            self.error(f"--live cannot be combined with {self.listed_of_ros()}")
+
+    def listed_of_ros(self) -> str:
+        """List the options that need ROS in a text."""
+        return f"--namespace{f', {_QOS}' * (_QOS in self._option_string_actions)} or {_ROS_ARGS}"
 
     def _without_ros_arguments(self, arguments: list[str]) -> list[str]:
         if not self._node or _ROS_ARGS not in arguments:
@@ -163,21 +167,6 @@ class Parser(ArgumentParser):
         except RuntimeError as refusal:  # the base of what rclpy raises for them
             self.error(f"{_ROS_ARGS}: {refusal}")
         return removed
-
-
-def _listed_of_ros(parser: Parser) -> str:
-    """List the options that need ROS in a text."""
-    return f"--namespace{f', {_QOS}' * (_QOS in parser._option_string_actions)} or {_ROS_ARGS}"
-
-
-def add_live_option(parser: Parser) -> None:
-    """Add ``--live`` to a program that listens, as its last option; see ``session_choice.session``."""
-    parser.add_argument(
-        "--live",
-        metavar="WHERE",
-        help="listen to the robot at dds://, zenoh://HOST:7447 or ws://HOST:8765, without ROS 2 on this "
-        f"machine; not with {_listed_of_ros(parser)}",
-    )
 
 
 def _namespace(text: str) -> str:

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.common.options import KINDS
 from tf2_ros_tools.common.output import counted, first_names, three_digits
 from tf2_ros_tools.common.program import UsageError
 from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
 from tf2_ros_tools.common.yaml_files import NOT_NEGATIVE, Key, boolean, frame_name, read_keys, read_yaml
+from tf2_ros_tools.diagnosis.check_options import KINDS
 from tf2_ros_tools.diagnosis.stream_statistics import (
     JUMP_BACK_NS,
     Refused,
@@ -103,7 +103,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Finding:
-    """A problem: one of :data:`tf2_ros_tools.common.options.KINDS`, with a sentence."""
+    """A problem: one of :data:`tf2_ros_tools.diagnosis.check_options.KINDS`, with a sentence."""
 
     kind: str
     frame: str  # or "", where it is about several

@@ -7,7 +7,6 @@ Names of frames and publishers come from the network and may contain anything: `
 """
 
 import warnings
-from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime, timezone
@@ -18,10 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py.printable import printable
-from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.options import format_of
 from tf2_ros_tools.common.output import write_whole
-from tf2_ros_tools.common.program import UsageError
 
 Records = NDArray[np.void]
 
@@ -102,13 +99,6 @@ def show_times(axes: Any, begin: float, end: float) -> None:
         axes.set_xticks(ticks * DAY_S, map(formatter, ticks))
         axes.set_xlabel(f"time in UTC, from {first:%Y-%m-%d %H:%M:%S} ({begin:.3f} s)")
     axes.set_xlim(begin, end)
-
-
-def refuse_plot(options: Namespace) -> None:
-    """Raise a UsageError for frames together with a path, and an error if matplotlib is not installed."""
-    if options.path is not None and options.frames:
-        raise UsageError("expected frames or --path, got both")
-    require("matplotlib", "plot")
 
 
 def write_plot(name: str, figure: Any) -> None:

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.options import (
-    add_check_options,
     add_output,
     add_plot_options,
     ending_in,
@@ -27,9 +26,11 @@ from tf2_ros_tools.common.options import (
     nanoseconds,
     non_negative_number,
     positive_number,
+    refuse_plot,
 )
 from tf2_ros_tools.common.output import counted, first_names, show, show_json, three_digits, write_whole
 from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, UsageError, run
+from tf2_ros_tools.diagnosis.check_options import add_check_options
 
 if TYPE_CHECKING:
     from argparse import _MutuallyExclusiveGroup
@@ -349,7 +350,7 @@ def plot(options: Namespace) -> int:
     """Plot receptions or a path; return the exit status."""
     from tf2_ros_tools.pictures.path import path_picture
     from tf2_ros_tools.pictures.reception_times import heard_picture
-    from tf2_ros_tools.pictures.style import refuse_plot, write_plot
+    from tf2_ros_tools.pictures.style import write_plot
     from tf2_ros_tools.recordings.report import report
 
     refuse_plot(options)

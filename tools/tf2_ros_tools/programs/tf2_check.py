@@ -6,9 +6,10 @@ import sys
 from argparse import Namespace
 from functools import partial
 
-from tf2_ros_tools.common.options import add_check_options, positive_number
+from tf2_ros_tools.common.options import add_live_option, positive_number
 from tf2_ros_tools.common.output import counted
-from tf2_ros_tools.common.program import Parser, add_live_option, run
+from tf2_ros_tools.common.program import Parser, run
+from tf2_ros_tools.diagnosis.check_options import add_check_options
 
 PARSER = Parser(
     "tf2_check",

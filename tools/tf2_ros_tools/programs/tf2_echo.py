@@ -14,10 +14,10 @@ from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from tf2_py.printable import printable
-from tf2_ros_tools.common.options import nanoseconds, non_negative_number, positive_number
+from tf2_ros_tools.common.options import add_live_option, nanoseconds, non_negative_number, positive_number
 from tf2_ros_tools.common.output import first_names, show, show_json
 from tf2_ros_tools.common.pace import Pace
-from tf2_ros_tools.common.program import FAILURE, SUCCESS, Parser, UsageError, add_live_option, run
+from tf2_ros_tools.common.program import FAILURE, SUCCESS, Parser, UsageError, run
 from tf2_ros_tools.common.roll_pitch_yaw import rpy_from_matrices
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from importlib.util import find_spec
 from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
-from tf2_ros_tools.common.options import positive_number
+from tf2_ros_tools.common.options import add_live_option, positive_number
 from tf2_ros_tools.common.output import counted, show, show_json
 from tf2_ros_tools.common.pace import Pace
-from tf2_ros_tools.common.program import EXIT_STATUS, SUCCESS, Parser, UsageError, add_live_option, run
+from tf2_ros_tools.common.program import EXIT_STATUS, SUCCESS, Parser, UsageError, run
 
 if TYPE_CHECKING:
     from tf2_ros_tools.diagnosis.stream_statistics import Stream

@@ -7,9 +7,9 @@ import time
 from argparse import Namespace
 from functools import partial
 
-from tf2_ros_tools.common.options import add_plot_options, positive_number
+from tf2_ros_tools.common.options import add_live_option, add_plot_options, positive_number, refuse_plot
 from tf2_ros_tools.common.output import counted, show
-from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, add_live_option, run
+from tf2_ros_tools.common.program import SUCCESS, Parser, RunError, run
 
 S = 1_000_000_000
 
@@ -49,7 +49,7 @@ def plot(options: Namespace) -> int:
     from tf2_ros_tools.live.transport import DISCOVERY_S
     from tf2_ros_tools.pictures.path import path_picture
     from tf2_ros_tools.pictures.reception_times import heard_picture
-    from tf2_ros_tools.pictures.style import refuse_plot, write_plot
+    from tf2_ros_tools.pictures.style import write_plot
 
     refuse_plot(options)
     heard_s = options.t + (LEAD_S if options.live is None else DISCOVERY_S)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A feed that a program fills: from a pipe, a thread, or a wire of the test."""
 
-import asyncio
 import logging
 import os
 import struct
@@ -234,50 +233,6 @@ def test_a_wait_says_which_topic_is_silent_and_why():
             feed.wait_until_heard(0.01)
         assert str(raised.value) == "/tf is received (1 message), but nothing on /tf_static in 0.01 s"
         assert feed.publishers() == [Publisher("/tf", "/robot", "")]
-
-
-def ends_while_waiting(feed):
-    """Start a thread that ends a feed once something waits in its buffer."""
-
-    def end():
-        until(lambda: feed.buffer.statistics()["waiters"] == 1)
-        feed.close("the battery is empty")
-
-    thread = threading.Thread(target=end)
-    thread.start()
-    return thread
-
-
-WAIT = ("map", "camera", 0)
-
-
-@pytest.mark.parametrize(
-    "look_up",
-    [
-        lambda buffer: buffer.lookup_transform(*WAIT, timeout=DEADLINE_S),
-        lambda buffer: asyncio.run(buffer.lookup_transform_async(*WAIT, timeout=DEADLINE_S)),
-        lambda buffer: asyncio.run(buffer.lookup_transform_async(*WAIT)),
-    ],
-)
-def test_the_end_of_a_feed_ends_lookups_and_awaits(look_up):
-    feed = Feed(name="x://robot")
-    thread = ends_while_waiting(feed)
-    with pytest.raises(TransformException) as raised:
-        look_up(feed.buffer)
-    why = "x://robot has ended (the battery is empty), which ended the wait for the transform after"
-    assert why in str(raised.value)
-    thread.join()
-
-
-def test_the_end_of_a_feed_ends_changes():
-    async def follow():
-        async for _ in feed.buffer.changes("map", "camera"):
-            pass
-
-    feed = Feed()
-    thread = ends_while_waiting(feed)
-    asyncio.run(follow())
-    thread.join()
 
 
 def test_errors_of_lookups_say_what_has_not_been_received(monkeypatch):

@@ -63,7 +63,7 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
         # Importing a package does not help.
         name = getattr(key, "__name__", "")
         is_bare = hasattr(sys.modules.get(f"{package}.msg"), f"{name}Stamped")
-        advice = f"put it into a {name}Stamped, " if is_bare else ""
+        advice = f"put it into {name}Stamped, " if is_bare else ""
         page = "point-clouds.md#laser-scans" if name == "LaserScan" else "message-types.md"
         advice += f"see docs/{page}, or "
     elif key is str:

@@ -382,7 +382,8 @@ def _require_buffer(call: str, buffer: object) -> None:
     if isinstance(buffer, type) or not (
         hasattr(buffer, "set_transform") or hasattr(buffer, "set_transform_static")
     ):
-        raise MalformedObjectError(f"{call}: expected a buffer with set_transform, got {kind_of(buffer)}")
+        got = kind_of(buffer) + ("; pass the buffer first, then the node" if is_node(buffer) else "")
+        raise MalformedObjectError(f"{call}: expected a buffer with set_transform, got {got}")
 
 
 def _prefixed(prefix: str, transform: TransformStamped) -> TransformStamped:

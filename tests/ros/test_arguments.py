@@ -275,7 +275,12 @@ def test_a_swapped_node_is_told_where_it_belongs(tf2_ros, buffer, node, call, fi
 @pytest.mark.parametrize("has_node", [True, False])
 def test_a_listener_refuses_what_it_cannot_fill(tf2_ros, node, name, has_node, kind):
     count = len(list(node.subscriptions))
-    for wrong, text in ((tf2_ros.Buffer, "the class Buffer"), (None, "NoneType"), ("map", "str")):
+    for wrong, text in (
+        (tf2_ros.Buffer, "the class Buffer"),
+        (None, "NoneType"),
+        ("map", "str"),
+        (node, "Node; pass the buffer first, then the node"),
+    ):
         with pytest.raises(kind, match=rf"^{name}: expected a buffer with set_transform, got {text}$"):
             getattr(tf2_ros, name)(wrong, node if has_node else None)
     assert len(list(node.subscriptions)) == count

@@ -131,7 +131,7 @@ def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
     assert caught.value.errstr == str(caught.value)
     with pytest.raises(interface.TypeException, match="supported: pass the message first, then the frame"):
         buffer.transform("map", PoseStamped())
-    with pytest.raises(interface.TypeException, match="supported: put it into a TwistStamped, see docs/mess"):
+    with pytest.raises(interface.TypeException, match="supported: put it into TwistStamped, see docs/mess"):
         buffer.transform(Twist(), "map")
 
 

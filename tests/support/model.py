@@ -341,6 +341,8 @@ class Model(Listings, Policies, Explanations):
     def _check_name(self, call, name):
         if name == "":
             wrong = "cannot be empty"
+            if call.endswith(" source_frame"):
+                wrong += "; was header.frame_id of a message never set?"
         elif name.startswith("/"):
             wrong = "cannot start with a '/'"
         elif name not in self.names:

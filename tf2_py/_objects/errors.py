@@ -83,7 +83,8 @@ def bad_name(name: str, argument: str, call: str = "lookupTransform") -> Transfo
         )
     wrong = "cannot start with a '/'" if name else "cannot be empty"
     subject = "frame ID" if is_question else "argument"
-    return InvalidArgumentException(f"Invalid {subject} {given} - in tf2 frame_ids {wrong}")
+    advice = "" if name or argument != "source_frame" else "; was header.frame_id of a message never set?"
+    return InvalidArgumentException(f"Invalid {subject} {given} - in tf2 frame_ids {wrong}{advice}")
 
 
 def loop(target: str, source: str) -> LookupException:

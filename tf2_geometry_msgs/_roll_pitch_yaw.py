@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert rotations to and from roll, pitch and yaw."""
 
-from math import cos, isfinite, sin
+from math import atan2, copysign, cos, hypot, inf, isfinite, pi, remainder, sin, tau
 
 from geometry_msgs.msg import Quaternion
 
-from tf2_py._internal import MalformedObjectError, rpy_of
+from tf2_py._internal import MalformedObjectError
+
+# tf2's getRPY is locked where the sine of the pitch rounds to 1, about this far from 90 degrees, in radians.
+GIMBAL_LOCK = 1e-8
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
@@ -56,7 +59,19 @@ def rpy_from_quaternion(q: Quaternion) -> tuple[float, float, float]:
     [0.1, 0.2, 0.3]
     """
     try:
-        return rpy_of(q.x, q.y, q.z, q.w)
+        x, y, z, w = q.x, q.y, q.z, q.w
+        length = hypot(x, y, z, w)
     except (AttributeError, TypeError) as wrong:
         got = type(q).__name__
         raise MalformedObjectError(f"expected a geometry_msgs/Quaternion, got {got}: {wrong}") from None
+    if not 0 < length < inf:
+        raise ValueError(f"the rotation must have a finite, non-zero length, got {(x, y, z, w)}")
+    # The products of quaternion_from_rpy, added: w + y = (cos + sin)(pitch / 2) cos((roll - yaw) / 2), and so
+    # on. Unlike an arc sine, they lose no digits near gimbal lock, and any length of q cancels.
+    up, down = hypot(w + y, x - z), hypot(w - y, x + z)  # sqrt(2) cos and sin of (pi/2 - pitch) / 2
+    half_difference, half_sum = atan2(x - z, w + y), atan2(x + z, w - y)
+    if 2 * min(up, down) < GIMBAL_LOCK * max(up, down):
+        roll = 2 * (half_difference if up > down else half_sum)
+        return remainder(roll, tau), copysign(pi / 2, up - down), 0.0
+    roll, yaw = half_sum + half_difference, half_sum - half_difference
+    return remainder(roll, tau), 2 * atan2(up, down) - pi / 2, remainder(yaw, tau)

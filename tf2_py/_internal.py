@@ -15,7 +15,6 @@ from tf2_py._objects.errors import bad_name as bad_name
 from tf2_py._objects.errors import class_name as class_name
 from tf2_py._objects.errors import seconds as seconds
 from tf2_py._objects.frame_names import is_invalid_name as is_invalid_name
-from tf2_py._objects.roll_pitch_yaw import rpy_of as rpy_of
 from tf2_py._tf2_py import FOR_EVER_NS as FOR_EVER_NS
 from tf2_py._tf2_py import as_times_ns as as_times_ns
 from tf2_py._tf2_py import duration_ns as duration_ns

@@ -83,7 +83,6 @@ OURS = {
         "MessageFilter",
         "StaticTransformListener",
         "__version__",
-        "format_transform",
         "stored_name",
     },
     "tf2_sensor_msgs": SENSORS,

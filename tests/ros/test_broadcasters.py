@@ -124,7 +124,6 @@ class TestWhatEveryListenerRefuses:
 
 
 class TestStatic:
-    @pytest.mark.tf2
     def test_a_late_subscriber_gets_all_that_was_sent(self, broadcaster, subscribe, executor):
         broadcaster.sendTransform(transform("map", "a", 0, (1, 0, 0)))
         broadcaster.sendTransform([transform("map", "b"), transform("map", "c")])

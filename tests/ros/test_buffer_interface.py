@@ -79,7 +79,6 @@ class TestTransform:
         with pytest.raises(AttributeError, match="header"):
             buffer.transform(thing, "map")
 
-    @pytest.mark.tf2
     def test_the_timeout_reaches_the_lookup(self, buffer, executor, tf2_py):
         thing = Thing(10, time=at(3))
         with pytest.raises(tf2_py.ExtrapolationException):
@@ -224,7 +223,6 @@ class TestConvert:
                 call()
 
 
-@pytest.mark.tf2
 @pytest.mark.parametrize("stamp", [at(1.5), at(1.5).to_msg()], ids=["rclpy", "message"])
 def test_stamped_gives_an_object_a_header(interface, stamp):
     cloud = PointCloud2()

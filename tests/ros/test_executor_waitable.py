@@ -11,11 +11,9 @@ import pytest
 from calls_in_threads import repeated
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning_nodes import EXECUTOR, Observer, shut_down_at_sleep, spinning
+from spinning_nodes import EXECUTOR, Observer, queue_of, shut_down_at_sleep, spinning
 from times_and_transforms import at
 from waiting import DEADLINE_S, until
-
-from tf2_ros._calls.call_runners import call_queue_of
 
 S = 10**9
 LATEST = Time()
@@ -168,7 +166,7 @@ class TestSpinOnce:
     ):
         """It falls asleep without what calls them, and must be woken when the call in the other returns."""
         server = tf2_ros.BufferServer(buffer, node, "lookup")
-        calls = server._call_queue if of_server else call_queue_of(node)
+        calls = server._call_queue if of_server else queue_of(node)
         begun, asleep, called = threading.Event(), threading.Event(), threading.Event()
         gathered = itertools.count(1)
 
@@ -215,7 +213,7 @@ class TestSpinOnce:
         executor = kind()
         executor.add_node(node)
         with spinning(executor):
-            shut_down_at_sleep(call_queue_of(node))
+            shut_down_at_sleep(queue_of(node))
 
     @pytest.mark.tf2
     def test_a_task_that_polls_runs(self, buffer, listener, executor, peer):

@@ -18,12 +18,11 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from spinning_nodes import knows, shut_down_at_sleep
+from spinning_nodes import knows, queue_of, shut_down_at_sleep
 from times_and_transforms import at, transform, translation
 from waiting import DEADLINE_S, errors_so_far, until
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros._calls.call_runners import call_queue_of
 
 pytestmark = pytest.mark.usefixtures("inserter")
 
@@ -311,7 +310,7 @@ class TestThread:
     def test_a_shutdown_that_wakes_nobody_ends_it(self, tf2_ros, buffer, ros, node, whose):
         """After a signal, rclpy wakes executors before it shuts down, and they may sleep again in between."""
         listener = tf2_ros.TransformListener(buffer, None if whose == "its own" else node, spin_thread=True)
-        shut_down_at_sleep(call_queue_of(listener.node))
+        shut_down_at_sleep(queue_of(listener.node))
         until(lambda: not listener.dedicated_listener_thread.is_alive())
 
     def test_destroying_the_node_ends_it(self, tf2_ros, buffer, new_node):
@@ -322,7 +321,6 @@ class TestThread:
 
 
 class TestEnd:
-    @pytest.mark.tf2
     def test_unregistering_ends_the_subscriptions(self, tf2_ros, buffer, node):
         topics = ["/ending_tf", "/ending_tf_static"]
         listener = tf2_ros.TransformListener(buffer, node, tf_topic=topics[0], tf_static_topic=topics[1])

@@ -98,6 +98,13 @@ def shut_down_quietly(context):
     context._logging_fini()  # which nobody does after a signal, but later tests need
 
 
+def queue_of(node):
+    """The CallQueue of a node, which tf2 does not have."""
+    from tf2_ros._calls.call_runners import call_queue_of
+
+    return call_queue_of(node)
+
+
 def shut_down_at_sleep(queue):
     """
     Quietly shut down the context of a node, while the executor that spins it goes to sleep.

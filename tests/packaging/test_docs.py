@@ -145,6 +145,8 @@ def test_the_commands_of_a_page_name_targets_files_and_extras_that_exist(page):
                 ours = [one for one in wanted if "tools" not in one]
                 named = [extra for one in ours for extra in re.findall(r"\[(.+)\]", one)]
                 assert {extra for extras in named for extra in extras.split(",")} <= EXTRAS, words
+            case ["source", file, *more] if file != "=":  # not also the command of the next line
+                assert more == [], words
             case ["python", "-m", "pytest", *paths]:
                 assert all((ROOT / path).exists() for path in paths if path.startswith("tests/")), words
             case ["python", path, *_] if not path.startswith("-"):

@@ -75,7 +75,7 @@ robot models | users of a URDF: frames of joints in recordings
     tools/*urdf* tools/*joint*
 recordings | analysts: a buffer, tables and files from .mcap, .db3, .bag, with or without ROS
     tools/*bag* tools/*recording* tools/*pose* tools/*foxglove_messages* tools/*yaml_files* tools/*dataset*
-    tools/*saved* tools/*loading* tools/*optional_libraries* tools/*other-sources*
+    tools/*saved* tools/*loading* tools/*optional_libraries* tools/*poses-and-joint*
 live feeds | laptops beside a robot: its transforms over DDS, Zenoh or Foxglove, without ROS
     tools/*/live/* tools/*live* tools/*laptop* tools/*robot_with* tools/*zenoh* tools/*foxglove*
 diagnosis and pictures | whoever looks for a fault: tf2_check, tf2_monitor, tf2_echo, view_frames, plots

@@ -51,8 +51,8 @@ OF_PROJECT = (
 OF_SOURCES = """
 packaging/test_new_message_type core/test_allocation_failures packaging/test_cross_compile
 packaging/test_docs packaging/test_facts_on_pages packaging/test_examples packaging/test_import_directions
-packaging/test_makefile packaging/test_packaging packaging/test_tf2_msgs_packaging
-packaging/test_public_names packaging/test_owner_and_release_check
+packaging/test_makefile packaging/test_packaging packaging/test_refused_builds
+packaging/test_tf2_msgs_packaging packaging/test_public_names packaging/test_owner_and_release_check
 packaging/test_rclpy_inside_in_one_module
 packaging/test_release_versions packaging/test_ros_release_files packaging/test_sourced_ros
 packaging/test_type_checkers packaging/test_without_ros ros/test_inbox_without_middleware

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, overload
 import tf2_py as tf2
 from tf2_py import TransformException
 from tf2_py.typing import DurationLike, TimeLike
+from tf2_ros._frame_prefix import source_of
 from tf2_ros._messages import Header, PoseStamped, TransformStamped, time_msg
-from tf2_ros._prefix import source_of
 from tf2_ros._registration import (
     ConvertRegistration,
     TransformRegistration,

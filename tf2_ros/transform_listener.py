@@ -21,10 +21,10 @@ from tf2_py import BufferCore
 from tf2_py._internal import MalformedObjectError, class_name
 from tf2_ros._arguments import kind_of
 from tf2_ros._calls.call_runners import call_queue_of
+from tf2_ros._frame_prefix import valid_prefix, with_prefix
 from tf2_ros._nodes.ended_nodes import require_node
 from tf2_ros._nodes.hidden_nodes import hidden_node
 from tf2_ros._nodes.spinner import Spinner
-from tf2_ros._prefix import valid_prefix, with_prefix
 from tf2_ros._process.forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._qos import DYNAMIC_DEPTH, STATIC_DEPTH, transforms_qos
 from tf2_ros._rcl import problem

@@ -24,7 +24,7 @@ from tf2_py._internal import (
 from tf2_py.printable import printable
 from tf2_ros import BufferCore, FrameInfo, LookupException, TransformException
 from tf2_ros._arguments import kind_of
-from tf2_ros._prefix import frame_of
+from tf2_ros._frame_prefix import frame_of
 from tf2_sensor_msgs._cloud import find_span, move_points, read_times, require_cloud
 from tf2_sensor_msgs._time_field import KNOWN, NAMES, S, TimeField, Unit, find_time_field
 

@@ -40,7 +40,7 @@ __all__ = [
 register_messages(TYPES)
 
 if TYPE_CHECKING:
-    from tf2_sensor_msgs._point_cloud2 import create_cloud, read_points
+    from tf2_sensor_msgs._point_cloud2_standin import create_cloud, read_points
 else:
 
     def __getattr__(name):
@@ -52,6 +52,6 @@ else:
         except ModuleNotFoundError as missing:
             if missing.name != "sensor_msgs_py":
                 raise
-            from tf2_sensor_msgs import _point_cloud2 as owner
+            from tf2_sensor_msgs import _point_cloud2_standin as owner
         globals()[name] = getattr(owner, name)
         return globals()[name]

@@ -26,7 +26,7 @@ from times_and_transforms import S, stamp_ns, transform
 
 import tf2_sensor_msgs as tf2
 from tf2_py import BufferCore
-from tf2_sensor_msgs._point_cloud2 import read_points
+from tf2_sensor_msgs._point_cloud2_standin import read_points
 
 XYZ = ("x", "y", "z")
 NORMAL = ("normal_x", "normal_y", "normal_z")

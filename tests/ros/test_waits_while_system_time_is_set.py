@@ -25,7 +25,7 @@ ANSWERED = {**dict.fromkeys(EXPIRED, "map"), "can": True}
 @pytest.mark.parametrize("seconds", [3600, -3600])
 def test_the_time_of_day_is_set_during_waits(tmp_path, seconds):
     lines = output_with_library(
-        "time_of_day", tmp_path, seconds, TIMEOUT_S, program="waits_while_time_is_set"
+        "time_of_day", tmp_path, seconds, TIMEOUT_S, program="waits_while_system_time_is_set"
     ).splitlines()
     found = {one.pop("what"): one for one in map(json.loads, lines)}
     for way in EXPIRED:

@@ -278,7 +278,7 @@ cdef inline void matrix_from_transform(const Transform* transform, double* out) 
 
 cdef inline void twist_between(const Transform* start, const Transform* end, double seconds, double* linear,
                                double* angular) noexcept nogil:
-    # Metres and radians per second, of the moving origin, in the frame that both poses are given in:
+    # Meters and radians per second, of the moving origin, in the frame that both poses are given in:
     # the chord between the origins, and the rotation vector of end start^-1, each over the time.
     # Zero seconds: NaN.
     cdef double turn[4]
@@ -295,7 +295,7 @@ cdef inline void twist_of_point(const Transform* start, const Transform* end, do
                                 const Transform* middle, const Transform* point_frame, const double* point,
                                 const Transform* reference, double* linear, double* angular) noexcept nogil:
     # The mean twist of a body in an observation frame, of the point of the body that is at `point`, in the
-    # axes of a reference frame. Metres and radians per second.
+    # axes of a reference frame. Meters and radians per second.
     # `start`, `end`, `middle`: the body in the observation frame, `seconds` apart and at the time asked for.
     # `point`: x y z in meters in the point frame; `point_frame`: that frame in the observation frame.
     # `reference`: the observation frame in the reference frame.

@@ -16,8 +16,7 @@ cdef tuple query_names(const Query* query)
 
 
 cdef class PolicyObject:
-    # What one call of a program accepts beyond tf2's. A query with its policy refers to its memory. The call
-    # is that of one buffer, whose lock guards what `found` of the limits points to.
+    # What one call of a program accepts beyond tf2's. A query with its policy refers to its memory.
     cdef Policy policy
     cdef list _names            # keeps the UTF-8 of the limits' names
     cdef int _read_limits(self, FrameLimits* limits, object given, str argument, int64_t others_ns) except -1

@@ -28,9 +28,6 @@ if TYPE_CHECKING or HAS_ROS:
 else:
     from tf2_ros._without_ros import BaseFuture, TaskWaker, end_for, running_task
 
-if TYPE_CHECKING:
-    pass
-
 CLOCK_CHECK_NS = 100_000_000  # how often to read a clock that reports no jumps
 
 

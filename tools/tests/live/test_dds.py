@@ -46,7 +46,7 @@ def new_laptop(processes):
     def make(options="", where="dds://", connects=True, **environment):
         one = Obeying("laptop", environment=os.environ | environment)
         processes.append(one)
-        one.do("from laptop_helpers import *; import logging; logging.basicConfig()")
+        one.do("from run_by_laptop import *; import logging; logging.basicConfig()")
         if connects:
             one.do(f"robot = connect({where!r}, {options})")
         return one

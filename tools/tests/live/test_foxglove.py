@@ -58,7 +58,7 @@ def new_laptop(processes, port):
     def make(options="", connects=True):
         processes.append(Obeying("laptop"))
         laptop = processes[-1]
-        laptop.do("from laptop_helpers import *")
+        laptop.do("from run_by_laptop import *")
         if connects:
             laptop.do(f"robot = connect('ws://127.0.0.1:{port}', {options})")
         return laptop

@@ -88,7 +88,7 @@ def new_laptop(new_obeying, port):
     """Start a process without rclpy, whose `robot` is a feed."""
 
     def make(options="", connects=True):
-        laptop = new_obeying("laptop", before="from laptop_helpers import *")
+        laptop = new_obeying("laptop", before="from run_by_laptop import *")
         if connects:
             laptop.do(f"robot = connect('zenoh://127.0.0.1:{port}', {options})")
         return laptop

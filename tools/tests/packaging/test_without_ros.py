@@ -45,7 +45,9 @@ def test_a_program_says_in_one_line_what_is_missing(world, command):
     assert "; or listen without ROS 2: --live dds://;" in ended.stderr
 
 
-@pytest.mark.parametrize("page", ["recordings.md", "other-sources.md", "saved-buffers.md", "datasets.md"])
+@pytest.mark.parametrize(
+    "page", ["recordings.md", "poses-and-joint-states.md", "saved-buffers.md", "datasets.md"]
+)
 def test_the_pages_about_recordings_hold(world, tmp_path, page):
     if page == "datasets.md":
         provide_torch(tmp_path)

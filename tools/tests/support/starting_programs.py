@@ -24,11 +24,11 @@ def command(name, *arguments, hears=None):
     The words that start one of the programs.
 
     :param hears: what it must have heard before it ends, instead of listening for a time; see
-        `programs/runs_until_heard.py`.
+        `programs/runs_tool_until_heard.py`.
     """
     if hears is None:
         return [sys.executable, "-m", f"tf2_ros_tools.programs.{name}", *arguments]
-    return [sys.executable, str(PROGRAMS / "runs_until_heard.py"), hears, name, *arguments]
+    return [sys.executable, str(PROGRAMS / "runs_tool_until_heard.py"), hears, name, *arguments]
 
 
 def heard(*static, **moving):

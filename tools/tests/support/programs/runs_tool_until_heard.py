@@ -3,7 +3,7 @@
 """
 Runs a program of the tools that listens until it has heard what a test needs, however long its options say.
 
-`runs_until_heard.py CONDITION PROGRAM ARGUMENT ...`: an expression over `streams`, by the names of their
+`runs_tool_until_heard.py CONDITION PROGRAM ARGUMENT ...`: an expression over `streams`, by the names of their
 frames, and the texts of all `findings`. With the environment variable HEARS_WITHOUT_ROS, there is no rclpy.
 """
 

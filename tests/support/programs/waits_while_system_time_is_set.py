@@ -3,8 +3,8 @@
 """
 Waits in every way while the time of day is set.
 
-Run with `interposed/time_of_day.c` loaded: `waits_while_time_is_set.py SECONDS TIMEOUT`. For each way it
-prints a line of JSON: how long it lasted, its outcome, and how much processor time it took. The processor
+Run with `interposed/time_of_day.c` loaded: `waits_while_system_time_is_set.py SECONDS TIMEOUT`. For each way
+it prints a line of JSON: how long it lasted, its outcome, and how much processor time it took. The processor
 time of a wait counts from the step on.
 """
 

@@ -5,7 +5,7 @@ Owns the transforms of a stress run: each number of a sample follows from its fr
 
 Most frames move linearly and turn at a constant rate, so what is interpolated between any two whole samples
 is known, also where late samples arrive. EXACT has unrelated numbers at each step, and all its steps are
-inserted in order: an answer that was interpolated between other samples than the two neighbours is wrong.
+inserted in order: an answer that was interpolated between other samples than the two neighbors is wrong.
 CUP changes its parent with each sample.
 """
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py._internal import matrices_from_rotations, normalise
+from tf2_py._internal import matrices_from_rotations, normalize
 
 Matrix = NDArray[Any]
 
@@ -23,7 +23,7 @@ def _get_mat_from_quat(quaternion: NDArray[Any]) -> Matrix:
         return np.eye(3)
     w, x, y, z = quaternion
     rotations = np.array([[x, y, z, w]], dtype=np.float64)
-    normalise(rotations)  # not if NaN or infinite, as the matrix is then
+    normalize(rotations)  # not if NaN or infinite, as the matrix is then
     matrix: Matrix = matrices_from_rotations(rotations)[0]
     return matrix
 

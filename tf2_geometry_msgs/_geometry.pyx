@@ -21,7 +21,7 @@ from tf2_py._internal cimport (
     nanoseconds,
     new_header,
     quaternion_multiply,
-    quaternion_normalise_any,
+    quaternion_normalize_any,
     read_transform,
     transform_compose,
     transform_layout,
@@ -140,7 +140,7 @@ cdef int read_orientation(object quaternion, double* out, str field) except -1:
     read_doubles(quaternion_layout, quaternion, out, 4)
     if out[0] == 0.0 and out[1] == 0.0 and out[2] == 0.0 and out[3] == 0.0:
         out[3] = 1.0
-    elif not quaternion_normalise_any(out):
+    elif not quaternion_normalize_any(out):
         raise ValueError(f"{field}: expected finite numbers, got {(out[0], out[1], out[2], out[3])}")
     return 0
 

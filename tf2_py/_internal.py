@@ -22,7 +22,7 @@ from tf2_py._tf2_py import frame_name as frame_name
 from tf2_py._tf2_py import keep_for_ever as keep_for_ever
 from tf2_py._tf2_py import mask_of as mask_of
 from tf2_py._tf2_py import matrices_from_rotations as matrices_from_rotations
-from tf2_py._tf2_py import normalise as normalise
+from tf2_py._tf2_py import normalize as normalize
 from tf2_py._tf2_py import policy_of as policy_of
 from tf2_py._tf2_py import refused_transforms as refused_transforms
 from tf2_py._tf2_py import serialize_as_ros as serialize_as_ros

@@ -102,13 +102,13 @@ class BufferInterface:
 
     >>> from geometry_msgs.msg import PointStamped, TransformStamped
     >>> from tf2_ros import BufferInterface
-    >>> class OneMetreAhead(BufferInterface):
+    >>> class OneMeterAhead(BufferInterface):
     ...     def lookup_transform(self, target_frame, source_frame, time, timeout=None):
     ...         transform = TransformStamped(child_frame_id=source_frame)
     ...         transform.header.frame_id = target_frame
     ...         transform.transform.translation.x = 1.0
     ...         return transform
-    >>> OneMetreAhead().transform(PointStamped(), "base_link").point.x
+    >>> OneMeterAhead().transform(PointStamped(), "base_link").point.x
     1.0
     """
 

@@ -15,7 +15,7 @@ from tf2_py._internal import (
     as_times_ns,
     mask_of,
     matrices_from_rotations,
-    normalise,
+    normalize,
     time_ns,
 )
 from tf2_ros._messages import (
@@ -279,7 +279,7 @@ def to_nanoseconds(times: TimesLike) -> npt.NDArray[np.int64]:
 def _arrays(rows: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
     numbers = _floats(rows, OF_ARRAYS).reshape(len(rows), 7)
     rotations = numbers[:, 3:].copy()
-    bad = normalise(rotations)
+    bad = normalize(rotations)
     if bad >= 0:
         given = rows[bad][3:]
         raise ValueError(f"the rotation of message {bad} must have a finite, non-zero length, got {given}")
@@ -324,9 +324,9 @@ def _pair(transforms: tuple[Any, ...]) -> tuple[Array, Array]:
 
 
 def _unit(rotations: Array) -> Array:
-    """Normalise quaternions; a row of NaN, which is a missing transform, remains NaN."""
+    """Normalize quaternions; a row of NaN, which is a missing transform, remains NaN."""
     units = rotations.reshape(-1, 4).copy()
-    bad = normalise(units, nan_missing=True)
+    bad = normalize(units, nan_missing=True)
     if bad >= 0:
         which = _which("rotations", "the rotation", rotations.shape[:-1], bad)
         given = rotations.reshape(-1, 4)[bad].tolist()
@@ -386,7 +386,7 @@ def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
     greatest = np.einsum("iin->in", multiples).argmax(axis=0)
     rotations = multiples[greatest, :, np.arange(len(flat))]
     rotations[rotations[:, 3] < 0] *= -1
-    normalise(rotations, nan_missing=True)
+    normalize(rotations, nan_missing=True)
     return matrices[..., :3, 3].copy(), rotations.reshape(*shape, 4)
 
 

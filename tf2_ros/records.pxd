@@ -16,7 +16,7 @@ cdef struct Record:
     uint32_t parent             # likewise
     uint32_t publisher          # id in `publishers`
     uint8_t is_static           # 0 or 1
-    uint8_t unnormalised        # 1: accepted, with a rotation that tf2 of Kilted and later refuses
+    uint8_t unnormalized        # 1: accepted, with a rotation that tf2 of Kilted and later refuses
     uint16_t refusals           # for what every buffer refuses it: REFUSED_* bits
     uint32_t value              # id in `values` if static, otherwise a larger number
 

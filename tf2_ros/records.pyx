@@ -31,7 +31,7 @@ from tf2_py._internal cimport (
     fork_forget,
     fork_watch,
     incoming_refusals,
-    is_unnormalised,
+    is_unnormalized,
     lock_acquire,
     lock_free,
     lock_init,
@@ -56,7 +56,7 @@ RECORD = np.dtype([
     ("parent", np.uint32),
     ("publisher", np.uint32),
     ("static", np.uint8),
-    ("unnormalised", np.uint8),
+    ("unnormalized", np.uint8),
     ("refusals", np.uint16),
     ("value", np.uint32),
 ], align=True)
@@ -98,7 +98,7 @@ cdef void records_add(
         record.parent = _intern(&records.frames, MAX_NAMES, incoming.parent, incoming.parent_size)
         record.publisher = publisher
         record.is_static = batch.is_static
-        record.unnormalised = record.refusals == 0 and is_unnormalised(incoming.squared_length)
+        record.unnormalized = record.refusals == 0 and is_unnormalized(incoming.squared_length)
         record.value = NAME_NO_MEMORY
         if batch.is_static:
             record.value = _intern(&records.values, MAX_VALUES, &incoming.transform, sizeof(Transform))
@@ -152,7 +152,7 @@ cdef class Recording:
             ``received_ns`` and ``stamp_ns`` in nanoseconds; ``child`` and ``parent``, indices into
             :meth:`frames`; ``publisher``, an index into :meth:`publishers`; ``static``, 0 or 1;
             ``refusals``, not 0 if every buffer refuses the transform, see :func:`refusal_text`;
-            ``unnormalised``, 1 if buffers accept the transform, but tf2 of Kilted and later refuses it
+            ``unnormalized``, 1 if buffers accept the transform, but tf2 of Kilted and later refuses it
             because the length of its rotation is not 1; ``value``, an index into :meth:`values` if the
             transform is static, otherwise a larger number.
         """

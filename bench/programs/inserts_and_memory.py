@@ -29,7 +29,7 @@ class Following:
 
 
 def inserts(rows, sizes, library):
-    """By message, batch and serialised message."""
+    """By message, batch and serialized message."""
     tree = bushy("inserts", FRAMES + 1, 1.0, SAMPLES, CACHE_S)
     library.load(tree)
     links = [(tree.names[child], tree.names[parent]) for child, parent in tree.links]

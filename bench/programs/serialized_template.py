@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Serialise messages of many transforms once, and then change only their stamp and their x."""
+"""Serialize messages of many transforms once, and then change only their stamp and their x."""
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
@@ -16,7 +16,7 @@ MARK_X = 1.5e-300
 
 class Template:
     """
-    A serialised message of transforms.
+    A serialized message of transforms.
 
     :param count: of them, from map to f0, f1, ...
     """

@@ -80,10 +80,10 @@ class Tree:
     def pairs(self, hops, count, seed=1):
         """Random (target, source), exactly `hops` links apart; one of these dynamic, if any link is."""
         dice = random.Random(seed)
-        neighbours = [[] for _ in self.parents]
+        neighbors = [[] for _ in self.parents]
         for child, parent in self.links:
-            neighbours[child].append(parent)
-            neighbours[parent].append(child)
+            neighbors[child].append(parent)
+            neighbors[parent].append(child)
         found = []
         for _ in range(1000 * count):
             if len(found) == count:
@@ -91,7 +91,7 @@ class Tree:
             source = dice.randrange(len(self.parents))
             reached, moves = [source], {source: not any(self.dynamic)}  # whether a link on the way moves
             for _ in range(hops):
-                links = [(frame, one) for frame in reached for one in neighbours[frame] if one not in moves]
+                links = [(frame, one) for frame in reached for one in neighbors[frame] if one not in moves]
                 for frame, one in links:
                     moves[one] = moves[frame] or self.dynamic[one if self.parents[one] == frame else frame]
                 reached = [one for _, one in links]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Serialised TFMessages that a buffer reads; the fuzz target `cdr` judges reading by ROS."""
+"""Serialized TFMessages that a buffer reads; the fuzz target `cdr` judges reading by ROS."""
 
 import struct
 import threading

@@ -138,7 +138,7 @@ OF_TIMES_M = 238e-9 * (8 + 170)
 
 
 def test_a_jerk_between_two_samples_is_not_missed(buffer):
-    """A sample that differs from both neighbours, a millisecond apart, within a sweep of few poses."""
+    """A sample that differs from both neighbors, a millisecond apart, within a sweep of few poses."""
     buffer = driving(turn=0.0)
     for ns, x in ((0, 0.0), (1_000_000, 5.0), (2_000_000, 0.0)):
         jerk = transform("odom", "base", ns=STAMP + SWEEP // 3 + ns, xyz=(x, 0, 0), xyzw=about_z(x))
@@ -313,7 +313,7 @@ GARBAGE = [
 @pytest.mark.parametrize(("driver", "garbage", "named"), GARBAGE)
 @pytest.mark.parametrize("how", [{}, {"timeout": 0.01}])
 def test_one_garbage_time_is_named_or_nan(buffer, driver, garbage, named, at, how):
-    """As of an uninitialised field."""
+    """As of an uninitialized field."""
     cloud, points, times = measured(driver)
     points[name_of_times(DRIVERS[driver][0])][at] = garbage
     cloud = as_cloud(points, DRIVERS[driver][0])

@@ -144,5 +144,5 @@ class TestAtAPrompt:
         robot.clear()
         assert repr(robot) == "<tf2_py.BufferCore: 3 frames, 1 sample, 0 waiters>"
         assert repr(Own()) == f"<{__name__}.{Own.__qualname__}: 0 frames, 0 samples, 0 waiters>"
-        for buffer in (tf2_ros.Buffer(), tf2_ros.Buffer.__new__(tf2_ros.Buffer)):  # also uninitialised
+        for buffer in (tf2_ros.Buffer(), tf2_ros.Buffer.__new__(tf2_ros.Buffer)):  # also uninitialized
             assert repr(buffer) == "<tf2_ros.Buffer: 0 frames, 0 samples, 0 waiters>"

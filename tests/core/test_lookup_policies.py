@@ -181,7 +181,7 @@ def test_a_timeout_is_meant_only_by_methods_that_wait(tf2_ros, name):
         ({"max_gap": -0.1}, ValueError, "must not be negative"),
         ({"extrapolate": True}, TypeError, "needs a tolerance"),
         ({"tolerence": 1}, TypeError, r"^CALL\(\) got .* 'tolerence'. Did you mean 'tolerance'\?$"),
-        ({"colour": 1}, TypeError, r"^CALL\(\) got an unexpected keyword .* 'colour'$"),
+        ({"color": 1}, TypeError, r"^CALL\(\) got an unexpected keyword .* 'color'$"),
     ],
     ids=str,
 )

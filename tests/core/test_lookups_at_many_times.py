@@ -34,7 +34,7 @@ def buffer(tf2_ros):
         ("map", "odom", 0.01),
         ("odom", "base", 0.05),
         ("base", "arm", 0.2),
-        ("arm", "hand", 2.0),  # far turns between neighbours
+        ("arm", "hand", 2.0),  # far turns between neighbors
         ("mast", "camera", 1e-9),
     ):
         turns = Turn.from_vector(np.cumsum(random.normal(scale=step, size=(300, 3)), axis=0)).q

@@ -210,7 +210,7 @@ SPOILED = {
     "the stamp does not fit": put("stamps", 5, 2**31 * S),
     "a number is NaN": put("transforms", (0, 0), np.nan),
     "the translation is infinite": put("transforms", (3, 2), -np.inf),
-    "it cannot have these attributes": ("attributes", lambda _: {"colour": "red"}),
+    "it cannot have these attributes": ("attributes", lambda _: {"color": "red"}),
     "cannot have these attributes": ("attributes", lambda _: 5),
     "has no attribute|not iterable|has no len": ("frames", lambda _: None),
     "not contain 1180591620717411303424 samples": frames_of(count=2**70),

@@ -51,7 +51,7 @@ def lines(capfd):
 
 
 def refused(count, name="link"):
-    """A serialised message of transforms that are all refused."""
+    """A serialized message of transforms that are all refused."""
     return encode([transform("map", f"{name}_{i:06d}", 1, (NAN, 0, 0)) for i in range(count)])
 
 
@@ -107,8 +107,8 @@ class TestLogging:
         assert f"({len(name.encode())} bytes)" in line
 
 
-class TestUnnormalisedRotations:
-    """Buffers normalise them, as tf2 of Jazzy does; tf2 of Kilted and later refuses them, which is logged."""
+class TestUnnormalizedRotations:
+    """Buffers normalize them, as tf2 of Jazzy does; tf2 of Kilted and later refuses them, which is logged."""
 
     @pytest.mark.parametrize("method", ["set_transform", "set_transform_static"])
     @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ class TestUnnormalisedRotations:
         buffer.set_transform_static(transform("map", "arm", 5, xyzw=(0, 0, 0, 2)), "x")
         assert lines() == []
 
-    def test_of_a_serialised_message_exactly_those_are_logged(self, buffer, lines):
+    def test_of_a_serialized_message_exactly_those_are_logged(self, buffer, lines):
         turns = {
             "a": (0, 0, 0, 1),
             "b": (0, 0, 0, 2),

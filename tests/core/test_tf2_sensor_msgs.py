@@ -38,7 +38,7 @@ def t():
     return transform("map", "base", 7.25, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
 
 
-# Coordinates up to some hundred metres; float32 is rounded once, from the exact result.
+# Coordinates up to some hundred meters; float32 is rounded once, from the exact result.
 TOLERANCE = {4: {"rtol": 2e-7, "atol": 1e-5}, 8: {"rtol": 1e-13, "atol": 1e-9}}
 
 

@@ -207,7 +207,7 @@ class Machine(RuleBasedStateMachine):
         offsets=st.lists(st.integers(-20, 20), min_size=1, max_size=3),
     )
     def tie(self, other, parents, offsets):
-        # Of several samples of one stamp, it depends on their neighbours which parent answers.
+        # Of several samples of one stamp, it depends on their neighbors which parent answers.
         child, ns = self.restless[-1], self.now + 1
         parents = [self.below(child, parent) for parent in parents]
         for parent in parents:

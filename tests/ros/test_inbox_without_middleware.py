@@ -30,7 +30,7 @@ LATEST = Time()
 MANY = 5000  # transforms, of more bytes than are inserted under the lock of all inboxes
 
 
-def serialised(*transforms):
+def serialized(*transforms):
     return bytes(serialize_message(TFMessage(transforms=transforms)))
 
 
@@ -64,7 +64,7 @@ def test_a_message_that_moves_a_long_history_is_inserted_as_others(closes, sourc
     before = buffer.statistics()["bytes"]
     inbox.fill(buffer)
     for ns in (101, 50_000, 60_000):
-        source.put(serialised(transform("map", "robot", ns=ns), transform("map", "person", ns=ns)))
+        source.put(serialized(transform("map", "robot", ns=ns), transform("map", "person", ns=ns)))
     if closes:
         inbox.catch_up()
         inbox.close()
@@ -80,9 +80,9 @@ def test_a_read_takes_from_every_inbox_although_one_ends_meanwhile(source, inbox
     first = Inbox(slow, list, inboxes=inboxes)
     for one in (ending, first):
         one.fill(buffer)
-    source.put(serialised(transform("map", "robot", 1)))
+    source.put(serialized(transform("map", "robot", 1)))
     slow.slow_down()
-    slow.put(serialised(transform("map", "person", 1)))
+    slow.put(serialized(transform("map", "person", 1)))
     receiver = threading.Thread(target=inboxes.drain_when_due)
     receiver.start()
     until(slow.is_taking)
@@ -126,7 +126,7 @@ def test_a_child_forked_during_the_insert_of_a_large_message_can_drop_the_buffer
     held = [buffer, waiting]
     del buffer
     many = [transform("map", f"robot {number}", 1) for number in range(100_000)]
-    source.put(serialised(*many, transform("map", "last", 1)))
+    source.put(serialized(*many, transform("map", "last", 1)))
 
     def drop():
         nonlocal waiting
@@ -143,22 +143,22 @@ def test_a_child_forked_during_the_insert_of_a_large_message_can_drop_the_buffer
 
 def test_the_last_part_of_a_large_message_is_logged_as_others(source, inbox, inboxes, buffer, capfd):
     many = [transform("map", f"robot {number}", 1) for number in range(MANY)]
-    source.put(serialised(*many, unnormalised()))
+    source.put(serialized(*many, unnormalized()))
     assert buffer.can_transform("map", "odd", LATEST)
     inboxes.report_next()
     assert errors_so_far().count("to child_frame_id 'odd' ") == 1
 
 
-def unnormalised():
+def unnormalized():
     odd = transform("map", "odd", 1)
     odd.transform.rotation.w = 1.1
     return odd
 
 
 def test_what_was_put_before_a_large_message_and_after_it_is_found_too(source, inbox, buffer):
-    source.put(serialised(transform("map", "before", 1)))
-    source.put(serialised(*(transform("map", f"frame{i}", 1) for i in range(MANY))))
-    source.put(serialised(transform("map", "after", 1)))
+    source.put(serialized(transform("map", "before", 1)))
+    source.put(serialized(*(transform("map", f"frame{i}", 1) for i in range(MANY))))
+    source.put(serialized(transform("map", "after", 1)))
     assert buffer.can_transform("map", "after", LATEST)
     assert len(buffer.frames()) == MANY + 3  # with the map
     buffer._self_check()
@@ -206,7 +206,7 @@ def test_each_message_goes_once_and_whole_into_one_buffer(source, inboxes, seed)
 
 def test_what_was_put_while_there_was_no_buffer_goes_into_the_next_one(source, inbox, buffer, tf2_ros):
     inbox.fill(None)
-    source.put(serialised(transform("map", "robot", 1)))
+    source.put(serialized(transform("map", "robot", 1)))
     assert not buffer.can_transform("map", "robot", LATEST)
     other = tf2_ros.Buffer()
     inbox.fill(other)
@@ -230,7 +230,7 @@ def test_an_interrupt_while_answers_are_handed_over_is_raised_after_the_last_one
     for future in futures:
         future.add_done_callback(lambda _: None)
     for second in (1, 2):
-        source.put(serialised(transform("map", "robot", second)))
+        source.put(serialized(transform("map", "robot", second)))
     inbox.catch_up()
     with pytest.raises(KeyboardInterrupt):
         inbox.fill(tf2_ros.Buffer())
@@ -243,7 +243,7 @@ def test_one_thread_drains_without_a_reader_and_another_reports_until_they_are_s
 ):
     receiver = threading.Thread(target=inboxes.drain_when_due)
     receiver.start()
-    source.put(serialised(transform("map", "map", 1)))
+    source.put(serialized(transform("map", "map", 1)))
     until(
         lambda: (
             inboxes.await_report(time.monotonic_ns() + S)
@@ -278,7 +278,7 @@ def test_an_answer_does_not_wait_for_the_ends_of_many_timeouts(source, inbox, in
     many = [Slow() for _ in range(10_000)]
     for one in many:
         background.expire_at(0, one)
-    source.put(serialised(transform("map", "robot", 1)))
+    source.put(serialized(transform("map", "robot", 1)))
     inbox.catch_up()
     until(future.done)
     assert Slow.ended < len(many)
@@ -295,7 +295,7 @@ def test_inboxes_report_in_the_order_in_which_they_had_something_to_report(tf2_r
     for future in futures:
         future.add_done_callback(lambda _: None)
     for number in (2, 0, 3):
-        sources[number].put(serialised(transform("map", "robot", 1)))
+        sources[number].put(serialized(transform("map", "robot", 1)))
         filled[number].catch_up()
     filled[0].close()  # which reports
     assert handed == [0]
@@ -308,7 +308,7 @@ def test_inboxes_report_in_the_order_in_which_they_had_something_to_report(tf2_r
 
 def test_a_closed_inbox_fills_no_buffer(source, buffer, inboxes):
     inbox = Inbox(source, list, inboxes=inboxes)
-    source.put(serialised(*[transform("map", f"robot {number}", 1) for number in range(MANY)]))
+    source.put(serialized(*[transform("map", f"robot {number}", 1) for number in range(MANY)]))
     inbox.close()
     inbox.fill(buffer)  # as a thread does that gives a listener another buffer meanwhile
     assert not buffer.can_transform("map", "robot 0", at(1))

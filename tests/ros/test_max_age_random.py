@@ -131,7 +131,7 @@ class Run:
 
     def __init__(self, node, buffer, seed):
         self.node, self.buffer, self.dice = node, buffer, random.Random(seed)
-        # A buffer that is initialised again is empty.
+        # A buffer that is initialized again is empty.
         BufferCore.__init__(buffer, Duration(nanoseconds=CACHE_NS))
         self.model = Model(CACHE_NS)
         self.pending, self.followed = [], []

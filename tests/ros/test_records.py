@@ -84,7 +84,7 @@ def test_a_rotation_that_newer_releases_refuse_is_marked(heard, node, capfd):
         TFMessage(transforms=[transform("map", child, 1, xyzw=turns[child]) for child in turns])
     )
     records = take(recording, 3)
-    marks = {recording.frames()[one["child"]]: (one["unnormalised"], one["refusals"] != 0) for one in records}
+    marks = {recording.frames()[one["child"]]: (one["unnormalized"], one["refusals"] != 0) for one in records}
     assert marks == {"odom": (0, False), "arm": (1, False), "hand": (0, True)}
     until(lambda: "rotation of length 2." in errors_so_far())
     assert errors_so_far().count("of length") == 1

@@ -345,7 +345,7 @@ class TestEnd:
         listener.dedicated_listener_thread.join(DEADLINE_S)
         assert not listener.dedicated_listener_thread.is_alive()
 
-    def test_one_that_was_never_initialised_can_be_ended(self, tf2_ros):
+    def test_one_that_was_never_initialized_can_be_ended(self, tf2_ros):
         listener = tf2_ros.TransformListener.__new__(tf2_ros.TransformListener)
         listener.unregister()
         with listener:

@@ -32,7 +32,7 @@ from tf2_ros import Buffer
 FRAMES = ("a", "b", "c", "d", "e")
 ODD_NAMES = ("", "/a", "//b", "/", "NO_PARENT", "nowhere")
 AUTHORITIES = ("one", "two")
-# Some are others times -1, 2 or -2: whoever normalises those gets the same bits, so they repeat a sample.
+# Some are others times -1, 2 or -2: whoever normalizes those gets the same bits, so they repeat a sample.
 TURNS = (
     (0.0, 0.0, 0.0, 1.0),
     (0.0, 0.0, 0.0, -2.0),
@@ -141,7 +141,7 @@ def same_velocity(got, want):
     linear, angular, duration = want
     if duration == 0:
         return all(map(math.isnan, (*got[0], *got[1])))
-    # Places lie up to kilometres apart; of their difference a part of 10⁻⁹ is divided by the time between.
+    # Places lie up to kilometers apart; of their difference a part of 10⁻⁹ is divided by the time between.
     tolerance = 1e-6 / duration
     pairs = zip((*got[0], *got[1]), (*linear, *angular), strict=True)
     return all(abs(a - b) <= max(tolerance, RELATIVE * abs(b)) for a, b in pairs)

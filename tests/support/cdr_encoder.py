@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Serialise transforms as TFMessages in CDR, by the book: an encoder to compare others with."""
+"""Serialize transforms as TFMessages in CDR, by the book: an encoder to compare others with."""
 
 import struct
 

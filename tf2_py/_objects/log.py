@@ -88,7 +88,7 @@ def refused(reasons: int, parent: str, child: str, authority: str, stamp_ns: int
         logger().error(text)
 
 
-def unnormalised(length: float, parent: str, child: str, authority: str) -> None:
+def unnormalized(length: float, parent: str, child: str, authority: str) -> None:
     """Log the first transform of a frame whose rotation newer releases of ROS 2 refuse."""
     text = (
         f"The transform from frame_id '{parent}' to child_frame_id '{child}' from authority '{authority}' "

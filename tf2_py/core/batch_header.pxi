@@ -5,7 +5,7 @@
 cdef struct Entry:
     Incoming incoming
     uint32_t refused            # outcome: REFUSED_* bits; 0: accepted
-    bint unnormalised           # outcome: accepted, the first one of its frame with an unnormalised rotation
+    bint unnormalized           # outcome: accepted, the first one of its frame with an unnormalized rotation
 
 
 cdef struct Batch:
@@ -18,7 +18,7 @@ cdef struct Batch:
     bint is_static              # all entries are static transforms
     size_t taken                # outcome: entries accepted
     size_t refused              # outcome: entries refused
-    size_t unnormalised         # outcome: entries for which `unnormalised` is set
+    size_t unnormalized         # outcome: entries for which `unnormalized` is set
     bint no_memory              # outcome: memory ran out, and the rest was dropped
     Link ready                  # outcome: waiters that have an answer which must still be delivered
     int64_t in_1970_ns          # outcome: the time of a wait that asks_for_1970; 0: of none

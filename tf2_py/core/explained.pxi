@@ -5,7 +5,7 @@
 cdef void _describe_samples(const History* history, int64_t time_ns, const Policy* policy,
                             int64_t tolerance_ns, Hop* hop) noexcept nogil:
     # Of a history that answers for the time.
-    cdef Neighbours around
+    cdef Neighbors around
     cdef uint32_t hint = NEWEST_HINT
     cdef int64_t found_ns = history_time_within(history, time_ns, tolerance_ns)
     hop.weight = 0.0
@@ -20,9 +20,9 @@ cdef void _describe_samples(const History* history, int64_t time_ns, const Polic
     elif found_ns != time_ns:
         hop.data = HOP_HELD
     elif history_stamps_around(history, time_ns, &hop.older_ns, &hop.newer_ns):
-        history_neighbours(history, time_ns, &hint, &around)
+        history_neighbors(history, time_ns, &hint, &around)
         hop.data = HOP_KEPT if around.older == around.newer else HOP_INTERPOLATED
-        hop.weight = neighbours_ratio(&around, time_ns)
+        hop.weight = neighbors_ratio(&around, time_ns)
     else:
         hop.data = HOP_SAMPLE
         hop.older_ns = hop.newer_ns = time_ns

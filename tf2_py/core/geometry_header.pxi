@@ -46,7 +46,7 @@ cdef inline void quaternion_conjugate(const double* q, double* out) noexcept nog
     out[3] = q[3]
 
 
-cdef inline bint quaternion_normalise(double* q) noexcept nogil:
+cdef inline bint quaternion_normalize(double* q) noexcept nogil:
     # Returns False and leaves q unchanged if the squared norm is infinite, NaN, or so small that digits are
     # lost.
     cdef double squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
@@ -61,25 +61,25 @@ cdef inline bint quaternion_normalise(double* q) noexcept nogil:
     return True
 
 
-cdef inline bint quaternion_normalise_once(double* q, double* squared_length) noexcept nogil:
-    # The same as quaternion_normalise, except that a quaternion that it has normalized before remains
+cdef inline bint quaternion_normalize_once(double* q, double* squared_length) noexcept nogil:
+    # The same as quaternion_normalize, except that a quaternion that it has normalized before remains
     # identical to the last bit. Its rounding errors add up to at most 14 half units in the last place of the
-    # squared length. That is summed in the order of tf2, so that is_unnormalised agrees to the last bit.
+    # squared length. That is summed in the order of tf2, so that is_unnormalized agrees to the last bit.
     cdef double squared = q[3] * q[3] + q[0] * q[0] + q[1] * q[1] + q[2] * q[2]
     squared_length[0] = squared
-    return fabs(squared - 1.0) <= 2e-15 or quaternion_normalise(q)
+    return fabs(squared - 1.0) <= 2e-15 or quaternion_normalize(q)
 
 
-cdef inline bint is_unnormalised(double squared_length) noexcept nogil:
+cdef inline bint is_unnormalized(double squared_length) noexcept nogil:
     # Whether tf2 of Kilted and later refuses a rotation that can be normalized.
     return fabs(squared_length - 1.0) >= 0.01
 
 
-cdef inline bint quaternion_normalise_any(double* q) noexcept nogil:
+cdef inline bint quaternion_normalize_any(double* q) noexcept nogil:
     # Accepts every finite length above zero. For other lengths, returns False and leaves q unchanged.
     cdef double largest = 0.0
     cdef int i
-    if quaternion_normalise(q):
+    if quaternion_normalize(q):
         return True
     for i in range(4):
         if not isfinite(q[i]):
@@ -89,7 +89,7 @@ cdef inline bint quaternion_normalise_any(double* q) noexcept nogil:
         return False
     for i in range(4):
         q[i] /= largest
-    return quaternion_normalise(q)
+    return quaternion_normalize(q)
 
 
 cdef inline double quaternion_lead(const double* q) noexcept nogil:
@@ -122,7 +122,7 @@ cdef inline double sinc_series(double squared) noexcept nogil:
 
 
 # The interpolation of rotations, of single lookups and of series: shortest-path slerp (Shoemake 1985), whose
-# weights are sin((1 - r) t) / sin(t) and sin(r t) / sin(t), where cos(t) = |a . b|. Neighbouring samples are
+# weights are sin((1 - r) t) / sin(t) and sin(r t) / sin(t), where cos(t) = |a . b|. Neighboring samples are
 # mostly close; only others need the trigonometric functions. So there are two functions, of which series call
 # the first one for many times at once: it has no branches, and takes numbers, not pointers.
 

@@ -228,7 +228,7 @@ cdef uint32_t history_first_after(const History* history, int64_t time_ns) noexc
 
 cdef inline Gap _find_slots(const History* history, int64_t time_ns, uint32_t* hint, uint32_t* older,
                             uint32_t* newer) noexcept nogil:
-    # As history_neighbours, but slots. Of equal stamps the last arrival answers; where they are the oldest
+    # As history_neighbors, but slots. Of equal stamps the last arrival answers; where they are the oldest
     # of several, the first. `hint` is the index of the newer sample.
     cdef uint32_t count = history.count
     cdef uint32_t index
@@ -274,8 +274,8 @@ cdef Gap history_gap(const History* history, int64_t time_ns) noexcept nogil:
     return _find_slots(history, time_ns, &hint, &older, &newer)
 
 
-cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* hint,
-                            Neighbours* out) noexcept nogil:
+cdef Gap history_neighbors(const History* history, int64_t time_ns, uint32_t* hint,
+                           Neighbors* out) noexcept nogil:
     cdef uint32_t a, b
     cdef Gap gap = _find_slots(history, time_ns, hint, &a, &b)
     if gap != GAP_NONE:
@@ -289,11 +289,11 @@ cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* h
 
 cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t hint,
                               Transform* out) noexcept nogil:
-    cdef Neighbours around
+    cdef Neighbors around
     cdef const Transform* a
     cdef const Transform* b
     cdef double ratio
-    cdef Gap gap = history_neighbours(history, time_ns, &hint, &around)
+    cdef Gap gap = history_neighbors(history, time_ns, &hint, &around)
     if gap != GAP_NONE:
         return gap
     a = around.older
@@ -301,7 +301,7 @@ cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t 
     if a == b:
         out[0] = a[0]
         return GAP_NONE
-    ratio = neighbours_ratio(&around, time_ns)
+    ratio = neighbors_ratio(&around, time_ns)
     out.translation[0] = (1.0 - ratio) * a.translation[0] + ratio * b.translation[0]
     out.translation[1] = (1.0 - ratio) * a.translation[1] + ratio * b.translation[1]
     out.translation[2] = (1.0 - ratio) * a.translation[2] + ratio * b.translation[2]
@@ -394,7 +394,7 @@ cdef enum:
 
 
 cdef inline uint32_t _differ(const History* history, uint32_t index, FrameId parent) noexcept nogil:
-    # How many of the neighbours of a sample have another parent.
+    # How many of the neighbors of a sample have another parent.
     cdef uint32_t count = 0
     if index > 0:
         count += history_parent_of(history, index - 1) != parent
@@ -416,7 +416,7 @@ cdef HistoryInsert history_begin(const History* old, HistoryKind kind, uint32_t 
     fresh.authority = old.authority
     fresh.is_parent = old.is_parent
     fresh.is_hidden = old.is_hidden
-    fresh.was_unnormalised = old.was_unnormalised
+    fresh.was_unnormalized = old.was_unnormalized
     return _move(fresh, capacity, history_allocated(old) + growth_limit)
 
 
@@ -539,7 +539,7 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
         change.covered.first = history.newest_ns if index else stamp_ns
         change.covered.last = stamp_ns if index or history.count == 0 else history.oldest_ns
     if index > 0 and index < history.count:
-        # These two are no longer neighbours.
+        # These two are no longer neighbors.
         history.parent_changes -= history_parent_of(history, index - 1) != history_parent_of(history, index)
     change.moved = min(index, history.count - index)
     _make_slot(history, index)

@@ -40,7 +40,7 @@ cdef struct History:
     uint32_t mostly_empty_for   # inserts since the ring was last a quarter full
     # What others may read.
     uint32_t count              # samples
-    uint32_t parent_changes     # how many neighbours have different parents; 0: one parent at all times
+    uint32_t parent_changes     # how many neighbors have different parents; 0: one parent at all times
     HistoryKind kind
     int64_t newest_ns           # stamp of the newest sample; 0 without samples, and in a static history
     int64_t oldest_ns           # stamp of the oldest sample; 0 in the same cases
@@ -48,7 +48,7 @@ cdef struct History:
     uint32_t authority          # id of the sender of the last sample; NAME_UNKNOWN: there was none
     bint is_parent              # a sample of some frame has named this frame as its parent
     bint is_hidden              # forgotten: the name counts as unknown until a transform uses it again
-    bint was_unnormalised       # an unnormalised rotation of this frame has been reported
+    bint was_unnormalized       # an unnormalized rotation of this frame has been reported
 
 
 cdef enum:
@@ -169,15 +169,15 @@ cdef inline uint32_t history_prefetch(const History* history, int64_t time_ns) n
 # Why the history does not answer; GAP_NONE: it does. Time 0 means the newest sample.
 cdef Gap history_gap(const History* history, int64_t time_ns) noexcept nogil
 
-cdef struct Neighbours:
+cdef struct Neighbors:
     # The samples on both sides of a time. If one sample is the answer, both are that sample.
     const Transform* older
     const Transform* newer
-    int64_t older_ns        # their stamps; every time between these, but not at them, has the same neighbours
+    int64_t older_ns        # their stamps; every time between these, but not at them, has the same neighbors
     int64_t newer_ns
 
 
-cdef inline double neighbours_ratio(const Neighbours* around, int64_t time_ns) noexcept nogil:
+cdef inline double neighbors_ratio(const Neighbors* around, int64_t time_ns) noexcept nogil:
     # The relative position of the time between them, 0 .. 1; 0 if both are the same.
     if around.older_ns == around.newer_ns:
         return 0.0
@@ -185,9 +185,9 @@ cdef inline double neighbours_ratio(const Neighbours* around, int64_t time_ns) n
 
 
 # `hint`: where to look first, and afterwards where the answer was.
-cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* hint,
-                            Neighbours* out) noexcept nogil
-# Interpolated between the neighbours: linear translation, slerp of the rotation.
+cdef Gap history_neighbors(const History* history, int64_t time_ns, uint32_t* hint,
+                           Neighbors* out) noexcept nogil
+# Interpolated between the neighbors: linear translation, slerp of the rotation.
 cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t hint,
                               Transform* out) noexcept nogil
 # As history_transform_at, under a policy that is given, with its tolerance for this frame. `used_ns`: the

@@ -200,7 +200,7 @@ cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns, 
     else:
         out[0] = source_side
     # Rounding makes long chains drift from unit length.
-    quaternion_normalise(out.rotation)
+    quaternion_normalize(out.rotation)
     quaternion_canonicalise(out.rotation)
     return status_of(STATUS_OK)
 

@@ -24,7 +24,7 @@ cdef int _sort(Replacing* replacing, Batch* batch, Names* children) noexcept nog
     for i in range(batch.count):
         incoming = &batch.entries[i].incoming
         batch.entries[i].refused = incoming_refusals(incoming)
-        batch.entries[i].unnormalised = False
+        batch.entries[i].unnormalized = False
         which = names_find_guessed(children, incoming.child, incoming.child_size, which)
         if which == NAME_UNKNOWN:
             which = names_intern(children, incoming.child, incoming.child_size)
@@ -237,9 +237,9 @@ cdef void _settle(Replacing* replacing, Replacement* one, Tree* tree, Batch* bat
         tree.histories[parent].is_parent = True
         tree.taken += 1
         batch.taken += 1
-        if is_unnormalised(entry.incoming.squared_length) and not history.was_unnormalised:
-            entry.unnormalised = history.was_unnormalised = True
-            batch.unnormalised += 1
+        if is_unnormalized(entry.incoming.squared_length) and not history.was_unnormalized:
+            entry.unnormalized = history.was_unnormalized = True
+            batch.unnormalized += 1
     tree_unhide(tree, one.frame, NULL)
 
 

@@ -91,9 +91,9 @@ cdef void _gather(SeriesWork* work, const History* history, const int64_t* times
     cdef uint32_t hints[BATCH_TIMES]
     cdef uint32_t i
     cdef Transform identity
-    cdef Neighbours around
+    cdef Neighbors around
     cdef uint64_t spacing_ns = (history.newest_ns - history.oldest_ns) // max(history.count, 1)
-    # The times that have the same neighbours as the last one. Differences are compared as unsigned numbers,
+    # The times that have the same neighbors as the last one. Differences are compared as unsigned numbers,
     # because a branch for each bound would be mispredicted for half of all random times.
     cdef int64_t first_ns = 0
     cdef uint64_t span_ns = 0
@@ -109,7 +109,7 @@ cdef void _gather(SeriesWork* work, const History* history, const int64_t* times
             # In a short history the place of the previous time is the better hint.
             if hints[i] != NEWEST_HINT:
                 hint[0] = hints[i]
-            if history_neighbours(history, times_ns[i], hint, &around) != GAP_NONE:
+            if history_neighbors(history, times_ns[i], hint, &around) != GAP_NONE:
                 work.missing[i] = 1
                 around.older = around.newer = &identity
                 around.older_ns = around.newer_ns = 0
@@ -117,7 +117,7 @@ cdef void _gather(SeriesWork* work, const History* history, const int64_t* times
             span_ns = max(around.newer_ns - first_ns, 0)
         _put(&work.older, i, around.older)
         _put(&work.newer, i, around.newer)
-        work.ratio[i] = neighbours_ratio(&around, times_ns[i])
+        work.ratio[i] = neighbors_ratio(&around, times_ns[i])
     for i in range(count, BATCH_TIMES):
         _put(&work.older, i, &identity)
         _put(&work.newer, i, &identity)
@@ -396,7 +396,7 @@ cdef void series_unpin(PinnedLookup* pinned) noexcept nogil:
 
 cdef void _hop_at_times(SeriesWork* work, const History* history, const int64_t* times_ns, uint32_t count,
                         uint32_t* hint) noexcept nogil:
-    # hop = the frame's transforms at the times. `hint`: as in history_neighbours.
+    # hop = the frame's transforms at the times. `hint`: as in history_neighbors.
     if history.kind == HISTORY_STATIC:
         _fill(&work.hop, history_newest_transform(history))
     else:

@@ -135,7 +135,7 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil:
         refused |= REFUSED_NEGATIVE_STAMP
     elif incoming.stamp_ns > MAX_STAMP_NS:
         refused |= REFUSED_STAMP_TOO_LATE
-    if quaternion_normalise_once(q, &incoming.squared_length):
+    if quaternion_normalize_once(q, &incoming.squared_length):
         quaternion_canonicalise(q)
     else:
         refused |= REFUSED_QUATERNION
@@ -214,10 +214,10 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     return TREE_NO_MEMORY if outcome == HISTORY_NO_MEMORY else 0
 
 
-cdef bint tree_mark_unnormalised(Tree* tree) noexcept nogil:
+cdef bint tree_mark_unnormalized(Tree* tree) noexcept nogil:
     cdef History* history = &tree.histories[tree.last_child]
-    cdef bint is_new = not history.was_unnormalised
-    history.was_unnormalised = True
+    cdef bint is_new = not history.was_unnormalized
+    history.was_unnormalized = True
     return is_new
 
 

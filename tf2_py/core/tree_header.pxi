@@ -35,7 +35,7 @@ cdef struct Tree:
 
 cdef struct Change:
     # The shape is what decides which way a walk takes: names and links. Any insert into a frame with several
-    # parents may change it: which of them answers depends on the neighbours of a sample, and on pruning.
+    # parents may change it: which of them answers depends on the neighbors of a sample, and on pruning.
     bint shape              # any failed lookup may have an answer now
     FrameId frame           # the child; NO_FRAME: no history was touched
     TimeRange covered       # times for which it has data only since then; may be too large
@@ -73,8 +73,8 @@ cdef FrameId tree_intern_frame(Tree* tree, const char* name, size_t size, FrameI
 cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size) noexcept nogil
 # Gives a frame without samples a history, and takes that over. `parent`: of its newest sample.
 cdef void tree_put_history(Tree* tree, FrameId frame, const History* history, FrameId parent) noexcept nogil
-# Marks the frame of the transform just inserted as one whose rotation was unnormalised. Whether it is new.
-cdef bint tree_mark_unnormalised(Tree* tree) noexcept nogil
+# Marks the frame of the transform just inserted as one whose rotation was unnormalized. Whether it is new.
+cdef bint tree_mark_unnormalized(Tree* tree) noexcept nogil
 
 
 cdef inline size_t tree_bytes(const Tree* tree) noexcept nogil:

@@ -242,9 +242,9 @@ cdef tuple as_points(points):
 
 # The engine's quaternion maths on rows.
 
-def normalise(rotations, *, bint nan_missing=False):
+def normalize(rotations, *, bint nan_missing=False):
     """
-    Normalise each row, a quaternion x y z w, in place.
+    Normalize each row, a quaternion x y z w, in place.
 
     :param rotations: float64, shape (N, 4), contiguous and writable.
     :param nan_missing: accept rows in which everything is NaN, and leave them unchanged.
@@ -253,7 +253,7 @@ def normalise(rotations, *, bint nan_missing=False):
     cdef double* row = doubles_of(rotations, 4)
     cdef Py_ssize_t i
     for i in range(len(rotations)):
-        if not quaternion_normalise_any(row):
+        if not quaternion_normalize_any(row):
             if not (nan_missing and isnan(row[0]) and isnan(row[1]) and isnan(row[2]) and isnan(row[3])):
                 return i
         row += 4

@@ -194,7 +194,7 @@ cdef class Engine:
         if self._waiters.in_1970_ns:
             batch.in_1970_ns = self._waiters.in_1970_ns
             self._waiters.in_1970_ns = 0
-        batch.needs_report = (batch.refused > 0 or batch.unnormalised > 0 or batch.no_memory
+        batch.needs_report = (batch.refused > 0 or batch.unnormalized > 0 or batch.no_memory
                               or not links_empty(&batch.ready) or batch.in_1970_ns != 0)
         is_waking = self._waiters.ready == &batch.ready
         unlock_written(&self._lock, &self._tree, &self._waiters)
@@ -210,15 +210,15 @@ cdef class Engine:
         cdef Change* change = &self._waiters.change if self._waiters.count else NULL
         batch.done += 1
         entry.refused = 0
-        entry.unnormalised = False
+        entry.unnormalized = False
         if batch.no_memory:
             return
         entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, change)
         if entry.refused == 0:
             batch.taken += 1
-            if is_unnormalised(entry.incoming.squared_length) and tree_mark_unnormalised(&self._tree):
-                entry.unnormalised = True
-                batch.unnormalised += 1
+            if is_unnormalized(entry.incoming.squared_length) and tree_mark_unnormalized(&self._tree):
+                entry.unnormalized = True
+                batch.unnormalized += 1
         elif entry.refused == TREE_NO_MEMORY:
             entry.refused = 0
             batch.no_memory = True
@@ -249,7 +249,7 @@ cdef class Engine:
     cdef int report(self, Batch* batch, object hand_over) except -1:
         error = self._deliver(batch, hand_over)
         self._log_refused(batch)
-        self._log_unnormalised(batch)
+        self._log_unnormalized(batch)
         if batch.in_1970_ns:
             self.log_1970(batch.in_1970_ns)
             batch.in_1970_ns = 0
@@ -283,15 +283,15 @@ cdef class Engine:
             throttle.unlogged = 0
         return 0
 
-    cdef int _log_unnormalised(self, Batch* batch) except -1:
+    cdef int _log_unnormalized(self, Batch* batch) except -1:
         # Once for each frame, except for those beyond the throttle's limit.
         cdef const Entry* entry
         cdef size_t i
-        for i in range(batch.count if batch.unnormalised else 0):
+        for i in range(batch.count if batch.unnormalized else 0):
             entry = &batch.entries[i]
-            if entry.unnormalised and self._throttle.passes(
+            if entry.unnormalized and self._throttle.passes(
                     name_hash(entry.incoming.child, entry.incoming.child_size)):
-                log.unnormalised(
+                log.unnormalized(
                     sqrt(entry.incoming.squared_length),
                     name_for_log(entry.incoming.parent, entry.incoming.parent_size),
                     name_for_log(entry.incoming.child, entry.incoming.child_size),

@@ -129,7 +129,7 @@ cdef class Engine:
     cdef tuple _limits_instead(self, const Query* query, Status status)
     cdef int _begin_advice(self) except -1
     cdef int _log_refused(self, Batch* batch) except -1
-    cdef int _log_unnormalised(self, Batch* batch) except -1
+    cdef int _log_unnormalized(self, Batch* batch) except -1
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil
     # Returns the first of the errors that were raised, or None.
     cdef object _deliver(self, Batch* batch, object hand_over)

@@ -111,7 +111,7 @@ cdef int read_any_rotation(object message, Transform* out) except -1:
 
 cdef int read_transform(object message, Transform* out) except -1:
     read_any_rotation(message, out)
-    quaternion_normalise(out.rotation)
+    quaternion_normalize(out.rotation)
     return 0
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fuzz the parser of serialised TFMessage: it must accept what ROS itself reads, and nothing else."""
+"""Fuzz the parser of serialized TFMessage: it must accept what ROS itself reads, and nothing else."""
 
 import struct
 from collections.abc import Iterator

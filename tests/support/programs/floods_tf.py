@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Publishes serialised messages of many transforms on /tf at a steady rate, once there is a subscriber.
+Publishes serialized messages of many transforms on /tf at a steady rate, once there is a subscriber.
 
 Message n carries the stamp START_NS + n periods and x = n; its frames are map and f0, f1, ... Arguments:
 messages per second, transforms in each, how many messages (0: without end).

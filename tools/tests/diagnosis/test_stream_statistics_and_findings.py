@@ -42,7 +42,7 @@ def heard(
     publisher="/odometry",
     delay=0.01,
     static=False,
-    unnormalised=False,
+    unnormalized=False,
     refusals=0,
     value=0,
 ):
@@ -54,7 +54,7 @@ def heard(
         FRAMES.index(parent),
         PUBLISHERS.index(publisher),
         static,
-        unnormalised,
+        unnormalized,
         refusals,
         value,
     )
@@ -227,19 +227,19 @@ FINDINGS = {
             "refused: 80 transforms of odom",
         ],
     ),
-    "normalised by buffers, and refused by newer ones": case(
+    "normalized by buffers, and refused by newer ones": case(
         *ROBOT,
-        [heard(0.5, "lidar", "base", static=True, unnormalised=True)],
-        steady("world", "base", 20, publisher="/other", unnormalised=True),
+        [heard(0.5, "lidar", "base", static=True, unnormalized=True)],
+        steady("world", "base", 20, publisher="/other", unnormalized=True),
         says=[
-            "unnormalised: 1 transform of lidar by /odometry has a rotation",
-            "unnormalised: 80 transforms of world by /other have a rotation whose length is not 1: tf2 of "
+            "unnormalized: 1 transform of lidar by /odometry has a rotation",
+            "unnormalized: 80 transforms of world by /other have a rotation whose length is not 1: tf2 of "
             "ROS 2 Kilted and later refuses them",
         ],
     ),
-    "unnormalised by a static publisher that has ended": case(
+    "unnormalized by a static publisher that has ended": case(
         *ROBOT,
-        [heard(0.5, "lidar", "base", publisher="/other", static=True, unnormalised=True)],
+        [heard(0.5, "lidar", "base", publisher="/other", static=True, unnormalized=True)],
         alive={0, 1},
     ),
     "no longer published": case(

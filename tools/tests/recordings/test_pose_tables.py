@@ -59,7 +59,7 @@ def test_a_chain_has_the_stamps_of_its_own_frames(path):
     ]
 
 
-def test_neighbouring_rows_do_not_jump_to_the_opposite_quaternion(tmp_path):
+def test_neighboring_rows_do_not_jump_to_the_opposite_quaternion(tmp_path):
     stamps = [100 * S + i * S for i in range(101)]  # two turns
     turns = [about_z(2 * np.pi * i / 50) for i in range(101)]
     poses = zip(stamps, turns, strict=True)

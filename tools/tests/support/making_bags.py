@@ -34,7 +34,7 @@ WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 
 class Tf(NamedTuple):
-    """A transform: stamp in ns, metres, quaternion x y z w."""
+    """A transform: stamp in ns, meters, quaternion x y z w."""
 
     parent: str
     child: str

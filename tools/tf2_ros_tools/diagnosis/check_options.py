@@ -9,7 +9,7 @@ from tf2_ros_tools.common.options import non_negative_number, positive_number
 
 # The kinds of findings, in the order in which they are reported; docs/programs/tf2_check.md explains them.
 KINDS = tuple(
-    "nothing qos clock clocks roots loop parents publishers mixed values refused unnormalised unset stale "
+    "nothing qos clock clocks roots loop parents publishers mixed values refused unnormalized unset stale "
     "future gap rate missing parent delay static malformed lost".split()
 )
 

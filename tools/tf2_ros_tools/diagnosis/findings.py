@@ -149,7 +149,7 @@ def find(
         given = {key: getattr(expected, key) for key in ("min_rate", "max_delay", "max_future")}
         own_limits = replace(limits, **{key: one for key, one in given.items() if one is not None})
         found += _of_frame(frame, own, alive)
-        found += _unnormalised(own, alive)
+        found += _unnormalized(own, alive)
         found += _as_expected(frame, newest_streams(own)[frame], own, expected)
         moving = [one for one in own if not one.static]
         for stream in moving:
@@ -211,17 +211,17 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
         yield Finding("mixed", frame, text)
 
 
-def _unnormalised(own: Sequence[Stream], alive: Collection[int] | None) -> Iterator[Finding]:
+def _unnormalized(own: Sequence[Stream], alive: Collection[int] | None) -> Iterator[Finding]:
     """What buffers of this project accept, and tf2 of newer releases refuses."""
     for one in own:
-        if one.unnormalised and not (one.static and alive is not None and one.publisher_id not in alive):
-            which = f"{counted(one.unnormalised, 'transform')} of {one.frame} by {one.publisher}"
-            has, them = ("has", "it") if one.unnormalised == 1 else ("have", "them")
+        if one.unnormalized and not (one.static and alive is not None and one.publisher_id not in alive):
+            which = f"{counted(one.unnormalized, 'transform')} of {one.frame} by {one.publisher}"
+            has, them = ("has", "it") if one.unnormalized == 1 else ("have", "them")
             text = (
                 f"{which} {has} a rotation whose length is not 1: "
                 f"tf2 of ROS 2 Kilted and later refuses {them}"
             )
-            yield Finding("unnormalised", one.frame, text)
+            yield Finding("unnormalized", one.frame, text)
 
 
 def _clock_offset(stream: Stream) -> float | None:

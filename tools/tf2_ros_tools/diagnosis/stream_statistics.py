@@ -63,7 +63,7 @@ class Stream(Origin):
     silence: float  # since the last one
     stalled: float  # since the last stamp that was newer than all before it
     period: float | None  # usual time between two transforms, without the longest
-    unnormalised: int = 0  # how many have a rotation that tf2 of ROS 2 Kilted and later refuses
+    unnormalized: int = 0  # how many have a rotation that tf2 of ROS 2 Kilted and later refuses
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,7 @@ def _figures(
         gaps / S,
         *((now_ns - one) / S for one in (begins, lasts, advanced)),
         np.where(counts > 1, periods, unknown),
-        np.add.reduceat(ordered["unnormalised"].astype(np.int64), starts),
+        np.add.reduceat(ordered["unnormalized"].astype(np.int64), starts),
     )
     keys, refusals = _keys(heads).tolist(), np.bitwise_or.reduceat(ordered["refusals"], starts).tolist()
     ids: list[tuple[int, int, int, int]] = heads[["child", "parent", "publisher", "static"]].tolist()
@@ -296,9 +296,9 @@ def _in_window(total: Stream, recent: Stream | None) -> Stream:
     """Join the figures of a stream in the window with those that reach beyond it."""
     if recent is None:
         # A static transform is received by whoever subscribes later, too.
-        unnormalised = total.unnormalised if total.static else 0
+        unnormalized = total.unnormalized if total.static else 0
         return replace(
-            without_delays(total), count=0, rate=None, gap=0.0, first=0.0, unnormalised=unnormalised
+            without_delays(total), count=0, rate=None, gap=0.0, first=0.0, unnormalized=unnormalized
         )
     period = recent.period if recent.count >= 3 else total.period
     return replace(recent, silence=total.silence, stalled=total.stalled, period=period)

@@ -22,7 +22,7 @@ from tf2_ros_tools.common.output import write_whole
 
 Records = NDArray[np.void]
 
-# Colours that everyone can distinguish (M. Okabe and K. Ito, Color universal design, 2008), and grey.
+# Colors that everyone can distinguish (M. Okabe and K. Ito, Color universal design, 2008), and gray.
 BLUE, ORANGE, GREEN, VERMILION, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#6E6E6E"
 LONGEST = 60  # characters of a name
 

@@ -17,7 +17,7 @@ from tf2_ros_tools.pictures.style import BLUE, GREY, VERMILION, label
 
 S = 1_000_000_000
 
-# The styles also work without colour.
+# The styles also work without color.
 STYLES = {
     "dynamic": {"color": BLUE, "style": "solid", "penwidth": "1.6"},
     "static": {"color": GREY, "style": "dashed", "penwidth": "1.2"},

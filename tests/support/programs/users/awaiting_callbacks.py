@@ -94,7 +94,7 @@ def main():
     broadcaster.sendTransform(make("odom", "dock", 20, 4.0))
     broadcaster.sendTransform(make("odom", "base_link", 20, 1.0))
     broadcaster.sendTransform(make("odom", "base_link", 40, 3.0))
-    print("metres to the dock:", until(locator.docked))
+    print("meters to the dock:", until(locator.docked))
 
     executor.shutdown()
     locator.destroy_node()

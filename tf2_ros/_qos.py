@@ -19,7 +19,7 @@ def transforms_qos(depth: int, *, is_static: bool) -> QoSProfile:
 
 
 def is_latched(qos: QoSProfile) -> bool:
-    """Whether a subscription gets what its publishers keep, also from before it existed, without a loss."""
+    """Whether a subscription reliably receives the messages that its publishers sent before it existed."""
     wanted = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE
     return (qos.durability, qos.reliability) == wanted
 

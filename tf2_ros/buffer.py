@@ -90,10 +90,10 @@ class Buffer(BufferCore, BufferInterface):
     :raises TypeError: ``cache_time`` is not a duration or a number, or a limit is not an int.
     :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
 
-    The buffer is cleared when simulated time jumps back by 1 s or more, or is switched on or off; and while a
-    listener or a source fills it, when a lookup with ``max_age``, :meth:`~tf2_py.BufferCore.ages` or
-    :meth:`~tf2_py.BufferCore.explain` finds another clock set back as far. Translations are in
-    meters, rotations are unit quaternions.
+    The buffer is cleared when simulated time jumps back by 1 s or more, or is switched on or off. It is also
+    cleared if a listener or a source fills it, and a lookup with ``max_age``,
+    :meth:`~tf2_py.BufferCore.ages` or :meth:`~tf2_py.BufferCore.explain` finds that another clock was set
+    back by 1 s or more. Translations are in meters, rotations are unit quaternions.
 
     Every ``time`` is a :data:`~tf2_py.typing.TimeLike`: an rclpy ``Time``, a time message, an int in
     nanoseconds, or a ``numpy.datetime64``. 0 is the latest time for which all frames on the path have data.
@@ -365,7 +365,7 @@ class Buffer(BufferCore, BufferInterface):
         :param target_frame: the frame in which the pose is wanted.
         :param source_frame: the frame whose pose is wanted.
         :param max_age: a duration, or a mapping of frames to durations. A transform is skipped if the newest
-            sample of a moving frame on the path is older when the loop body would get it.
+            sample of a moving frame on the path is older than this when the loop body would get it.
         :param max_gap: a duration; transforms between samples that are further apart are skipped.
         :return: an asynchronous iterator for asyncio and for rclpy's executors. It yields the present
             transform, if there is one, and then each new one: at a later common time, along another path, or
@@ -510,7 +510,7 @@ class Buffer(BufferCore, BufferInterface):
         res.frame_yaml = self.all_frames_as_yaml()
         return res
 
-    # A program's own set_transform may call the first, as tf2's does. Here, no insert needs them.
+    # A program's own set_transform may call _call_new_data_callbacks, as tf2's does. Inserts need neither.
 
     def _call_new_data_callbacks(self) -> None:
         pass

@@ -268,7 +268,7 @@ class BufferInterface:
         :raises ConnectivityException: the frames are in different trees.
         :raises ExtrapolationException: a frame on the path has no data for the time, or only data that is
             older than ``max_age``.
-        :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``; raised without waiting.
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
         :raises ValueError: a limit is negative, or of a frame that is unknown or not a child, or ``max_age``
             is given for a time that is not 0, or to a buffer without a clock.

@@ -119,7 +119,7 @@ class BufferServer:
         check_regularly(self)
 
     def _hide(self, node: Any, ns: str) -> tuple[Node, str]:
-        """Make a node that offers the action for one that no executor spins, and a thread for it."""
+        """Create a hidden, spun node that offers the action for a node that no executor spins."""
         # As a server of the node itself would have it, remapping included.
         name = node.resolve_service_name(ns + GOAL_SERVICE).removesuffix(GOAL_SERVICE)
         hidden = companion_node("_buffer_server_impl", self, node)

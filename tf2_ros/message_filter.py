@@ -77,12 +77,13 @@ class FilterFailureReason(str, Enum):
     """
     Why a message filter dropped a message.
 
-    ``OUT_THE_BACK``: its transform is not available, and the buffer refuses data of its time as too old.
-    ``EMPTY_FRAME_ID``: its header has no frame_id. ``NO_TRANSFORM_FOUND``: the name of its frame is invalid,
-    its time with ``tolerance`` is later than a stamp can be, the transform was not available and
-    ``buffer_timeout`` is zero, or a limit of ``policy`` is for a frame that is unknown or not a child.
-    ``QUEUE_FULL``: it was the oldest message when the queue overflowed. ``TIMEOUT``: its transform was not
-    available in time.
+    - ``OUT_THE_BACK``: its transform is not available, and the buffer refuses data of its time as too old.
+    - ``EMPTY_FRAME_ID``: its header has no frame_id.
+    - ``NO_TRANSFORM_FOUND``: the name of its frame is invalid; its stamp plus ``tolerance`` exceeds the
+      latest possible stamp; the transform was not available and ``buffer_timeout`` is zero; or a limit of
+      ``policy`` is for a frame that is unknown or not a child.
+    - ``QUEUE_FULL``: it was the oldest message when the queue overflowed.
+    - ``TIMEOUT``: its transform was not available in time.
 
     >>> from geometry_msgs.msg import PointStamped
     >>> from tf2_ros import Buffer, FilterFailureReason, MessageFilter

@@ -261,7 +261,7 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
 
 def to_nanoseconds(times: TimesLike) -> npt.NDArray[np.int64]:
     """
-    Make nanoseconds of times of any kind.
+    Convert times of any accepted type to nanoseconds.
 
     :param times: N times, as for ``Buffer.lookup_transforms``.
     :return: int64, shape (N,).

@@ -321,7 +321,7 @@ class TransformListener:
         needs_executor = reason != ""
         if listening.recording is not None and needs_executor:
             raise NotImplementedError(f"{_CANNOT_RECORD}: {reason}")
-        # Of what arrives while an executor waits for a subscription, the receiver is not informed.
+        # The receiver is not informed of messages that arrive while an executor waits for the subscription.
         self.group.hides_all = not needs_executor
         try:
             for topic in listening.topics:
@@ -355,7 +355,7 @@ class TransformListener:
 
     def __subscribe_anew(self, receiver: Receiver) -> None:
         """Leave all to an ``EventsExecutor`` that took the node while this subscribed."""
-        # Either of the two may have had arrivals reported to itself last, and so instead of to the other.
+        # The middleware reports arrivals only to whichever of the two registered last; that may be either.
         receiver.redirect(None)
         for topic in self._tf2_state.topics:
             destroy_subscription(self.node, topic.subscription)

@@ -377,8 +377,8 @@ cdef Status _judge_ages(const Tree* tree, FrameId target, FrameId source, const 
                         const Path* path, Status status) noexcept nogil:
     # The status of a lookup of the latest time, once the ages of the moving frames are judged: it names the
     # frame that is furthest beyond its limit. A lookup that fails because there is no common time does so
-    # mostly because a frame is stale, which then is the better reason. Also a frame of the newest path alone
-    # may be: where a frame has changed its parent, or in a loop, the answer may be that of another path.
+    # mostly because a frame is stale, so staleness is the better reason. The stale frame may be only on the
+    # newest path: where a frame has changed its parent, or in a loop, the answer may be that of another path.
     cdef int64_t now_ns = system_ns() if policy.clock.is_system else policy.clock.now_ns
     cdef int64_t excess_ns = 0
     cdef int64_t common_ns

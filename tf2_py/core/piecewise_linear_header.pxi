@@ -18,12 +18,13 @@ cdef struct Knots:
     double* matrices        # at these: (count, 16), row by row
 
 
-# Finds times so close that between two of them the transform of the source in the target, or in the fixed
-# frame if there is one, differs from the linear interpolation of its matrix by no more than that; and the
-# answers of `query` at these times, all in the state of the tree at one moment. Returns their number; or
-# SERIES_NO_MEMORY; or SERIES_UNSTEADY: the path depends on the time, or there is none; or a lookup fails; or
-# the transform jumps, because two samples have the same stamp; or there are more than `most`. Call it without
-# the lock, and knots_free afterwards.
+# Finds knots between which linear interpolation of the matrix is off by at most `turn` and `move`: times, and
+# the answers of `query` at these times (the transform of the source in the target, or in the fixed frame if
+# there is one), all in one state of the tree. Returns their number, or
+# SERIES_NO_MEMORY
+# SERIES_UNSTEADY    the path depends on the time, or there is none; a lookup fails; the transform jumps, because
+#                    two samples have the same stamp; or there are more than `most` knots.
+# Call it without the lock, and knots_free afterwards.
 cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, Knots* knots) noexcept nogil
 
 

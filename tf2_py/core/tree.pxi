@@ -245,7 +245,7 @@ cdef void tree_clear(Tree* tree) noexcept nogil:
 
 
 cdef void _hide_isolated(Tree* tree) noexcept nogil:
-    # Without hiding, is_parent may stay set for a frame that is a parent no more.
+    # Without hiding, is_parent may stay set for a frame that is no longer a parent.
     cdef const History* history
     cdef FrameId id
     cdef uint32_t i

@@ -271,8 +271,8 @@ cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcep
             if i == 0 and waiters.watched[waiter.frame].entries[waiter.entry].waiter != waiter:
                 return "a waiter whose entry is not its own"
             status = query_answer(tree, &waiter.query, &answer, &stamp_ns)
-            # Late samples may change the answer of one that waits for another one, and the clock that of one
-            # that judges ages.
+            # Exempt: late samples may change the answer of a waiter with `only_new`, and the clock may change
+            # the answer of a waiter that judges ages.
             if (not waiter.only_new
                     and not (waiter.query.policy.is_given and waiter.query.policy.judges_age)
                     and _is_answer(status)):

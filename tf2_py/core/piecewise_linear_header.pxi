@@ -22,8 +22,8 @@ cdef struct Knots:
 # the answers of `query` at these times (the transform of the source in the target, or in the fixed frame if
 # there is one), all in one state of the tree. Returns their number, or
 # SERIES_NO_MEMORY
-# SERIES_UNSTEADY    the path depends on the time, or there is none; a lookup fails; the transform jumps, because
-#                    two samples have the same stamp; or there are more than `most` knots.
+# SERIES_UNSTEADY    the path depends on the time, or there is none; a lookup fails; the transform jumps,
+#                    because two samples have the same stamp; or there are more than `most` knots.
 # Call it without the lock, and knots_free afterwards.
 cdef Py_ssize_t series_knots(const Tree* tree, Lock* lock, const Query* query, Knots* knots) noexcept nogil
 

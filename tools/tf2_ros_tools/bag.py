@@ -7,7 +7,7 @@ from tf2_ros_tools.recordings.bag_loader import load, transforms
 from tf2_ros_tools.recordings.bag_reader import BagError
 from tf2_ros_tools.recordings.datasets import Dataset, dataset
 from tf2_ros_tools.recordings.header_stamps import stamps
-from tf2_ros_tools.recordings.saved_buffers import load_saved, save
+from tf2_ros_tools.recordings.saved_buffers import save
 from tf2_ros_tools.recordings.trajectories import Trajectory
 
 # Now, because a program may need them only when it saves what it has recorded for an hour.
@@ -21,7 +21,6 @@ __all__ = [
     "Trajectory",
     "dataset",
     "load",
-    "load_saved",
     "save",
     "stamps",
     "transforms",

@@ -37,7 +37,7 @@ _Made = TypeVar("_Made")
 S = 1_000_000_000
 LAST_NS = (1 << 63) - 1  # log times are int64
 # The name of the metadata with which a file begins that a buffer has saved.
-SAVED = b"tf2_ros_cython.buffer"
+SAVED = "tf2_ros_cython.buffer"
 # What repairs a file, by its extension.
 TOOLS = {".mcap": "`mcap recover`", ".db3": "`sqlite3 FILE .recover`", ".bag": "`rosbag reindex`"}
 REINDEX = "`ros2 bag reindex`"  # likewise a folder
@@ -486,7 +486,7 @@ def _refuse_strays(file: Any) -> None:
 
 def _is_saved(path: Path) -> bool:
     with open(path, "rb") as file:
-        return SAVED in file.read(256)
+        return SAVED.encode() in file.read(256)
 
 
 class Folder:

@@ -156,7 +156,7 @@ lint: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(PY) -m ruff format --check .
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
 	@echo "Compiling for Cython's performance hints: half a minute"
-	$(PY) -m build_backend.cython_hints $(PACKAGES)
+	$(PY) -m release.cython_hints $(PACKAGES)
 	$(PY) -m mypy $(PACKAGES) tools/tf2_ros_tools
 	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(VENV)/bin/zizmor --offline --quiet .github

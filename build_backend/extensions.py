@@ -102,9 +102,9 @@ class BuildExtensions(build_ext):
 
         refused = []
         base = self.get_finalized_command("build").build_base
-        # A newer Cython checks only the age of the sources, and would reuse the C code of an older one.
         # For `make coverage`, which counts lines of the sources and not of the C code.
         has_lines = bool(os.environ.get("CYTHON_LINES"))
+        # A newer Cython checks only the age of the sources, and would reuse the C code of an older one.
         folder = Path(base, f"cython-{'lines-' if has_lines else ''}{Cython.__version__}")
         for ext in list(self.extensions):
             [source] = ext.sources

@@ -19,7 +19,7 @@ from geometry_msgs.msg import TransformStamped
 from load_publisher import DISCOVERY_S, run
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
-from tf2_python import S, fill
+from tf2_ros_library import S, fill
 from trees_and_queries import bushy
 
 from tf2_msgs.msg import TFMessage

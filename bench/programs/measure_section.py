@@ -16,8 +16,8 @@ import numpy as np
 # Module and class of each library.
 CLASSES = {
     "ours": ("our_library", "Ours"),
-    "ros2": ("tf2_python", "Tf2"),
-    "tf2_cpp": ("tf2_cpp", "Tf2"),
+    "ros2": ("tf2_ros_library", "Tf2"),
+    "tf2_cpp": ("tf2_cpp_library", "Tf2"),
     "tf_tree": ("transform_tree_library", "TfTree"),
 }
 QUANTILES = np.linspace(0, 1, 201)  # of the values of a row that are kept

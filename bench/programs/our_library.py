@@ -6,7 +6,7 @@ import numpy as np
 from geometry_msgs.msg import TransformStamped
 from measured_library import AUTHORITY, by_pair
 from rclpy.serialization import serialize_message
-from tf2_python import Tf2, fill
+from tf2_ros_library import Tf2, fill
 
 from tf2_msgs.msg import TFMessage
 

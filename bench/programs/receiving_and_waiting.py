@@ -15,7 +15,7 @@ from measured_library import AUTHORITY
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.time import Time
-from tf2_python import S, fill
+from tf2_ros_library import S, fill
 
 from tf2_ros import Buffer, TransformListener
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: tf2-ros-cython contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// The timed loops around tf2 for C++, as a library that tf2_cpp.py loads. -DROS1: ROS 1's, otherwise ROS 2's.
+// The timed loops around tf2 for C++, as a library that tf2_cpp_library.py loads. -DROS1: ROS 1's, otherwise ROS 2's.
 #include <tf2/buffer_core.h>
 #include <tf2/exceptions.h>
 

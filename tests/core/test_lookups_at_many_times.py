@@ -340,22 +340,6 @@ class TestManyFrames:
             buffer.lookup_transforms("map", ["/base", "unknown_7"], [1, 2], on_missing=on_missing)
 
 
-class TestVelocities:
-    """What a twist is says the model (test_buffer_beside_model.py)."""
-
-    def test_after_the_latest_common_time_an_interval_ends_at_the_time(self):
-        # In map until 4 s, later in odom, whose pose in map ends at 2 s.
-        buffer = BufferCore(Duration(seconds=100))
-        for parent, stamps in (("map", range(1, 5)), ("odom", range(5, 9))):
-            buffer.set_transforms([transform(parent, "base", t, (t * t, 0, 0)) for t in stamps], "x")
-        buffer.set_transforms([transform("map", "odom", t) for t in (1, 2)], "x")
-        assert buffer.get_latest_common_time("map", "base").nanoseconds == 2 * S
-        for seconds, x in ((2, 3.0), (2.5, 4.0), (3, 5.0), (4, 7.0)):
-            linear, _ = buffer.lookupVelocityCore("base", "map", at(seconds), Duration(seconds=2))
-            assert linear == (pytest.approx(x), 0, 0), seconds
-
-
-ZERO, BACKWARDS = Duration(), Duration(nanoseconds=-1)
 WRONG = {
     "'raise' or 'nan'": [
         lambda b: b.lookup_transforms("map", "base", [1], on_missing="NaN"),
@@ -370,13 +354,6 @@ WRONG = {
         lambda b: b.lookup_transforms("map", [["base"]], [1]),
         lambda b: b.lookup_transforms("map", b"base", [1]),
         lambda b: b.lookup_transforms("map", None, [1]),
-    ],
-    "three numbers|values to unpack": [
-        lambda b: b.lookupVelocityFullCore("base", "map", "map", (1.0, 2.0), "base", at(3), ZERO)
-    ],
-    "averaging_interval": [lambda b: b.lookupVelocityCore("base", "map", at(3), "0.5")],
-    "averaging_interval: expected 0 or more, got -0.000000001 s": [
-        lambda b: b.lookupVelocityCore("base", "map", at(3), BACKWARDS)
     ],
 }
 

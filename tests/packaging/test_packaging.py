@@ -4,17 +4,14 @@
 
 import importlib.metadata
 import os
-import sys
 import tarfile
 import zipfile
 
 import pytest
 from installing import OURS, build, checkout_copy, unsourced
 from paths import ROOT
-from processes import output_of, run
+from processes import output_of
 from sourced_installations import Prefix, sourced
-
-from tf2_ros_cython import which
 
 
 @pytest.fixture(autouse=True)
@@ -83,37 +80,6 @@ def test_wheel_holds_the_same_wherever_it_is_built(tmp_path):
 
 def first_parts(names):
     return {name.partition("/")[0] for name in names if not name.startswith("tf2_ros_cython-")}
-
-
-def without_editables(folder):
-    """An environment in which no extensions of this checkout are found for another one."""
-    kept = "[one for one in sys.meta_path if 'editable' not in getattr(one, '__module__', '')]"
-    (folder / "sitecustomize.py").write_text(f"import sys\nsys.meta_path[:] = {kept}\n")
-    return {**os.environ, "PYTHONPATH": str(folder)}
-
-
-def test_sources_of_another_version_than_the_build_are_named(monkeypatch, capsys):
-    built = which.__version__
-    monkeypatch.setattr(which, "__version__", "0.0.1")
-    which.main(["tf2_which"])
-    said = f"version: tf2-ros-cython 0.0.1 (but the sources are {built}: run `make build` in {ROOT})"
-    assert capsys.readouterr().out.splitlines()[-1].startswith(said)
-    monkeypatch.undo()
-    which.main(["tf2_which"])
-    assert f"version: tf2-ros-cython {built}, " in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("package", OURS)
-def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
-    project = checkout_copy(tmp_path / "project")
-    ended = run(sys.executable, "-c", f"import {package}", cwd=project, env=without_editables(tmp_path))
-    assert ended.returncode == 1
-    [error] = [line for line in ended.stderr.splitlines() if line.startswith("ModuleNotFoundError: tf2_py.")]
-    version = "{}.{}".format(*sys.version_info)
-    assert f" is missing: {project} has no compiled modules for Python {version}. " in error
-    assert "change to another directory or run `make build`" in error
-    assert error.endswith(f"reinstall with {sys.executable}")
-    assert "During handling" not in ended.stderr
 
 
 def test_pytest_runs_without_the_plugins_of_a_sourced_ros(tmp_path):

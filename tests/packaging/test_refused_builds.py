@@ -1,13 +1,15 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Builds that are refused, with what to install instead."""
+"""Builds that are refused, and a checkout that is not built: what to install or do instead."""
 
+import os
 import sys
 
 import pytest
 import setuptools
-from installing import backend_at
+from installing import OURS, backend_at, checkout_copy
 from paths import ROOT
+from processes import run
 from setuptools._distutils.core import run_setup
 from setuptools.command.develop import develop
 
@@ -67,3 +69,23 @@ def test_links_that_setuptools_cannot_make_are_refused_as_colcon_asks_for_them(m
     monkeypatch.setattr(develop, "user_options", [("no-deps", "N", "")])
     with pytest.raises(RuntimeError, match="--symlink-install does not work .*: update colcon-core to 0.21"):
         run_setup(ROOT / "setup.py", ["develop", "--editable", "--no-deps"], stop_after="config")
+
+
+def without_editables(folder):
+    """An environment in which no extensions of this checkout are found for another one."""
+    kept = "[one for one in sys.meta_path if 'editable' not in getattr(one, '__module__', '')]"
+    (folder / "sitecustomize.py").write_text(f"import sys\nsys.meta_path[:] = {kept}\n")
+    return {**os.environ, "PYTHONPATH": str(folder)}
+
+
+@pytest.mark.parametrize("package", OURS)
+def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
+    project = checkout_copy(tmp_path / "project")
+    ended = run(sys.executable, "-c", f"import {package}", cwd=project, env=without_editables(tmp_path))
+    assert ended.returncode == 1
+    [error] = [line for line in ended.stderr.splitlines() if line.startswith("ModuleNotFoundError: tf2_py.")]
+    version = "{}.{}".format(*sys.version_info)
+    assert f" is missing: {project} has no compiled modules for Python {version}. " in error
+    assert "change to another directory or run `make build`" in error
+    assert error.endswith(f"reinstall with {sys.executable}")
+    assert "During handling" not in ended.stderr

@@ -7,7 +7,10 @@ import subprocess
 import sys
 
 import pytest
+from paths import ROOT
 from waiting import DEADLINE_S
+
+from tf2_ros_cython import which
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
@@ -44,3 +47,14 @@ def test_a_variable_that_has_no_effect_is_named(monkeypatch):
     told = subprocess.run([sys.executable, "-m", "tf2_ros_cython"], capture_output=True, text=True).stdout
     expected = "because TF2_ROS_CYTHON=0 is set; without another tf2, tf2-ros-cython is used\n"
     assert f"\nprecedence: the order of sys.path, {expected}" in told
+
+
+def test_sources_of_another_version_than_the_build_are_named(monkeypatch, capsys):
+    built = which.__version__
+    monkeypatch.setattr(which, "__version__", "0.0.1")
+    which.main(["tf2_which"])
+    said = f"version: tf2-ros-cython 0.0.1 (but the sources are {built}: run `make build` in {ROOT})"
+    assert capsys.readouterr().out.splitlines()[-1].startswith(said)
+    monkeypatch.undo()
+    which.main(["tf2_which"])
+    assert f"version: tf2-ros-cython {built}, " in capsys.readouterr().out

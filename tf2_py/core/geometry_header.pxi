@@ -107,7 +107,7 @@ cdef inline double quaternion_lead(const double* q) noexcept nogil:
     return lead
 
 
-cdef inline void quaternion_canonicalise(double* q) noexcept nogil:
+cdef inline void quaternion_canonicalize(double* q) noexcept nogil:
     if quaternion_lead(q) < 0.0:
         q[0] = -q[0]
         q[1] = -q[1]

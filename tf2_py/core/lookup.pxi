@@ -201,7 +201,7 @@ cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns, 
         out[0] = source_side
     # Rounding makes long chains drift from unit length.
     quaternion_normalize(out.rotation)
-    quaternion_canonicalise(out.rotation)
+    quaternion_canonicalize(out.rotation)
     return status_of(STATUS_OK)
 
 
@@ -606,5 +606,5 @@ cdef Status query_answer_between(const Tree* tree, const Query* query, const Que
     if status.code != STATUS_OK:
         return status
     transform_compose(out, &source_half, out)
-    quaternion_canonicalise(out.rotation)
+    quaternion_canonicalize(out.rotation)
     return status

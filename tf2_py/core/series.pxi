@@ -184,8 +184,8 @@ cdef inline void _compose(const Columns* a, Columns* b, bint inverts) noexcept n
         b.q[3][i] = w * bw - ux * bx - uy * by - uz * bz
 
 
-cdef inline void _canonicalise(SeriesWork* work) noexcept nogil:
-    # As quaternion_canonicalise; without branches
+cdef inline void _canonicalize(SeriesWork* work) noexcept nogil:
+    # As quaternion_canonicalize; without branches
     cdef uint32_t i
     cdef double lead, sign, w
     cdef int k
@@ -211,7 +211,7 @@ cdef inline void _finish(SeriesWork* work) noexcept nogil:
         scale = 1.0 / sqrt(squared)
         for k in range(4):
             work.result.q[k][i] *= scale
-    _canonicalise(work)
+    _canonicalize(work)
 
 
 cdef inline void _turn(SeriesWork* work) noexcept nogil:
@@ -241,7 +241,7 @@ cdef void _step "tf2_step"(SeriesWork* work, int step) noexcept nogil:
         _finish(work)
     elif step == APPLY:
         _compose(&work.hop, &work.result, False)
-        _canonicalise(work)
+        _canonicalize(work)
     else:
         _turn(work)
 

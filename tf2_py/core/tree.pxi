@@ -136,7 +136,7 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil:
     elif incoming.stamp_ns > MAX_STAMP_NS:
         refused |= REFUSED_STAMP_TOO_LATE
     if quaternion_normalize_once(q, &incoming.squared_length):
-        quaternion_canonicalise(q)
+        quaternion_canonicalize(q)
     else:
         refused |= REFUSED_QUATERNION
     return refused

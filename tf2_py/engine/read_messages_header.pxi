@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages of transforms, read into the structs of the core, and headers."""
+"""Names, headers and messages of transforms, read into the structs of the core."""
 
 # Layouts of the classes below, None before load_layouts() has run.
 cdef Layout header_layout, vector3_layout, quaternion_layout, transform_layout

@@ -117,6 +117,13 @@ MALFORMED = {
 }
 
 
+def test_names_of_publishers_are_escaped_in_texts(caplog):
+    feed = Feed(wire=Wire(reasons={"/tf": "/a\x1b publishes it as B"}))
+    feed.take(b"", True, "/a\nb")
+    assert r"/tf_static from /a\nb: " in caplog.text
+    assert r"/a\x1b publishes" in feed.why_silent(1.0)
+
+
 @pytest.mark.parametrize("data", MALFORMED.values(), ids=MALFORMED.keys())
 def test_a_malformed_message_is_counted_and_the_first_of_a_topic_logged(caplog, data):
     feed = Feed()

@@ -11,6 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
+from tf2_py.printable import printable
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
 from tf2_ros.serialization import MessageSource, insert_messages
@@ -190,9 +191,8 @@ class Feed:
             # A latched message was sent at any time.
             warning = self._note_delay(received_ns - sent_ns) if sent_ns and not is_static else ""
         if malformed is not None and topic.malformed == 1:
-            _log().error(
-                f"Ignoring a malformed message on {topic.name} from {publisher or self._name}: {malformed}"
-            )
+            sender = printable(publisher or self._name)
+            _log().error(f"Ignoring a malformed message on {topic.name} from {sender}: {malformed}")
         if warning:
             _log().warning(warning)
 
@@ -368,7 +368,7 @@ class Feed:
         reasons = [f"{counted(number, 'message')} could not be read" for number in unread]
         if self._wire is not None:
             silent = [topic for topic in missing if not topic.malformed]
-            reasons += [self._wire.why_silent(topic.name, seconds) for topic in silent]
+            reasons += [printable(self._wire.why_silent(topic.name, seconds)) for topic in silent]
         found = "; ".join(filter(None, dict.fromkeys(reasons)))
         return f": {found}" if found else ""
 

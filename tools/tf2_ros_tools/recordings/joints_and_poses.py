@@ -17,7 +17,7 @@ Frames: TypeAlias = tuple[str, str]  # parent and child
 Names: TypeAlias = tuple[str, ...]
 Floats: TypeAlias = "NDArray[np.float64]"
 Row: TypeAlias = "Sequence[float] | NDArray[np.float64]"
-Moved: TypeAlias = "tuple[list[Frames], Floats, Floats]"
+FramesAndPoses: TypeAlias = "tuple[list[Frames], Floats, Floats]"
 
 S = 1_000_000_000
 EMPTY = serialize_arrays([], [], [])
@@ -47,7 +47,7 @@ class Source:
         """Get the names and the numbers of a message; no numbers: it is left out."""
         raise NotImplementedError
 
-    def transforms(self, names: Names, numbers: Floats) -> Moved:
+    def poses_of_messages(self, names: Names, numbers: Floats) -> FramesAndPoses:
         """Compute the transforms of N messages with these names."""
         raise NotImplementedError
 
@@ -84,7 +84,7 @@ class Joints(Source):
             return self.names, []
         return self.names, message.position
 
-    def transforms(self, names: Names, numbers: Floats) -> Moved:
+    def poses_of_messages(self, names: Names, numbers: Floats) -> FramesAndPoses:
         """Compute the transforms of N messages with these names."""
         joints, translations, rotations = self.robot.transforms(names, numbers)
         self.seen |= dict.fromkeys(names)
@@ -126,7 +126,7 @@ class Poses(Source):
             p, q = pose.position, pose.orientation
         return tuple(frames), [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
 
-    def transforms(self, names: Names, numbers: Floats) -> Moved:
+    def poses_of_messages(self, names: Names, numbers: Floats) -> FramesAndPoses:
         """Get the transforms of N messages with these frames."""
         return [(names[0], names[1])], numbers[:, None, :3], numbers[:, None, 3:]
 
@@ -161,7 +161,7 @@ def converted(
                 alike.setdefault((connection.topic, names), []).append(entry)
         for (topic, names), own in alike.items():
             indices, stamps_ns, rows = zip(*own, strict=True)
-            frames, translations, rotations = sources[topic].transforms(names, np.array(rows))
+            frames, translations, rotations = sources[topic].poses_of_messages(names, np.array(rows))
             transforms = np.concatenate((translations, rotations), axis=-1)
             for i, stamp_ns, poses in zip(indices, stamps_ns, transforms, strict=True):
                 serialized[i] = serialize_arrays(frames, [stamp_ns] * len(frames), poses)

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from .extensions import DIRECTIVES
+from build_backend.extensions import DIRECTIVES
 
 
 def hints(source):

@@ -6,7 +6,7 @@ A robot drives 3 m along x, but its odometry measures 3.3 m. A SLAM closes a loo
 its keyframes as a nav_msgs/Path. With it, `PathCorrector` corrects the past of its buffer. That class is all
 that a program of your own needs.
 
-Run: python examples/correct_path.py
+Run: python examples/correct_past.py
 Ends by itself. The exit status is 0 only if the robot was where the path says.
 """
 

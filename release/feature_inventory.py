@@ -42,7 +42,8 @@ waits, futures, callbacks | nodes that wait: timeouts count in callbacks, and wa
     tf2_ros/_wait/* *wait* *futures* *test_callbacks* *changes* *spin* */threads.py
     *test_threads* *call_queue* */background.py *rclpy_inside* tf2_ros/_rclpy* *async* *awaiting* *coroutine*
     */_live_objects.py tf2_ros/_buffer_fillers.py
-    *sources_without_node* docs/callbacks.md *ended_nodes* *ends_listeners_in_any_order* */_running_loop.py
+    *sources_without_node* docs/callbacks.md docs/asyncio.md
+    *ended_nodes* *ends_listeners_in_any_order* */_running_loop.py
     tf2_ros/_calls/*
 forks and signals | users of multiprocessing and Ctrl-C: children and handlers do not hang
     *fork* *interrupt* *late_signals* *stack_at_alarm* *exits_while_active*

@@ -4,7 +4,8 @@
 The core: structs, and functions on them. It keeps no Python objects and knows nothing of ROS.
 
 One extension, composed of chapters. Each has a header, included here, and, if that declares more than inline
-functions, its code, included by ``_core.pyx``. A chapter uses those before it, in this order.
+functions, its code, included by ``_core.pyx``. A chapter uses those before it, in this order; what only later
+chapters of the core use is not in a header, but has no underscore.
 """
 
 from libc.float cimport DBL_MAX, DBL_MIN

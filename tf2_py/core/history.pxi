@@ -46,7 +46,7 @@ cdef inline bint _is_mapped(const History* history) noexcept nogil:
     return history.memory != NULL and history.memory.mapping != NULL
 
 
-cdef bint history_is_pinned(const History* history) noexcept nogil:
+cdef bint _history_is_pinned(const History* history) noexcept nogil:
     return _is_mapped(history) or (history.memory != NULL and load_acquire(&history.memory.owners) > 1)
 
 
@@ -63,7 +63,7 @@ cdef void history_unpin(History* copy) noexcept nogil:
 cdef uint32_t _pinned_before_head(const History* history) noexcept nogil:
     # How many slots before the head hold samples that have been pruned here and are still read by a copy.
     cdef uint32_t pinned_from
-    if not history_is_pinned(history):
+    if not _history_is_pinned(history):
         return 0
     if _is_mapped(history):
         return history.head
@@ -105,15 +105,15 @@ cdef HistoryInsert _move(History* history, uint32_t capacity, size_t growth_limi
     return HISTORY_INSERTED
 
 
-cdef HistoryInsert history_reserve_one(History* history, bint at_the_end,
-                                       size_t growth_limit) noexcept nogil:
+cdef HistoryInsert _history_reserve_one(History* history, bint at_the_end,
+                                        size_t growth_limit) noexcept nogil:
     # Ensures a free slot behind the newest sample or, if not `at_the_end`, anywhere. Returns the same as
     # _move.
     cdef uint32_t capacity = history.capacity
     cdef HistoryInsert outcome
     if at_the_end and history.count + _pinned_before_head(history) < capacity:
         return HISTORY_INSERTED
-    if not at_the_end and history.count < capacity and not history_is_pinned(history):
+    if not at_the_end and history.count < capacity and not _history_is_pinned(history):
         return HISTORY_INSERTED
     if capacity == LAST_CAPACITY and history.count == capacity:
         return HISTORY_FULL
@@ -128,7 +128,7 @@ cdef HistoryInsert history_reserve_one(History* history, bint at_the_end,
     return outcome
 
 
-cdef void history_shrink(History* history) noexcept nogil:
+cdef void _history_shrink(History* history) noexcept nogil:
     # Called after each insert. A burst leaves a large ring behind. It is halved after as many inserts as it
     # has slots, so that the copy costs O(1) per insert. Without memory for the smaller copy, the large ring
     # stays.
@@ -181,7 +181,7 @@ cdef void history_free(History* history) noexcept nogil:
 
 
 cdef void history_clear(History* history) noexcept nogil:
-    if history_is_pinned(history):
+    if _history_is_pinned(history):
         _drop_memory(history)
     _drop_samples(history)
 
@@ -522,17 +522,17 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
             return HISTORY_DUPLICATE
         i -= 1
     if index - i >= MAX_PER_STAMP:
-        if history_is_pinned(history):
+        if _history_is_pinned(history):
             outcome = _move(history, history.capacity, growth_limit)
         if outcome == HISTORY_INSERTED:
             _replace_last_of_stamp(history, index - 1, sample)
         return outcome
-    outcome = history_reserve_one(history, index == history.count, growth_limit)
+    outcome = _history_reserve_one(history, index == history.count, growth_limit)
     if outcome == HISTORY_FULL and index == history.count:
         # Prune now what the next insert would prune, because without memory there would be no next insert.
         _prune(history, history_horizon(history, retention, stamp_ns))
         index = history.count
-        outcome = history_reserve_one(history, True, growth_limit)
+        outcome = _history_reserve_one(history, True, growth_limit)
     if outcome != HISTORY_INSERTED:
         return outcome
     if index == 0 or index == history.count:
@@ -549,7 +549,7 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
     history.parent_changes += _differ(history, index, sample.parent)
     history.newest_ns = history_stamp_of(history, history.count - 1)
     history.oldest_ns = history.stamps[history.head]
-    history_shrink(history)
+    _history_shrink(history)
     # Where the next sample goes: that memory has not been used for the whole cache time.
     __builtin_prefetch(&history.samples[_history_slot(history, history.count)])
     return HISTORY_INSERTED
@@ -562,7 +562,7 @@ cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const 
     _clear_change(change)
     if not was_static:
         outcome = _change_kind(history, HISTORY_STATIC, 1, growth_limit)
-    elif history_is_pinned(history):
+    elif _history_is_pinned(history):
         outcome = _move(history, 1, growth_limit)
     if outcome != HISTORY_INSERTED:
         return outcome

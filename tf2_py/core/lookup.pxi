@@ -176,8 +176,8 @@ cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const ui
     return True
 
 
-cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns, const Policy* policy,
-                           Transform* out, int64_t* stamp_ns) noexcept nogil:
+cdef Status _path_transform(const Tree* tree, const Path* path, int64_t time_ns, const Policy* policy,
+                            Transform* out, int64_t* stamp_ns) noexcept nogil:
     # From the source to the target at a time; with `out` NULL, only whether every history answers.
     cdef Transform source_side, target_side
     cdef uint32_t source_hints[MAX_HOPS + 1]
@@ -409,13 +409,13 @@ cdef Status _answer_at(const Tree* tree, FrameId target, FrameId source, int64_t
     cdef Status met
     if found:
         stamp_ns[0] = time_ns
-        status = path_transform(tree, path, time_ns, policy, out, stamp_ns)
+        status = _path_transform(tree, path, time_ns, policy, out, stamp_ns)
         if status.code == STATUS_OK:
             return status
     stamp_ns[0] = time_ns
     met = _walk_to_gaps(tree, target, source, time_ns, policy, path)
     if met.code == STATUS_OK:
-        return path_transform(tree, path, time_ns, policy, out, stamp_ns)
+        return _path_transform(tree, path, time_ns, policy, out, stamp_ns)
     # Of what is missing, the first walk knows better: the second one may meet a gap above the path.
     return status if found and met.code == STATUS_EXTRAPOLATION else met
 
@@ -503,14 +503,14 @@ cdef Status walk_time_range(const PinnedTree* pinned, FrameId target, FrameId so
 
 # The query: names to frames, the halves of a two-time lookup.
 
-cdef inline FrameId query_frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
+cdef inline FrameId _query_frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
     return NO_FRAME if name_is_invalid(name, size) else tree_frame(tree, name, size)
 
 
 cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,
                              FrameId* source) noexcept nogil:
-    target[0] = query_frame(tree, query.target, query.target_size)
-    source[0] = query_frame(tree, query.source, query.source_size)
+    target[0] = _query_frame(tree, query.target, query.target_size)
+    source[0] = _query_frame(tree, query.source, query.source_size)
     if target[0] == NO_FRAME:
         return status_of(STATUS_BAD_TARGET)
     if source[0] == NO_FRAME:
@@ -546,7 +546,7 @@ cdef Status query_find_frames(const Tree* tree, const Query* query, QueryFrames*
         return status_of(STATUS_OK)
     status = query_end_frames(tree, query, &frames.target, &frames.source)
     if status.code == STATUS_OK and query.fixed != NULL:
-        frames.fixed = query_frame(tree, query.fixed, query.fixed_size)
+        frames.fixed = _query_frame(tree, query.fixed, query.fixed_size)
         if frames.fixed == NO_FRAME:
             return status_of(STATUS_BAD_FIXED)
     return status

@@ -253,8 +253,8 @@ cdef inline void _store_column(const double* column, uint32_t count, double* out
         out[width * i] = column[i]
 
 
-cdef void work_store(const SeriesWork* work, uint32_t count, double* translations,
-                     double* rotations) noexcept nogil:
+cdef void _work_store(const SeriesWork* work, uint32_t count, double* translations,
+                      double* rotations) noexcept nogil:
     # The first `count` results, to rows of three and four numbers.
     cdef int k
     for k in range(3):
@@ -517,7 +517,7 @@ cdef Py_ssize_t series_answer(const Query* query, PinnedLookup* pinned, const Ti
         elif series.matrices != NULL:
             work_store_matrices(&work, answered, series.matrices + 16 * start)
         else:
-            work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
+            _work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
         start += answered
     return start
 

@@ -186,7 +186,7 @@ $(VENV_STAMP): $(shell test -x $(PY) || echo new)
 
 $(VENV)/messages.stamp: $(MESSAGES_SOURCES) | $(VENV_STAMP)
 	$(call step,Installing ROS 2 Jazzy from PyPI$(comma) 300 MB$(comma) and compiling tf2_msgs: 1 to 2 minutes,$(PY) -m pip install --editable ./messages)
-	@$(PY) -c "import rclpy" || { echo "ROS 2 in $(VENV) is incomplete, perhaps because its installation was interrupted:"; \
+	@$(PY) -c "import rclpy.node" || { echo "ROS 2 in $(VENV) is incomplete, perhaps because its installation was interrupted:"; \
 		echo "run make clean, and then the same command."; exit 1; }
 	@touch $@
 

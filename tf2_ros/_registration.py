@@ -62,8 +62,8 @@ def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callab
     if package in _REGISTERED_BY:
         # Importing a package does not help.
         name = getattr(key, "__name__", "")
-        is_bare = hasattr(sys.modules.get(f"{package}.msg"), f"{name}Stamped")
-        advice = f"put it into {name}Stamped, " if is_bare else ""
+        stamped = getattr(sys.modules.get(f"{package}.msg"), f"{name}Stamped", None)
+        advice = f"put it into {name}Stamped, " if stamped in table else ""
         page = "point-clouds.md#laser-scans" if name == "LaserScan" else "message-types.md"
         advice += f"see docs/{page}, or "
     elif key is str:

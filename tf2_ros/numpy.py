@@ -354,8 +354,8 @@ def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
     bad = np.flatnonzero(~(is_affine | is_missing))
     if bad.size:
         which = _which("matrices", "matrix", shape, bad[0])
-        row = " ".join(f"{number:g}" for number in flat[bad[0], 12:])
-        raise ValueError(f"{which}: expected finite numbers and the last row 0 0 0 1, got the last row {row}")
+        numbers = " ".join(f"{number:g}" for number in flat[bad[0]])
+        raise ValueError(f"{which}: expected finite numbers and the last row 0 0 0 1, got {numbers}")
     # Contiguous arrays of one element of each matrix, because NumPy is slow with many small matrices.
     turns = np.ascontiguousarray(flat.reshape(-1, 4, 4)[:, :3, :3].reshape(-1, 9).T)
     xx, xy, xz, yx, yy, yz, zx, zy, zz = turns

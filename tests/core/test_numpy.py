@@ -94,7 +94,7 @@ def test_what_is_masked_is_missing():
     assert rotations[0].tolist() == [0, 0, 0, 1] and np.isnan(rotations[1]).all()
     rotations = np.ma.masked_array([[0, 0, 0, 1], [0, 0, 0, 1]], [[False] * 4, [True] * 4])
     assert np.isnan(to_matrix((np.zeros((2, 3)), rotations))).any(axis=(1, 2)).tolist() == [False, True]
-    with pytest.raises(ValueError, match="expected finite numbers"):
+    with pytest.raises(ValueError, match="expected finite numbers and the last row 0 0 0 1, got "):
         from_matrix(np.ma.masked_array(np.eye(4), mask=np.eye(4)))
 
 

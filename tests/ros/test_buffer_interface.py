@@ -5,7 +5,7 @@
 import textwrap
 
 import pytest
-from geometry_msgs.msg import (
+from geometry_msgs.msg import Inertia, (
     InertiaStamped,
     PointStamped,
     PoseStamped,
@@ -132,6 +132,9 @@ def test_the_refusal_of_a_type_says_what_would_help(buffer, interface):
         buffer.transform("map", PoseStamped())
     with pytest.raises(interface.TypeException, match="supported: put it into TwistStamped, see docs/mess"):
         buffer.transform(Twist(), "map")
+    # InertiaStamped is no answer: it cannot be transformed, either.
+    with pytest.raises(interface.TypeException, match="supported: see docs/message-types.md"):
+        buffer.transform(Inertia(), "map")
 
 
 @pytest.mark.parametrize(

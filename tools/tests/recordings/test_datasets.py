@@ -80,6 +80,13 @@ def test_an_image_without_a_stamp_has_no_pose(tmp_path):
         bag.dataset(unset, ["camera"], at="/scan", relative_to="base")
 
 
+def test_a_recording_without_images_does_not_give_the_reason(tmp_path):
+    none = write_mcap(tmp_path / "a.mcap", drive(20), topics=[("/images", scan(0, 0).msgtype)])
+    late = write_mcap(tmp_path / "b.mcap", [*drive(20), scan(100 * S, 900 * S, "/images")])
+    with pytest.raises(LookupException, match="any stamp of /images: Lookup would require extrapolation"):
+        bag.dataset([none, late], ["camera"], at="/images", relative_to="map")
+
+
 class TestTrajectory:
     """Two recordings with a path on a topic, which differ."""
 

@@ -262,7 +262,7 @@ def dataset(
     paths = find_recordings(recordings)
     found: dict[str, dict[str, Table]] = {}
     failed: dict[str, str] = {}
-    reasons: dict[str, str] = {}  # of the first recording in which a frame has no pose
+    reasons: dict[str, str] = {}  # of the first recording with stamps in which a frame has no pose
     unused: list[str] = []
     with progress_bar("dataset", len(paths), " recordings", progress) as count:
         for path in paths:
@@ -273,7 +273,8 @@ def dataset(
             except OSError as error:
                 failed[path] = printable(f"{error.filename or path}: {error.strerror or error}")
             else:
-                reasons = {**lacks, **reasons}
+                if len(found[path][names[0]].stamps_ns):
+                    reasons = {**lacks, **reasons}
                 unused += (printable(f"{path}: {text}") for text in left_out)
             count(1)
     for text in unused:

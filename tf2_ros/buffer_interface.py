@@ -263,11 +263,12 @@ class BufferInterface:
         :param policy: options such as ``tolerance``, see :class:`tf2_py.typing.LookupPolicy`. A
             :class:`tf2_ros.BufferClient` accepts ``max_age``, as one duration.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
-            (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
+            (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0. With a
+            ``tolerance``, the stamp is that of the oldest sample used, unless ``extrapolate`` is set.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises ConnectivityException: the frames are in different trees.
-        :raises ExtrapolationException: a frame on the path has no data for the time, or only data that is
-            older than ``max_age``.
+        :raises ExtrapolationException: a frame on the path has no data for the time, only data that is older
+            than ``max_age``, or a gap that is longer than ``max_gap``.
         :raises InvalidArgumentException: a name is empty or begins with ``/``; raised without waiting.
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a duration.
         :raises ValueError: a limit is negative, or of a frame that is unknown or not a child, or ``max_age``

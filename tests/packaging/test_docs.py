@@ -161,6 +161,15 @@ def test_links_lead_somewhere(page):
     check_links(page)
 
 
+REFERENCE = [*(ROOT / "docs" / "api").glob("*.rst"), *(ROOT / "tools" / "docs" / "api").glob("*.rst")]
+
+
+@pytest.mark.parametrize("page", REFERENCE, ids=lambda page: page.name)
+def test_the_documents_that_the_reference_names_exist(page):
+    for name in re.findall(r":doc:`([^`<]+)`", page.read_text(encoding="utf-8")):
+        assert list(page.parent.glob(f"{name}.*")), name
+
+
 INTERNALS = ROOT / "docs" / "development" / "internals.md"
 
 

@@ -5,7 +5,8 @@
 import textwrap
 
 import pytest
-from geometry_msgs.msg import Inertia, (
+from geometry_msgs.msg import (
+    Inertia,
     InertiaStamped,
     PointStamped,
     PoseStamped,

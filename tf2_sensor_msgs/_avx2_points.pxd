@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Transform triples of coordinates with the vector registers of AVX2: what avx2_points.h has."""
+"""
+What avx2_points.h has: transform points, read the span of their times, and move each with its own pose, with
+AVX2; and the search among knots.
+"""
 
 from libc.stddef cimport ptrdiff_t
 from libc.stdint cimport int64_t
@@ -27,7 +30,7 @@ cdef extern from "tf2_sensor_msgs/avx2_points.h":
         double times
         double plus
 
-    struct Knots:
+    struct PoseKnots:
         const double* ns
         const double* columns
         const double* slopes
@@ -40,13 +43,13 @@ cdef extern from "tf2_sensor_msgs/avx2_points.h":
         int64_t finite
         int64_t large
 
-    bint knots_include(const Knots* knots, double ns) noexcept nogil
+    bint knots_include(const PoseKnots* knots, double ns) noexcept nogil
     # The index of the last knot that is not later than the time; 0 if there is none.
-    size_t knot_before(const Knots* knots, double ns) noexcept nogil
+    size_t knot_before(const PoseKnots* knots, double ns) noexcept nogil
     # Extends the span by the points whose number can be read, as avx2_move_floats, without NaN.
     size_t avx2_extend_span(const char* points, size_t step, size_t count, ptrdiff_t xyz,
                             const TimeSource* time, FieldSpan* span) noexcept nogil
     # As avx2_floats, in place, for points that each have a time and so a pose of their own. `xyz`:
     # the offset of x y z in a point. Stops at a point whose time is not between the knots.
     size_t avx2_move_floats(char* points, size_t step, size_t count, ptrdiff_t xyz, const TimeSource* time,
-                            const Knots* knots) noexcept nogil
+                            const PoseKnots* knots) noexcept nogil

@@ -24,15 +24,15 @@ from tf2_sensor_msgs._point_field_numbers cimport (
 )
 from tf2_sensor_msgs._avx2_points cimport (
     FieldSpan,
-    Knots,
+    PoseKnots,
     TimeSource,
-    knot_before,
-    knots_include,
     avx2_doubles,
     avx2_extend_span,
     avx2_floats,
     avx2_is_supported,
     avx2_move_floats,
+    knot_before,
+    knots_include,
 )
 
 import operator

@@ -206,7 +206,7 @@ cdef struct PointPoses:
     const int64_t* times_ns     # of each point; NULL: in the field
     int64_t base_ns             # the time of the first knot
     const double* matrices      # 4x4, row by row: one pose for each point; NULL: poses at knots
-    Knots knots                 # else
+    PoseKnots knots             # else
 
 
 cdef void _pose_of(const PointPoses* poses, const char* point, Py_ssize_t i, Rigid* out) noexcept nogil:
@@ -324,7 +324,7 @@ cdef void _move_points(const char* source, char* target, const Grid* grid, Point
 
 cdef void _fill_knots(const int64_t* knots_ns, const double* matrices, Py_ssize_t count, double* columns,
                       double* slopes, double* ns) noexcept nogil:
-    # The arrays of Knots, from at least one time and pose.
+    # The arrays of PoseKnots, from at least one time and pose.
     cdef Py_ssize_t i
     cdef double span
     cdef int row, k

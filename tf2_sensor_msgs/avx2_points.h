@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: tf2-ros-cython contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-/* Transform triples of coordinates with the vector registers of AVX2; see _avx2_points.pxd.
+/* Transform points, read the span of their times, and move each with its own pose, with the vector registers of
+   AVX2; and the search among knots, which the plain loop shares. See _avx2_points.pxd.
 
    Products and sums are those of the plain loop, in double precision and in the same order: the same bits. */
 
@@ -18,7 +19,7 @@ struct TimeSource {
     double minus, times, plus;  /* what gives ns since the first knot: (number - minus) * times + plus */
 };
 
-struct Knots {
+struct PoseKnots {
     const double *ns;       /* ascending, the first one is 0 */
     const double *columns;  /* 16 for each: columns of the rotation, and the translation, each x y z 0 */
     const double *slopes;   /* 16 for each: change per ns, up to the next knot; 0 for the last one */
@@ -34,12 +35,12 @@ struct FieldSpan {
 };
 
 /* Whether a time, rounded to ns, is between the first and the last knot; NaN is not. */
-static inline int knots_include(const struct Knots *knots, double ns)
+static inline int knots_include(const struct PoseKnots *knots, double ns)
 {
     return ns > -0.5 && ns < knots->ns[knots->last] + 0.5;
 }
 
-static inline size_t knot_before(const struct Knots *knots, double ns)
+static inline size_t knot_before(const struct PoseKnots *knots, double ns)
 {
     size_t low = 0, high = knots->last + 1;
     while (high - low > 1) {
@@ -187,7 +188,7 @@ static size_t avx2_extend_span(const char *points, size_t step, size_t count, pt
    time is not between the knots. */
 __attribute__((target("avx2,fma"), always_inline))
 static inline size_t move_floats(char *points, size_t step, size_t count, const ptrdiff_t xyz,
-                                 const struct TimeSource *time, int number, const struct Knots *knots)
+                                 const struct TimeSource *time, int number, const struct PoseKnots *knots)
 {
     size_t knot = 0;
     double begin = 0.0, end = 0.0, minus = time->minus, times = time->times, plus = time->plus;
@@ -234,7 +235,7 @@ static inline size_t move_floats(char *points, size_t step, size_t count, const 
 
 __attribute__((target("avx2,fma")))
 static size_t avx2_move_floats(char *points, size_t step, size_t count, ptrdiff_t xyz,
-                               const struct TimeSource *time, const struct Knots *knots)
+                               const struct TimeSource *time, const struct PoseKnots *knots)
 {
     if (time->number == 7)
         return move_floats(points, step, count, xyz, time, 7, knots);

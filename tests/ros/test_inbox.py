@@ -36,7 +36,7 @@ def taken(listener):
 def output_with_own_settings(program, *arguments):
     """The profiles of the tests would have the middleware deliver later."""
     names = [name for name in os.environ if name.endswith("_PROFILES_FILE")]
-    env = {**os.environ, **dict.fromkeys(names, str(SUPPORT / "fastdds_without_log.xml"))}
+    env = {**os.environ, **dict.fromkeys(names, str(SUPPORT / "fastdds_only_without_log.xml"))}
     return output_of(PROGRAMS / program, *arguments, env=env)
 
 

@@ -154,6 +154,6 @@ class TestOnTheWay:
 def test_a_middleware_without_the_event_loses_nothing_else(tmp_path):
     """The program listens as ever, and logs nothing about it."""
     printed = output_with_library(
-        "faulty_middleware", tmp_path, program="counts_lost_messages", TF2_TEST_MIDDLEWARE="no_loss_events"
+        "faulty_middleware", tmp_path, program="receives_one_message", TF2_TEST_MIDDLEWARE="no_loss_events"
     )
     assert printed == "lost: (0, 0)\n"

@@ -25,7 +25,7 @@ cdef struct HistoryMemory:
     uint32_t owners             # the history and its pinned copies; read and written atomically
     uint32_t pinned_from        # slot of the oldest sample of a pinned copy; valid where owners > 1
     size_t bytes                # allocated in this process, this head included
-    FileMapping* mapping            # which has the samples, and pins all of them for ever; NULL: they follow
+    FileMapping* mapping        # which has the samples, and pins all of them for ever; NULL: they follow
 
 
 cdef struct History:

@@ -60,7 +60,7 @@ cdef struct Arrivals:
     # Of one topic. The middleware's threads touch only `arrived`, `threshold` and `inbox`.
     uint32_t arrived            # atomic, and a hint: 0: no message waits
     uint32_t threshold          # messages that may wait
-    InboxState* inbox                # NULL: nothing is taken any more
+    InboxState* inbox           # NULL: nothing is taken any more
     # Guarded by the lock of all inboxes.
     bint has_more               # the last attempt to take a message found one, or failed
     const rcl_subscription_t* subscription      # NULL: nothing is taken
@@ -210,7 +210,7 @@ cdef class Subscriptions(InboxSource):
     cdef Subscribed _subscribed
     cdef object _clock              # keeps the clock
     cdef list _topics               # in the order in which they were added
-    cdef public bint has_reports        # whether the middleware reports arrivals to this object
+    cdef public bint has_reports    # whether the middleware reports arrivals to this object
 
     def __cinit__(self, bint is_recorded=False, clock=None):
         require_rcl()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Wait for each change of a transform, in an iteration."""
+"""Wait for each change of a transform, in an iteration; ``pending`` has the subscription of ``on_change``."""
 
 from collections.abc import Callable
 from typing import Any

@@ -6,6 +6,7 @@ import asyncio
 import gc
 import random
 import threading
+import time
 import weakref
 from collections import Counter
 
@@ -23,6 +24,7 @@ from tf2_ros._process.background import background
 
 THREADS = 4
 STEPS = 1500  # of each thread
+MOST_TIMEOUT_NS = 5_000_000
 FRAMES = [f"f{i}" for i in range(6)]
 OWN = ("a callback's own",)  # what comes out of whatever completes its future
 STAMPS_NS = range(1 * S, 9 * S, S // 4)
@@ -54,7 +56,7 @@ class Player:
         return self.random.choice(FRAMES), self.random.choice(FRAMES), time
 
     def timeout(self):
-        return self.random.choice([None, Duration(nanoseconds=self.random.randrange(5_000_000))])
+        return self.random.choice([None, Duration(nanoseconds=self.random.randrange(MOST_TIMEOUT_NS))])
 
     def begin(self):
         future = self.buffer.wait_for_transform_async(*self.question(), timeout=self.timeout())
@@ -162,6 +164,10 @@ def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
         until(lambda: all(task.done() for task in tasks))
         tasks.clear()
     buffer._self_check()
+    # One thread ends the timeouts in their order, and a future is done before its waiter is gone.
+    last = LastTimeout()
+    background.expire_at(time.monotonic_ns() + MOST_TIMEOUT_NS, last)
+    assert last.wait(DEADLINE_S)
     begun = [reference for player in players for reference in player.begun]
     for reference in begun:
         end(reference())
@@ -180,6 +186,14 @@ def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
     until(lambda: gc.collect() is not None and not any(reference() for reference in begun))
     left = [reference() for _, _, reference in background.entries]
     assert not set(left) - {None, background._checks}, "what is over has a timeout"
+
+
+class LastTimeout(threading.Event):
+    def over(self):
+        return False
+
+    def expire(self):
+        self.set()
 
 
 def end(future):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Provide the message classes of ROS, or simple classes with the same fields; read and make messages."""
+"""Provide the message classes of ROS, or simple classes with the same fields, and make times of them."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -26,23 +26,3 @@ def time_msg(time: Any, argument: str) -> Time:
     """
     sec, nanosec = stamp_parts(time, argument)
     return Time(sec=sec, nanosec=nanosec)
-
-
-def parts_of(msg: Any) -> tuple[Any, Any]:
-    """
-    The two fields of a transform or a pose, stamped or not, that are its translation and its rotation.
-
-    :raises TypeError: it is neither.
-    """
-    inner = getattr(msg, "transform", getattr(msg, "pose", msg))
-    if hasattr(inner, "translation"):
-        return inner.translation, inner.rotation
-    if hasattr(inner, "position"):
-        return inner.position, inner.orientation
-    raise TypeError(f"expected a TransformStamped, Transform, PoseStamped or Pose, got {type(msg).__name__}")
-
-
-def numbers_of(msg: Any) -> tuple[float, ...]:
-    """The translation and the rotation, x y z x y z w, of a transform or a pose; see :func:`parts_of`."""
-    v, q = parts_of(msg)
-    return (v.x, v.y, v.z, q.x, q.y, q.z, q.w)

@@ -18,16 +18,7 @@ from tf2_py._internal import (
     normalize,
     time_ns,
 )
-from tf2_ros._messages import (
-    Header,
-    Pose,
-    PoseStamped,
-    Quaternion,
-    Transform,
-    TransformStamped,
-    numbers_of,
-    parts_of,
-)
+from tf2_ros._messages import Header, Pose, PoseStamped, Quaternion, Transform, TransformStamped
 
 if TYPE_CHECKING:
     from tf2_py.typing import TimesLike
@@ -131,7 +122,7 @@ def from_matrix(
     if array.ndim != 2:
         raise ValueError(f"matrix: expected the shape (4, 4), got {array.shape}; to_arrays takes many")
     message = message_class()
-    translation, rotation = parts_of(message)
+    translation, rotation = _parts_of(message)
     for name, value in (("header", header), ("child_frame_id", child_frame_id)):
         if value is not None:
             if not hasattr(message, name):
@@ -163,7 +154,7 @@ def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, 
     """
     if isinstance(transforms, np.ndarray) and (transforms.ndim != 1 or transforms.dtype != object):
         return _translations_and_rotations(_matrices(transforms))
-    return _arrays([numbers_of(msg) for msg in transforms])
+    return _arrays([_numbers_of(msg) for msg in transforms])
 
 
 @overload
@@ -287,7 +278,7 @@ def _arrays(rows: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
 
 
 def _one(msg: Any) -> tuple[Array, Array]:
-    translations, rotations = _arrays([numbers_of(msg)])
+    translations, rotations = _arrays([_numbers_of(msg)])
     return translations[0], rotations[0]
 
 
@@ -309,6 +300,26 @@ def _floats(values: Any, wanted: str) -> Array:
         raise TypeError(f"{wanted}: {reason}") from None
     mask = mask_of(values)
     return floats if mask is None else np.where(mask, np.nan, floats)
+
+
+def _parts_of(msg: Any) -> tuple[Any, Any]:
+    """
+    The two fields of a transform or a pose, stamped or not, that are its translation and its rotation.
+
+    :raises TypeError: it is neither.
+    """
+    inner = getattr(msg, "transform", getattr(msg, "pose", msg))
+    if hasattr(inner, "translation"):
+        return inner.translation, inner.rotation
+    if hasattr(inner, "position"):
+        return inner.position, inner.orientation
+    raise TypeError(f"expected a TransformStamped, Transform, PoseStamped or Pose, got {type(msg).__name__}")
+
+
+def _numbers_of(msg: Any) -> tuple[float, ...]:
+    """The translation and the rotation, x y z x y z w, of a transform or a pose; see ``_parts_of``."""
+    v, q = _parts_of(msg)
+    return (v.x, v.y, v.z, q.x, q.y, q.z, q.w)
 
 
 def _pair(transforms: tuple[Any, ...]) -> tuple[Array, Array]:

@@ -4,14 +4,13 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from tf2_py import BufferCore, LookupException, TransformException
+from tf2_py import BufferCore, LookupException, TransformException, stored_name
 from tf2_py._internal import as_times_ns, seconds, stamp_parts
 from tf2_ros._arguments import kind_of
 from tf2_ros._messages import TransformStamped
@@ -29,6 +28,7 @@ __all__ = ["correct"]
 AUTHORITY = "tf2_ros.correction"
 LATEST_NS = 2**31 * 10**9 - 1  # the latest stamp, at which the time range of static frames ends
 NAT = -(2**63)  # a time that is missing, as of numpy.datetime64
+SAME = 1e-9  # two poses are one if no number of their matrices differs by more: in meters, and of rotations
 # Transforms that arrive between reading and writing may make a sample too old. Then everything is tried again
 # without the oldest part of the cache time: first this fraction, then twice as much each time.
 FRACTION = 100
@@ -63,8 +63,8 @@ def correct(
     :param parent: the frame in which the poses are given, such as ``map``.
     :param child: the frame whose transform from ``parent`` is replaced, such as ``odom``.
     :param moving: the frame whose poses are given, such as ``base_link``; at or below ``child``.
-    :param times: N times of keyframes above 0, in any order, as for ``Buffer.lookup_transforms``. Of equal
-        ones, the last one counts.
+    :param times: N times of keyframes above 0, in any order, as for ``Buffer.lookup_transforms``. Equal ones
+        whose poses agree within 1e-9 are one keyframe.
     :param poses: the pose of ``moving`` in ``parent`` at each of these times: N messages, a tuple
         ``(translations, rotations)``, or matrices of shape (N, 4, 4), as for
         :func:`tf2_ros.numpy.to_arrays` and :func:`tf2_ros.numpy.to_matrix`. In meters. The frames of stamped
@@ -74,13 +74,14 @@ def correct(
     :param after: the same after the last keyframe, on to the newest data. Transforms that arrive later are
         not corrected.
     :param on_missing: what happens to a keyframe at which ``moving`` in ``child`` is not known, or which is
-        older than the buffer would keep. ``"raise"``: an exception. ``"skip"``: it is not used.
-    :return: how many keyframes were used. If it is 0, nothing has changed.
+        older than the buffer would keep, and to keyframes with equal times but different poses. ``"raise"``:
+        an exception. ``"skip"``: they are not used.
+    :return: how many keyframes were used; equal ones count once. If it is 0, nothing has changed.
     :raises TypeError: ``buffer`` is not a buffer, or the type of an argument is wrong.
     :raises ValueError: a shape, a number or an option is wrong; a pose is given in another frame than
         ``parent``; ``moving`` is not at or below ``child`` at a keyframe, or ``parent`` is; ``child`` is
         static; a keyframe is at time 0, outside what a stamp can hold, or older than ``cache_time`` allows;
-        or the buffer refuses the samples.
+        keyframes at one time have different poses; or the buffer refuses the samples.
     :raises TransformException: ``moving`` in ``child`` is not known at a keyframe; the text has its index.
 
     Each keyframe becomes a sample of ``child`` in ``parent``: its pose, multiplied by the inverse of the pose
@@ -110,15 +111,21 @@ def correct(
     for name, frame in (("parent", parent), ("child", child), ("moving", moving)):
         if not isinstance(frame, str):
             raise TypeError(f"{name}: expected a str, the name of a frame, got {kind_of(frame)}")
-    edge = _Edge(buffer, parent.removeprefix("/"), child, moving)  # as of transforms that are inserted
+    edge = _Edge(buffer, *map(stored_name, (parent, child, moving)))
     times_ns = as_times_ns(times)
     bad = np.flatnonzero((times_ns != NAT) & ((times_ns < 0) | (times_ns > LATEST_NS)))
     if bad.size:
         raise ValueError(f"times[{bad[0]}]: a stamp cannot hold {int(times_ns[bad[0]])} ns")
     matrices = _matrices(poses, len(times_ns), edge.parent)
+    if on_missing == "raise" and (times_ns == 0).any():
+        bad = np.flatnonzero(times_ns == 0)
+        raise ValueError(f"times[{bad[0]}]: expected a time above 0, which means the latest in lookups")
+    is_wanted = _first_of_equal(times_ns, matrices, skips=on_missing == "skip")
     for tried in range(TRIES):
         margin_ns = (1 << tried >> 1) * (buffer.cache_time_ns // FRACTION)
-        used, samples = _samples(edge, times_ns, matrices, before, after, on_missing == "skip", margin_ns)
+        used, samples = _samples(
+            edge, times_ns, matrices, is_wanted, before, after, on_missing == "skip", margin_ns
+        )
         # Other threads may insert meanwhile, so that some samples are too old. The last try logs them.
         if tried + 1 < TRIES:
             taken = BufferCore._tf2_try_to_replace(buffer, samples, AUTHORITY)
@@ -127,7 +134,7 @@ def correct(
         if taken == len(samples):
             return used
     raise ValueError(
-        f"the buffer refused the samples of {child!r} in {parent!r}; its log line has the reason"
+        f"the buffer refused the samples of {edge.child!r} in {edge.parent!r}; its log line has the reason"
     )
 
 
@@ -140,7 +147,7 @@ def _matrices(poses: Any, count: int, parent: str) -> Array:
     poses = poses if isinstance(poses, tuple | np.ndarray) else [*poses]
     for i, one in enumerate(() if isinstance(poses, tuple) else poses):
         frame = getattr(getattr(one, "header", None), "frame_id", "")
-        if frame.removeprefix("/") not in ("", parent):
+        if stored_name(frame) not in ("", parent):
             raise ValueError(f"poses[{i}]: expected a pose in {parent!r}, got one in {frame!r}")
     matrices = to_matrix(poses if isinstance(poses, tuple) else to_arrays(poses))
     if matrices.shape != (count, 4, 4):
@@ -152,10 +159,41 @@ def _matrices(poses: Any, count: int, parent: str) -> Array:
     return matrices
 
 
+def _first_of_equal(times_ns: npt.NDArray[np.int64], matrices: Array, skips: bool) -> npt.NDArray[np.bool_]:
+    """
+    Whether a keyframe has a time, and is the first one at that time.
+
+    :param skips: if the poses at a time differ, leave out all of them. Otherwise, raise.
+    """
+    known = np.flatnonzero(times_ns > 0)
+    _, first, group = np.unique(times_ns[known], return_index=True, return_inverse=True)
+    first_of_each = known[first[group]]
+    difference = np.abs(matrices[known] - matrices[first_of_each]).max(axis=(1, 2), initial=0.0)
+    bad = np.flatnonzero(difference > SAME)
+    if bad.size and not skips:
+        one, two = first_of_each[bad[0]], known[bad[0]]
+        raise ValueError(
+            f"times[{one}] and times[{two}] are both {seconds(int(times_ns[one]))} s, but their poses are "
+            f"{_apart(matrices[one], matrices[two])} apart"
+        )
+    is_first = np.zeros(len(times_ns), np.bool_)
+    is_first[known[np.delete(first, group[bad])]] = True
+    return is_first
+
+
+def _apart(one: Array, two: Array) -> str:
+    """The distance and the angle between two poses."""
+    distance = np.linalg.norm(two[:3, 3] - one[:3, 3])
+    # Of small angles, the cosine says little.
+    angle = 2.0 * np.arcsin(min(np.linalg.norm(two[:3, :3] - one[:3, :3]) / np.sqrt(8.0), 1.0))
+    return f"{distance:.3g} m and {np.degrees(angle):.3g} degrees"
+
+
 def _samples(
     edge: _Edge,
     times_ns: npt.NDArray[np.int64],
     matrices: Array,
+    is_wanted: npt.NDArray[np.bool_],
     before: str,
     after: str,
     skips: bool,
@@ -163,12 +201,9 @@ def _samples(
 ) -> tuple[int, list[TransformStamped]]:
     """How many keyframes are used, and what is to be inserted."""
     buffer, _, child, moving = edge
-    if not skips and (times_ns == 0).any():
-        bad = np.flatnonzero(times_ns == 0)[0]
-        raise ValueError(f"times[{bad}]: expected a time above 0, which means the latest in lookups")
     on_missing: Literal["nan", "raise"] = "nan" if skips else "raise"
     inverses = BufferCore.lookup_matrices(buffer, moving, child, times_ns, on_missing=on_missing)
-    is_used = ~np.isnan(inverses[:, 0, 0]) & (times_ns != 0)
+    is_used = ~np.isnan(inverses[:, 0, 0]) & is_wanted
     if not is_used.any():
         return 0, []
     info = _checked_child(edge, times_ns, np.flatnonzero(is_used))
@@ -183,13 +218,13 @@ def _samples(
         )
     is_used[old] = False
     index = np.flatnonzero(is_used)
-    index = index[np.argsort(times_ns[index], kind="stable")]
+    index = index[np.argsort(times_ns[index])]
     if len(index) == 0:
         return 0, []
     stamps_ns = times_ns[index].tolist()
     corrections = [*(matrices[index] @ inverses[index])]
     if before == "hold" and max(oldest_ns, begin_ns) < stamps_ns[0]:
-        corrections.insert(0, corrections[bisect_right(stamps_ns, stamps_ns[0]) - 1])
+        corrections.insert(0, corrections[0])
         stamps_ns.insert(0, max(oldest_ns, begin_ns))
     if after == "hold" and newest_ns > stamps_ns[-1]:
         stamps_ns.append(newest_ns)
@@ -200,11 +235,18 @@ def _samples(
 def _checked_child(edge: _Edge, times_ns: npt.NDArray[np.int64], index: npt.NDArray[np.intp]) -> FrameInfo:
     """The child; raises unless one climbs, at each of these keyframes, from the moving frame to it alone."""
     buffer, parent, child, moving = edge
-    info = BufferCore.frames(buffer).get(child)
+    frames = BufferCore.frames(buffer)
+    info = frames.get(child)
     if info is None:
         raise LookupException(f"child: {child!r} does not exist")
     if info.static:
-        raise ValueError(f"child: {child!r} is static, so it has no past that could be corrected")
+        advice = ""
+        if info.parent is not None and frames[info.parent].parent is None:
+            advice = (
+                f"; to correct it together with its parent, pass {info.parent!r} as child and a new frame, "
+                "such as 'world', as parent"
+            )
+        raise ValueError(f"child: {child!r} is static, so it has no past that could be corrected{advice}")
     for i in index.tolist():
         time_ns = int(times_ns[i])
         # Later arrivals may have pruned what is needed, also between two questions; then there is no parent.

@@ -24,7 +24,7 @@ from times_and_transforms import S, about_z, transform
 from tf2_py import BufferCore, ExtrapolationException, LookupException
 from tf2_py._objects import log
 from tf2_ros.correction import AUTHORITY, correct
-from tf2_ros.numpy import from_matrix, to_matrix
+from tf2_ros.numpy import from_matrix, to_arrays, to_matrix
 
 pytestmark = pytest.mark.usefixtures("no_refusals_logged")
 
@@ -214,7 +214,10 @@ WRONG = {
     "on_missing: expected 'raise' or 'skip', got 'nan'": (ValueError, {"on_missing": "nan"}),
     "poses: expected one for each of the 1 times": (ValueError, {"times": [S]}),
     r"poses\[1\]: expected finite numbers": (ValueError, {"poses": np.full((2, 4, 4), np.nan)}),
-    "child: 'lidar' is static": (ValueError, {"child": "lidar", "moving": "lidar"}),
+    "child: 'lidar' is static, so it has no past that could be corrected$": (
+        ValueError,
+        {"child": "lidar", "moving": "lidar"},
+    ),
     "below 'base', and not over 'map', got 'odom'; the path between them at times": (
         ValueError,
         {"child": "base", "moving": "odom"},
@@ -244,13 +247,59 @@ def test_poses_in_another_frame_are_refused():
     assert max(errors(buffer, times)) < 1e-12
 
 
-def test_of_equal_first_keyframes_the_last_one_is_held_before():
-    buffer, times = drive(), np.array([3 * S, 3 * S, 5 * S])
+def test_equal_keyframes_are_one_if_their_poses_agree():
+    buffer, once = drive(), drive()
+    times = np.array([5 * S, 3 * S, 5 * S, 3 * S, 7 * S, 5 * S])
     poses = poses_at(times)
-    poses[0, :3, 3] += 1000
-    assert correct(buffer, *EDGE, times, poses, before="hold") == 3
-    assert errors(buffer, times)[0] < 1e-12
-    assert abs(buffer.lookup_transform_core("map", "odom", 2 * S).transform.translation.x) < 10
+    poses[[2, 3], 0, 3] += [9e-10, -9e-10]
+    translations, rotations = to_arrays(poses)
+    for given in (poses, (translations, rotations * np.array([[1], [1], [-1], [1], [1], [-1]]))):
+        for before in ("keep", "hold"):
+            for on_missing in ("raise", "skip"):
+                how = {"before": before, "on_missing": on_missing}
+                assert correct(buffer, *EDGE, times, given, **how) == 3
+                assert correct(once, *EDGE, [3 * S, 5 * S, 7 * S], poses_at(times[[1, 0, 4]]), **how) == 3
+                got, wanted = (one.histories()["odom"] for one in (buffer, once))
+                assert got.stamps_ns.tolist() == wanted.stamps_ns.tolist()
+                assert_allclose(got.translations, wanted.translations, rtol=0, atol=1e-12)
+
+
+def test_equal_keyframes_whose_poses_differ_are_refused_or_all_left_out():
+    wrong = {
+        "2e-09 m and 0 degrees": planar(2e-9, 0, 0.0),
+        "0 m and 1.15e-07 degrees": planar(0, 0, 2e-9),
+        "1.9 m and 180 degrees": planar(1.9, 0, math.pi),
+    }
+    for apart, other in wrong.items():
+        buffer, before, times = drive(), drive(), np.array([5 * S, 3 * S, 7 * S, 3 * S, 3 * S])
+        poses = poses_at(times)
+        poses[3] = poses[3] @ np.linalg.inv(planar(0, 0, 0)) @ other
+        text = rf"times\[1\] and times\[3\] are both 3.000000000 s, but their poses are {apart} apart"
+        with pytest.raises(ValueError, match=text):
+            correct(buffer, *EDGE, times, poses)
+        assert np.array_equal(buffer.__getstate__()["transforms"], before.__getstate__()["transforms"])
+        assert correct(buffer, *EDGE, times, poses, on_missing="skip", before="hold") == 2
+        assert correct(before, *EDGE, times[[0, 2]], poses[[0, 2]], before="hold") == 2
+        assert np.array_equal(buffer.__getstate__()["transforms"], before.__getstate__()["transforms"])
+        assert correct(buffer, *EDGE, times[[1, 3]], poses[[1, 3]], on_missing="skip") == 0
+
+
+def test_names_of_frames_are_stored_without_their_leading_slash():
+    buffer, other = drive(), drive()
+    for one, edge in ((buffer, ("/map", "/odom", "/base")), (other, EDGE)):
+        assert correct(one, *edge, KEYFRAMES_NS, poses_at(KEYFRAMES_NS)) == len(KEYFRAMES_NS)
+    assert np.array_equal(buffer.__getstate__()["transforms"], other.__getstate__()["transforms"])
+
+
+def test_the_way_out_of_a_static_child_is_a_new_frame_above_its_parent():
+    buffer = drive()
+    buffer.forget("odom")
+    buffer.set_transform_static(transform("map", "odom", xyz=(1, 0, 0)), "tf_static")
+    poses = poses_at(KEYFRAMES_NS)
+    with pytest.raises(ValueError, match="pass 'map' as child and a new frame, such as 'world', as parent$"):
+        correct(buffer, *EDGE, KEYFRAMES_NS, poses)
+    assert correct(buffer, "world", "map", "base", KEYFRAMES_NS, poses) == len(KEYFRAMES_NS)
+    assert_allclose(buffer.lookup_matrices("world", "base", KEYFRAMES_NS), poses, rtol=0, atol=1e-9)
 
 
 def test_a_moving_frame_that_hung_elsewhere_at_a_keyframe_is_refused():
@@ -291,16 +340,21 @@ def test_random_buffers_hold_what_the_definition_says(seed):
         for ns in sorted(dice.sample(range(1, 60), count)):
             link = dice.choice(parents), child, ns, dice.randrange(GOOD_PLACES), dice.randrange(GOOD_TURNS)
             pair.insert("set", (link,), "x")
-    times = dice.choices(range(1, 64), k=6)
+    times = dice.sample(range(1, 64), k=6)
     poses = [(place(dice.randrange(GOOD_PLACES)), about_z(dice.random())) for _ in times]
+    for i in dice.choices(range(6), k=2):
+        times.append(times[i])
+        poses.append(dice.choice(poses[i : i + 2]))
     samples = {}
     for ns, pose in zip(times, poses, strict=True):
+        if any(ns == other and pose != its for other, its in zip(times, poses, strict=True)):
+            continue
         with suppress(ModelError):
             odometry = pair.model.lookup("b", "d", ns)[3:]
             samples[ns] = composed(pose, inverse(odometry))
     messages = [transform("", "", 0, *pose) for pose in poses]
     used = correct(pair.buffer, "a", "b", "d", times, messages, on_missing="skip", after="keep")
-    assert used == sum(ns in samples for ns in times)
+    assert used == len(samples)
     pair.model.replace([("a", "b", ns, *one) for ns, one in sorted(samples.items())], AUTHORITY)
     held, wanted = pair.buffer.histories()["b"], pair.model.frames["b"].samples
     assert held.stamps_ns.tolist() == [one[0] for one in wanted]

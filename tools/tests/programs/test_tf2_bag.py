@@ -13,11 +13,13 @@ import sys
 import numpy as np
 import pytest
 from making_bags import ODOMETRY, STAMPED, STAMPS, TRANSFORM, S, Sent, Tf, drive, scan, series, write_mcap
+from pickles_and_copies import held
 from picture_texts import texts_of
 from robot_of_all_joints import ARM, description, joint_state
 from starting_programs import needs_dot
 from times_and_transforms import transform
 
+from tf2_ros import Buffer
 from tf2_ros_tools.bag import load, save
 from tf2_ros_tools.common.optional_libraries import MissingLibraryError
 from tf2_ros_tools.common.program import RunError, UsageError
@@ -345,6 +347,12 @@ class TestStampsThatAreNotSet:
             assert warned == f"tf2_bag lookup: {text}"
             with pytest.raises(RunError, match="^the stamp is not set in 6 messages$"):
                 run("lookup", path, target, "camera", "--at", "/none")
+
+
+def test_freeze_writes_a_file_that_opens(run, drive_mcap, tmp_path):
+    path = str(tmp_path / "drive.tf2")
+    assert run("freeze", drive_mcap, "-o", path) == (0, f"{path}\n", "")
+    assert held(Buffer.open(path)) == held(load(drive_mcap))
 
 
 def test_json_of_info_has_the_same(run, drive_mcap):

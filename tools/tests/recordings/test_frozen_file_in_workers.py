@@ -5,8 +5,12 @@
 import shutil
 
 from documentation_pages import named_programs
+from pickles_and_copies import held
 from processes import output_of
 from tool_paths import DOCS, SAMPLES
+
+from tf2_ros import Buffer
+from tf2_ros_tools import bag
 
 
 def test_the_loader_of_the_page_hands_its_workers_the_same_poses(tmp_path):
@@ -16,4 +20,4 @@ def test_the_loader_of_the_page_hands_its_workers_the_same_poses(tmp_path):
     for method in ("spawn", "forkserver", "fork"):
         program.write_text(code.replace('get_context("spawn")', f'get_context("{method}")'), encoding="utf-8")
         assert output_of(program, cwd=tmp_path) == "10 (100, 7)\n"
-    assert len([*(tmp_path / "cache").iterdir()]) == 1
+    assert held(Buffer.open(tmp_path / "drive.tf2")) == held(bag.load(tmp_path / "drive"))

@@ -667,6 +667,29 @@ def test_a_journal_that_is_over_changes_nothing(tmp_path):
     assert sorted(flat_read(path)) == sorted(flat(DRIVE))
 
 
+@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.filterwarnings("ignore:.*metadata.yaml counts")  # what is merged later deletes messages
+def test_what_is_not_merged_beside_the_target_of_a_link_is_missed(whole, tmp_path):
+    folder = write_folder(tmp_path / "run", DRIVE, "sqlite3")
+    (tmp_path / "kept").mkdir()
+    kept = (folder / "run.db3").rename(tmp_path / "kept" / "run.db3")
+    (folder / "run.db3").symlink_to(kept)
+    path = folder if whole else folder / "run.db3"
+    before = answers(bag.load(path))
+    with closing(sqlite3.connect(kept)) as database:
+        database.execute("pragma journal_mode = wal")  # as rosbag2's preset "resilient" does
+        database.execute("delete from messages where id > 12")
+        database.commit()
+        check_lost(path, "run.db3 is incomplete without run.db3-wal: .* merges it")
+    assert str(answers(bag.load(path))) == str(answers(bag.load(kept))) != str(before)
+
+
+def test_names_may_have_the_longest_length(tmp_path):
+    """Longer by one of SQLite's endings, they would name no file."""
+    path = write_mcap(tmp_path / f"{'x' * 250}.mcap", DRIVE)
+    np.testing.assert_equal(answers(bag.load(path)), EXPECTED)
+
+
 @pytest.mark.parametrize(
     ("write", "text"),
     [

@@ -38,7 +38,7 @@ def path(buffer, tmp_path):
 
 
 def test_an_opened_buffer_is_saved_with_its_contents(buffer, tmp_path):
-    """Also one that a cache has opened, and whose file is gone."""
+    """The file from which it was opened may be gone."""
     buffer.freeze(tmp_path / "robot.tf2")
     opened = BufferCore.open(tmp_path / "robot.tf2")
     (tmp_path / "robot.tf2").unlink()

@@ -299,48 +299,7 @@ def test_a_pipe_is_read_once(path, optimized, tmp_path):
     assert held(buffer) == held(bag.load(path, trajectory=optimized))
 
 
-# Caches.
-
-
-def test_a_cache_knows_the_content_of_the_file(path, optimized, tmp_path):
-    def load(trajectory=optimized):
-        return bag.load(path, trajectory=trajectory, cache=tmp_path / "cache")
-
-    first = load()
-    assert held(load()) == held(first) == held(bag.load(path, trajectory=optimized))
-    assert held(bag.load(path, cache=tmp_path / "cache")) != held(first)
-    assert held(load(replace(optimized, before="hold"))) != held(first)
-    text = optimized.path.read_text().splitlines(keepends=True)
-    optimized.path.write_text("".join(text[:-1]))
-    assert held(load()) != held(first)
-    optimized.path.write_text("".join(text))
-    assert held(load()) == held(first)
-
-
-def test_a_cache_knows_both_files_of_kitti_and_the_topic(tmp_path):
-    paths = (LAST, slam_path(BEGIN_NS + 3 * S, POSES[:2], "/other"))
-    path = write_mcap(tmp_path / "drive.mcap", with_paths(*paths))
-
-    def load(trajectory):
-        buffer = bag.load(path, trajectory=trajectory, cache=tmp_path / "cache")
-        assert held(buffer) == held(bag.load(path, trajectory=trajectory))
-        return len(os.listdir(tmp_path / "cache"))
-
-    matrices = drift(KEYFRAMES)
-    counts = [
-        load(kitti(tmp_path, KEYFRAMES, matrices)),
-        load(kitti(tmp_path, KEYFRAMES + 1, matrices)),
-        load(kitti(tmp_path, KEYFRAMES, matrices[::-1])),
-        load(kitti(tmp_path, KEYFRAMES, matrices)),
-        load(ON_TOPIC),
-        load(replace(ON_TOPIC, path="/other")),
-        load(replace(ON_TOPIC, moving="camera")),
-        load(ON_TOPIC),
-    ]
-    assert counts == [1, 2, 3, 3, 4, 5, 6, 6]
-
-
-def test_poses_that_are_left_out_are_reported_whether_a_cache_is_written_or_not(tmp_path):
+def test_poses_that_are_left_out_are_counted(tmp_path):
     # One is before the odometry, at the stamp of a sample that remains; another one has no stamp.
     early = [posed(ns, 0.0, "", STAMPED) for ns in (BEGIN_NS - S, 0)]
     messages = with_paths(slam_path(BEGIN_NS + 3 * S, [*early, *POSES]))
@@ -353,10 +312,8 @@ def test_poses_that_are_left_out_are_reported_whether_a_cache_is_written_or_not(
         (in_file, "9 of the 18 poses in ", ""),
     ):
         text += f".* are left out, because base in odom is not known then or no longer kept{unset}$"
-        for _ in range(2):
-            with pytest.warns(UserWarning, match=text):
-                skipping = replace(trajectory, on_missing="skip")
-                bag.load(path, trajectory=skipping, cache=tmp_path / "cache")
+        with pytest.warns(UserWarning, match=text):
+            bag.load(path, trajectory=replace(trajectory, on_missing="skip"))
 
 
 WRONG = {

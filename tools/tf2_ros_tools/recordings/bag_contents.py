@@ -5,7 +5,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +72,8 @@ def read_contents(
     buffer, recording = new_buffer(None), Recording()
     pieces: list[NDArray[np.void]] = []
     with open_recording(path) as recorded:
-        left_out = fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
+        how: dict[str, Any] = {"progress": progress, "recording": recording, "records": pieces}
+        left_out, unused = fill_buffer(buffer, recorded, what, **how)
         times_ns = None if at is None else stamps_of(recorded, at)
         if at is not None and at not in what.poses:
             left_out += recorded.shortfalls([at])
@@ -88,9 +89,7 @@ def read_contents(
     if end_ns is not None and what.end_ns is not None:
         end_ns = min(end_ns, what.end_ns)
     frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
-    unused: list[str] = []
     if what.trajectory is not None:
-        unused += what.trajectory.left_out(buffer, path)
         frames = [*dict.fromkeys([*frames, *buffer.frames()])]  # a trajectory may add some
     own = (recorded.saved, left_out, absent, unset, unused)
     return BagContents(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)

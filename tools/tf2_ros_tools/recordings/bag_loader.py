@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from os import PathLike
@@ -20,7 +20,6 @@ from tf2_ros.serialization import MessageSource, insert_messages, read_transform
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted, first_names
 from tf2_ros_tools.recordings import foxglove_messages
-from tf2_ros_tools.recordings.bag_cache import Cached
 from tf2_ros_tools.recordings.bag_reader import (
     TF_TYPES,
     BagError,
@@ -29,7 +28,6 @@ from tf2_ros_tools.recordings.bag_reader import (
     is_static,
     listed,
     open_recording,
-    resolved,
     typestore,
 )
 from tf2_ros_tools.recordings.joints_and_poses import (
@@ -84,12 +82,6 @@ class Wanted:
     poses: PoseTopics
     robots: Mapping[str, Robot | None]
     trajectory: Keyframes | None = None
-
-    @property
-    def key(self) -> dict[str, Any]:
-        """What a buffer depends on; JSON can hold it."""
-        keyframes = self.trajectory
-        return asdict(replace(self, trajectory=None)) | {"trajectory": keyframes and keyframes.key}
 
     @property
     def limited(self) -> bool:
@@ -165,7 +157,6 @@ def load(
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
     trajectory: Trajectory | None = None,
-    cache: "str | PathLike[str] | None" = None,
     progress: bool | None = None,
 ) -> "Buffer":
     """
@@ -193,10 +184,6 @@ def load(
         transforms on ``topics`` keep them. The authority of fixed joints is ``urdf``.
     :param trajectory: corrects the buffer by poses in a file or on a topic, as
         :func:`tf2_ros.correction.correct` does. None: what was recorded remains as it is.
-    :param cache: a folder, which is created if it does not exist. The first call freezes the buffer to a file
-        in this folder, and the next ones, in any process, map this file, unless the recording, its path, the
-        content of the trajectory or another argument has changed; see :meth:`tf2_py.BufferCore.open`. It may
-        be the folder of the recording. None: no file is kept.
     :param progress: show a bar, which needs tqdm. None: only if standard error is a terminal, after a second.
     :return: a buffer without a node and without a limit of memory. The authority of a transform is the name
         of its topic.
@@ -205,7 +192,6 @@ def load(
         messages of another type; or its joint states have no joint of the robot, or no message was
         recorded between ``start`` and ``end``; or the trajectory is broken, or does not fit the recording.
     :raises UrdfError: see :func:`tf2_ros_tools.urdf.load`.
-    :raises OSError: the file in ``cache`` cannot be written.
     :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
     :raises TypeError: ``topics`` is a str, ``start`` or ``end`` is not a time, or a value in ``poses`` is not
         a pair.
@@ -219,23 +205,11 @@ def load(
     """
     what = wanted(topics, start, end, poses, urdf, trajectory)
     buffer = new_buffer(cache_time)
-    cached = None
-    if cache is not None:
-        path = resolved(path)  # a link may lead to another recording while this one is read
-        cached = Cached(cache, path, what.key, buffer.cache_time_ns)
-    opened = None if cached is None else cached.open()
-    if opened is None:
-        with open_recording(path) as recorded:
-            for text in fill_buffer(buffer, recorded, what, progress=progress):
-                warnings.warn(f"{printable(recorded.path)}: {text}", stacklevel=2)
-        if cached is not None:
-            cached.write(buffer)
-        opened = (cached and cached.open()) or buffer
-    left_out = () if what.trajectory is None else what.trajectory.left_out(opened, path)
-    for text in (*without_stamps(opened), *left_out):
+    with open_recording(path) as recorded:
+        left_out, unused = fill_buffer(buffer, recorded, what, progress=progress)
+    for text in (*left_out, *without_stamps(buffer), *unused):
         warnings.warn(f"{printable(os.fspath(path))}: {text}", stacklevel=2)
-    opened.clock = None  # pyright: ignore[reportAttributeAccessIssue]
-    return opened
+    return buffer
 
 
 def without_stamps(buffer: "Buffer") -> Iterator[str]:
@@ -266,14 +240,14 @@ def fill_buffer(
     progress: bool | None,
     recording: Recording | None = None,
     records: list[Any] | None = None,
-) -> list[str]:
+) -> tuple[list[str], list[str]]:
     """
     Insert the wanted transforms of a recording into a buffer, and correct them by the wanted trajectory.
 
     :param recording: records each transform; see :func:`tf2_ros.serialization.insert_messages`.
     :param records: see the same function.
     :return: a sentence for each topic of which messages, or the positions of some joints, are left out or
-        lost.
+        lost; and one if poses of the trajectory are left out.
     """
     sources = sources_of(recorded, what)
     robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
@@ -321,8 +295,7 @@ def fill_buffer(
                     f" {first_names(states.names)}, have no positions of the URDF's joints,"
                     f" {first_names(own)}{why}"
                 )
-    if what.trajectory is not None:
-        what.trajectory.correct(buffer, recorded)
+    unused = [] if what.trajectory is None else what.trajectory.correct(buffer, recorded)
     left_out = [
         f"{counted(one.left_out, 'message')} on {printable(topic)} {'is' if one.left_out == 1 else 'are'}"
         f" left out: {one.reason}"
@@ -331,7 +304,7 @@ def fill_buffer(
     ]
     unmatched_names = {topic: unmatched(one.robot, one.seen) for topic, one in joints.items()}
     left_out += [f"on {printable(topic)}, {text}" for topic, text in unmatched_names.items() if text]
-    return [*left_out, *recorded.shortfalls(topics)]
+    return [*left_out, *recorded.shortfalls(topics)], unused
 
 
 def _described(recorded: Recorded, states: str) -> Robot:
@@ -482,15 +455,17 @@ def static_transforms(
 
     :param path: see :func:`load`.
     :param topics: see :func:`load`; only those with static transforms are read.
-    :return: the transforms, and what :func:`fill_buffer` returns. Frames with names that lookups refuse are
-        left out.
+    :return: the transforms, and a sentence for each topic of which messages are left out or lost. Frames with
+        names that lookups refuse are omitted.
     :raises BagError: see :func:`load`; or there are no such transforms.
     """
     buffer, what = new_buffer(None), wanted(topics)
     with open_recording(path) as recorded:
         static = [topic for topic, one in recorded.topics.items() if is_static(topic) and one.count]
         own = {topic: prefix for topic, prefix in what.prefixes.items() if topic in static}
-        left_out = fill_buffer(buffer, recorded, replace(what, prefixes=own), progress=None) if own else []
+        left_out: list[str] = []
+        if own:
+            left_out, _ = fill_buffer(buffer, recorded, replace(what, prefixes=own), progress=None)
     found = [
         buffer.lookup_transform(one.parent, name, 0)
         for name, one in buffer.frames().items()

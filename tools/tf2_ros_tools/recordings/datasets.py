@@ -22,7 +22,6 @@ from tf2_py import BufferCore, LookupException
 from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted, write_whole
-from tf2_ros_tools.recordings.bag_cache import Cached
 from tf2_ros_tools.recordings.bag_contents import read_contents
 from tf2_ros_tools.recordings.bag_loader import (
     TOPICS,
@@ -30,7 +29,6 @@ from tf2_ros_tools.recordings.bag_loader import (
     Topics,
     Urdfs,
     Wanted,
-    new_buffer,
     progress_bar,
     wanted,
 )
@@ -220,7 +218,6 @@ def dataset(
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
     trajectory: Trajectory | None = None,
-    cache: str | PathLike[str] | None = None,
     progress: bool | None = None,
 ) -> Dataset:
     """
@@ -235,8 +232,6 @@ def dataset(
     :param poses: see :func:`tf2_ros_tools.bag.load`.
     :param urdf: see :func:`tf2_ros_tools.bag.load`.
     :param trajectory: see :func:`tf2_ros_tools.bag.load`.
-    :param cache: a folder in which the transforms of each recording are also frozen, so that ``load`` with
-        this folder and the same topics, poses, robots and trajectory opens these files.
     :param progress: whether to show a bar. None: only if standard error is a terminal, after one second.
     :raises FileNotFoundError: the folders contain no recording.
     :raises BagError: none of the recordings can be read.
@@ -267,7 +262,7 @@ def dataset(
     with progress_bar("dataset", len(paths), " recordings", progress) as count:
         for path in paths:
             try:
-                found[path], lacks, left_out = _look_up(path, what, relative_to, names, at, cache)
+                found[path], lacks, left_out = _look_up(path, what, relative_to, names, at)
             except BagError as error:
                 failed[path] = printable(str(error))
             except OSError as error:
@@ -310,20 +305,12 @@ def dataset(
 
 
 def _look_up(
-    path: str,
-    what: Wanted,
-    relative_to: str,
-    names: Sequence[str],
-    at: str,
-    cache: str | PathLike[str] | None,
+    path: str, what: Wanted, relative_to: str, names: Sequence[str], at: str
 ) -> tuple[dict[str, Table], dict[str, str], list[str]]:
     """
     Look up the frames in one recording: their tables, why some have no pose, and the poses that are left out.
     """
-    cached = None if cache is None else Cached(cache, path, what.key, new_buffer(None).cache_time_ns)
     heard = read_contents(path, what, at=at, progress=False)
-    if cached is not None and not os.path.exists(cached.path):
-        cached.write(heard.buffer)
     assert heard.times_ns is not None
     return (*look_up_frames(heard, relative_to, names, heard.times_ns), heard.unused)
 

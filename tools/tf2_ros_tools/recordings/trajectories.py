@@ -2,12 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Correct a recording by a trajectory, the poses at keyframes that a SLAM has exported or published."""
 
-import hashlib
 import os
 from argparse import ArgumentTypeError
-from collections.abc import Iterator
-from contextlib import nullcontext, suppress
-from dataclasses import astuple, dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -21,7 +19,7 @@ from tf2_ros.correction import correct
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros_tools.common.options import nanoseconds
 from tf2_ros_tools.common.output import counted
-from tf2_ros_tools.recordings.bag_reader import BagError, Recorded, listed, open_recording, typestore
+from tf2_ros_tools.recordings.bag_reader import BagError, Recorded, listed, typestore
 
 # The stamps of N poses in ns, and the poses in one of the forms that `correct` takes.
 Stamped: TypeAlias = tuple[NDArray[np.int64], Any]
@@ -90,21 +88,19 @@ class Keyframes:
         self._name = printable(os.fspath(path))
         self._in_files: Stamped | None = None
         if times is None and isinstance(path, str) and path.startswith("/") and not os.path.exists(path):
-            sources = [path]
+            return  # it is a topic
+        content = Path(path).read_bytes()
+        if times is None:
+            self._in_files = _tum(self._name, content)
         else:
-            contents = [Path(one).read_bytes() for one in (path, times) if one is not None]
-            sources = [hashlib.sha256(one).hexdigest() for one in contents]
-            if times is None:
-                self._in_files = _tum(self._name, contents[0])
-            else:
-                self._in_files = _kitti(self._name, contents[0], printable(os.fspath(times)), contents[1])
-        # What a buffer that is corrected by it depends on; JSON can hold it.
-        self.key: list[Any] = [*astuple(replace(trajectory, path="", times=None)), *sources]
+            stamps = Path(times).read_bytes()
+            self._in_files = _kitti(self._name, content, printable(os.fspath(times)), stamps)
 
-    def correct(self, buffer: BufferCore, recorded: Recorded) -> None:
+    def correct(self, buffer: BufferCore, recorded: Recorded) -> list[str]:
         """
         Correct the buffer of a recording.
 
+        :return: a sentence if poses are left out.
         :raises BagError: a pose cannot be used, or none can; or the frames are wrong.
         """
         one, (times_ns, poses) = self._trajectory, self._poses(buffer, recorded)
@@ -112,7 +108,8 @@ class Keyframes:
         how: dict[str, Any] = {"before": one.before, "after": one.after}
         none = ""
         try:
-            if not correct(*what, **how, on_missing=one.on_missing):
+            used = correct(*what, **how, on_missing=one.on_missing)
+            if not used:
                 none = "none of its poses can be used: "
                 correct(*what, **how)  # says why
         except (TransformException, ValueError) as error:
@@ -120,36 +117,16 @@ class Keyframes:
             advice = '; on_missing="skip" leaves such poses out' * may_skip
             first = " (times[0] is that of its first pose)" * ("times[" in str(error))
             raise BagError(f"{self._name}: {none}{error}{first}{advice}") from error
+        left_out, count = len(times_ns) - used, counted(len(times_ns), "pose")
+        if not left_out:
+            return []
+        are = "is" if left_out == 1 else "are"
+        why = f"{printable(one.moving)} in {printable(one.child)} is not known then or no longer kept"
+        unset = " or the stamp is 0" * bool((times_ns == 0).any())
+        return [f"{left_out} of the {count} in {self._name} {are} left out, because {why}{unset}"]
 
-    def left_out(self, buffer: BufferCore, path: str | PathLike[str]) -> Iterator[str]:
-        """
-        Say how many poses are left out of a buffer that is corrected by the others.
-
-        :param path: the recording.
-        """
-        one = self._trajectory
-        if one.on_missing == "raise":
-            return
-        with open_recording(path) if self._in_files is None else nullcontext() as recorded:
-            times_ns, _ = self._poses(buffer, recorded)
-        is_used = times_ns != 0
-        # Each of the others is a sample of the child.
-        for target, source, max_gap in ((one.child, one.moving, None), (one.parent, one.child, 0.0)):
-            found = buffer.lookup_matrices(target, source, times_ns, on_missing="nan", max_gap=max_gap)
-            is_used &= ~np.isnan(found[:, 0, 0])
-        left_out, count = int((~is_used).sum()), counted(len(times_ns), "pose")
-        if left_out:
-            are = "is" if left_out == 1 else "are"
-            why = f"{printable(one.moving)} in {printable(one.child)} is not known then or no longer kept"
-            unset = " or the stamp is 0" * bool((times_ns == 0).any())
-            yield f"{left_out} of the {count} in {self._name} {are} left out, because {why}{unset}"
-
-    def _poses(self, buffer: BufferCore, recorded: Any) -> Stamped:
-        """
-        Get the poses, with the stamps that were rounded at the ends of the odometry.
-
-        :param recorded: not needed if the poses are in files.
-        """
+    def _poses(self, buffer: BufferCore, recorded: Recorded) -> Stamped:
+        """Get the poses, with the stamps that were rounded at the ends of the odometry."""
         times_ns, poses = self._in_files or _of_topic(recorded, self._name, self._trajectory.parent)
         with suppress(TransformException):  # there is no odometry
             for end_ns in buffer.time_range(self._trajectory.child, self._trajectory.moving):

@@ -7,6 +7,7 @@ import re
 import signal
 
 import pytest
+import yaml
 from making_bags import Sent, Tf, drive, write_folder, write_mcap, write_ros1
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
@@ -170,6 +171,16 @@ def test_statics_of_tf2_bag_prints_a_file_that_can_be_published(tmp_path, capsys
     recorded = [facts(one) for one in static_transforms(recording)[0]]
     assert [facts(one) for one in read_file(path)] == recorded
     assert [child for _, child, *_ in recorded] == names
+
+
+def test_statics_of_tf2_bag_prints_numbers_for_every_reader_of_yaml(tmp_path, capsys):
+    given = [1e-5, 1e22, -1e-17, 1.5e-7, -0.0, 1e16, 5e-324, 1.7976931348623157e308, 123456.789]
+    sent = [Tf("base", f"f{i}", S, (one, 1.0, 0.0), (one % 1.0, 0.0, 0.0, 1.0)) for i, one in enumerate(given)]
+    recording = write_mcap(tmp_path / "a.mcap", [Sent(S, "/tf_static", sent)])
+    assert tf2_bag.bag(tf2_bag.PARSER.read(["tf2_bag", "statics", str(recording)])) == 0
+    printed = yaml.safe_load(capsys.readouterr().out)  # of YAML 1.1, as launch files are read
+    assert [one["x"] for one in printed] == given
+    assert {type(one[key]) for one in printed for key in ("x", "y", "z", "qx", "qy", "qz", "qw")} == {float}
 
 
 def test_a_recorded_topic_gets_its_prefix(tmp_path, capsys):

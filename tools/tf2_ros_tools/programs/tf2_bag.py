@@ -288,16 +288,19 @@ def statics(options: Namespace) -> int:
         options.parser.warn(text)
     for one in transforms:
         t, q = one.transform.translation, one.transform.rotation
-        keys = {
-            "frame_id": one.header.frame_id,
-            "child_frame_id": one.child_frame_id,
-            **{axis: getattr(t, axis) for axis in "xyz"},
-            **{f"q{axis}": getattr(q, axis) for axis in "xyzw"},
-        }
         # JSON's quotes keep YAML from reading the name `1` or `no` as something else.
-        entry = ", ".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in keys.items())
-        show(f"- {{{entry}}}")
+        names = {"frame_id": one.header.frame_id, "child_frame_id": one.child_frame_id}
+        entries = [f"{key}: {json.dumps(name, ensure_ascii=False)}" for key, name in names.items()]
+        entries += [f"{axis}: {_in_yaml(getattr(t, axis))}" for axis in "xyz"]
+        entries += [f"q{axis}: {_in_yaml(getattr(q, axis))}" for axis in "xyzw"]
+        show(f"- {{{', '.join(entries)}}}")
     return SUCCESS
+
+
+def _in_yaml(number: float) -> str:
+    """Write a float as YAML 1.1 reads one, to which ``1e-05`` is a string."""
+    text = repr(number)
+    return text if "." in text else text.replace("e", ".0e")
 
 
 def freeze(options: Namespace) -> int:

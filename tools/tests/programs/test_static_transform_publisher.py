@@ -175,7 +175,9 @@ def test_statics_of_tf2_bag_prints_a_file_that_can_be_published(tmp_path, capsys
 
 def test_statics_of_tf2_bag_prints_numbers_for_every_reader_of_yaml(tmp_path, capsys):
     given = [1e-5, 1e22, -1e-17, 1.5e-7, -0.0, 1e16, 5e-324, 1.7976931348623157e308, 123456.789]
-    sent = [Tf("base", f"f{i}", S, (one, 1.0, 0.0), (one % 1.0, 0.0, 0.0, 1.0)) for i, one in enumerate(given)]
+    sent = [
+        Tf("base", f"f{i}", S, (one, 1.0, 0.0), (one % 1.0, 0.0, 0.0, 1.0)) for i, one in enumerate(given)
+    ]
     recording = write_mcap(tmp_path / "a.mcap", [Sent(S, "/tf_static", sent)])
     assert tf2_bag.bag(tf2_bag.PARSER.read(["tf2_bag", "statics", str(recording)])) == 0
     printed = yaml.safe_load(capsys.readouterr().out)  # of YAML 1.1, as launch files are read

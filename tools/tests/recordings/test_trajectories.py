@@ -316,6 +316,19 @@ def test_poses_that_are_left_out_are_counted(tmp_path):
             bag.load(path, trajectory=replace(trajectory, on_missing="skip"))
 
 
+def test_equal_poses_at_a_stamp_are_one_and_different_ones_are_left_out(path, optimized):
+    lines = optimized.path.read_text().splitlines()
+    skipping = replace(optimized, on_missing="skip")
+    optimized.path.write_text("\n".join([*lines, lines[-1]]))
+    assert held(bag.load(path, trajectory=skipping)) == held(bag.load(path, trajectory=optimized))
+    stamp, x, *others = lines[-1].split()
+    optimized.path.write_text("\n".join([*lines, " ".join([stamp, f"{float(x) + 1.0}", *others])]))
+    with pytest.raises(bag.BagError, match=r"optimized.tum: times\[17\] and times\[18\] are both .* apart"):
+        bag.load(path, trajectory=optimized)
+    with pytest.warns(UserWarning, match="1 of the 18 poses in .* or others with the same stamp differ$"):
+        bag.load(path, trajectory=skipping)
+
+
 WRONG = {
     "1 2 3\n": "line 1: expected 8 numbers",
     "# only a comment\n": "expected lines of 8 numbers",

@@ -117,13 +117,15 @@ class Keyframes:
             advice = '; on_missing="skip" leaves such poses out' * may_skip
             first = " (times[0] is that of its first pose)" * ("times[" in str(error))
             raise BagError(f"{self._name}: {none}{error}{first}{advice}") from error
-        left_out, count = len(times_ns) - used, counted(len(times_ns), "pose")
+        different = len(np.unique(times_ns))  # equal poses at one stamp are one
+        left_out, count = different - used, counted(different, "pose")
         if not left_out:
             return []
         are = "is" if left_out == 1 else "are"
         why = f"{printable(one.moving)} in {printable(one.child)} is not known then or no longer kept"
-        unset = " or the stamp is 0" * bool((times_ns == 0).any())
-        return [f"{left_out} of the {count} in {self._name} {are} left out, because {why}{unset}"]
+        why += " or the stamp is 0" * bool((times_ns == 0).any())
+        why += " or others with the same stamp differ" * (different < len(times_ns))
+        return [f"{left_out} of the {count} in {self._name} {are} left out, because {why}"]
 
     def _poses(self, buffer: BufferCore, recorded: Recorded) -> Stamped:
         """Get the poses, with the stamps that were rounded at the ends of the odometry."""

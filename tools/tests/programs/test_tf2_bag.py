@@ -152,6 +152,21 @@ class TestTrajectory:
         written = str(tmp_path / "path.svg")
         assert run("plot", drive_mcap, "--path", "world", "base", *world, "-o", written)[0] == 0
 
+    def test_the_time_between_keyframes_is_not_a_gap_of_a_lookup(self, run, tmp_path):
+        keyframes, missing = "100 0 0 0 0 0 0 1\n109.9 9 0 0 0 0 0 1\n", (103 * S, 105 * S)
+        (tmp_path / "two.tum").write_text(keyframes)
+        sent = [one for one in drive(100) if not missing[0] < one.log_ns < missing[1]]
+        path = write_mcap(tmp_path / "gap.mcap", sent)
+        own = ("--trajectory", tmp_path / "two.tum", "map", "odom", "base")
+        looked_up = ("lookup", path, "map", "base", *own, "--times", "102.05", "104")
+        gaps = [float(row["gap"]) for row in csv.DictReader(io.StringIO(run(*looked_up)[1]))]
+        assert gaps == pytest.approx([0.1, 2.1])
+        status, out, err = run(*looked_up, "--max-gap", "0.5")
+        assert (status, rows_of(out)[2]) == (0, ["true", "false"])
+        assert "no answer at 1 of 2 times" in err
+        with pytest.raises(RunError, match="all poses are interpolated across gaps of more than 0.05 s"):
+            run(*looked_up, "--max-gap", "0.05")
+
     def test_explain_names_no_publishers_of_corrected_samples(self, run, tmp_path):
         sent = [Sent(i * S, "/tf", [Tf("map", "odom", i * S), Tf("odom", "base", i * S)]) for i in (1, 2, 3)]
         sent += [Sent(ns, "/gps/tf", [Tf(*ends, ns)]) for ns in (3 * S // 2, 5 * S // 2) for ends in HOPS]

@@ -103,6 +103,22 @@ class TestTrajectory:
         at_keyframe = data.poses[data.stamps_ns == 100 * S, 0, 0]
         np.testing.assert_allclose(at_keyframe, [3.0, 4.0], rtol=0, atol=1e-9)
 
+    def test_the_time_between_keyframes_is_not_a_gap_of_what_was_measured(self, tmp_path):
+        keyframes = slam_path(101 * S, [posed(ns, 1.0, "", STAMPED) for ns in (100 * S, 101_900_000_000)])
+        path = write(tmp_path / "run.mcap", [keyframes])
+        sent = [one for one in drive(20) if not 101 * S <= one.log_ns < 101_500_000_000]
+        images = [scan(ns, ns, "/images") for ns in TIMES]
+        outage = write_mcap(tmp_path / "outage.mcap", [*sent, *images, keyframes])
+        on_topic = bag.Trajectory("/slam/path", "map", "odom", "base")
+        for recording, gap in ((path, 0.1), (outage, 0.6)):
+            corrected, plain = made(recording, trajectory=on_topic), made(recording)
+            np.testing.assert_equal(corrected.gaps, plain.gaps)
+            np.testing.assert_allclose(corrected.gaps[3], gap)
+            only = bag.dataset(
+                recording, ["odom"], at="/images", relative_to="map", trajectory=on_topic
+            ).gaps[1:5]
+            assert not only.any()
+
     def test_poses_that_are_left_out_are_counted(self, runs, tmp_path):
         (tmp_path / "early.tum").write_text("99 9 0 0 0 0 0 1\n101 9 0 0 0 0 0 1\n")
         early = bag.Trajectory(tmp_path / "early.tum", "map", "odom", "base", on_missing="skip")

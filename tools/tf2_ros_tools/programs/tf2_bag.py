@@ -218,12 +218,12 @@ def lookup(options: Namespace) -> int:
     try:
         if times_ns is None:
             times_ns = pose_tables.times_when(heard, target, source, options.rate)
-        table = pose_tables.look_up_table(heard.buffer, target, source, times_ns, options.max_gap)
+        how: dict[str, Any] = {"max_gap": options.max_gap, "corrected": heard.corrected}
+        table = pose_tables.look_up_table(heard.buffer, target, source, times_ns, **how)
     except TransformException as failure:
         raise RunError(pose_tables.why_unconnected(heard, target, source, failure)) from None
     if not table.valid.any():
-        reason = pose_tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, options.max_gap)
-        raise RunError(reason)
+        raise RunError(pose_tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, **how))
     if kind == "parquet":
         contents = pose_tables.as_parquet(table, options.file)
     else:
@@ -252,9 +252,7 @@ def explain(options: Namespace) -> int:
         found = heard.buffer.explain(target, source, options.at)
     except TransformException as failure:
         raise RunError(pose_tables.why_unconnected(heard, target, source, failure)) from None
-    # The records of a frame that is corrected are those before the correction.
-    corrected = None if options.trajectory is None else _frame(options.trajectory[2])
-    hops = [hop for hop in found.hops if hop.frame != corrected]
+    hops = [hop for hop in found.hops if hop.frame != heard.corrected]
     show(*str(found).splitlines(), *_publishers(heard, hops))
     return SUCCESS
 

@@ -35,7 +35,8 @@ class BagContents:
     stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
     ``left_out`` has a sentence for each topic of which something is left out or lost, ``absent`` says what
     may explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics,
-    ``unused`` counts the poses of a trajectory that are left out.
+    ``unused`` counts the poses of a trajectory that are left out. ``corrected`` is the frame whose transforms
+    the trajectory has replaced, or None; its records are those of before.
     """
 
     buffer: "Buffer"
@@ -51,6 +52,7 @@ class BagContents:
     absent: list[str]
     unset: list[str]
     unused: list[str]
+    corrected: str | None
 
 
 def read_contents(
@@ -89,9 +91,11 @@ def read_contents(
     if end_ns is not None and what.end_ns is not None:
         end_ns = min(end_ns, what.end_ns)
     frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
+    corrected = None
     if what.trajectory is not None:
+        corrected = what.trajectory.child
         frames = [*dict.fromkeys([*frames, *buffer.frames()])]  # a trajectory may add some
-    own = (recorded.saved, left_out, absent, unset, unused)
+    own = (recorded.saved, left_out, absent, unset, unused, corrected)
     return BagContents(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)
 
 

@@ -119,7 +119,8 @@ class Dataset:
         row before; NaN without an answer.
     :param valid: bool, shape (N, F): whether there is an answer.
     :param gaps: float64, shape (N, F): seconds between the two samples that the pose was interpolated from,
-        the longest of all frames in between; 0 at a sample, NaN without an answer.
+        the longest of all frames in between but one that a trajectory corrects; 0 at a sample, NaN without an
+        answer.
     """
 
     frames: tuple[str, ...]

@@ -39,7 +39,8 @@ class Table:
     :param poses: float64, shape (N, 7): x y z in meters, qx qy qz qw of length one, with the sign that is
         closer to the row before; NaN without an answer.
     :param gaps: float64, shape (N,): seconds between the two samples that a pose was interpolated from, the
-        longest of all frames in between; 0 at a sample and if nothing moves; NaN without an answer.
+        longest of all frames in between but one that a trajectory corrects; 0 at a sample and if nothing
+        moves; NaN without an answer.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -65,7 +66,7 @@ def look_up_frames(
     reasons: dict[str, str] = {}
     for frame in frames:
         try:
-            tables[frame] = look_up_table(buffer, target, frame, stamps_ns)
+            tables[frame] = look_up_table(buffer, target, frame, stamps_ns, corrected=heard.corrected)
         except TransformException as error:
             tables[frame] = Table(stamps_ns, np.full((count, 7), np.nan), np.full(count, np.nan))
             reasons[frame] = why_unconnected(heard, target, frame, error)
@@ -76,22 +77,33 @@ def look_up_frames(
 
 
 def look_up_table(
-    buffer: BufferCore, target: str, source: str, times_ns: ArrayLike, max_gap: float | None = None
+    buffer: BufferCore,
+    target: str,
+    source: str,
+    times_ns: ArrayLike,
+    max_gap: float | None = None,
+    *,
+    corrected: str | None = None,
 ) -> Table:
     """
     Look up the table of ``source`` in ``target`` at N times; see :func:`look_up`.
 
     :param max_gap: there is no answer between samples that are further apart, in seconds. None: there is.
+    :param corrected: the frame that a trajectory corrects: its samples are keyframes, and the time between
+        them is not a gap in what was measured. None: there is no such frame.
     :raises TransformException: the frames are unknown or not connected.
     """
     stamps_ns = np.asarray(times_ns, np.int64)
     between = buffer.path(target, source)
-    poses = look_up(buffer, target, source, stamps_ns, max_gap)
+    poses = look_up(buffer, target, source, stamps_ns, None if corrected else max_gap)
     gaps = np.where(np.isnan(poses[:, 0]), np.nan, 0.0)
-    moving = moving_on(buffer.frames(), between)
+    moving = [name for name in moving_on(buffer.frames(), between) if name != corrected]
     histories = buffer.histories() if moving else {}
     for name in moving:
         gaps = np.maximum(gaps, _gaps_at(histories[name].stamps_ns, stamps_ns))  # a NaN stays
+    if corrected and max_gap is not None:
+        is_wide = gaps > max_gap
+        poses[is_wide] = gaps[is_wide] = np.nan
     return Table(stamps_ns, poses, gaps)
 
 
@@ -185,18 +197,26 @@ def why_unconnected(heard: BagContents, target: str, source: str, error: Transfo
 
 
 def why_unanswered(
-    buffer: Buffer, target: str, source: str, times_ns: NDArray[np.int64], max_gap: float | None = None
+    buffer: Buffer,
+    target: str,
+    source: str,
+    times_ns: NDArray[np.int64],
+    max_gap: float | None = None,
+    *,
+    corrected: str | None = None,
 ) -> str:
-    """Say why a lookup has no answer at any of N times."""
+    """Say why a lookup has no answer at any of N times; the parameters are those of :func:`look_up_table`."""
     if not len(times_ns):
         return "there are no times to look up: the frames do not move, or the topic has no messages"
     known = times_ns[times_ns != UNSET_NS]
     if not len(known):
         return unset_among(times_ns)
     try:
-        buffer.lookup_transform(target, source, int(known[0]) or 1, max_gap=max_gap)
+        buffer.lookup_transform(target, source, int(known[0]) or 1, max_gap=None if corrected else max_gap)
     except TransformException as reason:
         return str(reason)
+    if corrected and max_gap is not None:
+        return f"all poses are interpolated across gaps of more than {max_gap:g} s"
     return f"the frames between {target} and {source} never had data at the same time"
 
 

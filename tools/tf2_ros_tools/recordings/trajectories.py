@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py import BufferCore, ExtrapolationException, TransformException
+from tf2_py import BufferCore, ExtrapolationException, TransformException, stored_name
 from tf2_py.printable import printable
 from tf2_ros.correction import correct
 from tf2_ros.numpy import to_nanoseconds
@@ -76,6 +76,8 @@ class Keyframes:
     """
     The poses of a trajectory: what its files contain now, or the topic of a recording.
 
+    ``child`` is the frame whose transforms they replace, as buffers store its name.
+
     :raises TypeError: it is not a ``Trajectory``.
     :raises FileNotFoundError, OSError: a file cannot be read.
     :raises BagError: a file does not have the format.
@@ -85,6 +87,7 @@ class Keyframes:
         if not isinstance(trajectory, Trajectory):
             raise TypeError(f"trajectory: expected a Trajectory, got {type(trajectory).__name__}")
         self._trajectory, path, times = trajectory, trajectory.path, trajectory.times
+        self.child = stored_name(trajectory.child)
         self._name = printable(os.fspath(path))
         self._in_files: Stamped | None = None
         if times is None and isinstance(path, str) and path.startswith("/") and not os.path.exists(path):

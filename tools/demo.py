@@ -24,7 +24,7 @@ OF_RECORDING = {
     "Problems": "tf2_bag check docs/samples/faults",
 }
 OF_ROBOT = {
-    "What a robot sends": "tf2_live {where} -t 2",
+    "What a robot sends": "view_frames --text -t 2 --live {where}",
     "Where its camera is": "tf2_echo map camera --once --live {where}",
 }
 # The exit status by command; `check` exits with 1 if there are problems.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Programs that listen to a robot without ROS 2 on the machine: tf2_live, and `--live` of the others."""
+"""Programs that listen to a robot without ROS 2 on the machine: their option `--live`."""
 
 import json
 import os
@@ -9,9 +9,7 @@ import re
 import pytest
 from obeying_processes import Obeying
 from ros_domains import claim_domain
-from starting_programs import ROBOT, broadcasting, ended
-
-from tf2_ros_tools import bag
+from starting_programs import ROBOT, broadcasting, ended, heard
 
 pytest.importorskip("cyclonedds")
 
@@ -30,53 +28,61 @@ def robot():
         yield process
 
 
-def test_tf2_live_shows_who_publishes_what(robot, tmp_path):
-    saved = tmp_path / "saved.mcap"
-    status, out, err = on_laptop("tf2_live", "dds://", "-o", str(saved))
-    assert (status, err) == (0, "[INFO] Listening on /tf and /tf_static at dds:// for 5 s ...\n")
-    lines = out.splitlines()
-    assert re.fullmatch(r"/tf: \d+ messages, [\d.]+ a second; 0 malformed", lines[0])
-    assert re.fullmatch(r"/tf_static: 1 message; 0 malformed", lines[1])
-    assert re.fullmatch(r"clock: messages arrive at least [\d.e-]+ s after they were sent", lines[-1])
-    text = "\n".join(lines[2:-1])
-    assert "camera (static)" in text and re.search(r"odom \(\d+\.\d Hz\)", text)
-    assert {"camera", "odom", "base_link"} <= {*bag.load(saved).frames()}
+LISTENING = "[INFO] Listening on /tf and /tf_static at dds:// for {} s..."
 
 
-def test_tf2_live_says_why_nothing_arrives(robot):
-    status, out, err = ended("tf2_live", "dds://", "-t", "0.1", env=NOWHERE)
-    assert (status, err) == (1, "[INFO] Listening on /tf and /tf_static at dds:// for 0.1 s ...\n")
-    assert (
-        "nothing has been received on /tf or /tf_static in 0.1 s: no robot was found in domain "
-        f"{NOBODYS} so far" in out
-    )
-    status, out, _ = ended("tf2_live", "dds://", "-t", "0.1", "--json", env=NOWHERE)
-    told = json.loads(out)
-    assert (status, told["topics"]["/tf"]["count"], told["streams"]) == (1, 0, [])
-    assert f"domain {NOBODYS}" in told["silence"]
+def test_tf2_check_shows_what_was_received_on_each_topic(robot):
+    # A busy machine leaves gaps.
+    status, out, err = on_laptop("tf2_check", "--ignore", "gap", "--live", "dds://")
+    lines = [
+        LISTENING.format(5),
+        r"\[INFO\] /tf: \d+ messages, [\d.]+ a second; 0 malformed",
+        r"\[INFO\] /tf_static: 1 message; 0 malformed",
+        r"\[INFO\] messages arrive at least [\d.e-]+ s after they were sent",
+    ]
+    assert status == 0 and out.startswith("no problems in "), out
+    assert re.fullmatch("\n".join([re.escape(lines[0]), *lines[1:], ""]), err), err
 
 
 def test_tf2_check_says_why_nothing_arrives():
-    status, out, _ = ended("tf2_check", "-t", "0.1", "--live", "dds://", env=NOWHERE)
+    status, out, err = ended("tf2_check", "-t", "0.1", "--live", "dds://", env=NOWHERE)
     assert status == 1
-    text = f"nothing: nothing has been received on .*: no robot was found in domain {NOBODYS} so far"
-    assert re.match(text, out)
+    text = (
+        r"nothing has been received on /tf or /tf_static in [\d.]+ s: no robot was found in domain "
+        f"{NOBODYS} so far"
+    )
+    assert re.match(f"nothing: {text}", out)
     assert out.count("\n") == 2, out
+    silent = ["[INFO] /tf: 0 messages; 0 malformed", "[INFO] /tf_static: 0 messages; 0 malformed"]
+    assert err.splitlines() == [LISTENING.format(0.1), *silent]
+    status, out, _ = ended("tf2_check", "-t", "0.1", "--json", "--live", "dds://", env=NOWHERE)
+    told = json.loads(out)
+    assert (status, told["topics"]["/tf"]["count"], told["streams"]) == (1, 0, [])
+    assert (told["publishers"], told["clock_offset"]) == ([], None)
+    assert re.match(text, told["silence"])
 
 
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        # A busy machine leaves gaps.
-        ("tf2_check --ignore gap --live dds://", r"^no problems in "),
-        ("view_frames --text --live dds://", r"(?m)^ +camera \(static\)"),
-    ],
-)
-def test_others_listen_as_from_a_node(robot, line, said):
-    name, *arguments = line.split()
-    status, out, _ = on_laptop(name, *arguments)
+def test_tf2_check_names_who_is_silent_and_says_why_a_topic_is():
+    environment = WITHOUT_ROS | {"ROS_DOMAIN_ID": str(claim_domain())}
+    one = Obeying(environment=environment)
+    one.do(
+        "from robot_with_rclpy import *; start(); latched('still', ('map', 'base')); "
+        "publisher('idle', '/tf_static')"
+    )
+    silent = "any(one.node == '/idle' for one in feed.publishers())"
+    hears = f"{heard('base')} and {silent}"
+    _, out, err = on_laptop("tf2_check", "--live", "dds://", hears=hears, env=environment)
+    one.end()
+    assert out == "no problems in 2 frames (1 message, 5 s)\n"
+    why = "/tf_static is received (1 message), but nothing on /tf in 5 s: no node publishes /tf in domain"
+    assert err.splitlines()[3] == "[INFO] /idle: nothing has arrived"
+    assert err.splitlines()[-1].startswith(f"[INFO] {why}"), err
+
+
+def test_view_frames_draws_the_tree(robot):
+    status, out, _ = on_laptop("view_frames", "--text", "--live", "dds://")
     assert status == 0, out
-    assert re.search(said, out), out
+    assert re.search(r"(?m)^ +camera \(static\)", out), out
 
 
 def test_tf2_echo_prints_the_transform(robot):
@@ -116,15 +122,6 @@ def test_all_say_that_a_robot_with_simulated_time_has_ended_the_feed(simulated, 
     assert (status, err.splitlines()[-1]) == (1, f"{name}: {ENDED}")
 
 
-def test_tf2_live_says_that_a_robot_with_simulated_time_has_ended_the_feed(simulated):
-    status, out, err = ended("tf2_live", "dds://", "-t", "60", env=simulated)
-    assert (status, out.splitlines()[-1]) == (1, ENDED)
-    assert err == "[INFO] Listening on /tf and /tf_static at dds:// for 60 s ...\n"
-    status, out, _ = ended("tf2_live", "dds://", "-t", "60", "--json", env=simulated)
-    told = json.loads(out)
-    assert (status, told["silence"]) == (1, ENDED) and told["seconds"] < 60
-
-
 @pytest.mark.parametrize(
     ("line", "status", "said"),
     [
@@ -135,7 +132,7 @@ def test_tf2_live_says_that_a_robot_with_simulated_time_has_ended_the_feed(simul
         ),
         ("tf2_check --live dds:// --namespace robot1", 2, "--live cannot be combined with --namespace or"),
         ("tf2_check --live robot:7447", 2, "expected an address such as zenoh://robot:7447"),
-        ("tf2_live dds://?peer=robot", 2, "dds://?peer=robot: unknown option 'peer'"),
+        ("tf2_check --live dds://?peer=robot", 2, "dds://?peer=robot: unknown option 'peer'"),
     ],
 )
 def test_what_is_wrong_is_said(line, status, said):

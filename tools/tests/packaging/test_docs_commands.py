@@ -30,12 +30,12 @@ FILES = {
     "1002.0 -0.5": "optimized.tum",
 }
 # These end by themselves, the others with Ctrl-C.
-ENDING = re.compile(r"tf2_(bag|check|live|plot)|view_frames|tf2_echo .*--once")
+ENDING = re.compile(r"tf2_(bag|check|plot)|view_frames|tf2_echo .*--once")
 # What a program that runs on prints first when it works; others print anything.
 WORKING = {"tf2_echo": "At time", "tf2_echo base_link camra": "Did you mean"}
 # By program, what it must hear of the robot and of static_transform_publisher before it ends.
 HEARS = dict.fromkeys(
-    ("tf2_check", "tf2_live", "tf2_plot", "view_frames"), heard("camera", "robot", odom=50, base_link=50)
+    ("tf2_check", "tf2_plot", "view_frames"), heard("camera", "robot", odom=50, base_link=50)
 )
 # The status that is not 0, and what the program then prints.
 REPORTED = {

@@ -29,12 +29,11 @@ PROGRAMS = {
     "tf2_buffer_server": ("", 0),
     "tf2_check": ("-t 3600", 130),
     "tf2_echo": ("map robot", 130),
-    "tf2_live": ("dds:// -t 3600", 130),
     "tf2_monitor": ("", 0),
     "tf2_plot": ("-t 3600", 130),
     "view_frames": ("-t 3600 --text", 130),
 }
-NODES = [name for name in PROGRAMS if name not in ("tf2_bag", "tf2_live")]
+NODES = [name for name in PROGRAMS if name != "tf2_bag"]
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from tf2_ros.records import Recording
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from tf2_ros_tools.common.output import counted, three_digits
 from tf2_ros_tools.diagnosis.findings import Expectation, Finding, Limits, Received, find
 from tf2_ros_tools.diagnosis.stream_statistics import Refused, Stream, Streams, moving_on
 from tf2_ros_tools.diagnosis.texts import milliseconds
+
+if TYPE_CHECKING:
+    from tf2_ros_tools.live.feed import Feed
 
 S = 1_000_000_000
 TOPICS = ("/tf", "/tf_static")  # of dynamic and of static transforms
@@ -68,6 +71,11 @@ class Session(Protocol):
     @property
     def where(self) -> str:
         """Return the phrase."""
+        ...
+
+    @property
+    def feed(self) -> "Feed | None":
+        """Return what receives without ROS; None: a node does."""
         ...
 
     def now_ns(self) -> int:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from tf2_py.printable import printable
 from tf2_ros import Buffer
 from tf2_ros.records import Recording
 from tf2_ros_tools.common.output import counted
@@ -36,7 +37,7 @@ class FeedSession:
             raise RunError(why)
 
     def info(self, text: str) -> None:
-        sys.stderr.write(f"[INFO] {text}\n")
+        sys.stderr.write(f"[INFO] {printable(text)}\n")
 
     def same_publishers(self, ids: Sequence[bytes]) -> list[int]:
         # A message is recorded with the id of its publisher until the name of the node is known.

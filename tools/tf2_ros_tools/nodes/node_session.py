@@ -30,6 +30,7 @@ class NodeSession:
     def __init__(self, node: Node, buffer: Buffer, topics: tuple[str, str]) -> None:
         self.buffer = buffer
         self.names: dict[bytes, str] = {}
+        self.feed = None
         self._node = node
         self._topics = [node.resolve_topic_name(name) for name in topics]
 

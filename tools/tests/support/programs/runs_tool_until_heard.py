@@ -4,7 +4,7 @@
 Runs a program of the tools that listens until it has heard what a test needs, however long its options say.
 
 `runs_tool_until_heard.py CONDITION PROGRAM ARGUMENT ...`: an expression over `streams`, by the names of their
-frames, and the texts of all `findings`. With the environment variable HEARS_WITHOUT_ROS, there is no rclpy.
+frames, the texts of all `findings`, and the `feed`. With the environment variable HEARS_WITHOUT_ROS, there is no rclpy.
 """
 
 import os
@@ -28,7 +28,7 @@ def main(condition, name, *arguments):
         def has_heard():
             listen(self, 0.1)
             report = self.report(Limits())
-            known = {"streams": {one.frame: one for one in report.streams}}
+            known = {"streams": {one.frame: one for one in report.streams}, "feed": self.session.feed}
             return eval(condition, known | {"findings": [one.text for one in report.findings]})
 
         until(has_heard)

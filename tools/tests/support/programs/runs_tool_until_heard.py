@@ -4,7 +4,8 @@
 Runs a program of the tools that listens until it has heard what a test needs, however long its options say.
 
 `runs_tool_until_heard.py CONDITION PROGRAM ARGUMENT ...`: an expression over `streams`, by the names of their
-frames, the texts of all `findings`, and the `feed`. With the environment variable HEARS_WITHOUT_ROS, there is no rclpy.
+frames, the texts of all `findings`, and the `feed`. With the environment variable HEARS_WITHOUT_ROS, there is
+no rclpy.
 """
 
 import os

@@ -523,8 +523,8 @@ cdef class BufferCore(Engine):
         :param target_frame: the frame to transform data into.
         :param source_frame: the frame of the data, or a sequence of F frames.
         :param times: N times: integer nanoseconds or datetime64 (array-like of shape (N,), also a column of a
-            data frame), or a sequence of time objects; 0 is the latest common time. NaT, and the smallest
-            int64, is a time without an answer.
+            data frame), or a sequence of time objects; 0 is the latest common time. NaT, the smallest int64,
+            and a time that does not fit into the stamp of a message have no answer.
         :param fixed_frame: with ``target_time``, look up the source at each of ``times``, and the target at
             ``target_time``.
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
@@ -538,8 +538,10 @@ cdef class BufferCore(Engine):
         :raises TransformException: see :meth:`lookup_transform_core`.
         :raises TypeError: ``times`` are not times, or only one of ``fixed_frame`` and ``target_time`` is
             given.
-        :raises ValueError: ``times`` do not have one dimension or do not fit into 64 bits, one is NaT and
-            ``on_missing`` is ``'raise'``, or ``on_missing`` is neither of the two.
+        :raises ValueError: ``times`` do not have one dimension, one is NaT and ``on_missing`` is ``'raise'``,
+            or ``on_missing`` is neither of the two.
+        :raises OverflowError: a time does not fit into the stamp of a message and ``on_missing`` is
+            ``'raise'``, or does not fit into 64 bits.
 
         The GIL is released, so other threads run during the call.
         """
@@ -692,8 +694,9 @@ cdef class BufferCore(Engine):
         :raises TransformException: a lookup failed; the text contains the index of the time.
         :raises TypeError: the points have another dtype, ``times`` are not times, or only one of
             ``fixed_frame`` and ``target_time`` is given.
-        :raises ValueError: ``points`` does not have the shape (N, 3), or ``times`` do not have one dimension,
-            are NaT or do not fit into 64 bits.
+        :raises ValueError: ``points`` does not have the shape (N, 3), or ``times`` do not have one dimension
+            or are NaT.
+        :raises OverflowError: a time does not fit into the stamp of a message.
         """
         cdef Query query
         cdef ClockReading reading
@@ -901,7 +904,8 @@ cdef class BufferCore(Engine):
         :param turn: how far a point at 1 m may be off because of the rotation; ``move``, how far the origin,
             in meters.
         :return: the times, ascending, from ``first_ns`` to ``last_ns``, and the matrix at each; None if they
-            were more than ``most``, the path differs between times, the transform jumps, or a lookup fails.
+            were more than ``most``, the path differs between times, the transform jumps, a lookup fails, or
+            no stamp can hold ``first_ns`` or ``last_ns``.
         """
         cdef Query query
         cdef Knots knots
@@ -909,6 +913,8 @@ cdef class BufferCore(Engine):
         accepted = policy_of("_poses_between", False, **policy)
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time, accepted)
         knots.first_ns, knots.last_ns = first_ns, last_ns
+        if not is_stamp(knots.first_ns) or not is_stamp(knots.last_ns):
+            return None
         knots.turn, knots.move = turn, move
         knots.most = most
         catch_up(self)
@@ -1223,22 +1229,26 @@ with warnings.catch_warnings():
 
 
 cdef tuple _times_and_missing(times, bint is_nan_wanted):
-    # Times that can be looked up, and which of them are NaT, or the least int64, with which recordings mark a
-    # stamp that is not set; None: none of them.
+    import numpy as np
+    # Times that can be looked up, and which of them stand for times that have no answer; None: none of them.
+    # These are times that no stamp can hold, and NaT, or the least int64, with which recordings mark a stamp
+    # that is not set.
     times_ns = as_times_ns(times, accepts_nat=is_nan_wanted)
     cdef const int64_t* times_of = int64s_of(times_ns)
     cdef Py_ssize_t count = len(times_ns)
     cdef Py_ssize_t i = 0
-    while i < count and times_of[i] != INT64_MIN:
+    while i < count and is_stamp(times_of[i]):
         i += 1
     if i == count:
         return times_ns, None
-    if not is_nan_wanted:
+    if is_nan_wanted:
+        missing = (times_ns < MIN_STAMP_NS) | (times_ns > MAX_STAMP_NS)
+        # Another one of them, which adds no error, such as that of a limit without effect.
+        present = times_ns[~missing]
+        return np.where(missing, present[0] if len(present) else 0, times_ns), missing
+    if times_of[i] == INT64_MIN:
         raise ValueError(f"times[{i}]: expected a time, got NaT (the smallest int64): this stamp is not set")
-    missing = times_ns == INT64_MIN
-    times_ns = times_ns.copy()
-    times_ns[missing] = 0
-    return times_ns, missing
+    raise OverflowError(f"times[{i}]: {no_stamp(times_of[i])}")
 
 
 cdef bint _is_nan_wanted(on_missing) except -1:

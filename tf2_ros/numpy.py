@@ -257,7 +257,8 @@ def to_nanoseconds(times: TimesLike) -> npt.NDArray[np.int64]:
     :param times: N times, as for ``Buffer.lookup_transforms``.
     :return: int64, shape (N,).
     :raises TypeError: these are not times; a float cannot represent current times to the nanosecond.
-    :raises ValueError: the shape is wrong, or times do not fit into 64 bits.
+    :raises ValueError: the shape is wrong.
+    :raises OverflowError: a time does not fit into 64 bits.
 
     >>> from tf2_ros import Time
     >>> from tf2_ros.numpy import to_nanoseconds

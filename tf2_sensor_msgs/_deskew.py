@@ -125,7 +125,8 @@ def deskew(
         is copied, with one exception: with ``fixed_frame``, the field of times is set to the new stamp for
         every point, in the same unit.
     :raises TransformException: a point has no transform; see ``buffer.lookup_transform``.
-    :raises OverflowError: ``target_time``, or the stamp of the cloud, does not fit into a message.
+    :raises OverflowError: ``target_time``, the stamp of the cloud, or the time of a point does not fit into
+        the stamp of a message.
     :raises TypeError: an argument has the wrong type, or there is ``target_time`` without ``fixed_frame``, or
         ``time_unit`` with ``times``.
     :raises ValueError: no field has the times of the points; a time is not a number; the times need a
@@ -404,7 +405,7 @@ def _exact_poses(motion: Motion, cloud: PointCloud2, sweep: Sweep, on_missing: s
     [points] = np.nonzero(times != NO_TIME)
     try:
         matrices[points] = motion.matrices(times[points], on_missing=on_missing)
-    except TransformException as error:
+    except (TransformException, OverflowError) as error:
         failed = re.match(r"times\[(\d+)\]: ", str(error))
         if failed is None:
             raise

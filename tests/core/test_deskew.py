@@ -317,9 +317,11 @@ def test_one_garbage_time_is_named_or_nan(buffer, driver, garbage, named, at, ho
     cloud, points, times = measured(driver)
     points[name_of_times(DRIVERS[driver][0])][at] = garbage
     cloud = as_cloud(points, DRIVERS[driver][0])
-    with pytest.raises(ExtrapolationException) as error:
+    with pytest.raises((ExtrapolationException, OverflowError)) as error:
         deskew(cloud, buffer, "odom", **how)
-    assert str(error.value).startswith(f"points[{at}], {named}: Lookup would require extrapolation into the ")
+    reason = "the time 4" if garbage > 2**31 else "Lookup would require extrapolation into the "
+    assert str(error.value).startswith(f"points[{at}], {named}: {reason}")
+    assert isinstance(error.value, OverflowError) == ("does not fit into the stamp" in str(error.value))
     moved = deskew(cloud, buffer, "odom", on_missing="nan", **how)
     assert missing_in(moved, points.dtype) == [at] and not moved.is_dense
     rest = np.arange(len(points)) != at
@@ -341,15 +343,34 @@ def test_garbage_does_not_delay_the_other_points(tf2_ros):
     assert missing_in(moved, points.dtype) == [0, 1234]
 
 
-@pytest.mark.parametrize("given", [[2**63 - 1], [-(2**63) + 1], [0, -5, 2**62], [2**63 - 1, -(2**63) + 1]])
-def test_garbage_among_given_times(buffer, given):
+@pytest.mark.parametrize(
+    ("given", "error", "text"),
+    [
+        ([0, -5, 2**31 * S - 1], ExtrapolationException, r"^times\[7\]: Lookup"),
+        ([2**31 * S], OverflowError, r"^times\[7\]: the time 2147483648\.000000000 s does not fit"),
+        ([0, 1 - 2**63, 2**63 - 1], OverflowError, r"^times\[8\]: the time -9223372036\.854775807 s does"),
+    ],
+)
+def test_garbage_among_given_times(buffer, given, error, text):
     cloud, points, times = measured("ouster")
     times = times.copy()
     times[7 : 7 + len(given)] = given
-    with pytest.raises(ExtrapolationException, match=r"^times\[7\]: Lookup"):
+    with pytest.raises(error, match=text):
         deskew(cloud, buffer, "odom", times=times)
     moved = deskew(cloud, buffer, "odom", times=times, on_missing="nan")
     assert missing_in(moved, points.dtype) == list(range(7, 7 + len(given)))
+
+
+def test_no_pose_is_interpolated_between_times_that_no_stamp_can_hold():
+    """Static transforms answer at any other time."""
+    buffer = Buffer(Duration(seconds=10))
+    buffer.set_transform_static(transform("odom", "lidar", xyz=(1, 0, 0)), "x")
+    cloud, points, times = measured("ouster")
+    late = times - times[0] + 2**31 * S
+    with pytest.raises(OverflowError, match=r"^times\[0\]: the time 2147483648\.000000000 s does not fit"):
+        deskew(cloud, buffer, "odom", times=late)
+    moved = deskew(cloud, buffer, "odom", times=late - S // 20, on_missing="nan")
+    assert missing_in(moved, points.dtype) == np.flatnonzero(late - S // 20 >= 2**31 * S).tolist()
 
 
 def test_the_least_integer_is_not_a_time(buffer):

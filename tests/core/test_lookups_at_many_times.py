@@ -5,6 +5,7 @@
 import math
 from functools import partial
 from itertools import permutations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from messages_with_or_without_ros import Duration, Time
 from rotations import Turn
 from times_and_transforms import S, about_z, at, at_ns, rotation, transform, translation
 
-from tf2_py import BufferCore, ExtrapolationException
+from tf2_py import BufferCore, ExtrapolationException, LookupException
 from tf2_ros.numpy import to_columns
 
 NAT = -(2**63)  # as an integer
@@ -205,7 +206,7 @@ def test_a_missing_integer_of_a_column_is_named(buffer):
 def test_a_date_of_pandas_that_does_not_fit_is_named(buffer):
     pandas = pytest.importorskip("pandas")
     late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])
-    with pytest.raises(ValueError, match=r"times\[0\]: .* got 9999"):
+    with pytest.raises(OverflowError, match=r"times\[0\]: .* got 9999"):
         buffer.lookup_transforms("map", "odom", late)
 
 
@@ -225,6 +226,7 @@ class NAType:
     """Of pandas, in an array of objects."""
 
 
+TOO_LARGE = r"^times\[1\] = \d+ does not fit into 64-bit nanoseconds$"
 BEYOND = r"times\[1\]: expected whole nanoseconds within 64 bits"
 NO_TIMES = [
     (TypeError, ARRAY, 1, None, "12", ["1"], [...], [True, False], [5, True], [5, "6"]),
@@ -234,9 +236,9 @@ NO_TIMES = [
     (TypeError, ARRAY, [1.5, 2.5], np.array([1.0]), np.array([5, 1.5], object)),
     ((TypeError, ValueError), ARRAY, np.int64(3)),
     (ValueError, ARRAY, [[S]], [S, (S, S)], [np.array([S])], np.array([S, [S]], object)),
-    (ValueError, ARRAY, np.zeros((2, 2), np.int64), [2**63], [2**70], np.array([2**63], np.uint64)),
-    (ValueError, ARRAY, np.array([5, 2**63], object)),
-    (ValueError, ARRAY, [2**63, 1], [np.uint64(2**63), np.int64(1)]),
+    (ValueError, ARRAY, np.zeros((2, 2), np.int64)),
+    (OverflowError, TOO_LARGE, [5, 2**63], [5, 2**70], np.array([5, 2**63], np.uint64)),
+    (OverflowError, TOO_LARGE, np.array([5, 2**63], object), [np.int64(1), np.uint64(2**63)]),
     (TypeError, TO_INT64, [1.5], np.array([2.0]), [1.5, 2**63]),
     (TypeError, "timedelta64", np.array([2, 3], "m8[ns]")),
     (
@@ -247,7 +249,7 @@ NO_TIMES = [
         np.array([3, NAT, NAT]),
         [3, NAT],
     ),
-    (ValueError, BEYOND, np.array(["1970-01-02", "9999-01-01"], "M8[D]"), np.array([1000, 1], "M8[ps]")),
+    (OverflowError, BEYOND, np.array(["1970-01-02", "9999-01-01"], "M8[D]"), np.array([1000, 1], "M8[ps]")),
 ]
 
 
@@ -287,6 +289,45 @@ class TestMissingTimes:
         ):
             with pytest.raises(ValueError, match=wanted):
                 look_up()
+
+
+class TestTimesThatNoStampCanHold:
+    EARLIEST, LATEST = -(2**31) * S, 2**31 * S - 1
+
+    @pytest.mark.parametrize("ns", [EARLIEST - 1, LATEST + 1, 2**63 - 1, 1 - 2**63])
+    @pytest.mark.parametrize("frames", [("map", "base"), ("base", "mast"), ("map", "map")])
+    def test_they_raise_what_a_single_lookup_raises(self, buffer, frames, ns):
+        with pytest.raises(OverflowError) as single:
+            buffer.lookup_transform_core(*frames, ns)
+        both = [3 * S, ns]
+        objects = [SimpleNamespace(nanoseconds=one) for one in both]
+        for times in (both, objects, np.array(both), np.array(both).view("M8[ns]")):
+            for look_up in (
+                lambda times=times: buffer.lookup_transforms(*frames, times),
+                lambda times=times: buffer.lookup_transforms(frames[0], [frames[1], "base"], times),
+                lambda times=times: buffer.lookup_matrices(*frames, times),
+                lambda times=times: buffer.transform_points(np.zeros((2, 3)), times, *frames),
+                lambda times=times: buffer.lookup_transforms(*frames, times, tolerance=math.inf),
+            ):
+                with pytest.raises(OverflowError) as many:
+                    look_up()
+                assert str(many.value) == f"times[1]: {single.value}"
+
+    def test_they_are_rows_of_nan_if_those_are_wanted(self, buffer):
+        times = [self.LATEST, self.EARLIEST - 1, self.EARLIEST, self.LATEST + 1]
+        for frames in (("base", "mast"), ("map", "map")):  # any other time has an answer
+            translations, rotations = buffer.lookup_transforms(*frames, times, on_missing="nan")
+            matrices = buffer.lookup_matrices(*frames, times, on_missing="nan")
+            for rows in (translations, rotations, matrices[:, :3].reshape(4, 12)):
+                assert np.isnan(rows).all(axis=1).tolist() == [False, True, False, True]
+                assert np.isnan(rows).any(axis=1).tolist() == [False, True, False, True]
+
+    def test_they_do_not_hide_a_wrong_name_or_limit(self, buffer):
+        times = [self.LATEST + 1]
+        with pytest.raises(LookupException, match='"nowhere"'):
+            buffer.lookup_transforms("map", "nowhere", times, on_missing="nan")
+        with pytest.raises(ValueError, match=r"tolerance has a limit for \[map\]"):
+            buffer.lookup_transforms("map", "base", times, on_missing="nan", tolerance={"map": 1.0})
 
 
 class TestPoints:

@@ -27,7 +27,7 @@ from model_math import (
     turned,
 )
 from model_policies import Policies
-from model_terms import NEWEST, RESERVED, STAMPS_END, TF2, ModelError, S, limit_of, seconds
+from model_terms import NEWEST, RESERVED, STAMPS_END, TF2, ModelError, S, limit_of, require_stamps, seconds
 
 MOST_OF_ONE_STAMP = 64  # samples; then the newest replaces the one before it
 MOST_HOPS = 1000  # from a frame up to the common ancestor
@@ -367,6 +367,7 @@ class Model(Listings, Policies, Explanations):
 
     def lookup(self, target, source, ns):
         """(stamp, target, source, translation, rotation)."""
+        require_stamps(ns)
         if target == source:
             frame = self.frames.get(target)
             stamp = frame.newest_ns() if ns == 0 and frame is not None else ns
@@ -376,6 +377,7 @@ class Model(Listings, Policies, Explanations):
         return self._answer(stamp, target, source, found)
 
     def lookup_full(self, target, target_ns, source, source_ns, fixed):
+        require_stamps(target_ns, source_ns)
         self._check_names("lookupTransform", target_frame=target, source_frame=source, fixed_frame=fixed)
         _, fixed_from_source = self._transform(fixed, source, source_ns)
         stamp, target_from_fixed = self._transform(target, fixed, target_ns)
@@ -397,6 +399,7 @@ class Model(Listings, Policies, Explanations):
 
     def can_full(self, target, target_ns, source, source_ns, fixed):
         def look_up():
+            require_stamps(target_ns, source_ns)
             self._check_names("lookupTransform", target_frame=target, source_frame=source, fixed_frame=fixed)
             self._transform(target, fixed, target_ns)
             self._transform(fixed, source, source_ns)
@@ -408,6 +411,8 @@ class Model(Listings, Policies, Explanations):
         try:
             look_up()
         except ModelError as error:
+            if error.kind == "OverflowError":
+                raise
             return (0, *map(as_reason, error.texts))
         return (1, "")
 
@@ -617,6 +622,7 @@ class Model(Listings, Policies, Explanations):
     # Relatives, chains and velocities.
 
     def parent(self, name, ns):
+        require_stamps(ns)
         self._require_frame("parent", name)
         data = self.data_at(name, ns or NEWEST)
         return None if data is None or isinstance(data, Gap) else data[0]
@@ -626,12 +632,14 @@ class Model(Listings, Policies, Explanations):
         return [child for child in self.names if self._newest_parent(child) == name]
 
     def path(self, target, source, ns):
+        require_stamps(ns)
         self._check_names("lookupTransform", target_frame=target, source_frame=source)
         if target == source:
             return [target]
         return self._walk_asked(target, source, ns)[2]
 
     def chain(self, target, target_ns, source, source_ns, fixed):
+        require_stamps(target_ns, source_ns)
         halves = []
         for end, begin, ns in ((fixed, source, source_ns), (target, fixed, target_ns)):
             self._check_names("lookupTransform", target_frame=end, source_frame=begin)
@@ -649,7 +657,7 @@ class Model(Listings, Policies, Explanations):
         common time if that is later, and how many seconds that is; time 0 is not the latest. After half a
         turn there are two answers.
         """
-        errors, ns = [], max(ns, 1)
+        errors = []
 
         def exactly(target, source, at_ns):
             # The rotation's sign does not matter here.
@@ -661,11 +669,13 @@ class Model(Listings, Policies, Explanations):
                 return IDENTITY
 
         try:
+            require_stamps(ns)
             self._check_names("lookupTransform", target_frame=observation, source_frame=tracking)
             find = self.latest if observation == tracking else self._latest
             latest = find(observation, tracking)
         except ModelError as error:
             return [error], []
+        ns = max(ns, 1)
         start = max(ns - interval_ns // 2, 1)
         end = min(ns + interval_ns - interval_ns // 2, max(latest or math.inf, ns))
         first, last = exactly(observation, tracking, start), exactly(observation, tracking, end)

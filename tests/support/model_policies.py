@@ -5,7 +5,7 @@
 import math
 
 from model_math import IDENTITY, composed
-from model_terms import ModelError, limit_of, seconds
+from model_terms import ModelError, limit_of, require_stamps, seconds
 
 MOST_SUGGESTED = 3  # names in the text of an error
 YEAR = 365 * 86400 * 10**9  # ns
@@ -86,7 +86,7 @@ class Policies:
 
     def lookup_under(self, policy, target, source, ns):
         """As `lookup`. Of an error about the time only the kind is what it should be."""
-        self._require_latest(policy, time=ns)
+        self._require_times(policy, time=ns)
 
         def look_up():
             if target == source:
@@ -97,7 +97,7 @@ class Policies:
         return self._with_limits_checked(policy, target, source, look_up)
 
     def lookup_full_under(self, policy, target, target_ns, source, source_ns, fixed):
-        self._require_latest(policy, target_time=target_ns, source_time=source_ns)
+        self._require_times(policy, target_time=target_ns, source_time=source_ns)
 
         def look_up():
             names = {"target_frame": target, "source_frame": source, "fixed_frame": fixed}
@@ -130,17 +130,17 @@ class Policies:
         stamp = min([stamp, *[ns for ns, carried_on in used if not carried_on]])
         return self._answer(stamp, target, source, found)
 
-    def _require_latest(self, policy, **times):
-        if policy.max_age is None:
-            return
+    def _require_times(self, policy, **times):
         for argument, ns in times.items():
-            if ns != 0:
+            require_stamps(ns)
+            if policy.max_age is not None and ns != 0:
                 raise ModelError(
                     "ValueError",
                     f"max_age limits the age of the latest transform, so {argument} must be 0, got "
                     f"{seconds(ns)} s; for a time, use tolerance",
                 )
-        self._require_clock()
+        if policy.max_age is not None:
+            self._require_clock()
 
     # Limits for frames that cannot have any.
 

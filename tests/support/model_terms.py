@@ -39,6 +39,14 @@ class Policy(NamedTuple):
 TF2 = Policy()
 
 
+def require_stamps(*times):
+    """Which of several is quoted does not matter."""
+    unfit = [seconds(ns) for ns in times if not -STAMPS_END <= ns < STAMPS_END]
+    if unfit:
+        texts = [f"the time {one} s does not fit into the stamp of a message" for one in unfit]
+        raise ModelError("OverflowError", *texts)
+
+
 def limit_of(limits, name, others):
     """The limit of one frame; `others`: that of frames that pairs do not name."""
     return dict(limits).get(name, others) if isinstance(limits, tuple) else limits

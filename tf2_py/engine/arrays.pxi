@@ -134,7 +134,7 @@ def as_times_ns(times, *, bint accepts_nat=False):
         if array.dtype.kind == "f" and not isinstance(times, np.ndarray) and _are_whole(times):
             array = np.asarray(times, object)   # among int64, NumPy makes floats of uint64
     except OverflowError as error:
-        raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
+        raise OverflowError(f"{wanted} that fit into 64 bits: {error}") from None
     if array.size == 0 and not isinstance(times, np.ndarray):
         array = array.astype(np.int64)
     if array.ndim != 1:
@@ -154,8 +154,9 @@ def as_times_ns(times, *, bint accepts_nat=False):
                         "multiply seconds by 1e9, and round them to int64")
     if array.dtype.kind not in "iu":
         raise TypeError(f"{wanted}, got dtype {array.dtype}")
-    if array.dtype.kind == "u" and array.size and int(array.max()) > np.iinfo(np.int64).max:
-        raise ValueError(f"{wanted} that fit into 64 bits; the largest is {array.max()}")
+    if array.dtype.kind == "u":
+        for i in np.flatnonzero(array > np.iinfo(np.int64).max)[:1]:
+            _whole(int(array[i]), f"times[{i}]")    # raises the error of a single time
     return received_array(array, "int64")
 
 
@@ -218,8 +219,6 @@ cdef list _nanoseconds(times, str wanted, bint accepts_nat):
         if isinstance(time, (list, tuple)) or getattr(time, "ndim", 0):
             raise ValueError(f"{wanted}; times[{i}] is a {type(time).__name__}") from None
         raise TypeError(f"{wanted}: {error}") from None
-    except OverflowError as error:
-        raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
 
 
 cdef tuple as_points(points):

@@ -114,9 +114,17 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
 
 cdef int64_t stamp_nanoseconds(object value, str argument) except? -1:
     cdef int64_t stamp_ns = nanoseconds(value, argument)
-    if not MIN_STAMP_NS <= stamp_ns <= MAX_STAMP_NS:
-        raise OverflowError(f"the time {errors.seconds(stamp_ns)} s does not fit into the stamp of a message")
+    if not is_stamp(stamp_ns):
+        raise OverflowError(no_stamp(stamp_ns))
     return stamp_ns
+
+
+cdef inline bint is_stamp(int64_t time_ns) noexcept:
+    return MIN_STAMP_NS <= time_ns <= MAX_STAMP_NS
+
+
+cdef str no_stamp(int64_t time_ns):
+    return f"the time {errors.seconds(time_ns)} s does not fit into the stamp of a message"
 
 
 cdef object _integer(object value):

@@ -15,6 +15,8 @@ cdef int load_time() except -1
 cdef int64_t nanoseconds(object value, str argument) except? -1
 # Reads a time as a stamp; also raises an OverflowError if no message can hold it.
 cdef int64_t stamp_nanoseconds(object value, str argument) except? -1
+cdef bint is_stamp(int64_t time_ns) noexcept    # whether a message can hold it
+cdef str no_stamp(int64_t time_ns)              # the text of the OverflowError if not
 cpdef int64_t duration_ns(object duration, str argument) except? -1
 cdef object new_stamp(int64_t stamp_ns)     # a builtin_interfaces/Time
 cdef object new_time(int64_t time_ns)       # an rclpy.time.Time, or a stamp without rclpy

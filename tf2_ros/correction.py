@@ -80,8 +80,9 @@ def correct(
     :raises TypeError: ``buffer`` is not a buffer, or the type of an argument is wrong.
     :raises ValueError: a shape, a number or an option is wrong; a pose is given in another frame than
         ``parent``; ``moving`` is not at or below ``child`` at a keyframe, or ``parent`` is; ``child`` is
-        static; a keyframe is at time 0, outside what a stamp can hold, or older than ``cache_time`` allows;
-        keyframes at one time have different poses; or the buffer refuses the samples.
+        static; a keyframe is at or before time 0, or older than ``cache_time`` allows; keyframes at one time
+        have different poses; or the buffer refuses the samples.
+    :raises OverflowError: a time does not fit into the stamp of a message.
     :raises TransformException: ``moving`` in ``child`` is not known at a keyframe; the text has its index.
 
     Each keyframe becomes a sample of ``child`` in ``parent``: its pose, multiplied by the inverse of the pose
@@ -115,7 +116,12 @@ def correct(
     times_ns = as_times_ns(times)
     bad = np.flatnonzero((times_ns != NAT) & ((times_ns < 0) | (times_ns > LATEST_NS)))
     if bad.size:
-        raise ValueError(f"times[{bad[0]}]: a stamp cannot hold {int(times_ns[bad[0]])} ns")
+        time_ns = int(times_ns[bad[0]])
+        if time_ns > LATEST_NS:
+            raise OverflowError(
+                f"times[{bad[0]}]: the time {seconds(time_ns)} s does not fit into the stamp of a message"
+            )
+        raise ValueError(f"times[{bad[0]}]: expected a time above 0, got {seconds(time_ns)} s")
     matrices = _matrices(poses, len(times_ns), edge.parent)
     if on_missing == "raise" and (times_ns == 0).any():
         bad = np.flatnonzero(times_ns == 0)

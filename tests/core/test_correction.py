@@ -227,8 +227,11 @@ WRONG = {
     "child: 'nobody' does not exist": (LookupException, {"child": "nobody", "moving": "nobody"}),
     "parent: expected a frame that is not below 'odom', got 'lidar'": (ValueError, {"parent": "lidar"}),
     "not over 'base', got 'lidar'": (ValueError, {"parent": "/base", "moving": "lidar"}),
-    r"times\[1\]: a stamp cannot hold -1 ns": (ValueError, {"times": [S, -1]}),
-    r"times\[0\]: a stamp cannot hold 9000000000000000000 ns": (ValueError, {"times": [9 * 10**18, S]}),
+    r"times\[1\]: expected a time above 0, got -0\.000000001 s": (ValueError, {"times": [S, -1]}),
+    r"times\[0\]: the time 9000000000\.000000000 s does not fit into the stamp of a message": (
+        OverflowError,
+        {"times": [9 * 10**18, S]},
+    ),
     "the buffer refused the samples of 'odom' in ''": (ValueError, {"parent": ""}),
 }
 

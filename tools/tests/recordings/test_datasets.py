@@ -80,6 +80,20 @@ def test_an_image_without_a_stamp_has_no_pose(tmp_path):
         bag.dataset(unset, ["camera"], at="/scan", relative_to="base")
 
 
+def test_an_image_whose_stamp_no_message_of_tf2_could_have_has_no_pose(tmp_path):
+    """Nanoseconds beyond a second are added to the seconds."""
+    images = [scan(100 * S + i, 100 * S, "/images") for i in range(2)]
+    images[1].content["header"].stamp.sec, images[1].content["header"].stamp.nanosec = 2**31 - 1, S
+    path = write_mcap(tmp_path / "run.mcap", [*drive(20), *images])
+    for target in ("base", "map"):
+        data = bag.dataset(path, ["camera"], at="/images", relative_to=target)
+        assert data.stamps_ns.tolist() == [100 * S, 2**31 * S]
+        assert data.valid[:, 0].tolist() == [True, False]
+    only = write_mcap(tmp_path / "only.mcap", [*drive(20), images[1]])
+    with pytest.raises(LookupException, match="any stamp of /images: the time 2147483648.0* s does not fit"):
+        bag.dataset(only, ["camera"], at="/images", relative_to="base")
+
+
 def test_a_recording_without_images_does_not_give_the_reason(tmp_path):
     none = write_mcap(tmp_path / "a.mcap", drive(20), topics=[("/images", scan(0, 0).msgtype)])
     late = write_mcap(tmp_path / "b.mcap", [*drive(20), scan(100 * S, 900 * S, "/images")])

@@ -127,6 +127,15 @@ def test_if_no_pose_can_be_used_the_reason_is_that_of_the_first(path, tmp_path):
             assert advised == (recording == path and on_missing == "raise")
 
 
+def test_a_pose_at_a_time_that_no_stamp_can_hold_is_named(tmp_path):
+    poses = [posed(ns, 1.0, "", STAMPED) for ns in (100 * S, 101 * S)]
+    stamp = poses[1].content["header"].stamp
+    stamp.sec, stamp.nanosec = 2**31 - 1, S  # nanoseconds beyond a second are added to the seconds
+    path = write_mcap(tmp_path / "run.mcap", [*drive(COUNT), slam_path(101 * S, poses)])
+    with pytest.raises(bag.BagError, match=r"slam/path: times\[1\]: the time 2147483648.0* s does not fit"):
+        bag.load(path, trajectory=bag.Trajectory("/slam/path", "map", "odom", "base"))
+
+
 def test_only_an_error_with_a_time_says_which_pose_has_it(path, optimized):
     wrong = {
         '"odm" .* does not exist': {"child": "odm"},

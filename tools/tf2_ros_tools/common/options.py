@@ -32,7 +32,8 @@ def _number(expected: str, accepts: Callable[[float], bool]) -> Callable[[str], 
 finite_number = _number("a finite number", lambda value: True)
 positive_number = _number("a number above 0", lambda value: value > 0.0)
 non_negative_number = _number("0 or more", lambda value: value >= 0.0)
-_stamp = _number("seconds since 1970, before the year 2262", lambda value: 0.0 <= value * 1e9 < 2**63)
+# The stamp of a message has 31 bits for seconds since 1970.
+_stamp = _number("seconds since 1970, before January 19, 2038", lambda value: 0.0 <= value < 2**31)
 
 
 def nanoseconds(text: str) -> int:

@@ -213,7 +213,7 @@ def why_unanswered(
         return unset_among(times_ns)
     try:
         buffer.lookup_transform(target, source, int(known[0]) or 1, max_gap=None if corrected else max_gap)
-    except TransformException as reason:
+    except (TransformException, OverflowError) as reason:
         return str(reason)
     if corrected and max_gap is not None:
         return f"all poses are interpolated across gaps of more than {max_gap:g} s"

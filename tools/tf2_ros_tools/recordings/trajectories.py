@@ -115,7 +115,7 @@ class Keyframes:
             if not used:
                 none = "none of its poses can be used: "
                 correct(*what, **how)  # says why
-        except (TransformException, ValueError) as error:
+        except (TransformException, ValueError, OverflowError) as error:
             may_skip = one.on_missing == "raise" and isinstance(error, ExtrapolationException)
             advice = '; on_missing="skip" leaves such poses out' * may_skip
             first = " (times[0] is that of its first pose)" * ("times[" in str(error))

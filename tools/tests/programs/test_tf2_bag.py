@@ -336,32 +336,17 @@ def test_two_parents_explain_missing_connections_better_than_static_transforms(r
             run("lookup", path, *ends)
 
 
-class TestStampsThatAreNotSet:
-    @pytest.fixture
-    def path(self, tmp_path):
-        """Of one topic all, of one some, of one only until it knows the time."""
-        stamps = {"/none": [0] * 6, "/some": [100 * S, 0, 101 * S, 0], "/late": [0, 0, 0, 101 * S]}
-        scans = [scan(100 * S + i, ns, topic) for topic, all in stamps.items() for i, ns in enumerate(all)]
-        return recording(tmp_path / "drive.mcap", *scans)
-
-    def test_they_are_counted(self, run, path):
-        text = "have the stamp 0, because the publisher does not set it: their times are unknown"
-        lines = [
-            f"unset: {count} messages on {topic} {text}\n" for count, topic in ((6, "/none"), (2, "/some"))
-        ]
-        status, printed, _ = run("check", path)
-        assert (status, re.findall("unset: .*\n", printed)) == (1, lines)
-        assert run("check", path, "--ignore", "unset")[0] == 0
-        assert re.findall("unset: .*\n", run("info", path)[1]) == lines
-
-    def test_lookups_have_no_answer(self, run, path):
-        for target in ("map", "base"):
-            status, printed, warned = run("lookup", path, target, "camera", "--at", "/some")
-            assert (status, rows_of(printed)[2]) == (0, ["true", "false", "true", "false"])
-            text = "no answer at 2 of 4 times: the stamp is not set in 2 messages of 4\n"
-            assert warned == f"tf2_bag lookup: {text}"
-            with pytest.raises(RunError, match="^the stamp is not set in 6 messages$"):
-                run("lookup", path, target, "camera", "--at", "/none")
+def test_lookups_at_stamps_that_are_not_set_have_no_answer(run, tmp_path):
+    stamps = {"/none": [0] * 6, "/some": [100 * S, 0, 101 * S, 0]}
+    scans = [scan(100 * S + i, ns, topic) for topic, all in stamps.items() for i, ns in enumerate(all)]
+    path = recording(tmp_path / "drive.mcap", *scans)
+    for target in ("map", "base"):
+        status, printed, warned = run("lookup", path, target, "camera", "--at", "/some")
+        assert (status, rows_of(printed)[2]) == (0, ["true", "false", "true", "false"])
+        text = "no answer at 2 of 4 times: the stamp is not set in 2 messages of 4\n"
+        assert warned == f"tf2_bag lookup: {text}"
+        with pytest.raises(RunError, match="^the stamp is not set in 6 messages$"):
+            run("lookup", path, target, "camera", "--at", "/none")
 
 
 def test_freeze_writes_a_file_that_opens(run, drive_mcap, tmp_path):

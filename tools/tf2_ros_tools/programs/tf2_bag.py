@@ -104,19 +104,19 @@ def _heard_of(options: Namespace, at: str | None = None) -> BagContents:
     """
     from tf2_ros_tools.recordings.bag_loader import without_stamps
 
-    heard = _read(options, at=at)
+    heard = _read(options, at)
     for text in (*heard.left_out, *heard.unused, *without_stamps(heard.buffer)):
         options.parser.warn(text)
     return heard
 
 
-def _read(options: Namespace, **how: Any) -> BagContents:
-    """Read the transforms of the recording; ``how``: arguments of ``read_contents``."""
+def _read(options: Namespace, at: str | None = None) -> BagContents:
+    """Read the transforms of the recording, and the stamps of the topic ``at``."""
     from tf2_ros_tools.recordings.bag_contents import read_contents
     from tf2_ros_tools.recordings.bag_loader import wanted
 
     what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
-    return read_contents(options.file, replace(what, trajectory=_keyframes_of(options)), **how)
+    return read_contents(options.file, replace(what, trajectory=_keyframes_of(options)), at=at)
 
 
 def _keyframes_of(options: Namespace) -> Keyframes | None:
@@ -147,7 +147,7 @@ def info(options: Namespace) -> int:
     if not options.json:
         # First, because transforms that cannot be read end the command.
         show(f"{options.file}: {size:,} bytes", *_contents(topics, *span_ns))
-    heard = _read(options, counts_unset=True)
+    heard = _read(options)
     said = report(heard)
     if options.json:
         contents = {"file": options.file, "bytes": size, "topics": [*map(asdict, topics)]}
@@ -171,7 +171,7 @@ def check(options: Namespace) -> int:
 
     expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
-    said = report(_read(options, counts_unset=True), limits, expected)
+    said = report(_read(options), limits, expected)
     # Silence about these must not be taken for health.
     unknown = "; a saved buffer has no times of reception: delays are unknown" if said.saved else ""
     return conclude(options, said, _what(said) + unknown, {"file": options.file})

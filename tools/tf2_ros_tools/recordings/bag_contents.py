@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from tf2_py.printable import printable
 from tf2_ros.records import Recording
-from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.recordings import foxglove_messages
 from tf2_ros_tools.recordings.bag_loader import WITH_URDF, Wanted, fill_buffer, new_buffer, topics_of, wanted
 from tf2_ros_tools.recordings.bag_reader import TF_TYPES, Recorded, is_static, listed, open_recording
-from tf2_ros_tools.recordings.header_stamps import stamps_of, topics_without_stamps
+from tf2_ros_tools.recordings.header_stamps import stamps_of
 from tf2_ros_tools.recordings.joints_and_poses import JOINT_STATE, NAMED, POSES
 
 if TYPE_CHECKING:
@@ -34,9 +33,9 @@ class BagContents:
     the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
     stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
     ``left_out`` has a sentence for each topic of which something is left out or lost, ``absent`` says what
-    may explain that a frame is unknown, ``unset`` counts the messages without a stamp of other topics,
-    ``unused`` counts the poses of a trajectory that are left out. ``corrected`` is the frame whose transforms
-    the trajectory has replaced, or None; its records are those of before.
+    may explain that a frame is unknown, ``unused`` counts the poses of a trajectory that are left out.
+    ``corrected`` is the frame whose transforms the trajectory has replaced, or None; its records are those of
+    before.
     """
 
     buffer: "Buffer"
@@ -50,7 +49,6 @@ class BagContents:
     saved: bool
     left_out: list[str]
     absent: list[str]
-    unset: list[str]
     unused: list[str]
     corrected: str | None
 
@@ -61,14 +59,12 @@ def read_contents(
     *,
     at: str | None = None,
     progress: bool | None = None,
-    counts_unset: bool = False,
 ) -> BagContents:
     """
     Read a recording as :func:`tf2_ros_tools.bag.load` does, and record each transform.
 
     :param what: None: the transforms on TOPICS.
     :param at: a topic whose stamps are read, too; see :func:`tf2_ros_tools.bag.stamps`.
-    :param counts_unset: whether ``unset`` is filled, which reads messages of each topic.
     """
     what = what or wanted()
     buffer, recording = new_buffer(None), Recording()
@@ -79,11 +75,6 @@ def read_contents(
         times_ns = None if at is None else stamps_of(recorded, at)
         if at is not None and at not in what.poses:
             left_out += recorded.shortfalls([at])
-        unset = [
-            f"{counted(count, 'message')} on {printable(topic)} have the stamp 0, because the publisher does"
-            " not set it: their times are unknown"
-            for topic, count in (topics_without_stamps(recorded) if counts_unset else ())
-        ]
     records = np.concatenate([*pieces, recording.take()])
     records = records[np.argsort(records["received_ns"], kind="stable")]
     publishers = [name.decode() for name in recording.publishers()]
@@ -95,7 +86,7 @@ def read_contents(
     if what.trajectory is not None:
         corrected = what.trajectory.child
         frames = [*dict.fromkeys([*frames, *buffer.frames()])]  # a trajectory may add some
-    own = (recorded.saved, left_out, absent, unset, unused, corrected)
+    own = (recorded.saved, left_out, absent, unused, corrected)
     return BagContents(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)
 
 

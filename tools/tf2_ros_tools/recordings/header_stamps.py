@@ -5,8 +5,6 @@
 import struct
 import warnings
 from collections.abc import Iterator
-from contextlib import suppress
-from itertools import islice
 from os import PathLike
 from typing import TYPE_CHECKING
 
@@ -81,27 +79,6 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     found = np.array([*_stamps(recorded, about)], np.int64)
     found[found == 0] = UNSET_NS
     return found
-
-
-def topics_without_stamps(recorded: Recorded) -> Iterator[tuple[str, int]]:
-    """
-    Get the topics whose publishers do not set the stamps of their messages, and how many have none.
-
-    The first ten messages of each topic decide whether all are read, so that images usually are not.
-    """
-    for about in recorded.topics.values():
-        # To RViz, the stamp 0 of a marker means that it stays where it is.
-        if about.msgtype.startswith("visualization_msgs/"):
-            continue
-        # What a topic that nobody asked for has instead of stamps does not matter here.
-        with suppress(Exception):
-            if not _is_stamped(recorded, about) or 0 not in islice(_stamps(recorded, about), 10):
-                continue
-            stamps = np.array([*_stamps(recorded, about)], np.int64)
-            # Before a node receives a simulated time, its time is 0.
-            unset = int(np.count_nonzero(stamps[np.argmax(stamps != 0) :] == 0))
-            if unset > 1:
-                yield about.name, unset
 
 
 def _is_stamped(recorded: Recorded, about: RecordedTopic) -> bool:

@@ -56,7 +56,6 @@ def report(
     """
     records = heard.records
     also = [Finding("malformed", "", text) for text in heard.left_out]
-    also += [Finding("unset", "", text) for text in heard.unset]
     if not len(records):
         where = f"({'; '.join(heard.absent)})" if heard.absent else ""
         found = find([], limits, expectations, where=where, also=also)

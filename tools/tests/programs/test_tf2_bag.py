@@ -17,10 +17,9 @@ from pickles_and_copies import held
 from picture_texts import texts_of
 from robot_of_all_joints import ARM, description, joint_state
 from starting_programs import needs_dot
-from times_and_transforms import transform
 
 from tf2_ros import Buffer
-from tf2_ros_tools.bag import load, save
+from tf2_ros_tools.bag import load
 from tf2_ros_tools.common.optional_libraries import MissingLibraryError
 from tf2_ros_tools.common.program import RunError, UsageError
 from tf2_ros_tools.programs.tf2_bag import PARSER, bag
@@ -369,24 +368,6 @@ def test_json_of_info_has_the_same(run, drive_mcap):
     assert frames["odom"]["rate"] == pytest.approx(10.0)
     assert frames["odom"]["gap"] == pytest.approx(0.1)
     assert said["findings"] == []
-
-
-def test_of_a_saved_buffer_no_delay_is_known(run, tmp_path, tf2_ros):
-    buffer = tf2_ros.Buffer()
-    for i in range(100):
-        stamp = 1_795_000_000 + i / 20
-        buffer.set_transform(transform("map", "odom", stamp), "here")
-        buffer.set_transform(transform("odom", "base", stamp - 6), "a publisher that is late")
-    save(buffer, tmp_path / "saved.mcap")
-    status, out, _ = run("check", tmp_path / "saved.mcap", "--max-delay", "0")
-    assert (status, out[:23]) == (0, "no problems in 3 frames")
-    assert out.endswith("; a saved buffer has no times of reception: delays are unknown)\n")
-    _, out, _ = run("info", tmp_path / "saved.mcap")
-    assert "  base: parent odom, publisher /tf, 20.0 Hz, longest gap 0.05 s\n" in out
-    assert "\na saved buffer has no times of reception, so delays are unknown\n" in out
-    _, out, _ = run("info", tmp_path / "saved.mcap", "--json")
-    found = json.loads(out)
-    assert found["saved"] and {one["delay"] for one in found["streams"]} == {None}
 
 
 @needs_dot

@@ -157,8 +157,6 @@ def info(options: Namespace) -> int:
     show("frames:", *(f"  {stream_line(stream)}{_gap(stream)}" for stream in said.streams))
     if said.clocks_differ:
         show("stamps and log times are from different clocks, so delays are unknown")
-    if said.saved:
-        show("a saved buffer has no times of reception, so delays are unknown")
     show(*heard.absent, *lines_of(said.findings, said.streams, _what(said)))
     return SUCCESS
 
@@ -172,9 +170,7 @@ def check(options: Namespace) -> int:
     expected = expected_by(options.expect)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
     said = report(_read(options), limits, expected)
-    # Silence about these must not be taken for health.
-    unknown = "; a saved buffer has no times of reception: delays are unknown" if said.saved else ""
-    return conclude(options, said, _what(said) + unknown, {"file": options.file})
+    return conclude(options, said, _what(said), {"file": options.file})
 
 
 def _what(said: Report) -> str:

@@ -31,7 +31,7 @@ class BagContents:
     times of reception. Its ids are indices into ``frames``, ``publishers`` and ``values``; a publisher is
     the name of a topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to
     the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
-    stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
+    stamps were asked for, or None.
     ``left_out`` has a sentence for each topic of which something is left out or lost, ``absent`` says what
     may explain that a frame is unknown, ``unused`` counts the poses of a trajectory that are left out.
     ``corrected`` is the frame whose transforms the trajectory has replaced, or None; its records are those of
@@ -46,7 +46,6 @@ class BagContents:
     start_ns: int | None
     end_ns: int | None
     times_ns: NDArray[np.int64] | None
-    saved: bool
     left_out: list[str]
     absent: list[str]
     unused: list[str]
@@ -86,7 +85,7 @@ def read_contents(
     if what.trajectory is not None:
         corrected = what.trajectory.child
         frames = [*dict.fromkeys([*frames, *buffer.frames()])]  # a trajectory may add some
-    own = (recorded.saved, left_out, absent, unused, corrected)
+    own = (left_out, absent, unused, corrected)
     return BagContents(buffer, records, frames, publishers, values, start_ns, end_ns, times_ns, *own)
 
 
@@ -102,7 +101,7 @@ def _absent(recorded: Recorded, what: Wanted) -> Iterator[str]:
     transforms = topics_of(recorded, *TF_TYPES, *foxglove_messages.TYPES)
     filled = [name for name in transforms if recorded.topics[name].count]
     static, wanted = {*filter(is_static, filled)}, {*what.prefixes}.intersection(filled)
-    if not recorded.saved and wanted and static.isdisjoint(wanted):
+    if wanted and static.isdisjoint(wanted):
         if static:
             yield f"no static transforms are read: `topics` or `--topic` reads those on {listed(static)}"
         else:

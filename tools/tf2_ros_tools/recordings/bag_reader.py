@@ -36,8 +36,6 @@ _Made = TypeVar("_Made")
 
 S = 1_000_000_000
 LAST_NS = (1 << 63) - 1  # log times are int64
-# The name of the metadata with which a file begins that a buffer has saved.
-SAVED = "tf2_ros_cython.buffer"
 # What repairs a file, by its extension.
 TOOLS = {".mcap": "`mcap recover`", ".db3": "`sqlite3 FILE .recover`", ".bag": "`rosbag reindex`"}
 REINDEX = "`ros2 bag reindex`"  # likewise a folder
@@ -114,12 +112,10 @@ class Recorded:
 
     ``path`` is its path, ``topics`` maps the names to a :class:`RecordedTopic` each, ``start_ns`` and
     ``end_ns`` are the log times of its first and last message of any topic; None if it has no messages.
-    ``saved``: a buffer has saved it, so its log times are stamps.
     """
 
     def __init__(self, path: str, reader: Reader, parts: list[Path]) -> None:
         self.path = path
-        self.saved = bool(parts) and all(map(_is_saved, parts))
         self._reader = reader
         self._tool = _tool_of(parts[0]) if parts else REINDEX
         for one in reader.connections:
@@ -482,11 +478,6 @@ def _refuse_strays(file: Any) -> None:
     # An .mcap need not count the messages of each topic.
     if lost > 0 and (any(counts) or not counts):
         raise ValueError(f"{counted(lost, 'message')} of no topic")
-
-
-def _is_saved(path: Path) -> bool:
-    with open(path, "rb") as file:
-        return SAVED.encode() in file.read(256)
 
 
 class Folder:

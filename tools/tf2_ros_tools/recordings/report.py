@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +33,6 @@ class Report:
     end: float | None
     transforms: int
     clocks_differ: bool  # stamps and log times come from two clocks, so all delays are None
-    saved: bool  # by a buffer, so log times are stamps, and all delays are None
 
     @property
     def seconds(self) -> float:
@@ -59,18 +57,15 @@ def report(
     if not len(records):
         where = f"({'; '.join(heard.absent)})" if heard.absent else ""
         found = find([], limits, expectations, where=where, also=also)
-        return Report([], [], found, None, None, 0, False, heard.saved)
+        return Report([], [], found, None, None, 0, False)
     times, static = records["received_ns"], records["static"] != 0
     now_ns = int((times if static.all() else times[~static]).max())
     figures = Streams()
     figures.add(records)
     streams, refused = figures.report(now_ns, heard.frames, heard.publishers)
     delays = [abs(one.delay) for one in streams if one.delay is not None]
-    differ = not heard.saved and bool(delays) and float(np.median(delays)) > SAME_CLOCK_S
-    if heard.saved:
-        # A frame whose last stamp is old may have been late.
-        limits = replace(limits, stale=inf)
-    if differ or heard.saved:
+    differ = bool(delays) and float(np.median(delays)) > SAME_CLOCK_S
+    if differ:
         streams = [without_delays(one) for one in streams]
     received = Received(records, heard.frames, heard.publishers, heard.values, _at_log_time)
     also += received.findings()
@@ -85,7 +80,7 @@ def report(
         text = f"no dynamic transform was received in the last {three_digits(silence)} s"
         found.insert(0, Finding("stale", "", text))
     begin, end = int(times.min()) / S, int(times.max()) / S
-    return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
+    return Report(streams, refused, found, begin, end, len(records), differ)
 
 
 def _at_log_time(time_ns: int) -> str:

@@ -15,7 +15,7 @@ from tf2_py import BufferCore, History
 from tf2_py.atomic_files import whole_file
 from tf2_ros.serialization import serialize_arrays
 from tf2_ros_tools.common.optional_libraries import require
-from tf2_ros_tools.recordings.bag_reader import LAST_NS, SAVED, typestore
+from tf2_ros_tools.recordings.bag_reader import LAST_NS, typestore
 
 DYNAMIC, STATIC = "/tf", "/tf_static"
 # The transforms within this time share a message, because players and readers work message by message.
@@ -65,7 +65,6 @@ def save(buffer: BufferCore, path: str | os.PathLike[str]) -> None:
     with whole_file(path) as file:
         writer = Writer(file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
         writer.start(profile="ros2", library="tf2-ros-cython")
-        writer.add_metadata(SAVED, {})
         definition, _ = typestore().generate_msgdef(TYPE, ros_version=2)
         schema = writer.register_schema(TYPE, "ros2msg", definition.encode())
         channels = {

@@ -14,6 +14,7 @@ from contextlib import nullcontext
 
 import pytest
 from calls_in_threads import at_once
+from helper_threads import let_helper_threads_finish
 from processes import output_of, start
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
@@ -70,6 +71,7 @@ def buffer(tf2_ros):
     yield buffer
     if hasattr(buffer, "statistics"):
         gc.collect()
+        let_helper_threads_finish()
         assert buffer.statistics()["waiters"] == 0, "somebody is left waiting"
 
 

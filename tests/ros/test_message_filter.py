@@ -16,6 +16,7 @@ import pytest
 from calls_in_threads import at_once
 from cdr_encoder import encode
 from geometry_msgs.msg import PointStamped
+from helper_threads import let_helper_threads_finish
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.duration import Duration, Infinite
@@ -120,6 +121,7 @@ def make(tf2_ros, node):
     for script in made:
         script.filter.close()
         assert adds_up(script.filter.statistics())
+        let_helper_threads_finish()
         assert script.buffer.statistics()["waiters"] == 0, "somebody is left waiting"
 
 

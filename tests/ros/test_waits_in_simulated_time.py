@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
+from helper_threads import let_helper_threads_finish
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
@@ -75,6 +76,7 @@ def waiting(tf2_ros, node, executor):
             until(lambda: buffer.statistics()["waiters"] == len(calls) or pending["can"].done())
             change_time(node, meanwhile)
             yield buffer, pending
+        let_helper_threads_finish()
         assert buffer.statistics()["waiters"] == 0
 
     return begin

@@ -9,7 +9,7 @@ from picture_texts import texts_of
 
 from tf2_ros_tools.pictures.path import path_picture, trajectory_figure
 from tf2_ros_tools.pictures.style import file_of
-from tf2_ros_tools.recordings.bag_contents import read_contents
+from tf2_ros_tools.recordings.bag_loader import read_contents
 from tf2_ros_tools.recordings.report import report
 
 

@@ -348,10 +348,14 @@ def test_lookups_at_stamps_that_are_not_set_have_no_answer(run, tmp_path):
             run("lookup", path, target, "camera", "--at", "/none")
 
 
-def test_freeze_writes_a_file_that_opens(run, drive_mcap, tmp_path):
+def test_freeze_writes_a_file_that_opens_and_says_what_is_left_out(run, drive_mcap, tmp_path):
     path = str(tmp_path / "drive.tf2")
     assert run("freeze", drive_mcap, "-o", path) == (0, f"{path}\n", "")
     assert held(Buffer.open(path)) == held(load(drive_mcap))
+    sent = [*series("/odom", ODOMETRY), *series("/odom", ODOMETRY, child="")]
+    odometry = write_mcap(tmp_path / "odometry.mcap", sent)
+    said = "tf2_bag freeze: 20 messages on /odom are left out: child_frame_id is not set\n"
+    assert run("freeze", odometry, "--poses", "/odom", "-o", path) == (0, f"{path}\n", said)
 
 
 def test_json_of_info_has_the_same(run, drive_mcap):

@@ -24,8 +24,7 @@ from urdfs_of_three_links import AB, BC, joint, robot_of
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf
 from tf2_ros_tools.diagnosis.texts import line_of
-from tf2_ros_tools.recordings.bag_contents import read_contents
-from tf2_ros_tools.recordings.bag_loader import wanted
+from tf2_ros_tools.recordings.bag_loader import read_contents, wanted
 from tf2_ros_tools.recordings.report import report
 
 

@@ -48,8 +48,7 @@ from rosbags import rosbag2
 from tf2_py import TransformException
 from tf2_ros import Buffer
 from tf2_ros_tools import bag
-from tf2_ros_tools.recordings.bag_contents import read_contents
-from tf2_ros_tools.recordings.bag_loader import wanted
+from tf2_ros_tools.recordings.bag_loader import read_contents, wanted
 from tf2_ros_tools.recordings.bag_reader import is_static, open_recording
 from tf2_ros_tools.recordings.report import report
 
@@ -552,8 +551,8 @@ def test_a_folder_is_what_its_files_hold_whatever_its_metadata_says(form, wrong,
     with open_recording(path) as recorded:
         assert (recorded.start_ns, recorded.end_ns, recorded.topics) == described
     found = read_contents(path)
-    assert bool(found.left_out) == (wrong == "each topic has a million")
-    assert report(replace(found, left_out=[])) == expected
+    assert bool(found.notes) == (wrong == "each topic has a million")
+    assert report(replace(found, notes=[])) == expected
     assert found.records.tolist() == heard.records.tolist()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -578,7 +577,7 @@ def test_a_folder_with_fewer_messages_than_its_metadata_counts_is_a_warning(tmp_
             read()
         assert [str(one.message) for one in warned] == [f"{path}: {text}" for text in texts]
     heard = read_contents(path, at="/scan")
-    assert heard.left_out == [tf, static, scans]
+    assert heard.notes == [tf, static, scans]
     assert {tf, static} <= {one.text for one in report(heard).findings}
     with closing(sqlite3.connect(path / "run_1.db3")) as database, database:
         database.execute("delete from topics")

@@ -8,7 +8,7 @@ from making_bags import S, Sent, Tf, drive, write_mcap
 from times_and_transforms import about_z
 
 from tf2_ros_tools.bag import load
-from tf2_ros_tools.recordings.bag_contents import read_contents
+from tf2_ros_tools.recordings.bag_loader import read_contents
 from tf2_ros_tools.recordings.pose_tables import Table, as_tum, look_up_table, times_at_rate, times_when
 
 

@@ -23,8 +23,7 @@ from times_and_transforms import about_z
 
 from tf2_ros_tools import bag
 from tf2_ros_tools.diagnosis.texts import line_of
-from tf2_ros_tools.recordings.bag_contents import read_contents
-from tf2_ros_tools.recordings.bag_loader import wanted
+from tf2_ros_tools.recordings.bag_loader import read_contents, wanted
 from tf2_ros_tools.recordings.report import report
 
 
@@ -118,6 +117,8 @@ def test_messages_without_a_name_of_a_frame_are_left_out(msgtype, lacks, tmp_pat
     said = f"20 messages on /odom are left out: {field} is not set"
     with pytest.warns(UserWarning, match=f"run.mcap: {said}$"):
         check(bag.load(path, poses={"/odom": None}), "map", "base")
+    with pytest.warns(UserWarning, match=f"run.mcap: {said}$"):
+        bag.dataset(path, ["base"], at="/odom", relative_to="map", poses={"/odom": None})
     found = report(read_contents(path, wanted(poses={"/odom": None}))).findings
     assert [line_of(one) for one in found] == [f"malformed: {said}"]
 

@@ -121,10 +121,10 @@ def _recorded(options: Namespace) -> list[TransformStamped]:
     from tf2_ros_tools.recordings.bag_reader import BagError
 
     try:
-        transforms, left_out = static_transforms(options.recording)
+        transforms, notes = static_transforms(options.recording)
     except BagError as failure:
         raise RunError(str(failure)) from None
-    for text in left_out:
+    for text in notes:
         options.parser.warn(text)
     return transforms
 

@@ -37,11 +37,10 @@ if TYPE_CHECKING:
 
     from tf2_py import Hop
     from tf2_ros_tools.diagnosis.stream_statistics import Stream
-    from tf2_ros_tools.recordings.bag_contents import BagContents
-    from tf2_ros_tools.recordings.bag_loader import Topics, Urdf
+    from tf2_ros_tools.recordings.bag_loader import BagContents, Topics, Urdf
     from tf2_ros_tools.recordings.bag_reader import RecordedTopic
     from tf2_ros_tools.recordings.report import Report
-    from tf2_ros_tools.recordings.trajectories import Keyframes
+    from tf2_ros_tools.recordings.trajectories import Trajectory
 
 DESCRIPTION = """\
 Answer questions about recorded transforms, without ROS: what a recording contains, what is wrong with it, \
@@ -96,32 +95,26 @@ def _robots_of(options: Namespace) -> dict[str, Urdf]:
     return robots
 
 
-def _heard_of(options: Namespace, at: str | None = None) -> BagContents:
-    """
-    Read the transforms of the recording, and warn of what is left out.
-
-    :param at: a topic whose stamps are read, too.
-    """
-    from tf2_ros_tools.recordings.bag_loader import without_stamps
-
-    heard = _read(options, at)
-    for text in (*heard.left_out, *heard.unused, *without_stamps(heard.buffer)):
+def _heard_of(options: Namespace, **how: Any) -> BagContents:
+    """Read the transforms of the recording, as :func:`_read` does, and warn of what is left out."""
+    heard = _read(options, **how)
+    for text in heard.warnings:
         options.parser.warn(text)
     return heard
 
 
-def _read(options: Namespace, at: str | None = None) -> BagContents:
-    """Read the transforms of the recording, and the stamps of the topic ``at``."""
-    from tf2_ros_tools.recordings.bag_contents import read_contents
-    from tf2_ros_tools.recordings.bag_loader import wanted
+def _read(options: Namespace, **how: Any) -> BagContents:
+    """Read the transforms of the recording; ``how``: arguments of ``read_contents``."""
+    from tf2_ros_tools.recordings.bag_loader import read_contents, wanted
 
-    what = wanted(_topics_of(options), options.start, options.end, dict(options.poses), _robots_of(options))
-    return read_contents(options.file, replace(what, trajectory=_keyframes_of(options)), at=at)
+    poses, robots, trajectory = dict(options.poses), _robots_of(options), _trajectory_of(options)
+    what = wanted(_topics_of(options), options.start, options.end, poses, robots, trajectory)
+    return read_contents(options.file, what, **how)
 
 
-def _keyframes_of(options: Namespace) -> Keyframes | None:
+def _trajectory_of(options: Namespace) -> Trajectory | None:
     """Get the poses that correct the transforms; only some commands have the options."""
-    from tf2_ros_tools.recordings.trajectories import Keyframes, Trajectory
+    from tf2_ros_tools.recordings.trajectories import Trajectory
 
     given, times = getattr(options, "trajectory", None), getattr(options, "trajectory_times", None)
     if given is None:
@@ -129,7 +122,7 @@ def _keyframes_of(options: Namespace) -> Keyframes | None:
             raise UsageError("--trajectory-times needs --trajectory")
         return None
     path, parent, child, moving = given[0], *map(_frame, given[1:])
-    return Keyframes(Trajectory(path, parent, child, moving, on_missing="skip", times=times))
+    return Trajectory(path, parent, child, moving, on_missing="skip", times=times)
 
 
 # List the contents and the problems of a recording.
@@ -208,7 +201,7 @@ def lookup(options: Namespace) -> int:
     kind = "csv" if options.output is None else format_of(options.output)
     if kind == "parquet":
         require("pyarrow", "fleet")  # before the recording is read, which may take long
-    heard = _heard_of(options, options.at)
+    heard = _heard_of(options, at=options.at)
     target, source = options.target, options.source
     times_ns = options.times if options.at is None else heard.times_ns
     try:
@@ -277,8 +270,8 @@ def statics(options: Namespace) -> int:
     """Print the static transforms as a file for static_transform_publisher; return the exit status."""
     from tf2_ros_tools.recordings.bag_loader import static_transforms
 
-    transforms, left_out = static_transforms(options.file, _topics_of(options))
-    for text in left_out:
+    transforms, notes = static_transforms(options.file, _topics_of(options))
+    for text in notes:
         options.parser.warn(text)
     for one in transforms:
         t, q = one.transform.translation, one.transform.rotation
@@ -299,21 +292,7 @@ def _in_yaml(number: float) -> str:
 
 def freeze(options: Namespace) -> int:
     """Write the transforms to a file that processes map; return the exit status."""
-    from tf2_ros_tools.recordings.bag_loader import load
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        buffer = load(
-            options.file,
-            topics=_topics_of(options),
-            start=options.start,
-            end=options.end,
-            poses=dict(options.poses),
-            urdf=_robots_of(options),
-        )
-    for one in caught:
-        options.parser.warn(str(one.message))
-    buffer.freeze(options.output)
+    _heard_of(options, records=False).buffer.freeze(options.output)
     show(options.output)
     return SUCCESS
 

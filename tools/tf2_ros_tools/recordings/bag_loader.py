@@ -4,13 +4,16 @@
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tf2_py.printable import printable
 from tf2_py.typing import DurationLike, TimeLike
@@ -30,6 +33,7 @@ from tf2_ros_tools.recordings.bag_reader import (
     open_recording,
     typestore,
 )
+from tf2_ros_tools.recordings.header_stamps import stamps_of
 from tf2_ros_tools.recordings.joints_and_poses import (
     JOINT_STATE,
     NAMED,
@@ -204,22 +208,110 @@ def load(
     folder have fewer messages than its ``metadata.yaml`` counts.
     """
     what = wanted(topics, start, end, poses, urdf, trajectory)
-    buffer = new_buffer(cache_time)
-    with open_recording(path) as recorded:
-        left_out, unused = fill_buffer(buffer, recorded, what, progress=progress)
-    for text in (*left_out, *without_stamps(buffer), *unused):
+    found = read_contents(path, what, cache_time=cache_time, records=False, progress=progress)
+    for text in found.warnings:
         warnings.warn(f"{printable(os.fspath(path))}: {text}", stacklevel=2)
-    return buffer
+    return found.buffer
 
 
-def without_stamps(buffer: "Buffer") -> Iterator[str]:
-    """Say of each moving frame that all its stamps are 0."""
-    for name, one in buffer.frames().items():
-        if one.parent is not None and not one.static and one.newest_ns == 0 and one.count > 1:
-            yield (
+@dataclass(frozen=True)
+class BagContents:
+    """
+    What a recording contains.
+
+    ``records`` is an array of :data:`tf2_ros.records.RECORD`, in the order of the log times, which are its
+    times of reception. Its ids are indices into ``frames``, ``publishers`` and ``values``; a publisher is
+    the name of a topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to
+    the end that was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose
+    stamps were asked for, or None. ``notes`` has a sentence for each topic, and for the trajectory, of which
+    something is left out or lost. ``absent`` says what may explain that a frame is unknown. ``corrected`` is
+    the frame whose transforms the trajectory has replaced, or None; its records are those of before.
+    """
+
+    buffer: "Buffer"
+    records: NDArray[np.void]
+    frames: list[str]
+    publishers: list[str]
+    values: Sequence[tuple[float, ...]]
+    start_ns: int | None
+    end_ns: int | None
+    times_ns: NDArray[np.int64] | None
+    notes: list[str]
+    absent: list[str]
+    corrected: str | None
+
+    @property
+    def warnings(self) -> list[str]:
+        """What programs are warned of: ``notes``, and moving frames whose stamps are all 0."""
+        return [
+            *self.notes,
+            *(
                 f"all stamps of {printable(name)} are 0, because its publisher does not set them:"
                 " a buffer keeps 64 samples of one stamp, and has no answer for another time"
-            )
+                for name, one in self.buffer.frames().items()
+                if one.parent is not None and not one.static and one.newest_ns == 0 and one.count > 1
+            ),
+        ]
+
+
+def read_contents(
+    path: "str | PathLike[str]",
+    what: Wanted | None = None,
+    *,
+    cache_time: DurationLike | None = None,
+    at: str | None = None,
+    records: bool = True,
+    progress: bool | None = None,
+) -> BagContents:
+    """
+    Read a recording as :func:`load` does.
+
+    :param what: None: the transforms on TOPICS.
+    :param at: a topic whose stamps are read, too; see :func:`tf2_ros_tools.bag.stamps`.
+    :param records: whether each transform is recorded, which takes a third longer. Otherwise, ``records``,
+        ``publishers`` and ``values`` are empty.
+    """
+    what = what or wanted()
+    buffer, recording = new_buffer(cache_time), Recording()
+    pieces: list[NDArray[np.void]] = []
+    with open_recording(path) as recorded:
+        notes = fill_buffer(buffer, recorded, what, progress, recording if records else None, pieces)
+        times_ns = None if at is None else stamps_of(recorded, at)
+        if at is not None and at not in what.poses:
+            notes += recorded.shortfalls([at])
+    found = np.concatenate([*pieces, recording.take()])
+    found = found[np.argsort(found["received_ns"], kind="stable")]
+    publishers = [name.decode() for name in recording.publishers()]
+    start_ns, end_ns = recorded.start_ns, recorded.end_ns
+    if end_ns is not None and what.end_ns is not None:
+        end_ns = min(end_ns, what.end_ns)
+    frames, values, absent = recording.frames(), recording.values(), [*_absent(recorded, what)]
+    corrected = None
+    if what.trajectory is not None:
+        corrected = what.trajectory.child
+        frames = [*dict.fromkeys([*frames, *buffer.frames()])]  # a trajectory may add some
+    own = (times_ns, notes, absent, corrected)
+    return BagContents(buffer, found, frames, publishers, values, start_ns, end_ns, *own)
+
+
+def _absent(recorded: Recorded, what: Wanted) -> Iterator[str]:
+    """Say which of the topics that were named are not there or empty, and that static transforms are not."""
+    for topic in what.others:
+        if topic not in recorded.topics:
+            types = (JOINT_STATE,) if topic in what.robots else (*NAMED, *POSES)
+            others = listed(topics_of(recorded, *types))
+            yield f"there is no topic {printable(topic)}; the topics of its type are {others}"
+        elif not recorded.topics[topic].count:
+            yield f"topic {printable(topic)} has no messages"
+    transforms = topics_of(recorded, *TF_TYPES, *foxglove_messages.TYPES)
+    filled = [name for name in transforms if recorded.topics[name].count]
+    static, wanted = {*filter(is_static, filled)}, {*what.prefixes}.intersection(filled)
+    if wanted and static.isdisjoint(wanted):
+        if static:
+            yield f"no static transforms are read: `topics` or `--topic` reads those on {listed(static)}"
+        else:
+            why = f"they are sent once, often before a recording begins; {WITH_URDF} computes a robot's"
+            yield f"no static transforms were recorded: {why}"
 
 
 def new_buffer(cache_time: DurationLike | None) -> "Buffer":
@@ -236,18 +328,17 @@ def fill_buffer(
     buffer: "Buffer",
     recorded: Recorded,
     what: Wanted,
-    *,
-    progress: bool | None,
+    progress: bool | None = None,
     recording: Recording | None = None,
-    records: list[Any] | None = None,
-) -> tuple[list[str], list[str]]:
+    records: list[NDArray[np.void]] | None = None,
+) -> list[str]:
     """
     Insert the wanted transforms of a recording into a buffer, and correct them by the wanted trajectory.
 
     :param recording: records each transform; see :func:`tf2_ros.serialization.insert_messages`.
     :param records: see the same function.
     :return: a sentence for each topic of which messages, or the positions of some joints, are left out or
-        lost; and one if poses of the trajectory are left out.
+        lost, and one if poses of the trajectory are left out.
     """
     sources = sources_of(recorded, what)
     robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
@@ -296,15 +387,15 @@ def fill_buffer(
                     f" {first_names(own)}{why}"
                 )
     unused = [] if what.trajectory is None else what.trajectory.correct(buffer, recorded)
-    left_out = [
+    notes = [
         f"{counted(one.left_out, 'message')} on {printable(topic)} {'is' if one.left_out == 1 else 'are'}"
         f" left out: {one.reason}"
         for topic, one in (posed | joints).items()
         if one.left_out
     ]
     unmatched_names = {topic: unmatched(one.robot, one.seen) for topic, one in joints.items()}
-    left_out += [f"on {printable(topic)}, {text}" for topic, text in unmatched_names.items() if text]
-    return [*left_out, *recorded.shortfalls(topics)], unused
+    notes += [f"on {printable(topic)}, {text}" for topic, text in unmatched_names.items() if text]
+    return [*notes, *recorded.shortfalls(topics), *unused]
 
 
 def _described(recorded: Recorded, states: str) -> Robot:
@@ -455,17 +546,15 @@ def static_transforms(
 
     :param path: see :func:`load`.
     :param topics: see :func:`load`; only those with static transforms are read.
-    :return: the transforms, and a sentence for each topic of which messages are left out or lost. Frames with
-        names that lookups refuse are omitted.
+    :return: the transforms, and what :func:`fill_buffer` returns. Frames with names that lookups refuse are
+        left out.
     :raises BagError: see :func:`load`; or there are no such transforms.
     """
     buffer, what = new_buffer(None), wanted(topics)
     with open_recording(path) as recorded:
         static = [topic for topic, one in recorded.topics.items() if is_static(topic) and one.count]
         own = {topic: prefix for topic, prefix in what.prefixes.items() if topic in static}
-        left_out: list[str] = []
-        if own:
-            left_out, _ = fill_buffer(buffer, recorded, replace(what, prefixes=own), progress=None)
+        notes = fill_buffer(buffer, recorded, replace(what, prefixes=own)) if own else []
     found = [
         buffer.lookup_transform(one.parent, name, 0)
         for name, one in buffer.frames().items()
@@ -477,7 +566,7 @@ def static_transforms(
             advice = f"`tf2_bag statics --topic` reads those on {listed(others)}"
         names = " or ".join(map(printable, what.prefixes))
         raise BagError(f"{printable(recorded.path)} has no static transforms on {names}: {advice}")
-    return found, left_out
+    return found, notes
 
 
 BAR_AFTER_S = 1.0

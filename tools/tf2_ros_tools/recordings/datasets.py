@@ -22,7 +22,6 @@ from tf2_py import BufferCore, LookupException
 from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted, write_whole
-from tf2_ros_tools.recordings.bag_contents import read_contents
 from tf2_ros_tools.recordings.bag_loader import (
     TOPICS,
     PoseTopics,
@@ -30,6 +29,7 @@ from tf2_ros_tools.recordings.bag_loader import (
     Urdfs,
     Wanted,
     progress_bar,
+    read_contents,
     wanted,
 )
 from tf2_ros_tools.recordings.bag_reader import SUFFIXES, UNFINISHED, BagError, resolved
@@ -241,8 +241,8 @@ def dataset(
     :raises TypeError, ValueError: ``frames`` is a str, is empty or has equal names; or see
         :func:`tf2_ros_tools.bag.load`.
 
-    A recording that cannot be read does not stop the others; ``failed`` lists it. A warning counts the poses
-    of a trajectory that are left out.
+    A recording that cannot be read does not stop the others; ``failed`` lists it. The warnings are those of
+    :func:`tf2_ros_tools.bag.load`.
     """
     if isinstance(frames, str):
         raise TypeError(f"frames: expected a list of names, got a str: use [{frames!r}]")
@@ -259,11 +259,11 @@ def dataset(
     found: dict[str, dict[str, Table]] = {}
     failed: dict[str, str] = {}
     reasons: dict[str, str] = {}  # of the first recording with stamps in which a frame has no pose
-    unused: list[str] = []
+    notes: list[str] = []
     with progress_bar("dataset", len(paths), " recordings", progress) as count:
         for path in paths:
             try:
-                found[path], lacks, left_out = _look_up(path, what, relative_to, names, at)
+                found[path], lacks, warned = _look_up(path, what, relative_to, names, at)
             except BagError as error:
                 failed[path] = printable(str(error))
             except OSError as error:
@@ -271,9 +271,9 @@ def dataset(
             else:
                 if len(found[path][names[0]].stamps_ns):
                     reasons = {**lacks, **reasons}
-                unused += (printable(f"{path}: {text}") for text in left_out)
+                notes += (printable(f"{path}: {text}") for text in warned)
             count(1)
-    for text in unused:
+    for text in notes:
         warnings.warn(text, stacklevel=2)
     if not found:
         path, problem = next(iter(failed.items()))
@@ -309,11 +309,11 @@ def _look_up(
     path: str, what: Wanted, relative_to: str, names: Sequence[str], at: str
 ) -> tuple[dict[str, Table], dict[str, str], list[str]]:
     """
-    Look up the frames in one recording: their tables, why some have no pose, and the poses that are left out.
+    Look up the frames in one recording: their tables, why some have no pose, and what is to be warned of.
     """
     heard = read_contents(path, what, at=at, progress=False)
     assert heard.times_ns is not None
-    return (*look_up_frames(heard, relative_to, names, heard.times_ns), heard.unused)
+    return (*look_up_frames(heard, relative_to, names, heard.times_ns), heard.warnings)
 
 
 def _since_first(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ from tf2_ros_tools.recordings.header_stamps import UNSET_NS
 
 if TYPE_CHECKING:
     from tf2_ros import Buffer
-    from tf2_ros_tools.recordings.bag_contents import BagContents
+    from tf2_ros_tools.recordings.bag_loader import BagContents
 
 S = 1_000_000_000
 # A stamp in 1970 beside current ones is a mistake, and must not make the table fill the memory.

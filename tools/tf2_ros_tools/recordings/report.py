@@ -15,7 +15,7 @@ from tf2_ros_tools.diagnosis.findings import SAME_CLOCK_S, Expectation, Finding,
 from tf2_ros_tools.diagnosis.stream_statistics import Refused, Stream, Streams, without_delays
 
 if TYPE_CHECKING:
-    from tf2_ros_tools.recordings.bag_contents import BagContents
+    from tf2_ros_tools.recordings.bag_loader import BagContents
 
 S = 1_000_000_000
 # A recording often ends with the shutdown of the robot, for which launch allows five seconds.
@@ -53,7 +53,7 @@ def report(
     robot. If it outlives the robot for long, this is one finding, not one for each frame.
     """
     records = heard.records
-    also = [Finding("malformed", "", text) for text in heard.left_out]
+    also = [Finding("malformed", "", text) for text in heard.notes]
     if not len(records):
         where = f"({'; '.join(heard.absent)})" if heard.absent else ""
         found = find([], limits, expectations, where=where, also=also)

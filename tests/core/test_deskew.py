@@ -729,6 +729,21 @@ def test_wrong_arguments_are_named(buffer):
         deskew(cloud, buffer, "odom")
 
 
+def test_the_bytes_after_the_points_of_each_row_stay(buffer):
+    cloud, _, _ = measured("ouster", rows=4)
+    used, before = cloud.row_step, cloud.data.tobytes()
+    moved = deskew(cloud, buffer, "odom").data.tobytes()
+    for seed in range(5):  # new memory may have the bytes of the last one
+        padding = np.random.default_rng(seed).bytes(7 * cloud.height)
+
+        def padded(rows, padding=padding):
+            return b"".join(rows[i * used :][:used] + padding[7 * i :][:7] for i in range(cloud.height))
+
+        cloud.row_step, cloud.data = used + 7, array.array("B", padded(before))
+        got = deskew(cloud, buffer, "odom")
+        assert (got.row_step, got.data.tobytes()) == (used + 7, padded(moved))
+
+
 def test_what_lacks_a_part_of_a_cloud_is_refused_as_by_do_transform_cloud(buffer):
     cloud, _, _ = measured("ouster")
     parts = {name: getattr(cloud, name) for name in cloud.get_fields_and_field_types()}
@@ -753,6 +768,49 @@ def test_each_argument_of_the_table_is_taken(buffer):
     cloud, _, _ = measured("ouster")
     given = dict.fromkeys(LookupPolicy.__annotations__)
     assert deskew(cloud, buffer, "odom", **given) == deskew(cloud, buffer, "odom")
+
+
+# The policy of lookups applies to all of them.
+
+
+def sampled_at(*offsets_ns):
+    """A buffer whose lidar moves in odom at 1 m/s, with samples at these times after the stamp."""
+    buffer = Buffer(Duration(seconds=100))
+    for ns in offsets_ns:
+        buffer.set_transform(transform("odom", "lidar", ns=STAMP + ns, xyz=(ns / S, 0, 0)), "x")
+    return buffer
+
+
+@pytest.mark.parametrize("frames", [("odom",), ("lidar", "odom", at_ns(STAMP))])
+def test_no_pose_is_interpolated_across_a_gap_that_is_too_long(frames):
+    gap = SWEEP // 4, SWEEP // 2  # after the stamp
+    buffer = sampled_at(*(10_000_000 * i for i in range(11) if not gap[0] < 10_000_000 * i < gap[1]))
+    cloud, points, times = measured("ouster")
+    with pytest.raises(ExtrapolationException, match=r"^points\[\d+\], t = .* max_gap, 0.020000000 s$"):
+        deskew(cloud, buffer, *frames, max_gap=0.02)
+    moved = deskew(cloud, buffer, *frames, max_gap=0.02, on_missing="nan")
+    inside_gap = (STAMP + 20_000_000 < times) & (times < STAMP + gap[1])
+    assert missing_in(moved, points.dtype) == np.flatnonzero(inside_gap).tolist()
+    assert missing_in(deskew(cloud, buffer, *frames), points.dtype) == []
+
+
+@pytest.mark.parametrize("frames", [("odom",), ("lidar", "odom", at_ns(STAMP))])
+def test_the_last_point_is_waited_for_under_the_policy(frames, monkeypatch):
+    """Otherwise, a tolerance that accepts older data would not spare the wait for newer data."""
+    buffer, policies = sampled_at(0, SWEEP // 2), []
+    for name in ("lookup_transform", "lookup_transform_full"):
+        monkeypatch.setattr(buffer, name, lambda *_, **policy: policies.append(policy))
+    deskew(measured("ouster")[0], buffer, *frames, timeout=DEADLINE_S, tolerance=1.0)
+    assert policies == [{"tolerance": 1.0}]
+
+
+def test_the_target_time_is_not_blamed_if_the_policy_accepts_it():
+    buffer, target_time = sampled_at(0, SWEEP), at_ns(STAMP + 2 * SWEEP)
+    cloud, _, _ = measured("ouster", np.array([0, SWEEP // 2, 9 * SWEEP]))
+    with pytest.raises(ExtrapolationException, match=r"^points\[2\], t = .*; tolerance allows 0\.2"):
+        deskew(cloud, buffer, "lidar", "odom", target_time, tolerance=0.2)
+    with pytest.raises(ExtrapolationException, match="^target_time: "):
+        deskew(cloud, buffer, "lidar", "odom", target_time)
 
 
 # Bytes that change meanwhile.

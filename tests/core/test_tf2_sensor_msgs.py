@@ -81,6 +81,20 @@ def test_a_cloud_keeps_its_own_stamp_and_gets_the_frame_of_the_transform(cloud, 
     assert cloud == before and stamp_ns(t) == 7_250_000_000
 
 
+def test_the_bytes_after_the_points_of_each_row_stay(cloud, t):
+    used, before = cloud.row_step, cloud.data.tobytes()
+    moved = tf2.do_transform_cloud(cloud, t).data.tobytes()
+    for seed in range(5):  # new memory may have the bytes of the last one
+        padding = np.random.default_rng(seed).bytes(7 * cloud.height)
+
+        def padded(rows, padding=padding):
+            return b"".join(rows[i * used :][:used] + padding[7 * i :][:7] for i in range(cloud.height))
+
+        cloud.row_step, cloud.data = used + 7, array.array("B", padded(before))
+        got = tf2.do_transform_cloud(cloud, t)
+        assert (got.row_step, got.data.tobytes()) == (used + 7, padded(moved))
+
+
 def test_a_cloud_without_a_time_is_transformed_by_the_latest_and_keeps_its_stamp(cloud, tf2_ros):
     buffer = tf2_ros.Buffer()
     for seconds in (1, 2, 3):

@@ -195,6 +195,8 @@ def _size_of(path: str) -> int:
 
 def lookup(options: Namespace) -> int:
     """Look up, and write a table; return the exit status."""
+    import numpy as np
+
     from tf2_py import TransformException
     from tf2_ros_tools.recordings import pose_tables
 
@@ -204,17 +206,16 @@ def lookup(options: Namespace) -> int:
     heard = _heard_of(options, at=options.at)
     target, source = options.target, options.source
     times_ns = options.times if options.at is None else heard.times_ns
-    try:
-        if times_ns is None:
+    if times_ns is None:
+        try:
             times_ns = pose_tables.times_when(heard, target, source, options.rate)
-        how: dict[str, Any] = {"max_gap": options.max_gap, "corrected": heard.corrected}
-        table = pose_tables.look_up_table(heard.buffer, target, source, times_ns, **how)
-    except TransformException as failure:
-        raise RunError(pose_tables.why_unconnected(heard, target, source, failure)) from None
-    if not table.valid.any():
-        raise RunError(pose_tables.why_unanswered(heard.buffer, target, source, table.stamps_ns, **how))
+        except TransformException as failure:
+            raise RunError(pose_tables.why_unconnected(heard, target, source, failure)) from None
+    table, reasons = pose_tables.look_up_table(heard, target, [source], times_ns, options.max_gap)
+    if reasons:
+        raise RunError(reasons[source])
     if kind == "parquet":
-        contents = pose_tables.as_parquet(table, options.file)
+        contents = pose_tables.as_parquet(table, [options.file], np.zeros(len(table), np.int64))
     else:
         contents = pose_tables.as_tum(table) if kind == "tum" else pose_tables.as_csv(table)
     if options.output is None:

@@ -7,11 +7,10 @@ from __future__ import annotations
 import errno
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from io import BytesIO
 from os import PathLike
 from typing import Any, TypeAlias
 
@@ -20,21 +19,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import BufferCore, LookupException
 from tf2_py.printable import printable
-from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted, write_whole
 from tf2_ros_tools.recordings.bag_loader import (
     TOPICS,
     PoseTopics,
     Topics,
     Urdfs,
-    Wanted,
     progress_bar,
     read_contents,
     wanted,
 )
 from tf2_ros_tools.recordings.bag_reader import SUFFIXES, UNFINISHED, BagError, resolved
 from tf2_ros_tools.recordings.header_stamps import UNSET_NS
-from tf2_ros_tools.recordings.pose_tables import POSE, STAMP_NS, Table, look_up_frames
+from tf2_ros_tools.recordings.pose_tables import STAMP_NS, Table, as_parquet, look_up_table
 from tf2_ros_tools.recordings.trajectories import Trajectory
 
 S = 1_000_000_000
@@ -185,24 +182,13 @@ class Dataset:
         :raises OSError: the file cannot be written; an existing file remains unchanged.
         :raises ModuleNotFoundError: pyarrow is not installed.
         """
-        require("pyarrow", "fleet")
-        import pyarrow
-        from pyarrow import parquet
-
-        files = pyarrow.array([printable(one) for one in self.files], pyarrow.string())
-        columns: dict[str, Any] = {
-            "file": pyarrow.DictionaryArray.from_arrays(self.episodes, files),
+        numbers = {
             "episode_index": self.episodes,
             "frame_index": self.indices,
             "timestamp": self.timestamps,
-            STAMP_NS: self.stamps_ns,
         }
-        for i, frame in enumerate(self.frames):
-            columns |= {f"{frame}.{name}": self.poses[:, i, j].copy() for j, name in enumerate(POSE)}
-            columns |= {f"{frame}.valid": self.valid[:, i].copy(), f"{frame}.gap": self.gaps[:, i].copy()}
-        written = BytesIO()
-        parquet.write_table(pyarrow.table(columns), written)
-        write_whole(path, written.getvalue())
+        prefixes = [f"{frame}." for frame in self.frames]
+        write_whole(path, as_parquet(self, self.files, self.episodes, numbers, prefixes))
 
 
 # The fields with a value for each row.
@@ -256,35 +242,33 @@ def dataset(
                 BufferCore().lookup_transform_core(*ends, 0)
     what = wanted(topics, poses=poses, urdf=urdf, trajectory=trajectory)
     paths = find_recordings(recordings)
-    found: dict[str, dict[str, Table]] = {}
+    found: dict[str, Table] = {}
     failed: dict[str, str] = {}
     reasons: dict[str, str] = {}  # of the first recording with stamps in which a frame has no pose
     notes: list[str] = []
     with progress_bar("dataset", len(paths), " recordings", progress) as count:
         for path in paths:
             try:
-                found[path], lacks, warned = _look_up(path, what, relative_to, names, at)
+                heard = read_contents(path, what, at=at, progress=False)
+                assert heard.times_ns is not None
+                found[path], lacks = look_up_table(heard, relative_to, names, heard.times_ns)
             except BagError as error:
                 failed[path] = printable(str(error))
             except OSError as error:
                 failed[path] = printable(f"{error.filename or path}: {error.strerror or error}")
             else:
-                if len(found[path][names[0]].stamps_ns):
+                if len(found[path]):
                     reasons = {**lacks, **reasons}
-                notes += (printable(f"{path}: {text}") for text in warned)
+                notes += (printable(f"{path}: {text}") for text in heard.warnings)
+                del heard  # its memory is free before the next recording is read
             count(1)
     for text in notes:
         warnings.warn(text, stacklevel=2)
     if not found:
         path, problem = next(iter(failed.items()))
         raise BagError(problem if path in problem else f"{printable(path)}: {problem}")
-    stamps = [tables[names[0]].stamps_ns for tables in found.values()]
+    stamps = [one.stamps_ns for one in found.values()]
     counts = [*map(len, stamps)]
-
-    def whole(name: str) -> NDArray[Any]:
-        of_frames = ([getattr(tables[frame], name) for tables in found.values()] for frame in names)
-        return np.stack([*map(np.concatenate, of_frames)], axis=1)
-
     made = Dataset(
         frames=tuple(names),
         relative_to=relative_to,
@@ -294,26 +278,15 @@ def dataset(
         indices=np.concatenate([np.arange(count) for count in counts]),
         stamps_ns=np.concatenate(stamps),
         timestamps=np.concatenate([*map(_since_first, stamps)]),
-        poses=whole("poses"),
-        valid=whole("valid"),
-        gaps=whole("gaps"),
+        poses=np.concatenate([one.poses for one in found.values()]),
+        valid=np.concatenate([one.valid for one in found.values()]),
+        gaps=np.concatenate([one.gaps for one in found.values()]),
     )
     for i, name in enumerate(names):
         if len(made) and not made.valid[:, i].any():
             reason = printable(reasons[name])
             raise LookupException(f"{name!r} has no pose at any stamp of {at}: {reason}")
     return made
-
-
-def _look_up(
-    path: str, what: Wanted, relative_to: str, names: Sequence[str], at: str
-) -> tuple[dict[str, Table], dict[str, str], list[str]]:
-    """
-    Look up the frames in one recording: their tables, why some have no pose, and what is to be warned of.
-    """
-    heard = read_contents(path, what, at=at, progress=False)
-    assert heard.times_ns is not None
-    return (*look_up_frames(heard, relative_to, names, heard.times_ns), heard.warnings)
 
 
 def _since_first(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:

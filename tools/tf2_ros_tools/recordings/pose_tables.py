@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import BufferCore, ConnectivityException, TransformException
+from tf2_py.printable import printable
 from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.output import counted
 from tf2_ros_tools.diagnosis.stream_statistics import moving_on, path_to_root, stamps_on, taken
@@ -21,6 +22,7 @@ from tf2_ros_tools.recordings.header_stamps import UNSET_NS
 if TYPE_CHECKING:
     from tf2_ros import Buffer
     from tf2_ros_tools.recordings.bag_loader import BagContents
+    from tf2_ros_tools.recordings.datasets import Dataset
 
 S = 1_000_000_000
 # A stamp in 1970 beside current ones is a mistake, and must not make the table fill the memory.
@@ -33,12 +35,12 @@ STAMP_NS, POSE, VALID, GAP = "stamp_ns", ("x", "y", "z", "qx", "qy", "qz", "qw")
 @dataclass(frozen=True)
 class Table:
     """
-    The pose of one frame in another one at N times.
+    The poses of F frames in another one at N times.
 
     :param stamps_ns: int64, shape (N,), nanoseconds.
-    :param poses: float64, shape (N, 7): x y z in meters, qx qy qz qw of length one, with the sign that is
+    :param poses: float64, shape (N, F, 7): x y z in meters, qx qy qz qw of length one, with the sign that is
         closer to the row before; NaN without an answer.
-    :param gaps: float64, shape (N,): seconds between the two samples that a pose was interpolated from, the
+    :param gaps: float64, shape (N, F): seconds between the two samples that a pose was interpolated from, the
         longest of all frames in between but one that a trajectory corrects; 0 at a sample and if nothing
         moves; NaN without an answer.
     """
@@ -52,51 +54,49 @@ class Table:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Whether there is an answer, shape (N,)."""
+        """Whether there is an answer, shape (N, F)."""
         return ~np.isnan(self.gaps)
 
 
-def look_up_frames(
-    heard: BagContents, target: str, frames: Sequence[str], times_ns: ArrayLike
-) -> tuple[dict[str, Table], dict[str, str]]:
-    """Look up the tables of frames in ``target`` at N times, and why frames have no answer at any time."""
-    buffer, stamps_ns = heard.buffer, np.asarray(times_ns, np.int64)
-    count = len(stamps_ns)
-    tables: dict[str, Table] = {}
-    reasons: dict[str, str] = {}
-    for frame in frames:
-        try:
-            tables[frame] = look_up_table(buffer, target, frame, stamps_ns, corrected=heard.corrected)
-        except TransformException as error:
-            tables[frame] = Table(stamps_ns, np.full((count, 7), np.nan), np.full(count, np.nan))
-            reasons[frame] = why_unconnected(heard, target, frame, error)
-            continue
-        if not tables[frame].valid.any():
-            reasons[frame] = why_unanswered(buffer, target, frame, stamps_ns)
-    return tables, reasons
-
-
 def look_up_table(
-    buffer: BufferCore,
-    target: str,
-    source: str,
-    times_ns: ArrayLike,
-    max_gap: float | None = None,
-    *,
-    corrected: str | None = None,
-) -> Table:
+    heard: BagContents, target: str, frames: Sequence[str], times_ns: ArrayLike, max_gap: float | None = None
+) -> tuple[Table, dict[str, str]]:
     """
-    Look up the table of ``source`` in ``target`` at N times; see :func:`look_up`.
+    Look up F frames in ``target`` at N times; see :func:`look_up`.
 
     :param max_gap: there is no answer between samples that are further apart, in seconds. None: there is.
-    :param corrected: the frame that a trajectory corrects: its samples are keyframes, and the time between
-        them is not a gap in what was measured. None: there is no such frame.
-    :raises TransformException: the frames are unknown or not connected.
+    :return: the table; and, by the names of the frames that have no answer at any time, why.
     """
     stamps_ns = np.asarray(times_ns, np.int64)
+    poses = np.full((len(stamps_ns), len(frames), 7), np.nan)
+    gaps = np.full(poses.shape[:2], np.nan)
+    reasons: dict[str, str] = {}
+    for i, frame in enumerate(frames):
+        try:
+            poses[:, i], gaps[:, i] = _look_up_frame(heard, target, frame, stamps_ns, max_gap)
+        except TransformException as error:
+            reasons[frame] = why_unconnected(heard, target, frame, error)
+            continue
+        if np.isnan(gaps[:, i]).all():
+            reasons[frame] = why_unanswered(
+                heard.buffer, target, frame, stamps_ns, max_gap, corrected=heard.corrected
+            )
+    return Table(stamps_ns, poses, gaps), reasons
+
+
+def _look_up_frame(
+    heard: BagContents, target: str, source: str, stamps_ns: NDArray[np.int64], max_gap: float | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Look up one frame: its poses and gaps, shapes (N, 7) and (N,).
+
+    :raises TransformException: the frames are unknown or not connected.
+    """
+    buffer, corrected = heard.buffer, heard.corrected
     between = buffer.path(target, source)
     poses = look_up(buffer, target, source, stamps_ns, None if corrected else max_gap)
     gaps = np.where(np.isnan(poses[:, 0]), np.nan, 0.0)
+    # The samples of a corrected frame are keyframes: the time between them is no gap in what was measured.
     moving = [name for name in moving_on(buffer.frames(), between) if name != corrected]
     histories = buffer.histories() if moving else {}
     for name in moving:
@@ -104,7 +104,7 @@ def look_up_table(
     if corrected and max_gap is not None:
         is_wide = gaps > max_gap
         poses[is_wide] = gaps[is_wide] = np.nan
-    return Table(stamps_ns, poses, gaps)
+    return poses, gaps
 
 
 def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -227,7 +227,7 @@ def unset_among(times_ns: NDArray[np.int64]) -> str:
     return f"the stamp is not set in {counted(count, 'message')}{of}" if count else ""
 
 
-# Write tables.
+# Write tables: as text, those of one frame.
 
 
 def as_csv(table: Table) -> bytes:
@@ -253,21 +253,32 @@ def as_tum(table: Table) -> bytes:
     return "".join(rows).encode()
 
 
-def as_parquet(table: Table, file: str) -> bytes:
+def as_parquet(
+    table: Table | Dataset,
+    files: Sequence[str],
+    episodes: NDArray[np.int64],
+    more: Mapping[str, Any] = {},
+    prefixes: Sequence[str] = ("",),
+) -> bytes:
     """
-    Write Parquet, with the columns ``file``, ``stamp_ns``, ``x`` to ``qw``, ``valid`` and ``gap``.
+    Write Parquet, with the columns ``file``, those of ``more``, ``stamp_ns``, and, for each frame, ``x`` to
+    ``qw``, ``valid`` and ``gap``.
 
-    :param file: the recording's name, the same in each row.
+    :param files: the names of the recordings.
+    :param episodes: the number of its recording for each row.
+    :param prefixes: of the columns of each frame.
     :raises ModuleNotFoundError: pyarrow is not installed.
     """
     require("pyarrow", "fleet")
     import pyarrow
     from pyarrow import parquet
 
-    name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(table))
-    columns: dict[str, Any] = {"file": name, STAMP_NS: table.stamps_ns}
-    columns |= zip(POSE, table.poses.T.copy(), strict=True)
-    columns |= {VALID: table.valid, GAP: table.gaps}
+    names = pyarrow.array([*map(printable, files)], pyarrow.string())
+    file_of_row = pyarrow.DictionaryArray.from_arrays(episodes, names)
+    columns = {"file": file_of_row, **more, STAMP_NS: table.stamps_ns}
+    for i, prefix in enumerate(prefixes):
+        columns |= {f"{prefix}{name}": table.poses[:, i, j].copy() for j, name in enumerate(POSE)}
+        columns |= {f"{prefix}{VALID}": table.valid[:, i].copy(), f"{prefix}{GAP}": table.gaps[:, i].copy()}
     written = BytesIO()
     parquet.write_table(pyarrow.table(columns), written)
     return written.getvalue()
@@ -283,6 +294,6 @@ def _rows(table: Table) -> Iterator[tuple[int, list[str], bool, float]]:
     # In pieces, because as Python objects, millions of rows take several times the memory of their text.
     for begin in range(0, len(table), PIECE):
         piece = slice(begin, begin + PIECE)
-        poses = ([*map(repr, pose)] for pose in table.poses[piece].tolist())
-        others = (one[piece].tolist() for one in (table.valid, table.gaps))
+        poses = ([*map(repr, pose)] for pose in table.poses[piece, 0].tolist())
+        others = (one[piece, 0].tolist() for one in (table.valid, table.gaps))
         yield from zip(table.stamps_ns[piece].tolist(), poses, *others, strict=True)

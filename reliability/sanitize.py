@@ -51,6 +51,7 @@ ros/test_buffer ros/test_buffer_client ros/test_buffer_server ros/test_executor_
 ros/test_message_filter ros/test_rclpy_inside ros/test_records
 ros/test_receiving_without_executor ros/test_reception_in_texts
 ros/test_readers_beside_writers ros/test_transform_listener ros/test_futures
+ros/test_listeners_end_in_any_order
 ros/test_waits_random
 """.split()
 # These first: whoever breaks the engine learns it within minutes.

@@ -8,8 +8,7 @@ import sys
 import threading
 
 import pytest
-from excused_faults import tried
-from interposed_libraries import output_with_library, with_library
+from interposed_libraries import output_with_library
 from paths import PROGRAMS
 from processes import run
 from public_names import NAMES
@@ -28,8 +27,6 @@ pytestmark = pytest.mark.usefixtures("inserter")
 
 S = 10**9
 LATEST = Time()
-# Of lark, which rclpy imports with its first node.
-IGNORED = "ignore:module 'sre_:DeprecationWarning"
 by_the_inbox = pytest.mark.parametrize("inserter", ["inbox"])
 OF_ITS_OWN = re.compile("__|_tf2_|_[A-Z]")  # names that a program would not use
 # The methods of tf2's BufferCore, which is written in C.
@@ -374,20 +371,6 @@ class TestEnd:
             "late_signals", tmp_path, "interrupted", inserter, program="exits_while_active"
         )
         assert printed == "at the end\nafter the end\n"
-
-    @by_the_inbox
-    @pytest.mark.timeout(600)  # may be repeated; each end has a limit of its own
-    @pytest.mark.parametrize("how", ["spun", "not spun"])
-    def test_any_order_hundreds_of_times(self, flood, tmp_path, how):
-        flood(200, 5)
-        environment = with_library("stack_at_alarm", tmp_path)
-        options = ("-W", "error", "-W", IGNORED)
-        program = (sys.executable, *options, PROGRAMS / "ends_listeners_in_any_order.py", how)
-        done = tried(lambda: run(*program, env=environment))
-        # Zenoh reports each message that arrives just after the end of its subscription.
-        lines = done.stderr.splitlines()
-        assert [line for line in lines if "[rmw_zenoh_cpp]: SubscriberCallback triggered" not in line] == []
-        assert (done.returncode, done.stdout) == (0, "nothing is left\n")
 
     @by_the_inbox
     def test_an_executor_that_has_just_met_an_event_handler_does_not_wait_for_it(self, listener, node):

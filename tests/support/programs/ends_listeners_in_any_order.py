@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """
-Ends a listener, its node and its context in every order, hundreds of times: nothing is left of them.
+Ends a listener, its node and its context in every order, many times: nothing is left of them.
 
-Arguments: "spun": a thread of the listener spins the node; or "not spun".
-An end that hangs raises SIGALRM after END_S.
+Arguments: "spun": a thread of the listener spins the node; or "not spun". How often they end, after once in
+every order. An end that hangs raises SIGALRM after END_S.
 """
 
 import gc
@@ -72,7 +72,7 @@ def are_gone(references):
     return not any(reference() for reference in references)
 
 
-def main(is_spun):
+def main(is_spun, ends):
     orders = list(itertools.permutations(["unregister", "node", "context", "drop"]))
     kinds = itertools.cycle([tf2_ros.TransformListener, tf2_ros.TransformListener, Silent])
     if is_spun:
@@ -91,11 +91,11 @@ def main(is_spun):
 
     all_orders()
     before = threads(), files()
-    for _ in range(200 // len(orders)):
+    for _ in range(ends // len(orders)):
         all_orders()
     signal.alarm(0)
     until(lambda: threads() <= before[0] and files() <= before[1])
     print("nothing is left")
 
 
-main(sys.argv[1] == "spun")
+main(sys.argv[1] == "spun", int(sys.argv[2]))

@@ -4,12 +4,14 @@
 
 import json
 
+import pytest
 from interposed_libraries import output_with_library
-from random_runs import first_seed
+from random_runs import first_seed, times
 
-STEPS = 2000
+STEPS = times(500, 2000)
 
 
+@pytest.mark.repeated
 def test_a_failure_raises_and_changes_nothing(tmp_path):
     failures = json.loads(output_with_library("failing_allocations", tmp_path, first_seed(), STEPS))
     assert all(failures[step] for step in ("insert", "insert_many", "replace", "restore"))

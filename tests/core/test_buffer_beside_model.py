@@ -175,7 +175,7 @@ class Machine(RuleBasedStateMachine):
 
 TestBufferAndModel = pytest.mark.repeated(Machine.TestCase)
 TestBufferAndModel.settings = settings(
-    max_examples=random_runs.times(20, 60),
+    max_examples=random_runs.times(8, 60),
     stateful_step_count=25,
     phases=[Phase.generate, Phase.shrink],
     suppress_health_check=list(HealthCheck),
@@ -195,7 +195,7 @@ small_links = st.tuples(pairs_of_frames, small_stamps, st.sampled_from([False, F
 @example([("ba", 5, False), ("ab", 2, False), ("be", 8, False), ("eb", 7, False), ("be", 2, False)])
 @example([("ea", 0, True), ("ad", 1, False), ("de", 1, False)])
 @example([("ab", 3, False), ("ac", 0, False), ("db", 5, False), ("ba", 0, True), ("be", 0, True)])
-@settings(max_examples=random_runs.times(150, 3000), deadline=None)
+@settings(max_examples=random_runs.times(50, 3000), deadline=None)
 def test_ranges_and_ages_of_small_trees(transforms):
     pair = Pair()
     pair.init(2**62)

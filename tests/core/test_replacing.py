@@ -108,7 +108,7 @@ def test_a_limit_of_frames_refuses_it():
 
 @pytest.mark.repeated
 def test_who_reads_beside_it_sees_all_of_a_call_or_nothing():
-    rounds, stamps = random_runs.times(1500, 10_000), [S + i * 10**7 for i in range(40)]
+    rounds, stamps = random_runs.times(500, 10_000), [S + i * 10**7 for i in range(40)]
     buffer, ended = BufferCore(), threading.Event()
 
     def both(x):

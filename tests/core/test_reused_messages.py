@@ -13,13 +13,14 @@ from leaks import assert_nothing_is_left
 from messages_with_or_without_ros import TransformStamped
 from paths import PROGRAMS
 from processes import output_of
+from random_runs import times
 from times_and_transforms import at, rotation, stamp_ns, transform, translation
 
 KEPT = 8
 with_gil = pytest.mark.skipif(
     bool(sysconfig.get_config_var("Py_GIL_DISABLED")), reason="without the GIL, every message is a new one"
 )
-LOOKUPS = 100_000
+LOOKUPS = times(20_000, 100_000)
 PARTS = ["header", "header.stamp", "transform", "transform.translation", "transform.rotation"]
 
 
@@ -222,6 +223,7 @@ def test_dropping_and_holding_leave_nothing_behind(look_up):
     assert_nothing_is_left(some, None, "map", "robot", 0.5, times=500)
 
 
+@pytest.mark.repeated
 def test_whatever_is_kept_while_threads_signals_and_finalizers_look_up_stays_as_it_is():
     """By hand for minutes: ``cd tests/support; PYTHONPATH=. python programs/keeps_answers.py 10000000``."""
     found = json.loads(output_of(PROGRAMS / "keeps_answers.py", LOOKUPS))

@@ -125,7 +125,7 @@ CHANGES = {
 @pytest.mark.repeated
 def test_other_threads_do_not_remove_what_an_insert_has_answered(tf2_py, what):
     # More waits than one slice tries, so the lock is released between two of them.
-    for _ in range(times(20, 100)):
+    for _ in range(times(8, 100)):
         buffer, told, count = tf2_py.BufferCore(Duration(seconds=10)), [], 500
         insert(buffer, 1)
         waits = [buffer._wait("a", "b", at(11), notify=told.append) for _ in range(count)]

@@ -23,7 +23,7 @@ from tf2_py._internal import policy_of
 
 pytestmark = pytest.mark.usefixtures("no_refusals_logged")
 
-RUNS = random_runs.times(150, 300)
+RUNS = random_runs.times(50, 300)
 FRAMES = ("a", "b", "c", "d", "e")
 MOST_PENDING = 8
 

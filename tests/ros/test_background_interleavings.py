@@ -15,10 +15,13 @@ import sys
 import threading
 from types import SimpleNamespace
 
+import pytest
+from random_runs import times
+
 from tf2_ros._process import background as module
 
 FILE = module.__file__
-RANDOM_ORDERS = 100
+RANDOM_ORDERS = times(30, 100)
 UNIT_NS = 100_000_000
 END_OF_CHECKS_NS = 5 * 10**9
 
@@ -186,6 +189,7 @@ def each_random_order(source):
         yield Order(source, give).play(chance.choice)
 
 
+@pytest.mark.repeated
 def test_nothing_that_is_due_is_left_in_any_order():
     source = compiled_classes()
     assert not any(each_way_to_add_one(source))

@@ -31,8 +31,8 @@ fast_dds_only = pytest.mark.skipif(
 @pytest.mark.parametrize(
     ("what", "count"),
     [
-        ("use", 20),
-        pytest.param("drop", times(20, 40), marks=pytest.mark.repeated),
+        pytest.param("use", times(8, 20), marks=pytest.mark.repeated),
+        pytest.param("drop", times(8, 40), marks=pytest.mark.repeated),
         pytest.param("have_a_node", 1, marks=fast_dds_only),
     ],
 )

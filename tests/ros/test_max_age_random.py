@@ -18,7 +18,7 @@ from times_and_transforms import S, transform
 from tf2_py import BufferCore
 from tf2_ros import MessageFilter
 
-RUNS = random_runs.times(400, 10_000)
+RUNS = random_runs.times(120, 10_000)
 STEPS = 40
 CACHE_NS = 30
 FRAMES = ("map", "odom", "base", "arm", "lidar", "hand")  # each is below one that comes before it

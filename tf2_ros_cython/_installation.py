@@ -52,7 +52,8 @@ def refused_rclpy(environ: "Mapping[str, str]" = os.environ) -> str | None:
         return None
     for prefix in filter(None, (*environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix)):
         try:
-            with open(os.path.join(prefix, "share", "rclpy", "package.xml"), encoding="utf-8") as file:
+            # Of any encoding: the version is ASCII.
+            with open(os.path.join(prefix, "share", "rclpy", "package.xml"), encoding="latin-1") as file:
                 version = file.read().partition("<version>")[2].partition("<")[0].strip()
         except OSError:
             continue
@@ -94,7 +95,7 @@ def distribution_prefix(environ: "Mapping[str, str]" = os.environ) -> str | None
 
 def _is_isolated(folder: str) -> bool:
     try:
-        with open(os.path.join(folder, ".colcon_install_layout"), encoding="utf-8") as file:
+        with open(os.path.join(folder, ".colcon_install_layout"), encoding="latin-1") as file:
             return file.read().strip() == "isolated"
     except OSError:
         return False

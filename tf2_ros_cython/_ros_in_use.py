@@ -125,7 +125,8 @@ def rclpy_version(prefix: Path) -> str | None:
 
 def _manifest_version(prefix: Path, package: str) -> str | None:
     try:
-        manifest = (prefix / "share" / package / "package.xml").read_text(encoding="utf-8")
+        # Of any encoding: the version is ASCII.
+        manifest = (prefix / "share" / package / "package.xml").read_text(encoding="latin-1")
     except OSError:
         return None
     found = re.search(r"<version>\s*([\d.]+)", manifest)

@@ -67,7 +67,8 @@ def _version(prefix, package):
     manifest = prefix / "share" / package / "package.xml"
     if not manifest.is_file():
         return None
-    found = re.search(r"<version>\s*([\d.]+)", manifest.read_text(encoding="utf-8"))
+    # Of any encoding: the version is ASCII.
+    found = re.search(r"<version>\s*([\d.]+)", manifest.read_text(encoding="latin-1"))
     return found.group(1) if found else None
 
 

@@ -352,6 +352,17 @@ class TestUnknownRclpy:
         assert "this ROS 2 has rclpy 1.0.6; " in told.stdout and "Install a newer" not in told.stdout
 
 
+def test_files_of_ros_may_have_any_encoding(in_venv, ros, tmp_path):
+    overlay = rclpy_of(tmp_path / "overlay", "7.1.6")
+    for file in ("share/rclpy/package.xml", "../.colcon_install_layout"):
+        with open(overlay.path / file, "ab") as written:
+            written.write("<maintainer>José</maintainer>".encode("latin-1"))
+    environment = sourced(overlay, ros)
+    started = in_venv.run(environment, "-c", "")
+    assert (started.returncode, started.stderr) == (0, "")
+    assert in_venv.owners(environment) == all_of("ours", tf2_msgs=messages_of(ros))
+
+
 def rclpy_of(path, version):
     """An overlay whose rclpy has a version, and no modules."""
     prefix = Prefix(path).mark("rclpy")

@@ -20,7 +20,7 @@ import rclpy
 import rclpy.node
 import rclpy.subscription
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
@@ -113,23 +113,33 @@ def loop_of(node: Any) -> "asyncio.AbstractEventLoop":
     return loop
 
 
-def is_simulated(clock: Any) -> bool:
-    """
-    Whether a clock follows /clock.
+# Clocks.
 
-    Clocks of other types lack the attribute, or raise (since rclpy 10).
-    """
-    return is_ros_clock(clock) and bool(clock.ros_time_is_active)
-
-
-def is_steady(clock: Any) -> bool:
-    """Whether a clock shows steady time."""
-    return bool(clock.clock_type == ClockType.STEADY_TIME)
+_NOW = Clock.now  # not one that a program has replaced it by
 
 
 def is_ros_clock(clock: Any) -> bool:
     """Whether a clock may follow /clock."""
     return bool(getattr(clock, "clock_type", None) == ClockType.ROS_TIME)
+
+
+def clock_in_c(clock: Any) -> tuple[bool, bool, Any] | None:
+    """
+    How to read one of rclpy's clocks without code in Python: whether it may follow /clock, whether it shows
+    steady time, and its handle, None if it is that of the system. None: another class decides what it shows.
+
+    Assumes that the clock's ``now`` and ``ros_time_is_active`` call these methods of its handle while they
+    have entered it. A clock whose handle lacks one of them is read by its ``now()``, as a program's own.
+    """
+    if getattr(type(clock), "now", None) is not _NOW:
+        return None
+    if clock.clock_type == ClockType.SYSTEM_TIME:
+        return False, False, None
+    handle = getattr(clock, "handle", None)
+    needed = ("__enter__", "__exit__", "get_now", "get_ros_time_override_is_enabled")
+    if not all(hasattr(handle, name) for name in needed):
+        return None
+    return is_ros_clock(clock), clock.clock_type == ClockType.STEADY_TIME, handle
 
 
 # Executors.

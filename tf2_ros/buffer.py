@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import tf2_py as tf2
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import duration_ns, log, policy_of, shortcut, time_ns
+from tf2_py._internal import duration_ns, log, policy_of, shortcut
 from tf2_py.typing import DurationLike, DurationsLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
-from tf2_ros._buffer_fillers import BufferSource, add_source, begin_fillers, has_filler, note_filler
+from tf2_ros._buffer_clock import BufferClock
+from tf2_ros._buffer_fillers import BufferSource, add_source, begin_fillers, note_filler
 from tf2_ros._messages import TransformStamped
 from tf2_ros._process.background import check_regularly
 from tf2_ros._wait.changes_iterator import Changes
@@ -41,9 +42,8 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._nodes.ended_nodes import require_node
     from tf2_ros._nodes.topic_publishers import clock_publishers
-    from tf2_ros._rclpy import is_simulated, is_steady
 else:
-    from tf2_ros._without_ros import Clock, InvalidHandle, is_simulated, is_steady, names_that_need_ros
+    from tf2_ros._without_ros import Clock, InvalidHandle, names_that_need_ros
 
     __getattr__ = names_that_need_ros(__name__)
 
@@ -64,16 +64,12 @@ FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 _Opened = TypeVar("_Opened", bound="Buffer")
 
 JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
-# A step of the system's clock may look shorter by the time between the readings of two clocks.
-SYSTEM_JUMP_NS = 900_000_000
 
 # The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 # What belongs to one buffer; a copy has its own.
-_OF_INIT = frozenset(
-    "registration _tf2_kept _tf2_fillers srv clock jump_handle _tf2_node _tf2_shown _tf2_followed".split()
-)
+_OF_INIT = frozenset("registration _tf2_kept _tf2_fillers srv jump_handle _tf2_node _tf2_clock".split())
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -117,8 +113,7 @@ class Buffer(BufferCore, BufferInterface):
     """
 
     _tf2_node: "weakref.ref[Node] | None" = None  # whose clock it follows
-    # A clock that reports no jumps, what it showed last, and the steady time after that, in nanoseconds.
-    _tf2_shown: tuple[object, int, int] = None, 0, 0
+    _tf2_clock: BufferClock | None = None
 
     def __init__(
         self,
@@ -154,11 +149,8 @@ class Buffer(BufferCore, BufferInterface):
 
     def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)
-        self._tf2_follow_clock(Buffer.__show_time)
         self._tf2_fillers = begin_fillers(self)
-        self.clock: Clock = Clock() if node is None else node.get_clock()
-        self._tf2_followed = self.clock  # reports its jumps
-        self._tf2_shown = self.clock, time.time_ns(), time.monotonic_ns()
+        self.__follow(Clock() if node is None else node.get_clock(), reports_jumps=True)
         if not HAS_ROS:
             return
         note_filler(node, self)
@@ -168,6 +160,23 @@ class Buffer(BufferCore, BufferInterface):
             self.srv = node.create_service(FrameGraph, "tf2_frames", self.__get_frames)
         self.jump_handle: JumpHandle = _clear_at_jumps(self)
 
+    @property
+    def clock(self) -> "Clock":
+        """
+        The clock by which ages are counted; None: ages are not known.
+
+        Another object may be assigned whose ``now()`` returns a time.
+        """
+        return None if self._tf2_clock is None else self._tf2_clock.clock
+
+    @clock.setter
+    def clock(self, clock: Any) -> None:
+        self.__follow(clock, reports_jumps=False)
+
+    def __follow(self, clock: Any, *, reports_jumps: bool) -> None:
+        self._tf2_clock = None if clock is None else BufferClock(clock, reports_jumps)
+        self._tf2_follow_clock(self._tf2_clock)
+
     def __getstate__(self) -> dict[str, Any]:
         """
         Return what a pickle or copy is made of: see ``BufferCore``, but without what belongs to a node. The
@@ -176,18 +185,18 @@ class Buffer(BufferCore, BufferInterface):
         state = super().__getstate__()
         attributes = state["attributes"]
         state["attributes"] = {name: value for name, value in attributes.items() if name not in _OF_INIT}
-        if attributes.get("clock", self) is None:
-            state["attributes"]["clock"] = None
+        if "_tf2_clock" in attributes and self.clock is None:
+            state["attributes"]["_tf2_clock"] = None
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Replace the contents by a state, see ``BufferCore``; this buffer keeps its node."""
         super().__setstate__(state)
         if "registration" not in self.__dict__:
-            has_clock = self.__dict__.get("clock", self) is not None
+            has_clock = "_tf2_clock" not in self.__dict__
             self.__connect(None)
             if not has_clock:
-                self.clock = None  # pyright: ignore[reportAttributeAccessIssue]
+                self.clock = None
 
     def __del__(self) -> None:
         """Do nothing: what follows the clock ends by itself. Subclasses call this, as in tf2."""
@@ -472,39 +481,10 @@ class Buffer(BufferCore, BufferInterface):
                     return answer  # the buffer has lost it meanwhile
                 # It has become too old before this ran.
 
-    def __show_time(self) -> tuple[int, bool, bool] | None:
-        clock: Any = self.clock  # a program may have set another one
-        if clock is None:
-            return None
-        shown, before_ns = self._tf2_shown, time.monotonic_ns()
-        try:
-            now_ns = time_ns(clock.now(), "the time of the buffer's clock")
-            simulated = is_simulated(clock)
-        except InvalidHandle:  # an AsyncNode has ended, and its clock with it
-            return time.time_ns(), True, False
-        is_rclpys = getattr(type(clock), "now", None) is Clock.now and not simulated
-        if (simulated and clock is self._tf2_followed) or (is_rclpys and is_steady(clock)):
-            return now_ns, False, False
-        # If another thread has read the clock meanwhile, its reading may be the later one.
-        if self._tf2_shown is shown:
-            self._tf2_shown = clock, now_ns, time.monotonic_ns()
-            if shown[0] is clock:
-                passed_ns = before_ns - shown[2] if is_rclpys else 0
-                limit_ns = SYSTEM_JUMP_NS if is_rclpys else JUMP_BACK_S * 10**9
-                if shown[1] + passed_ns - now_ns >= limit_ns and has_filler(self):
-                    self.time_jump_callback(None)
-        return now_ns, is_rclpys, True
-
     def _tf2_check(self) -> None:
         """Judge the ages of waits by what the clock shows now, because not every clock reports jumps."""
-        if self.clock is not None:
+        if self._tf2_clock is not None:
             BufferCore._tf2_clock_jumped(self, partial(end_for, self))
-
-    def _tf2_now_ns(self) -> int:
-        with suppress(Exception):  # an error must not be replaced by one of the program's own clock
-            clock: Any = self.clock
-            return 0 if clock is None else time_ns(clock.now(), "the time of the buffer's clock")
-        return 0
 
     def __get_frames(self, req: Any, res: Any) -> Any:
         res.frame_yaml = self.all_frames_as_yaml()

@@ -406,14 +406,13 @@ class MessageFilter(Generic[_Message]):
         :param otherwise: the reason to drop it if it lacks a transform.
         """
         lack = ""
-        try:
-            outcome: _Outcome | None = queued.take()
-            if outcome is None and otherwise is not None:
-                # An insert that is under way may not have tried it yet; `lack` finishes that.
-                lack = queued.lack()
-                outcome = (None if lack else queued.take()) or otherwise
-        except Exception as error:
-            refused: tuple[_Outcome, str] = self._calls.refused(error)
+        outcome: Any = queued.outcome()
+        if outcome is None and otherwise is not None:
+            # An insert that is under way may not have tried it yet; `lack` finishes that.
+            lack = queued.lack()
+            outcome = (None if lack else queued.outcome()) or otherwise
+        if isinstance(outcome, BaseException):
+            refused: tuple[_Outcome, str] = self._calls.refused(outcome)
             return refused
         return outcome, self._text(outcome, lack)
 

@@ -7,7 +7,6 @@ import copy
 import threading
 import time
 import types
-from contextlib import suppress
 from unittest import mock
 
 import pytest
@@ -163,26 +162,27 @@ class TestClocks:
         assert 0 <= buffer.ages("map", "base")["base"] < DEADLINE_S
         assert buffer.clock.now() is not None
 
-    @pytest.mark.parametrize(
-        ("back_s", "has_source", "policy", "samples"),
-        [
-            (3600, True, {"max_age": 5.0}, 0),
-            (1, True, {"max_age": 5.0}, 0),
-            (0.5, True, {"max_age": 5.0}, 1),
-            (3600, False, {"max_age": 5.0}, 1),
-            (3600, True, {}, 1),
-        ],
-    )
-    def test_system_time_that_is_set_back_clears_what_a_source_fills(
-        self, back_s, has_source, policy, samples
-    ):
-        buffer, back_ns = tf2_ros.Buffer(), 0
-        if has_source:
-            buffer.add_source("this test")
-        with mock.patch.object(type(buffer.clock), "now", lambda _: time.time_ns() - back_ns):
-            buffer.set_transform(transform("map", "base", ns=time.time_ns()), "x")
-            buffer.ages("map", "base")
-            back_ns = int(back_s * S)
-            with suppress(tf2_ros.TransformException):
-                buffer.lookup_transform("map", "base", 0, **policy)
-            assert buffer.statistics()["samples"] == samples
+    def test_one_that_raises_replaces_the_error_of_a_lookup(self, buffer):
+        insert(buffer, "map", "base", 99)
+        buffer.clock.now = lambda: 1 // 0
+        with pytest.raises(ZeroDivisionError):
+            buffer.lookup_transform("map", "base", 200 * S)
+
+    def test_one_that_is_a_mock_does_without_a_sentence(self, buffer):
+        buffer.clock = mock.MagicMock()
+        insert(buffer, "map", "base", 99)
+        with pytest.raises(tf2_ros.ExtrapolationException):
+            buffer.lookup_transform("map", "base", 200 * S)
+
+    def test_one_that_exits_in_another_thread_ends_the_wait(self, buffer):
+        in_main_thread = threading.current_thread()
+
+        def now():
+            if threading.current_thread() is not in_main_thread:
+                raise SystemExit
+            return 100 * S
+
+        buffer.clock.now = now
+        future = buffer.wait_for_transform_async("map", "base", 0, timeout=0.3, max_age=1.0)
+        until(future.done)
+        assert isinstance(future.exception(), SystemExit)

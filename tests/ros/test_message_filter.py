@@ -726,7 +726,7 @@ class TestEnd:
 
             answer = None
 
-            def take(self):
+            def outcome(self):
                 return self.answer
 
             def lack(self):

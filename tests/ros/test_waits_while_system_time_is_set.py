@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The time of day is set while something waits: timeouts count steady time, and nothing hangs or spins."""
+"""The time of day is set: timeouts count steady time, nothing hangs or spins, a step back clears a buffer."""
 
 import json
 
@@ -38,3 +38,12 @@ def test_the_time_of_day_is_set_during_waits(tmp_path, seconds):
     assert found["receives 1"]["outcome"] and found["receives 2"]["outcome"]
     assert found["spin_once"]["outcome"] == "TimeoutException"
     assert TIMEOUT_S <= found["spin_once"]["s"] < PROMPT_S
+
+
+@pytest.mark.parametrize(
+    ("back_s", "has_source", "max_age", "samples"),
+    [(3600, 1, 5, 0), (1, 1, 5, 0), (0.5, 1, 5, 1), (3600, 0, 5, 1), (3600, 1, 0, 1)],
+)
+def test_a_step_back_clears_what_a_source_fills(tmp_path, back_s, has_source, max_age, samples):
+    how = tmp_path, back_s, has_source, max_age
+    assert int(output_with_library("time_of_day", *how, program="sets_system_time_back")) == samples

@@ -478,11 +478,11 @@ cdef class Engine:
         return 0
 
     cdef bint has_read_clock(self, Query* query, ClockReading* reading) except -1:
-        shown = None if self._show_time is None else self._show_time(self)
-        if shown is None:
+        cdef ClockHook clock = self._followed_clock
+        if clock is None:
             return False
-        reading.now_ns, reading.is_system, is_silent = shown
-        self._must_look = is_silent or reading.now_ns <= NOT_BEGUN_NS   # nothing reports that it begins
+        # Nothing reports that a clock begins, either.
+        self._must_look = clock.read(self, reading) or reading.now_ns <= NOT_BEGUN_NS
         query.policy.clock = reading
         lock_acquire(&self._lock)
         self._clock = reading[0]
@@ -492,19 +492,15 @@ cdef class Engine:
         self._reads_clock = True
         return True
 
-    def _tf2_now_ns(self):
-        """The time of the buffer's clock, for errors; 0: it has none, or simulated time has not begun."""
-        return 0
+    cdef bint is_of_clock(self, error) except -1:
+        # Signal handlers run in the main thread, so that even a SystemExit in another one is the clock's.
+        cdef ClockHook clock = self._followed_clock
+        return clock is not None and clock.runs_code and (
+            isinstance(error, Exception) or get_ident() != main_thread().ident)
 
-    def _tf2_follow_clock(self, show_time):
-        """
-        Count ages by this clock.
-
-        :param show_time: called with this buffer when ages are judged. Returns the time in nanoseconds,
-            whether it is the system's time, and whether nothing reports that it is set back; or None: there
-            is no clock. It must not refer to the buffer.
-        """
-        self._show_time = show_time
+    def _tf2_follow_clock(self, ClockHook clock):
+        """Count ages by this clock from now on. None: there is no clock."""
+        self._followed_clock = clock
 
     def _tf2_clock_jumped(self, hand_over=None):
         """
@@ -654,7 +650,8 @@ cdef class Engine:
         elif status.code == STATUS_BAD_LIMIT and status.child != NO_FRAME:
             parent, instead = self._limits_instead(query, status)
         self._begin_advice()
-        return query_error(query, status, child, parent, instead, limiting, call, self._advice, self)
+        return query_error(query, status, child, parent, instead, limiting, call, self._advice, self,
+                           self._followed_clock)
 
     cdef int _begin_advice(self) except -1:
         cdef size_t count

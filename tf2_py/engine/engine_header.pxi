@@ -29,7 +29,7 @@ cdef class Engine:
     cdef ClockReading _clock
     cdef bint _reads_clock              # it was read once
     cdef bint _must_look                # nothing reports that it is set back or begins
-    cdef object _show_time              # reads the clock that was given, see _tf2_follow_clock; None: none
+    cdef ClockHook _followed_clock      # by which ages are counted; None: there is none
 
     # The inboxes that fill this engine. A read first inserts what has arrived.
     cdef int add_inbox(self, ReadHook inbox) except -1
@@ -100,6 +100,9 @@ cdef class Engine:
     # ValueError if there is none; `has_read_clock` returns whether there is one.
     cdef int read_clock(self, Query* query, ClockReading* reading) except -1
     cdef bint has_read_clock(self, Query* query, ClockReading* reading) except -1
+    # Whether an exception may come from the code of a program's clock; otherwise, what no lookup raises comes
+    # from a signal handler.
+    cdef bint is_of_clock(self, error) except -1
 
     # Waiting. The status is that of the first attempt.
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1

@@ -17,3 +17,13 @@ cdef class ReadHook:
 
     cdef void engine_ended(self) noexcept:
         pass
+
+
+cdef class ClockHook:
+    """Reads the clock by which an engine counts ages."""
+
+    cdef bint read(self, buffer, ClockReading* reading) except -1:
+        raise NotImplementedError
+
+    cdef int64_t now_ns(self) except? -1:
+        raise NotImplementedError

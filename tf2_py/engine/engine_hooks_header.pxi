@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What an engine calls: before it is read, and when a waiter has an answer."""
+"""What an engine calls: before it is read, when a waiter has an answer, and to read its clock."""
 
 cdef enum:
     RECENTLY = 2    # of ReadHook.read
@@ -25,3 +25,12 @@ cdef class WaiterOwner:
     # Called with the GIL and without the lock, when the waiter has an answer and has been removed.
     # Returns a callable that runs a user's code, to be called later, or None; the callable also returns one.
     cdef object deliver(self)
+
+
+cdef class ClockHook:
+    # The clock by which an engine counts ages. It does not refer to the buffer.
+    cdef bint runs_code     # reading it runs code of a program, so that an error may be the clock's own
+    # Returns whether nothing reports that it is set back. With the GIL.
+    cdef bint read(self, buffer, ClockReading* reading) except -1
+    # The time for the text of an error; 0: it is not known.
+    cdef int64_t now_ns(self) except? -1

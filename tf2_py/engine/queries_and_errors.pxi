@@ -197,7 +197,7 @@ cdef object _bad_limit(const Query* query, Status status, bint is_static, list i
 
 
 cdef object query_error(const Query* query, Status status, str child, str parent, list instead,
-                        str limiting, str call, Advice advice, object buffer):
+                        str limiting, str call, Advice advice, object buffer, ClockHook clock):
     cdef uint32_t index
     cdef bytes name
     target, source, fixed = query_names(query)
@@ -231,7 +231,7 @@ cdef object query_error(const Query* query, Status status, str child, str parent
         GAP_NAMES[status.gap], status.edge_ns, child, parent, limiting,
         limit_of_name(&query.policy.tolerance, name, len(name), &index) if query.policy.is_given else 0,
         # Reading a clock costs as much as the rest, and only a time after the data may be ahead of it.
-        buffer._tf2_now_ns() if status.edge_ns < status.requested_ns else 0,
+        clock.now_ns() if clock is not None and status.edge_ns < status.requested_ns else 0,
     )
     # Data that may still arrive does not help with the past.
     if status.gap == GAP_EMPTY or status.requested_ns > status.edge_ns:

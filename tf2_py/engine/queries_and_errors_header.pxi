@@ -42,6 +42,6 @@ cdef object name_error(str name, str argument, str call, Advice advice, object l
 # The only function that converts a status to an exception; the names are those of status.child and
 # status.parent; of STATUS_BAD_LIMIT, `parent` is that of a static frame. `instead`: of STATUS_BAD_LIMIT, what
 # may be limited instead; None: its frame is unknown.
-# `limiting`: as in errors.extrapolation. `advice` was begun with `buffer`.
+# `limiting`: as in errors.extrapolation. `advice` was begun with `buffer`. `clock`: the buffer's, or None.
 cdef object query_error(const Query* query, Status status, str child, str parent, list instead,
-                        str limiting, str call, Advice advice, object buffer)
+                        str limiting, str call, Advice advice, object buffer, ClockHook clock)

@@ -24,28 +24,35 @@ cdef class Wait(WaiterOwner):
             event_free(&self._woken)
 
     cdef object deliver(self):
-        try:
-            outcome = self._outcome()
-        except Exception as error:      # of a program's clock: whoever inserts has nothing to do with it
-            outcome = error
+        outcome = self._outcome()
         if outcome is None:
             return None
         if self._judges_age():
             self.cancel()   # since it was judged, another thread may have filed it again
         else:
             self._is_filed = False
-        return self._notify(None, outcome) if isinstance(outcome, Exception) else self._notify(outcome)
+        return self._notify(None, outcome) if isinstance(outcome, BaseException) else self._notify(outcome)
 
     cdef bint _judges_age(self) noexcept:
         return self._policy is not None and self._policy.policy.judges_age
 
     cdef object _outcome(self):
+        try:
+            return self._find_outcome()
+        except BaseException as error:
+            # Whoever inserts has nothing to do with what a program's clock raises.
+            if not self._engine.is_of_clock(error):
+                raise
+            return error
+
+    cdef object _find_outcome(self):
         cdef Query judged
         cdef ClockReading reading
         # What was answered at its creation, or handed over before, is not judged again.
         if self._is_filed and self._judges_age():
-            self._engine.read_clock(&judged, &reading)
-            # Reading the clock runs code in Python, during which this may have ended.
+            if not self._engine.has_read_clock(&judged, &reading):
+                return ValueError(NO_CLOCK)
+            # Reading the clock may run code in Python, during which this may have ended.
             if not self._is_filed or not self._engine.judge_waiter(&self._waiter, &reading):
                 return None
         elif not load_acquire(&self._waiter.answered):
@@ -94,20 +101,24 @@ cdef class Wait(WaiterOwner):
         self.cancel()
         raise engine.error(query, status)
 
-    def take(self, bint again=False):
+    def outcome(self, bint again=False):
         """
-        The answer as a new message; None: there is none, and the wait goes on.
+        The answer as a new message, or the exception that ends the wait; None: it goes on.
 
         A wait that judges ages is tried again by what the clock shows now: an outdated answer does not count,
-        and an answer that is found here is not delivered otherwise.
+        and an answer that is found here is not delivered otherwise. What ends a wait without an answer is a
+        ValueError, if a limit of the policy could never apply; an ExtrapolationException, if the buffer
+        refuses the missing data; or what a program's clock raises.
 
         :param again: also if the answer was delivered before.
-        :raises ValueError: a limit of the policy could never apply, which ends the wait.
-        :raises ExtrapolationException: the buffer refuses the missing data, which ends the wait.
         """
         self._is_filed = self._is_filed or (again and self._judges_age())
-        outcome = self._outcome()
-        if isinstance(outcome, Exception):
+        return self._outcome()
+
+    def take(self, bint again=False):
+        """The answer as a new message, or None; raises the exception that ends the wait, see `outcome`."""
+        outcome = self.outcome(again)
+        if isinstance(outcome, BaseException):
             raise outcome
         return outcome
 
@@ -130,7 +141,12 @@ cdef class Wait(WaiterOwner):
 
     def reason(self):
         """The exception that a lookup would raise now. None: there is an answer, which waits have, too."""
-        return self._engine.reason(&self._waiter.query)
+        try:
+            return self._engine.reason(&self._waiter.query)
+        except BaseException as error:
+            if not self._engine.is_of_clock(error):
+                raise
+            return error
 
     def wait_for(self, int64_t timeout_ns, is_in_vain):
         """

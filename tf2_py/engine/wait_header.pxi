@@ -29,3 +29,4 @@ cdef class Wait(WaiterOwner):
     cdef bint _judges_age(self) noexcept
     # The answer as a new message, the error that ends the wait, or None: it goes on.
     cdef object _outcome(self)
+    cdef object _find_outcome(self)

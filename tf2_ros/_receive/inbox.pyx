@@ -53,6 +53,7 @@ from tf2_ros.records cimport Recording, records_add, records_add_malformed
 
 import traceback
 import weakref
+from threading import get_ident, main_thread
 
 from tf2_py._internal import keep_for_ever, log
 from tf2_ros._live_objects import LiveObjects
@@ -663,7 +664,10 @@ cdef class Inbox(ReadHook):
             else:
                 engine.report(&received.batch, self._hand_over)
         except Exception:
-            # Usually for lack of memory; the next message may succeed.
+            # Usually for lack of memory; the next message may succeed. In the main thread, the exception may
+            # be that of a signal handler.
+            if get_ident() == main_thread().ident:
+                raise
             if engine._throttle.passes("receiver"):
                 log.receiving_failed(traceback.format_exc())
         return 0

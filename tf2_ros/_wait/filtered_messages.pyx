@@ -113,23 +113,26 @@ cdef class WaitsForAll:
         """Add one."""
         self._waits.append(wait)
 
-    def take(self):
+    def outcome(self):
         """
-        The first answer, if all are available. A wait keeps its answer, unless it has become too old
-        meanwhile. Raises as ``Wait.take``.
+        The first answer, if all are available; or the first exception that ends a wait. A wait keeps its
+        answer, unless it has become too old meanwhile.
         """
-        cdef list answers = [wait.take(again=True) for wait in self._waits]
-        is_complete = len(answers) == self._count and all([answer is not None for answer in answers])
-        return answers[0] if is_complete else None
+        cdef list outcomes = [wait.outcome(again=True) for wait in self._waits]
+        for one in outcomes:
+            if isinstance(one, BaseException):
+                return one
+        is_complete = len(outcomes) == self._count and all([one is not None for one in outcomes])
+        return outcomes[0] if is_complete else None
 
     def reason(self):
         """The exception of the first lookup without an answer, or None."""
         for wait in self._waits:
-            try:
-                if wait.take() is None:
-                    return wait.reason()
-            except Exception as ended:
-                return ended
+            outcome = wait.outcome()
+            if outcome is None:
+                return wait.reason()
+            if isinstance(outcome, BaseException):
+                return outcome
         return None
 
     def cancel(self):
@@ -193,13 +196,12 @@ cdef class FilteredMessage(Pending):
             answer, error = self._outcome(self, None)
         return None if answer is None else self.end_or_queue(answer, error)
 
-    def take(self):
+    def outcome(self):
         """
-        Its transform if all are available, also those whose answers are being delivered; or None.
-
-        :raises ExtrapolationException: the buffer refuses the missing data.
+        Its transform if all are available, also those whose answers are being delivered; the exception that
+        ends its wait; or None.
         """
-        return None if self.wait is None else self.wait.take()
+        return None if self.wait is None else self.wait.outcome()
 
     def lack(self):
         """Why it does not pass now, in the words of a lookup; "": it does, or does not wait."""
@@ -218,7 +220,7 @@ cdef class FilteredMessage(Pending):
             self._calls._ended[CLEARED] += 1
         elif isinstance(self._result, self._calls._reasons):
             self._calls._drop(self.message, self._result, self._error)
-            call_back(self._warn, (self, self._result, self._error))
+            self._warn(self, self._result, self._error)
         else:
             self._calls._pass_on(self.message, self._result)
         return 0

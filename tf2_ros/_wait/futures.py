@@ -176,12 +176,10 @@ class TransformFuture(WakingFuture[TransformStamped]):
         wait = self.wait
         if wait is None or self.over():
             return
-        answer = reason = error = None
-        try:
-            reason = wait.reason()  # first: what is inserted in between answers
-            answer = wait.take()
-        except Exception as raised:  # a limit for a frame that is not a child, or a program's clock raises
-            error = raised
+        reason = wait.reason()  # first: what is inserted in between answers
+        answer, error = wait.outcome(), None
+        if isinstance(answer, BaseException):  # a limit is of a frame that is not a child, or a clock raises
+            answer, error = None, answer
         if answer is None and error is None:
             now_ns, why = time.monotonic_ns(), self.__shutdown.why()
             if now_ns < self.__end_ns and not why:

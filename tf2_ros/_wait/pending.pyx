@@ -9,10 +9,12 @@ the collector, and so a finalizer or another thread, may run wherever a containe
 tuple or a bound method; not where one grows.
 """
 
+from tf2_py._internal cimport Engine
+
 import sys
 from functools import partial
 
-from tf2_py import BufferCore, TimeoutException
+from tf2_py import BufferCore, TimeoutException, TransformException
 from tf2_py._internal import log
 from tf2_ros_cython import _ros_presence
 
@@ -257,11 +259,11 @@ cdef class ChangeSubscription(Pending):
                 self._wait_for_next()
                 if self._state != CANCELLED:    # else the program has cancelled meanwhile
                     call_back(self._callback, (result,))
-        except Exception as error:
+        except BaseException as error:
+            if not self._ends_with(error):
+                self.cancel()   # nobody would make the next call
+                raise
             self._fail(error)
-        except BaseException:
-            self.cancel()   # nobody would make the next call
-            raise
         finally:
             self._is_running = False
         return self if self._is_due and self._state == QUEUED else None
@@ -271,6 +273,11 @@ cdef class ChangeSubscription(Pending):
         if number != self._number:
             return None
         return self.end_or_queue(answer) if error is None else self._fail(error)
+
+    cdef bint _ends_with(self, error) except -1:
+        # Otherwise a signal handler has raised it.
+        cdef Engine engine = self._buffer
+        return isinstance(error, (TransformException, ValueError)) or engine.is_of_clock(error)
 
     cdef object _fail(self, error):
         # A limit is of a frame that is not a child, or a program's clock raises.

@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: tf2-ros-cython contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a signal handler raises leaves the call that it interrupts, also while a buffer reads its clock."""
+
+import operator
+import signal
+import time
+from collections import deque
+
+import pytest
+from geometry_msgs.msg import PointStamped
+from simulated_clock import simulate
+from times_and_transforms import S, insert, transform
+
+SIGNALS = 200
+
+
+class Alarm(Exception):
+    """What the handler raises."""
+
+
+@pytest.fixture
+def alarms():
+    """A function that calls something until SIGNALS alarms were raised; returns how many left it."""
+    raised = []
+
+    def handle(*_):
+        raised.append(None)
+        raise Alarm
+
+    def let_out(call):
+        caught = 0
+        while len(raised) < SIGNALS:
+            before = len(raised)
+            try:
+                signal.setitimer(signal.ITIMER_REAL, 0.0005 + before % 7 * 1e-4)
+                while len(raised) == before:
+                    call()
+            except Alarm:
+                caught += 1
+        return caught
+
+    handler = signal.signal(signal.SIGALRM, handle)
+    yield let_out
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    signal.signal(signal.SIGALRM, handler)
+
+
+@pytest.fixture(params=["the system's", "a node's", "simulated"])
+def clocked(request, tf2_ros, node):
+    """A buffer with a clock of rclpy's, and its time in nanoseconds."""
+    if request.param == "the system's":
+        return tf2_ros.Buffer(), time.time_ns()
+    if request.param == "simulated":
+        simulate(node, seconds=100)
+    return tf2_ros.Buffer(node=node), node.get_clock().now().nanoseconds
+
+
+def test_out_of_a_lookup_that_fails(tf2_ros, clocked, alarms):
+    buffer, now_ns = clocked
+    buffer.set_transform(transform("map", "base", ns=now_ns), "x")
+
+    def fail():
+        try:
+            buffer.lookup_transform("map", "base", now_ns + 2000 * S)
+        except tf2_ros.TransformException as error:
+            assert "ahead of" in str(error)
+
+    assert alarms(fail) == SIGNALS
+
+
+def test_out_of_an_insert_that_ends_waits(tf2_ros, clocked, alarms):
+    buffer, now_ns = clocked
+    futures = deque()
+
+    def deliver():
+        futures.append(buffer.wait_for_transform_async("map", "base", 0, max_age=1000.0))
+        buffer.set_transform(transform("map", "base", ns=now_ns), "x")
+        buffer.clear()
+
+    assert alarms(deliver) == SIGNALS
+    assert {type(one.exception()) for one in futures if one.done()} == {type(None)}
+
+
+def test_out_of_a_filter(tf2_ros, clocked, node, alarms):
+    buffer, now_ns = clocked
+    insert(buffer, "map", "base", 1)
+    filter = tf2_ros.MessageFilter(None, buffer, "map", 5, node=node)
+    # In C, because what a handler raises in a callback is logged.
+    filter.registerFailureCallback(operator.is_)
+    point = PointStamped()
+    point.header.frame_id = "base"
+    point.header.stamp.sec = now_ns // S + 500
+    assert alarms(lambda: filter.add(point)) == SIGNALS
+    filter.close()
+
+
+def test_out_of_calls_with_changes(tf2_ros, clocked, alarms):
+    buffer, now_ns = clocked
+    changes = deque()
+    stamps = iter(range(now_ns, now_ns + 10**12, 10**6))
+    buffer.set_transform(transform("map", "base", ns=next(stamps)), "x")
+    subscription = []
+
+    def change():
+        if not subscription or subscription[0].state == "cancelled":
+            subscription[:] = [buffer.on_change("map", "base", changes.append, max_age=1000.0)]
+        buffer.set_transform(transform("map", "base", ns=next(stamps)), "x")
+
+    assert alarms(change) == SIGNALS
+    assert len(changes) > SIGNALS

@@ -156,7 +156,7 @@ def as_times_ns(times, *, bint accepts_nat=False):
         raise TypeError(f"{wanted}, got dtype {array.dtype}")
     if array.dtype.kind == "u":
         for i in np.flatnonzero(array > np.iinfo(np.int64).max)[:1]:
-            _whole(int(array[i]), f"times[{i}]")    # raises the error of a single time
+            whole_number(int(array[i]), f"times[{i}]")    # raises the error of a single time
     return received_array(array, "int64")
 
 

@@ -37,7 +37,7 @@ cdef int load_time() except -1:
     return 0
 
 
-cdef int64_t _whole(object value, str field) except? -1:
+cdef int64_t whole_number(object value, str field) except? -1:
     try:
         return PyLong_AsLongLong(value)
     except TypeError:
@@ -47,11 +47,11 @@ cdef int64_t _whole(object value, str field) except? -1:
 
 
 cdef int64_t _from_parts(object sec, object nanosec) except? -1:
-    cdef int64_t seconds = _whole(sec, "sec")
-    cdef int64_t rest = _whole(nanosec, "nanosec")
+    cdef int64_t seconds = whole_number(sec, "sec")
+    cdef int64_t rest = whole_number(nanosec, "nanosec")
     if -MAX_SECONDS < seconds < MAX_SECONDS and 0 <= rest < NS_PER_S:
         return stamp_join(seconds, rest)
-    return _whole(int(sec) * NS_PER_S + int(nanosec), "sec and nanosec")
+    return whole_number(int(sec) * NS_PER_S + int(nanosec), "sec and nanosec")
 
 
 cdef object _rclpy_time():
@@ -93,7 +93,7 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
     if type(value) is time_layout.message_class:
         return _from_parts(time_layout.get(value, TIME_SEC), time_layout.get(value, TIME_NANOSEC))
     if PyLong_CheckExact(value):
-        return _whole(value, argument)
+        return whole_number(value, argument)
     if isinstance(value, datetime.datetime):
         return _datetime64_ns(value, argument)
     # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
@@ -104,12 +104,12 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
         _refuse_duration(value, found, argument)
         if type(value) is not _time_class and type(value) is _rclpy_time():
             _look_at_time_class(type(value))
-        return _whole(found, "nanoseconds")
+        return whole_number(found, "nanoseconds")
     if hasattr(value, "sec") and hasattr(value, "nanosec"):
         _refuse_duration(value, value.sec or value.nanosec, argument)
         return _from_parts(value.sec, value.nanosec)
     number = _integer(value)
-    return _datetime64_ns(value, argument) if number is None else _whole(number, argument)
+    return _datetime64_ns(value, argument) if number is None else whole_number(number, argument)
 
 
 cdef int64_t stamp_nanoseconds(object value, str argument) except? -1:

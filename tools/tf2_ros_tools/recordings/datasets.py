@@ -188,7 +188,8 @@ class Dataset:
             "timestamp": self.timestamps,
         }
         prefixes = [f"{frame}." for frame in self.frames]
-        write_whole(path, as_parquet(self, self.files, self.episodes, numbers, prefixes))
+        table = Table(self.stamps_ns, self.poses, self.gaps)
+        write_whole(path, as_parquet(table, self.files, self.episodes, numbers, prefixes))
 
 
 # The fields with a value for each row.

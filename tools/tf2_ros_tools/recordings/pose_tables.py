@@ -22,7 +22,6 @@ from tf2_ros_tools.recordings.header_stamps import UNSET_NS
 if TYPE_CHECKING:
     from tf2_ros import Buffer
     from tf2_ros_tools.recordings.bag_loader import BagContents
-    from tf2_ros_tools.recordings.datasets import Dataset
 
 S = 1_000_000_000
 # A stamp in 1970 beside current ones is a mistake, and must not make the table fill the memory.
@@ -254,7 +253,7 @@ def as_tum(table: Table) -> bytes:
 
 
 def as_parquet(
-    table: Table | Dataset,
+    table: Table,
     files: Sequence[str],
     episodes: NDArray[np.int64],
     more: Mapping[str, Any] = {},

@@ -81,7 +81,7 @@ live feeds | laptops beside a robot: its transforms over DDS, Zenoh or Foxglove,
     tools/*/live/* tools/*live* tools/*laptop* tools/*robot_with* tools/*zenoh* tools/*foxglove*
 diagnosis and pictures | whoever looks for a fault: tf2_check, tf2_monitor, tf2_echo, view_frames, plots
     tools/*check* tools/*monitor* tools/*echo* tools/*view_frames* tools/*picture* tools/*plot* tools/*stream*
-    tools/*finding* tools/*/diagnosis/* tools/*listening* tools/*session* tools/*spun* tools/*filled_buffer*
+    tools/*finding* tools/*/diagnosis/* tools/*listening* tools/*session*
     tools/*roll_pitch* tools/*output* tools/*view*
 static publisher | robots with mounted frames: their transforms from a command, a file or a recording
     tools/*static_transform*

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What commands know of publishers that have ended."""
 
-from tf2_ros_tools.nodes.filled_buffer import filled_buffer
-from tf2_ros_tools.nodes.node_session import NodeSession
+from tf2_ros_tools.nodes.node_session import NodeSession, filled_buffer
 
 from times_and_transforms import S
 from waiting import until

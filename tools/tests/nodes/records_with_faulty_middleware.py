@@ -8,8 +8,7 @@ Prints a line of JSON: when the transforms were received, and what a report says
 """
 
 # First, as in the programs of the project.
-from tf2_ros_tools.nodes.filled_buffer import filled_buffer
-from tf2_ros_tools.nodes.node_session import NodeSession
+from tf2_ros_tools.nodes.node_session import NodeSession, filled_buffer
 
 import json
 import sys

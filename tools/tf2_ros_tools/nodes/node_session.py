@@ -1,27 +1,117 @@
 # SPDX-FileCopyrightText: tf2-ros-cython contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Provide the session of a node."""
+"""Provide a node that a thread spins, a buffer that a listener fills, and the session of both."""
 
-from tf2_ros_tools.nodes.filled_buffer import filled_buffer
-from tf2_ros_tools.nodes.spun_node import spun_node
+# First, because their errors say in one line what is missing, or that another tf2_ros is imported.
+from tf2_ros.records import Recording
+from tf2_ros.transform_listener import TransformListener
+
+# isort: split
 
 import re
+import threading
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+import rclpy
+from rclpy.exceptions import InvalidHandle, NameValidationException, ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros import Buffer
-from tf2_ros.records import Recording
+from tf2_ros_tools.common.program import UsageError
 from tf2_ros_tools.diagnosis.findings import Finding
 from tf2_ros_tools.listening.session import TOPICS, publisher_name
 
+CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the program is to end
 GID_BYTES = 16  # of a gid in a recording; in the graph of Humble, zeros follow them
 TYPE = "tf2_msgs/msg/TFMessage"
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or any more
+
+
+@contextmanager
+def spun_node(name: str, options: Namespace) -> Iterator[Node]:
+    """
+    A node for a ``with`` statement. A thread spins it, so that it knows the simulated time.
+
+    :param options: of the command line.
+    :raises UsageError: the command line contains a name or a parameter that ROS refuses.
+
+    The main thread must not wait inside rclpy, because no signal would reach it there.
+    """
+    # Without the handlers of rclpy, which would shut the context down while the program uses it.
+    rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node(name)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        thread = threading.Thread(target=_spin, args=(executor,), daemon=True)
+        thread.start()
+        try:
+            yield node
+        finally:
+            # This also ends the thread, which may use the executor until then.
+            rclpy.try_shutdown()
+            thread.join(CALLBACK_END_WAIT_S)
+            if not thread.is_alive():
+                executor.shutdown()
+                node.destroy_node()
+    except (NameValidationException, ParameterException) as refusal:
+        raise UsageError(str(refusal)) from None
+    finally:
+        rclpy.try_shutdown()
+
+
+def _spin(executor: SingleThreadedExecutor) -> None:
+    while executor.context.ok():
+        try:
+            executor.spin()
+        except InvalidHandle:
+            continue  # a part of the node was destroyed while the executor gathered them
+        except ExternalShutdownException:
+            return
+        except Exception:
+            if executor.context.ok():
+                raise
+            # The context ended between two checks of the executor.
+
+
+@contextmanager
+def filled_buffer(
+    node: Node,
+    recording: Recording | None = None,
+    *,
+    topics: Sequence[str] = TOPICS,
+    cache_time: float | None = None,
+    qos: QoSProfile | None = None,
+) -> Iterator[Buffer]:
+    """
+    A buffer for a ``with`` statement. A listener fills it, and it follows the clock of the node.
+
+    :param recording: records what arrives.
+    :param topics: the topic of dynamic transforms and the topic of static transforms.
+    :param cache_time: how far each frame's history reaches back, in seconds. None: the default of buffers.
+    :param qos: of dynamic transforms. None: the default of listeners.
+    :raises UsageError: the receiver, which recording needs, does not support this release of ROS 2 or its
+        middleware.
+    """
+    buffer = Buffer(cache_time, node)
+    # A program that only observes must not answer those who ask the robot for its frames.
+    if buffer.srv is not None:
+        node.destroy_service(buffer.srv)
+        buffer.srv = None
+    try:
+        listener = TransformListener(
+            buffer, node, qos=qos, recording=recording, tf_topic=topics[0], tf_static_topic=topics[1]
+        )
+    except NotImplementedError as refusal:
+        raise UsageError(str(refusal)) from None
+    with listener:
+        yield buffer
 
 
 class NodeSession:

@@ -131,7 +131,7 @@ def _recorded(options: Namespace) -> list[TransformStamped]:
 
 def publish(options: Namespace) -> NoReturn:
     """Publish until interrupted."""
-    from tf2_ros_tools.nodes.spun_node import spun_node
+    from tf2_ros_tools.nodes.node_session import spun_node
 
     from tf2_ros import StaticTransformBroadcaster
 

@@ -30,7 +30,7 @@ PARSER = Parser(
 
 def serve(options: Namespace) -> NoReturn:
     """Serve until interrupted."""
-    from tf2_ros_tools.nodes.spun_node import spun_node
+    from tf2_ros_tools.nodes.node_session import spun_node
 
     from rcl_interfaces.msg import ParameterDescriptor
 

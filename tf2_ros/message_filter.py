@@ -24,18 +24,20 @@ from tf2_py._internal import (
     errors,
     frame_name,
     is_invalid_name,
+    log,
     policy_of,
     time_ns,
 )
 from tf2_py.printable import counted, printable
 from tf2_py.typing import DurationLike, LookupPolicy
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable
+from tf2_ros._calls import call_queue
 from tf2_ros._calls.call_runners import ExecutorRunner, call_queue_of
 from tf2_ros._frame_prefix import frame_of, valid_prefix
 from tf2_ros._nodes.ended_nodes import node_has_ended, require_node
 from tf2_ros._process.background import background, check_regularly
 from tf2_ros._process.forking import FORKED, LOCK, is_inherited, refuse_inherited
-from tf2_ros._rclpy import destroy_subscription
+from tf2_ros._rclpy import destroy_subscription, is_node
 from tf2_ros._wait.filtered_messages import FilterCalls, FilteredMessage
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros.buffer import Buffer
@@ -206,7 +208,11 @@ class MessageFilter(Generic[_Message]):
         if self._policy_of_latest is not None and self._policy_of_latest.judges_age:
             check_regularly(buffer)
         self._warn_again_at = 0.0
+        self._unserved_from_ns = time.monotonic_ns()
+        self._has_warned_of_node = False
         self._connect(input)
+        if self._subscription is not None and is_node(node):
+            check_regularly(self)
 
     def add(self, message: _Message) -> None:
         """
@@ -368,6 +374,23 @@ class MessageFilter(Generic[_Message]):
             register(lambda message, *_: self.add(message))
         elif input is not None:
             raise TypeError(f"input: expected (message type, topic, qos), a filter, or None, got {input!r}")
+
+    def _tf2_check(self) -> None:
+        """Warn, once, if the topic is published but nothing spins the node, which would take its messages."""
+        now_ns = time.monotonic_ns()
+        if self._closed or self._has_warned_of_node or self._call_queue.has_ended():
+            return
+        topic: str = self._subscription.topic_name
+        if self._call_queue.is_served() or not self._node.count_publishers(topic):
+            self._unserved_from_ns = now_ns
+        elif now_ns - self._unserved_from_ns > call_queue.WARN_S * 1e9:
+            self._has_warned_of_node = True
+            frames = printable(" ".join(self._frames))
+            why = self._call_queue.runner.why_late(self._node.get_fully_qualified_name())
+            log.logger("tf2_ros").warning(
+                f"MessageFilter [target={frames}] has taken no message of {printable(topic)} for "
+                f"{call_queue.WARN_S:g} s: {why}"
+            )
 
     def _begin(self, queued: FilteredMessage) -> None:
         stamp_ns = queued.stamp_ns

@@ -24,8 +24,9 @@ from rclpy.time import Time
 from spinning_nodes import spinning
 from std_msgs.msg import Header
 from times_and_transforms import S, at, transform
-from waiting import DEADLINE_S, until
+from waiting import DEADLINE_S, errors_so_far, until
 
+from tf2_ros._calls import call_queue
 from tf2_ros._calls.call_runners import call_queue_of
 
 
@@ -434,6 +435,32 @@ class TestInput:
         script.run("T1 =1")
         script.filter.close()
         until(lambda: publisher.get_subscription_count() == 0, executor)
+
+    def test_one_warning_says_that_nobody_spins_the_node(self, make, node, new_node, monkeypatch, capfd):
+        monkeypatch.setattr(call_queue, "WARN_S", 0.5)
+        script = make(input=(PointStamped, "points", 10))
+        publisher = new_node("publishing").create_publisher(PointStamped, "points", 10)
+        until(lambda: publisher.get_subscription_count() == 1)
+        publisher.publish(point())
+        said = "MessageFilter [target=map] has taken no message of /"
+        until(lambda: said in errors_so_far())
+        script.filter._tf2_check()
+        [warning] = [line for line in capfd.readouterr().err.splitlines() if said in line]
+        assert warning.endswith("Spin it in a thread, for example with rclpy.spin(node).")
+
+    def test_no_warning_while_the_node_is_spun_or_nothing_is_published(
+        self, make, node, new_node, executor, monkeypatch, capfd
+    ):
+        monkeypatch.setattr(call_queue, "WARN_S", 0.0)
+        script = make(input=(PointStamped, "points", 10))
+        script.filter._tf2_check()  # no publisher
+        publisher = new_node("publishing").create_publisher(PointStamped, "points", 10)
+        until(lambda: node.count_publishers("points") and publisher.get_subscription_count() == 1)
+        script.filter._tf2_check()  # the fixture's executor has the node
+        assert "has taken no message" not in errors_so_far()
+        executor.remove_node(node)
+        script.filter._tf2_check()
+        assert "has taken no message" in errors_so_far()
 
     def test_a_filter(self, make):
         subscriber = Subscriber()

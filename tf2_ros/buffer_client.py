@@ -41,6 +41,7 @@ from tf2_ros._process.forking import refuse_inherited
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import context_was_shut_down, handle_of_goal
 from tf2_ros._wait.futures import WakingFuture
+from tf2_ros._wait.lookup_or_wait import warn_in_a_loop
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros.buffer_server import CODES, GOAL_SERVICE, STATUS_TOPIC
 
@@ -460,6 +461,7 @@ class BufferClient(BufferInterface):
         return await self._tf2_await(goal, policy)
 
     def __process_goal(self, goal: Any, policy: LookupPolicy | None = None) -> TransformStamped:
+        warn_in_a_loop()
         pending = self._tf2_send(goal, policy or {})
         # Not an Event: a signal handler that raises inside one leaves it locked.
         done = threading.Lock()

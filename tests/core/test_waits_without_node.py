@@ -11,9 +11,10 @@ from types import SimpleNamespace
 
 import pytest
 from times_and_transforms import S, insert
-from waiting import DEADLINE_S, PROMPT_S, once_waiting, until
+from waiting import DEADLINE_S, PROMPT_S, errors_so_far, once_waiting, until
 
 import tf2_ros
+from tf2_ros._wait import lookup_or_wait
 
 
 class TestBlocking:
@@ -52,6 +53,24 @@ class TestBlocking:
             buffer.lookup_transform("map", "base", 0, timeout=DEADLINE_S)
         assert time.monotonic() - begin < PROMPT_S
         thread.join()
+
+    def test_one_in_an_asyncio_loop_says_once_that_the_loop_stands_still(self, capfd):
+        buffer = tf2_ros.Buffer()
+        lookup_or_wait._warn_of_stalled_loop.cache_clear()
+        said = "A lookup blocks the thread of an asyncio loop"
+
+        async def block(target, timeout):
+            return buffer.can_transform(target, "base", 0, timeout=timeout)
+
+        assert not buffer.can_transform("map", "base", 0, timeout=0.01)
+        insert(buffer, "map", "base", 5)
+        assert asyncio.run(block("map", DEADLINE_S))  # available: nothing waits
+        assert not asyncio.run(block("elsewhere", 0))
+        assert said not in errors_so_far()
+        for _ in range(2):
+            assert not asyncio.run(block("elsewhere", 0.01))
+        until(lambda: said in errors_so_far())
+        assert capfd.readouterr().err.count(said) == 1
 
 
 class TestAwaiting:

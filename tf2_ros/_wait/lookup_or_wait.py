@@ -4,11 +4,27 @@
 
 import time
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import errors, time_ns
+from tf2_py._internal import errors, log, time_ns
 from tf2_ros._buffer_fillers import Shutdown
+from tf2_ros._running_loop import running_loop
+
+
+def warn_in_a_loop() -> None:
+    """Warn, once in this process, if a lookup blocks a thread in which an asyncio loop runs."""
+    if running_loop() is not None:
+        _warn_of_stalled_loop()
+
+
+@cache
+def _warn_of_stalled_loop() -> None:
+    log.logger("tf2_ros").warning(
+        "A lookup blocks the thread of an asyncio loop, which stands still until the lookup returns. Await "
+        "lookup_transform_async, transform_async or lookup_transform_full_async instead."
+    )
 
 
 class Lookup(NamedTuple):
@@ -55,7 +71,10 @@ class Lookup(NamedTuple):
         is_in_vain = Shutdown(core)
         begin_ns = time.monotonic_ns()
         wait = self.wait(core)
-        answer = wait.take() or wait.wait_for(timeout_ns, is_in_vain)
+        answer = wait.take()
+        if answer is None:
+            warn_in_a_loop()
+            answer = wait.wait_for(timeout_ns, is_in_vain)
         if answer is not None:
             return answer
         try:

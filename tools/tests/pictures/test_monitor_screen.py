@@ -195,16 +195,17 @@ class TestPanes:
             terminal.press(2 * BACK_TAB + END)  # over the filter
             terminal.shows(lambda lines: "1 transform of broken_29 " in joined(lines))
 
-    def test_log_lines_are_written_at_the_end(self, talker):
-        with monitor((80, 24)) as terminal:
+    @pytest.mark.parametrize("to_stdout", [{}, {"RCUTILS_LOGGING_USE_STDOUT": "1"}], ids=str)
+    def test_log_lines_are_written_at_the_end(self, to_stdout, talker):
+        with Terminal(80, 24, "tf2_monitor", "--ros-args", *TOPICS, **to_stdout) as terminal:
 
             def is_refused(lines):
+                assert "TF_NAN_INPUT" not in joined(lines)
                 talker.send(("base_link", "broken", time.time_ns(), math.nan))
                 return re.search(r"\d\d transforms of broken by /peer are refused", joined(lines))
 
             terminal.shows(names)  # from here on, log lines are kept
             terminal.shows(is_refused)
-            assert "TF_NAN_INPUT" not in joined(terminal.lines)
             terminal.press("q")
             assert terminal.ended() == 0 and "TF_NAN_INPUT" in terminal.process.before
 

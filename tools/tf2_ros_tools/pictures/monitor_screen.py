@@ -58,16 +58,19 @@ def show_screen(look: Callable[[], Report], source: str) -> int:
     :param source: the topics and the ROS domain, as a phrase.
     :raises RunError: ``look`` raised it.
     """
-    # Textual draws on sys.__stderr__, which may be a file. What C code writes to standard error, such as log
-    # lines, would disturb the screen, so it follows at the end.
-    sys.__stderr__ = sys.__stdout__  # type: ignore[misc]
-    error_output = os.dup(2)
+    # Textual draws on sys.__stderr__, which may be a file. What C code writes to standard output or
+    # error, such as log lines, would disturb the screen, so it follows at the end.
+    output, error_output = os.dup(1), os.dup(2)
+    drawn = open(output, "w", encoding=sys.stdout.encoding, errors=sys.stdout.errors, closefd=False)
+    sys.__stdout__ = sys.__stderr__ = drawn  # type: ignore[misc]
     with TemporaryFile() as log:
+        os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
         try:
             screen = _Screen(look, source)
             screen.run(mouse=False)  # so that the terminal itself selects text
         finally:
+            os.dup2(output, 1)
             os.dup2(error_output, 2)
             log.seek(0)
             os.write(2, log.read())

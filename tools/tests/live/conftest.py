@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fixtures of the tests of feeds: processes that a test starts, and a free port."""
 
-import socket
-
 import pytest
+from starting_programs import free_port
 
 
 @pytest.fixture
@@ -17,6 +16,4 @@ def processes():
 
 @pytest.fixture
 def port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
+    return free_port()

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 
 import pytest
 from documentation_pages import blocks, commands
-from starting_programs import broadcasting, command, heard, running
+from starting_programs import broadcasting, command, free_port, heard, running
 from tool_pages import ALL_PAGES
 from tool_paths import SAMPLES
 from tool_project import PYPROJECT
@@ -31,6 +31,7 @@ FILES = {
 }
 # These end by themselves, the others with Ctrl-C.
 ENDING = re.compile(r"tf2_(bag|check|plot)|view_frames|tf2_echo .*--once")
+WEB_PORT = "8000"  # of the pages, which another program of this machine may use
 # What a program that runs on prints first when it works; others print anything.
 WORKING = {"tf2_echo": "At time", "tf2_echo base_link camra": "Did you mean"}
 # By program, what it must hear of the robot and of static_transform_publisher before it ends.
@@ -77,7 +78,9 @@ class Started:
         self.line = shlex.join(words)
         self.output = ends.enter_context(tempfile.TemporaryFile("w+"))
         self.process = subprocess.Popen(
-            command(*words, hears=HEARS.get(words[0])),
+            command(
+                *(str(free_port()) if one == WEB_PORT else one for one in words), hears=HEARS.get(words[0])
+            ),
             cwd=folder,
             env={**os.environ, **variables},
             stdout=self.output,

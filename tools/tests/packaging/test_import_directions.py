@@ -17,6 +17,7 @@ from tool_project import PACKAGES
 LIBRARIES = {
     *("numpy", "rclpy", "geometry_msgs", "rcl_interfaces", "tf2_msgs"),
     *("yaml", "rich", "textual", "graphviz", "matplotlib"),
+    *("textual_serve", "aiohttp"),
     *("rosbags", "mcap", "mcap_protobuf", "zstandard", "tqdm"),
     "pyarrow",
     *("cyclonedds", "zenoh", "xxhash", "websockets"),

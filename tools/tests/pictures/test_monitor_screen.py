@@ -7,6 +7,7 @@ import math
 import os
 import re
 import signal
+import subprocess
 import sys
 import termios
 import time
@@ -15,13 +16,14 @@ from itertools import takewhile
 
 import pytest
 from times_and_transforms import S
-from waiting import DEADLINE_S
+from waiting import DEADLINE_S, until
 
 pytest.importorskip("pexpect")
 pytest.importorskip("pyte")
 pytest.importorskip("textual")
 
 import pexpect
+from processes import killed
 from terminals import Terminal
 from textual.widgets import DataTable
 
@@ -32,6 +34,24 @@ from tf2_ros_tools.pictures.monitor_screen import _Screen
 NAMES = [f"front_left_wheel_{number:02}" for number in range(20)]
 TOPICS = ("-r", "/tf:=/tf_screen", "-r", "/tf_static:=/tf_static_screen")
 DOWN, ESCAPE, CTRL_C, BACK_TAB, END = "\x1b[B", "\x1b", "\x03", "\x1b[Z", "\x1b[F"
+
+# A program whose reception ends after its first report.
+ENDING = """
+import sys
+from tf2_ros_tools.listening.session import Report
+from tf2_ros_tools.pictures.monitor_screen import show_screen
+from tf2_ros_tools.common.program import Parser, RunError, run
+
+reports = iter([Report(0.0, [], [], [], None, 0)])
+
+def look():
+    for report in reports:
+        return report
+    raise RunError("the robot has gone")
+
+parser = Parser("tf2_monitor", "", "")
+sys.exit(run(parser, lambda _: show_screen(look, ""), ["tf2_monitor"], interrupted=0))
+"""
 
 
 def monitor(size, *arguments):
@@ -156,27 +176,28 @@ class TestKeys:
         assert failing.exitstatus == 1
 
     def test_the_end_of_the_reception_ends_it_with_the_reason(self):
-        program = """
-import sys
-from tf2_ros_tools.listening.session import Report
-from tf2_ros_tools.pictures.monitor_screen import show_screen
-from tf2_ros_tools.common.program import Parser, RunError, run
-
-reports = iter([Report(0.0, [], [], [], None, 0)])
-
-def look():
-    for report in reports:
-        return report
-    raise RunError("the robot has gone")
-
-sys.exit(run(Parser("tf2_monitor", "", ""), lambda _: show_screen(look, "")))
-"""
         environment = {**os.environ, "TERM": "xterm-256color"}
-        ending = pexpect.spawn(sys.executable, ["-c", program], env=environment, timeout=DEADLINE_S)
+        ending = pexpect.spawn(sys.executable, ["-c", ENDING], env=environment, timeout=DEADLINE_S)
         ending.expect("tf2_monitor: the robot has gone")
         ending.expect(pexpect.EOF)
         ending.wait()
         assert ending.exitstatus == 1 and b"Traceback" not in ending.before
+
+    def test_in_a_browser_the_end_of_the_reception_is_shown(self):
+        environment = {
+            **os.environ,
+            "TEXTUAL_DRIVER": "textual.drivers.web_driver:WebDriver",
+            "COLUMNS": "80",
+            "ROWS": "24",
+        }
+        quits = b'{"type": "quit"}'
+        pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+        with killed(subprocess.Popen([sys.executable, "-c", ENDING], env=environment, **pipes)) as process:
+            assert process.stdout.readline() == b"__GANGLION__\n"
+            written = bytearray()
+            until(lambda: b"the robot has gone" in written or written.extend(process.stdout.read1()))
+            _, err = process.communicate(b"M" + len(quits).to_bytes(4, "big") + quits, DEADLINE_S)
+        assert (process.returncode, err) == (0, b"")
 
 
 class TestPanes:

@@ -3,6 +3,7 @@
 """Start the programs of the tools, and those that their tests need."""
 
 import shutil
+import socket
 import subprocess
 import sys
 from contextlib import contextmanager
@@ -11,6 +12,13 @@ import pytest
 from processes import end, killed, start
 from tool_paths import PROGRAMS
 from waiting import DEADLINE_S
+
+
+def free_port():
+    """A port of this machine on which nobody listens."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
 
 
 def needs_dot(test):

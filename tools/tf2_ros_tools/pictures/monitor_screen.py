@@ -3,6 +3,7 @@
 """The full-screen table of tf2_monitor: sorted, filtered and scrolled by keys, below the problems."""
 
 import asyncio
+import ctypes
 import os
 import signal
 import sys
@@ -26,6 +27,7 @@ from tf2_ros_tools.listening.session import Report
 Kinds = defaultdict[str, list[str]]  # of findings, by frame
 
 INTERVAL_S = 1.0  # between two updates
+PR_SET_PDEATHSIG = 1  # of Linux: a signal for when the parent process dies
 
 COLUMNS = ("frame", "Hz", "delay ms", "wrong", "parent", "publisher", "max ms", "jitter ms")
 NUMBERS = {"Hz", "delay ms", "max ms", "jitter ms"}
@@ -58,8 +60,8 @@ def show_screen(look: Callable[[], Report], source: str) -> int:
     :param source: the topics and the ROS domain, as a phrase.
     :raises RunError: ``look`` raised it.
     """
-    # Textual draws on sys.__stderr__, which may be a file. What C code writes to standard output or
-    # error, such as log lines, would disturb the screen, so it follows at the end.
+    # Textual draws on sys.__stderr__, which may be a file, or for a browser on sys.__stdout__. What C code
+    # writes, such as log lines, would disturb the screen, so it follows at the end.
     output, error_output = os.dup(1), os.dup(2)
     drawn = open(output, "w", encoding=sys.stdout.encoding, errors=sys.stdout.errors, closefd=False)
     sys.__stdout__ = sys.__stderr__ = drawn  # type: ignore[misc]
@@ -118,6 +120,8 @@ class _Screen(App[None]):
         yield Footer()
 
     def on_mount(self) -> None:
+        if self.is_web:  # Textual would not notice that its server was killed
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.exit)
@@ -126,16 +130,25 @@ class _Screen(App[None]):
             table.add_column(_cell(column, column))
         table.focus()
         self._show()
-        self.set_interval(INTERVAL_S, self._update)
+        self._updates = self.set_interval(INTERVAL_S, self._update)
 
     def _update(self) -> None:
         try:
             self._report = self._look()
         except RunError as failure:
-            self.failure = failure
-            self.exit()
+            if self.is_web:  # where nobody would see what the program prints
+                self._updates.stop()
+                self.query_one("#summary", Static).update(Text(printable(str(failure)), "bold red"))
+            else:
+                self.failure = failure
+                self.exit()
             return
         self._show()
+
+    def on_exit_app(self) -> None:
+        # If a tab is closed before its first screen is drawn, Textual would draw for ever instead of ending.
+        if self.is_web:
+            raise KeyboardInterrupt
 
     # Keys.
 

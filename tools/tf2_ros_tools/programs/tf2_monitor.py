@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -14,6 +15,7 @@ from importlib.util import find_spec
 from math import nan
 from typing import TYPE_CHECKING, NoReturn
 
+from tf2_ros_tools.common.optional_libraries import require
 from tf2_ros_tools.common.options import add_live_option, positive_number
 from tf2_ros_tools.common.output import counted, show, show_json
 from tf2_ros_tools.common.pace import Pace
@@ -25,6 +27,15 @@ if TYPE_CHECKING:
 
 INTERVAL_S = 10.0  # as in tf2's program
 WINDOW_S = 10.0  # the figures are of this long before a report
+LOOPBACK = "127.0.0.1"
+
+
+def _address(text: str) -> tuple[str, int]:
+    """For argparse: read a host and a port; without a host, browsers on other machines are not served."""
+    host, _, port = text.rpartition(":")
+    if not (port.isascii() and port.isdecimal() and 0 < int(port) < 1 << 16):
+        raise ArgumentTypeError(f"expected a port from 1 to 65535, or HOST:PORT, got {text!r}")
+    return host.removeprefix("[").removesuffix("]") or LOOPBACK, int(port)
 
 
 PARSER = Parser(
@@ -44,6 +55,12 @@ PARSER.add_argument(
     help="print a report every S seconds instead of the table",
 )
 PARSER.add_argument("--json", action="store_true", help="print each report as one line of JSON")
+PARSER.add_argument(
+    "--web",
+    type=_address,
+    metavar="[HOST:]PORT",
+    help="serve the table to web browsers at http://HOST:PORT; without HOST, only to those on this machine",
+)
 add_live_option(PARSER)
 
 
@@ -53,6 +70,8 @@ def monitor(options: Namespace) -> int:
     from tf2_ros_tools.listening.session_choice import listening
 
     ends = _ends(options.frames)
+    if options.web is not None and not _is_in_browser():
+        return _serve(options)
     with listening("tf2_monitor", options, WINDOW_S) as heard:
 
         def look() -> Report:
@@ -64,6 +83,22 @@ def monitor(options: Namespace) -> int:
 
             return show_screen(look, heard.session.where)
         _print_reports(heard, look, options)
+
+
+def _serve(options: Namespace) -> int:
+    if options.json or options.interval is not None:
+        raise UsageError("--web cannot be combined with --json or --interval")
+    require("textual_serve", "web")
+    from tf2_ros_tools.listening.session_choice import listening
+    from tf2_ros_tools.pictures.monitor_page import serve
+
+    # A browser does not show the errors of the process that is started for it.
+    with listening("tf2_monitor", options):
+        pass
+    host, port = options.web
+    command = shlex.join(["exec", sys.executable, *sys.orig_argv[1:]])
+    serve(host, port, command, title=shlex.join(["tf2_monitor", *options.frames]))
+    return SUCCESS
 
 
 def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> NoReturn:
@@ -92,8 +127,15 @@ def _ends(frames: list[str]) -> tuple[str, str] | None:
     return a, b
 
 
+def _is_in_browser() -> bool:
+    """Whether a server has started this process for a tab of a browser."""
+    return os.environ.get("TEXTUAL_DRIVER", "").endswith(":WebDriver")
+
+
 def _has_screen() -> bool:
-    """Whether there is a terminal that can be drawn on, and a library that does it."""
+    """Whether there is a browser, or a terminal that can be drawn on and a library that does it."""
+    if _is_in_browser():
+        return True
     is_terminal = sys.stdin.isatty() and sys.stdout.isatty()
     return is_terminal and os.environ.get("TERM", "dumb") != "dumb" and find_spec("textual") is not None
 

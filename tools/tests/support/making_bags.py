@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Makes recordings in every format, with the writers of rosbags and of mcap; needs no ROS."""
 
-import json
 import math
 import re
 import shutil
@@ -239,19 +238,15 @@ FOXGLOVE = {TF: FrameTransforms, "FrameTransform": FrameTransform, SCAN: LaserSc
 
 
 def write_foxglove(path, messages, encoding="protobuf", index=IndexType.ALL, profile=""):
-    """An .mcap as Foxglove's tools write it, of transforms and scans, in protobuf or JSON."""
+    """An .mcap as Foxglove's tools write it, of transforms and scans."""
     writer = McapWriter(str(path), chunk_size=2000, compression=CompressionType.LZ4, index_types=index)
     writer.start(profile, "tests")
-    channels, made = {}, in_json if encoding == "json" else in_protobuf
+    channels = {}
     for one in messages:
         if one.topic not in channels:
-            message = FOXGLOVE[one.msgtype]
-            if encoding == "json":
-                schema = writer.register_schema(message.DESCRIPTOR.full_name, "jsonschema", b"{}")
-            else:
-                schema = register_schema(writer, message)
+            schema = register_schema(writer, FOXGLOVE[one.msgtype])
             channels[one.topic] = writer.register_channel(one.topic, encoding, schema)
-        writer.add_message(channels[one.topic], one.log_ns, made(one), one.log_ns)
+        writer.add_message(channels[one.topic], one.log_ns, in_protobuf(one), one.log_ns)
     writer.finish()
     return path
 
@@ -273,25 +268,6 @@ def in_protobuf(sent):
             rotation=dict(zip("xyzw", tf.xyzw, strict=True)),
         )
     return made.SerializeToString()
-
-
-def in_json(sent):
-    if isinstance(sent.content, bytes):
-        return sent.content
-    if sent.msgtype == SCAN:
-        stamp = sent.content["header"].stamp
-        return json.dumps({"timestamp": {"sec": stamp.sec, "nsec": stamp.nanosec}}).encode()
-    made = [
-        {
-            "timestamp": dict(zip(("sec", "nsec"), divmod(tf.ns, S), strict=True)),
-            "parent_frame_id": tf.parent,
-            "child_frame_id": tf.child,
-            "translation": dict(zip("xyz", tf.xyz, strict=True)),
-            "rotation": dict(zip("xyzw", tf.xyzw, strict=True)),
-        }
-        for tf in sent.content
-    ]
-    return json.dumps({"transforms": made} if sent.msgtype == TF else made[0]).encode()
 
 
 def write_db3(path, messages):
@@ -368,7 +344,6 @@ FORMATS = {
     "mcap-no-chunks": lambda at, m: write_mcap(at / "run.mcap", m, chunked=False),
     "mcap-plain": lambda at, m: write_mcap(at / "run.mcap", m, index=False, chunked=False),
     "foxglove": lambda at, m: write_foxglove(at / "run.mcap", m),
-    "foxglove-json": lambda at, m: write_foxglove(at / "run.mcap", m, "json"),
     "foxglove-chunk-index": lambda at, m: write_foxglove(at / "run.mcap", m, index=IndexType.CHUNK),
     "mcap-file": lambda at, m: packed(write_mcap(at / "run.mcap", m)),
     "db3": lambda at, m: write_db3(at / "run.db3", m),

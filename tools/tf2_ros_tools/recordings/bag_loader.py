@@ -467,10 +467,7 @@ def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
             types[0] if types[0] in TF_TYPES else " or ".join(types)
         )  # few know of the others for transforms
         raise BagError(f"{where}: expected the type {wanted}, got {printable(one.msgtype)}{advice}")
-    encodings = foxglove_messages.ENCODINGS if one.msgtype in foxglove_messages.TYPES else ("cdr", "ros1")
-    if one.encoding not in encodings:
-        wanted = " or ".join(encodings)
-        raise BagError(f"{where}: expected the encoding {wanted}, got {printable(one.encoding)}")
+    recorded.require_encoding(topic)
 
 
 def passes(recorded: Recorded, sources: list[MessageSource], what: Wanted) -> list[Iterator[RawMessage]]:

@@ -97,7 +97,7 @@ class RecordedTopic:
     A recorded topic.
 
     ``count`` is the number of its messages. ``encoding`` is how they are serialized: ``cdr``, ``ros1``,
-    ``protobuf``, ``json`` or something else.
+    ``protobuf`` or something else.
     """
 
     name: str
@@ -144,6 +144,21 @@ class Recorded:
                     f"metadata.yaml counts {counted(expected, 'message')} on {printable(name)}, but the files"
                     f" have {self.topics[name].count}: some are lost, or {REINDEX} corrects it"
                 )
+
+    def require_encoding(self, topic: str) -> None:
+        """
+        Check that the messages of a topic are serialized in a way that can be read.
+
+        :raises BagError: they are not.
+        """
+        one, wanted = self.topics[topic], ["cdr", "ros1"]
+        if foxglove_messages.is_stamped(one.msgtype):
+            wanted = [foxglove_messages.PROTOBUF]
+        if one.encoding not in wanted:
+            where = f"{printable(self.path)}, topic {printable(topic)}"
+            writes = ", in which Foxglove's SDK writes this type" if len(wanted) == 1 else ""
+            got = f"got {printable(one.encoding)}"
+            raise BagError(f"{where}: expected the encoding {' or '.join(wanted)}{writes}, {got}")
 
     def connections(self, topics: Collection[str]) -> "list[Connection]":
         """Get rosbags' connections of some topics, which may have several each."""
@@ -544,15 +559,13 @@ class ForeignMcap:
 
     def decoder(self, connection: "Connection") -> Callable[[bytes], Any]:
         """Get the function that decodes the messages of a connection of Foxglove."""
-        if encoding_of(connection) == foxglove_messages.JSON:
-            return foxglove_messages.from_json
         if connection.id not in self._decoders:
             require("mcap_protobuf", "bag")
             from mcap_protobuf.decoder import DecoderFactory
 
-            decode = DecoderFactory().decoder_for(foxglove_messages.PROTOBUF, self._schemas[connection.id])
+            decode = DecoderFactory().decoder_for(encoding_of(connection), self._schemas[connection.id])
             if decode is None:
-                raise ValueError("its schema is not a protobuf schema")
+                raise ValueError("it is not in protobuf")
             self._decoders[connection.id] = decode
         return self._decoders[connection.id]
 

@@ -3,39 +3,24 @@
 """
 Turn Foxglove's messages into TFMessages.
 
-They are in JSON, or in protobuf, which the library mcap-protobuf-support decodes. A message that has another
-type than expected somewhere raises whatever Python raises.
+They are in protobuf, which the library mcap-protobuf-support decodes. A message that has another type than
+expected somewhere raises whatever Python raises.
 """
 
-import json
-from types import SimpleNamespace
 from typing import Any
 
 from tf2_ros.serialization import serialize_arrays
 
 TYPES = ("foxglove.FrameTransform", "foxglove.FrameTransforms")
-PROTOBUF, JSON = "protobuf", "json"
-ENCODINGS = (PROTOBUF, JSON)
+PROTOBUF = "protobuf"
 
 S = 1_000_000_000
 SEC_BITS = 31  # of a time in CDR
 
 
-def is_stamped(msgtype: str, encoding: str) -> bool:
+def is_stamped(msgtype: str) -> bool:
     """Whether the messages of a type may have a ``timestamp``."""
-    return msgtype.startswith("foxglove.") and encoding in ENCODINGS
-
-
-class _Fields(SimpleNamespace):
-    """An object of JSON."""
-
-    def __getattr__(self, name: str) -> Any:
-        raise AttributeError(f"it has no {name}")
-
-
-def from_json(raw: bytes) -> Any:
-    """Decode a message in JSON, for the functions below: an object with the fields as attributes."""
-    return json.loads(raw.decode(), object_hook=lambda fields: _Fields(**fields))
+    return msgtype.startswith("foxglove.")
 
 
 def tf_message(message: Any) -> bytes:
@@ -51,16 +36,13 @@ def tf_message(message: Any) -> bytes:
 def stamp_ns(message: Any) -> int:
     """Get the ``timestamp`` of a decoded message."""
     time = message.timestamp
-    sec, nanosec = (time.sec, time.nsec) if hasattr(time, "sec") else (time.seconds, time.nanos)
-    stamp_ns: int = sec * S + nanosec
+    stamp_ns: int = time.seconds * S + time.nanos
     if stamp_ns // S >> SEC_BITS not in (0, -1):
         raise ValueError(f"a time of {stamp_ns} ns does not fit into 32 bits of seconds")
     return stamp_ns
 
 
 def _numbers(part: Any) -> list[float]:
-    # In protobuf, a field that is not there has its default: 0, but no rotation is the identity. In JSON, all
-    # are required, so that a pose in other fields, as before 2023, is not read as the identity.
-    is_turned = isinstance(part, _Fields) or part.HasField("rotation")
+    # A field that is not there has its default: 0, but no rotation is the identity.
     t, q = part.translation, part.rotation
-    return [t.x, t.y, t.z, *((q.x, q.y, q.z, q.w) if is_turned else (0.0, 0.0, 0.0, 1.0))]
+    return [t.x, t.y, t.z, *((q.x, q.y, q.z, q.w) if part.HasField("rotation") else (0.0, 0.0, 0.0, 1.0))]

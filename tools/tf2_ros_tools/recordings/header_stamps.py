@@ -74,6 +74,8 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     except Exception as error:  # the parsers define error classes only for some kinds of damage
         where = f"topic {printable(topic)}, definition of its type"
         raise explained(error, recorded.path, where) from error
+    if foxglove_messages.is_stamped(about.msgtype):
+        recorded.require_encoding(topic)
     if not stamped:
         raise BagError(f"{name}: {printable(about.msgtype)} does not begin with a {HEADER}")
     found = np.array([*_stamps(recorded, about)], np.int64)
@@ -82,7 +84,7 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
 
 
 def _is_stamped(recorded: Recorded, about: RecordedTopic) -> bool:
-    if foxglove_messages.is_stamped(about.msgtype, about.encoding):
+    if foxglove_messages.is_stamped(about.msgtype):
         return True
     return all(map(_begins_with_header, recorded.connections([about.name])))
 
@@ -90,7 +92,7 @@ def _is_stamped(recorded: Recorded, about: RecordedTopic) -> bool:
 def _stamps(recorded: Recorded, about: RecordedTopic) -> Iterator[int]:
     for connection, log_ns, raw in recorded.checked(recorded.raw([about.name], convert=False)):
         encoding = encoding_of(connection)  # the channels of a topic may differ
-        if foxglove_messages.is_stamped(about.msgtype, encoding):
+        if foxglove_messages.is_stamped(about.msgtype):
             yield recorded.of_foxglove(connection, log_ns, raw, foxglove_messages.stamp_ns)
             continue
         try:

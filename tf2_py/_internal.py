@@ -26,6 +26,5 @@ from tf2_py._tf2_py import normalize as normalize
 from tf2_py._tf2_py import policy_of as policy_of
 from tf2_py._tf2_py import refused_transforms as refused_transforms
 from tf2_py._tf2_py import serialize_as_ros as serialize_as_ros
-from tf2_py._tf2_py import shortcut as shortcut
 from tf2_py._tf2_py import stamp_parts as stamp_parts
 from tf2_py._tf2_py import time_ns as time_ns

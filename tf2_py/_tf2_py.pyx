@@ -26,7 +26,6 @@ from libc.stdint cimport INT64_MIN, SIZE_MAX
 from libc.string cimport strchr
 from posix.mman cimport MAP_FAILED, MAP_SHARED, PROT_READ, mmap
 
-import copyreg
 import datetime
 import operator
 import os
@@ -76,7 +75,6 @@ include "engine/explained.pxi"
 include "engine/frozen_buffers.pxi"
 include "engine/engine.pxi"
 include "engine/wait.pxi"
-include "engine/shortcuts.pxi"
 
 
 # The limits of a buffer, so that no sender can fill the memory.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import tf2_py as tf2
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import duration_ns, log, policy_of, shortcut
+from tf2_py._internal import duration_ns, log, policy_of
 from tf2_py.typing import DurationLike, DurationsLike, TimeLike
 from tf2_ros._arguments import kind_of, require_callable
 from tf2_ros._buffer_clock import BufferClock
@@ -201,7 +201,6 @@ class Buffer(BufferCore, BufferInterface):
     def __del__(self) -> None:
         """Do nothing: what follows the clock ends by itself. Subclasses call this, as in tf2."""
 
-    @shortcut("lookup_transform_core")
     def lookup_transform(
         self,
         target_frame: str,
@@ -218,7 +217,6 @@ class Buffer(BufferCore, BufferInterface):
 
     if not TYPE_CHECKING:  # a checker knows the overloads of the base
 
-        @shortcut("can_transform_core", is_pair=True)
         def can_transform(
             self,
             target_frame: str,
@@ -228,6 +226,9 @@ class Buffer(BufferCore, BufferInterface):
             return_debug_tuple: bool = False,
             **policy: "Unpack[LookupPolicy]",
         ) -> bool | tuple[bool, str]:
+            if timeout is NO_TIMEOUT and not policy:
+                can, reason = self.can_transform_core(target_frame, source_frame, time)
+                return (bool(can), reason) if return_debug_tuple else bool(can)
             return BufferInterface.can_transform(
                 self, target_frame, source_frame, time, timeout, return_debug_tuple, **policy
             )

@@ -3,9 +3,7 @@
 """Read a URDF, and compute the transforms of its joints from joint states: ``load``, ``Robot``."""
 
 import os
-import re
 import warnings
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -219,40 +217,11 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     return robot
 
 
-# What urdfdom skips. An end that is missing is that of the text, so that this takes linear time.
-_SKIPPED = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)", re.DOTALL)
-_LONE_AMPERSAND = re.compile(rb"&(?!#?\w+;)")
-_ENCODING = re.compile(rb"""\s*<\?xml\b[^>]*?\bencoding\s*=\s*["'](?!(?i:utf-?8))([\w.:-]+)""")
-
-
-def _decoded(data: bytes) -> str:
-    """
-    Decode the bytes of a URDF: as UTF-8, or else in another encoding that they declare, or else as Latin-1.
-
-    Comments need not be in the same encoding as the rest.
-
-    :raises ValueError, LookupError: they are not in that encoding, or nobody knows it.
-    """
-    try:
-        _SKIPPED.sub(b"", data).decode()
-    except UnicodeDecodeError:
-        declared = _ENCODING.match(data)
-        encoding = declared[1].decode() if declared else "latin-1"
-        return data.decode("utf-16" if data.startswith((BOM_UTF16_BE, BOM_UTF16_LE)) else encoding)
-    return data.decode("utf-8-sig", "replace")
-
-
 def _elements(text: str | bytes) -> ElementTree.Element:
-    """
-    Read XML as urdfdom does, and so ``robot_state_publisher``: without namespaces, up to a NUL.
-
-    urdfdom also accepts much that is not well-formed XML: ``--`` in a comment, blank lines before the
-    declaration, ``&`` as it is, bytes that are not in the declared encoding. It does not decode names.
-    """
-    data = (_decoded(text) if isinstance(text, bytes) else text).encode().partition(b"\0")[0]
-    data = _SKIPPED.sub(lambda skipped: b"\n" * skipped[0].count(b"\n"), data)  # for the lines in errors
-    data = _LONE_AMPERSAND.sub(b"&amp;", data)
-    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate("utf-8")
+    """Read XML as urdfdom does, and so ``robot_state_publisher``: prefixes are parts of names."""
+    # A text in Python, as in a launch file, often begins with a blank line.
+    data, encoding = (text.lstrip("\ufeff \t\r\n"), "utf-8") if isinstance(text, str) else (text, None)
+    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate(encoding)
     parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
     parser.Parse(data, True)
     return builder.close()

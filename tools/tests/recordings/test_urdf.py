@@ -66,6 +66,7 @@ def with_more(more):
     ("text", "said"),
     [
         ("<robot", "not XML: unclosed token: line 1, column 0"),
+        ("<robot><!-- a -- b --></robot>", "not XML: not well-formed (invalid token): line 1, column 16"),
         ("<sdf/>", "expected the root element <robot>, got <sdf>"),
         ("<robot><link/></robot>", "a link has no name"),
         (robot_of(LINKS), "there are two links a"),
@@ -132,28 +133,9 @@ def with_inside(text):
         with_inside('<gazebo sensor:name="rgb"><a:b:c/></gazebo>'),
         with_inside('<sensor:link name="d"/>'),
         with_inside("<gazebo><xacro:sensor rate='${rate}'/></gazebo>"),
-        # What comes before the declaration, and what the declaration says.
-        f"\n{XML}{ONE}",
-        f" \t\r\n{XML}\n{ONE}",
-        f"\ufeff\n{XML}{ONE}",
-        f'<?xml version="1.0" encoding="us-ascii"?><!-- é -->{ONE}',
-        f'<?xml version="1.0" encoding="UTF-16"?>{ONE}',
-        f"<?xml?>{ONE}",
-        # What is in a comment.
-        with_inside("<!-- a -- b ---- c -->"),
-        with_inside("<!-- a --->"),
-        with_inside('<!-- <link name="d"/> <!-- -->'),
-        with_inside("<gazebo><![CDATA[ <!-- ]]></gazebo><!-- -->"),
-        # The end.
-        f"{ONE}\0",
-        f"{ONE}\n\0\0",
-        f"{ONE}\0<robot",
-        with_inside('<gazebo name="black & white"/>'),
-        # Bytes that are not UTF-8.
-        with_inside("<!-- gr\xfcn -->").encode("latin-1"),
-        with_inside('<material name="gr\xfcn"/>').encode("latin-1"),
-        f'<?xml version="1.0" encoding="windows-1252"?>{with_inside("<!-- – -->")}'.encode("cp1252"),
+        f"{XML}{ONE}".encode(),
         f"\ufeff{XML}{ONE}".encode(),
+        f'<?xml version="1.0" encoding="ISO-8859-1"?>{with_inside("<!-- é -->")}'.encode("latin-1"),
         # A planar joint is fixed, so its axis is not needed.
         robot_of(AB, joint("bc", "b", "c", "planar", more='<axis xyz="0 0 0"/>')),
     ],
@@ -171,21 +153,18 @@ def test_what_robot_state_publisher_accepts_is_accepted_silently(text, tmp_path)
 
 @pytest.mark.parametrize(
     ("declaration", "encoding"),
-    [
-        ("", "utf-8"),
-        ("", "latin-1"),
-        ("UTF-8", "utf-8"),
-        ("ISO-8859-15", "iso-8859-15"),
-        ("cp1252", "cp1252"),
-    ],
+    [("", "utf-8"), ("UTF-8", "utf-8"), ("ISO-8859-15", "iso-8859-15"), ("cp1252", "cp1252")],
 )
-@pytest.mark.parametrize("comment", ["", "<!-- gr\xfcn -->"])
-def test_names_are_read_in_the_encoding_of_the_file(declaration, encoding, comment, tmp_path):
+def test_names_are_read_in_the_encoding_of_the_file(declaration, encoding, tmp_path):
     declared = f'<?xml version="1.0" encoding="{declaration}"?>' if declaration else ""
     text = f"{declared}{robot_of(AB, joint('bc', 'b', 'c'))}".replace('"c"', '"größe"')
     path = tmp_path / "robot.urdf"
-    path.write_bytes(text.encode(encoding) + comment.encode("latin-1"))
+    path.write_bytes(text.encode(encoding))
     assert urdf.load(path).joints[1].child == "größe"
+
+
+def test_a_text_may_begin_with_a_blank_line_and_say_anything_of_its_encoding():
+    assert urdf.load(f'\ufeff\n <?xml version="1.0" encoding="UTF-16"?>{ONE}').root == "a"
 
 
 @pytest.mark.parametrize("declared", ["", ' encoding="UTF-16"'])
@@ -196,7 +175,7 @@ def test_utf_16_needs_no_declaration(declared, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("declared", "said"), [("x-no", "unknown encoding: x-no"), ("ASCII", "'ascii' codec ")]
+    ("declared", "said"), [("x-no", "unknown encoding: x-no"), ("US-ASCII", "not well-formed")]
 )
 def test_an_encoding_that_is_unknown_or_wrong_is_refused(declared, said, tmp_path):
     path = tmp_path / "robot.urdf"
@@ -205,20 +184,9 @@ def test_an_encoding_that_is_unknown_or_wrong_is_refused(declared, said, tmp_pat
         urdf.load(path)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        f'<!DOCTYPE robot [<!ENTITY a0 "{100 * "x"}">'
-        + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
-        + ']><robot name="&a9;"/>',
-        "<robot>" + 300_000 * "<!--",
-        "<robot>" + 300_000 * "<![CDATA[",
-        "<robot>" + 300_000 * "<?",
-        "<robot " + 300_000 * "&",
-    ],
-    ids=["entities", "comments", "data", "instructions", "ampersands"],
-)
-def test_a_hostile_text_is_refused_without_taking_time_or_memory(text):
+def test_a_hostile_text_is_refused_without_taking_time_or_memory():
+    entities = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
+    text = f'<!DOCTYPE robot [<!ENTITY a0 "{100 * "x"}">{entities}]><robot name="&a9;"/>'
     with pytest.raises(urdf.UrdfError, match="^not XML: "):
         urdf.load(text)
 

@@ -3,12 +3,12 @@
 """Fill a buffer with what arrives from a robot, over any wire."""
 
 import logging
-import operator
 import os
 import threading
 import time
 from collections import deque
 from dataclasses import dataclass
+from operator import index
 from typing import Any, TypeVar, cast
 
 from tf2_py.printable import printable
@@ -155,7 +155,7 @@ class Feed:
         :param lost: how many messages of this publisher were lost since its last one.
         :raises TypeError: ``data`` is not bytes, a bytearray or a memoryview, or another argument has the
             wrong type.
-        :raises ValueError: ``lost`` is negative, or ``publisher`` contains a NUL character.
+        :raises ValueError: ``publisher`` contains a NUL character.
         :raises RuntimeError: this is a forked child of the process that made the feed.
 
         A malformed message is counted, and the first of each topic is logged. The buffer logs and counts the
@@ -168,10 +168,8 @@ class Feed:
             data = data.tobytes()
         if not isinstance(is_static, bool):
             raise TypeError(f"is_static: expected True or False, got {is_static!r}")
-        sent_ns, lost = _integer("sent_ns", sent_ns), _integer("lost", lost)
-        if lost < 0:
-            raise ValueError(f"lost: expected 0 or more, got {lost}")
-        source = MessageSource(_text("publisher", publisher) or self._name, is_static, self._prefix)
+        sent_ns, lost = index(sent_ns), index(lost)  # raises a TypeError before anything is inserted
+        source = MessageSource(publisher or self._name, is_static, self._prefix)
         if self._source.why_ended():
             return
         received_ns = time.time_ns()
@@ -409,13 +407,6 @@ def _text(name: str, value: object) -> str:
     if not isinstance(value, str):
         raise TypeError(f"{name}: expected a str, got {type(value).__name__}")
     return value
-
-
-def _integer(name: str, value: object) -> int:
-    try:
-        return operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        raise TypeError(f"{name}: expected an int, got {type(value).__name__}") from None
 
 
 def _log() -> logging.Logger:

@@ -4,9 +4,11 @@
 
 import math
 import os
+import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
+from subprocess import run
 
 import numpy as np
 import pytest
@@ -325,6 +327,21 @@ def test_poses_that_are_left_out_are_counted(tmp_path):
         text += f".* are left out, because base in odom is not known then or no longer kept{unset}$"
         with pytest.warns(UserWarning, match=text):
             bag.load(path, trajectory=replace(trajectory, on_missing="skip"))
+
+
+def test_a_recording_that_its_own_path_corrects_is_opened_once(tmp_path):
+    """Once to read how it begins, and once by rosbags."""
+    write_mcap(tmp_path / "drive.mcap", with_paths(LAST))
+    program = f"""
+import sys
+from tf2_ros_tools import bag
+opened = []
+sys.addaudithook(lambda event, what: event == "open" and opened.append(str(what[0])))
+bag.load("drive.mcap", trajectory={replace(ON_TOPIC, on_missing="skip")}, progress=False)
+print(sum(name.endswith("drive.mcap") for name in opened))
+"""
+    program = program.replace("Trajectory(", "bag.Trajectory(")
+    assert run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True).stdout == b"2\n"
 
 
 def test_equal_poses_at_a_stamp_are_one_and_different_ones_are_left_out(path, optimized):

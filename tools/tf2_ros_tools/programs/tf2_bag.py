@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from tf2_py import Hop
     from tf2_ros_tools.diagnosis.stream_statistics import Stream
     from tf2_ros_tools.recordings.bag_loader import BagContents, Topics, Urdf
-    from tf2_ros_tools.recordings.bag_reader import RecordedTopic
+    from tf2_ros_tools.recordings.bag_reader import Recorded, RecordedTopic
     from tf2_ros_tools.recordings.report import Report
     from tf2_ros_tools.recordings.trajectories import Trajectory
 
@@ -131,19 +131,21 @@ def _trajectory_of(options: Namespace) -> Trajectory | None:
 def info(options: Namespace) -> int:
     """Print the contents of a recording; return the exit status."""
     from tf2_ros_tools.diagnosis.texts import lines_of, stream_line
-    from tf2_ros_tools.recordings.bag_reader import open_recording
     from tf2_ros_tools.recordings.report import report
 
-    with open_recording(options.file) as recorded:
+    contents: dict[str, Any] = {}
+
+    def show_contents(recorded: Recorded) -> None:
         topics = sorted(recorded.topics.values(), key=lambda topic: topic.name)
-        size, span_ns = _size_of(options.file), (recorded.start_ns, recorded.end_ns)
-    if not options.json:
-        # First, because transforms that cannot be read end the command.
-        show(f"{options.file}: {size:,} bytes", *_contents(topics, *span_ns))
-    heard = _read(options)
+        size = _size_of(options.file)
+        contents.update(file=options.file, bytes=size, topics=[*map(asdict, topics)])
+        if not options.json:
+            show(f"{options.file}: {size:,} bytes", *_contents(topics, recorded.start_ns, recorded.end_ns))
+
+    # Before the transforms are read, because those that cannot be read end the command.
+    heard = _read(options, on_open=show_contents)
     said = report(heard)
     if options.json:
-        contents = {"file": options.file, "bytes": size, "topics": [*map(asdict, topics)]}
         show_json({**contents, **asdict(said)})
         return SUCCESS
     show("tree:", *(f"  {line}" for line in heard.buffer.tree().splitlines()))

@@ -261,6 +261,7 @@ def read_contents(
     cache_time: DurationLike | None = None,
     at: str | None = None,
     records: bool = True,
+    on_open: Callable[[Recorded], object] | None = None,
     progress: bool | None = None,
 ) -> BagContents:
     """
@@ -270,11 +271,14 @@ def read_contents(
     :param at: a topic whose stamps are read, too; see :func:`tf2_ros_tools.bag.stamps`.
     :param records: whether each transform is recorded, which takes a third longer. Otherwise, ``records``,
         ``publishers`` and ``values`` are empty.
+    :param on_open: called with the recording before it is read.
     """
     what = what or wanted()
     buffer, recording = new_buffer(cache_time), Recording()
     pieces: list[NDArray[np.void]] = []
     with open_recording(path) as recorded:
+        if on_open is not None:
+            on_open(recorded)
         notes = fill_buffer(buffer, recorded, what, progress, recording if records else None, pieces)
         times_ns = None if at is None else stamps_of(recorded, at)
         if at is not None and at not in what.poses:

@@ -395,9 +395,7 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
         raise BagError(f"{name} is empty")
     for part in [path / "metadata.yaml", *parts] if path.is_dir() else [path]:
         if part.is_file():
-            _refuse_pointer(part)
-            if part.suffix in MAGICS:
-                _refuse_content(part, str(part))
+            _refuse_content(part, str(part))
         for log in logs_of(part):
             advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
             raise BagError(f"{printable(str(part))} is incomplete without {printable(log.name)}: {advice}")
@@ -420,20 +418,14 @@ def logs_of(database: Path) -> Iterator[Path]:
                     yield log
 
 
-def _refuse_pointer(path: Path) -> None:
-    """Refuse the file that a clone has in place of one that is kept in Git LFS."""
-    if _begins_with(path, LFS_POINTER):
-        raise BagError(
-            f"{printable(str(path))} is a pointer of Git LFS, not the recording: `git lfs pull`"
-            " downloads the recording"
-        )
-
-
 def _refuse_content(path: Path, name: str) -> None:
     """Refuse a file that has the name of a recording, but another content, which no tool repairs."""
     with open(path, "rb") as file:
-        begin = file.read(16)
-    magic = MAGICS[path.suffix]
+        begin = file.read(len(LFS_POINTER))
+    if begin == LFS_POINTER:
+        advice = "`git lfs pull` downloads the recording"
+        raise BagError(f"{printable(name)} is a pointer of Git LFS, not the recording: {advice}")
+    magic = MAGICS.get(path.suffix, b"")
     if begin.startswith(magic) or magic.startswith(begin):  # what was cut off is another fault
         return
     text = f"{printable(name)} is not a recording: it does not begin as {path.suffix} files do"
